@@ -1,0 +1,1 @@
+"""Find the physics that a simulation leaves out, from sparse sensors alone (DA-SHRED)."""

@@ -1,0 +1,108 @@
+"""One validated, typed configuration: YAML files and command-line overrides in, dataclasses out.
+
+Read :mod:`dashred.config.schema` for what can be set, ``conf/base.yaml`` for the defaults.
+Nothing here imports torch: a wrong input is answered at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from dashred.config.checks import check
+from dashred.config.commandline import (
+    BASE,
+    bundled,
+    check_overrides,
+    find_system,
+    split_words,
+    usage,
+)
+from dashred.config.frozen import config_sha256, frozen_input
+from dashred.config.layers import merge, prepare, where_in
+from dashred.config.schema import (
+    Assimilation,
+    Axis,
+    Integrator,
+    LatentSindy,
+    Recording,
+    SensorSplit,
+    Settings,
+    Shred,
+    Simulation,
+    Splits,
+    System,
+    TimeSplit,
+    Tracking,
+)
+from dashred.config.source import Source, read_file
+
+__all__ = [
+    "Assimilation",
+    "Axis",
+    "Config",
+    "Integrator",
+    "LatentSindy",
+    "Recording",
+    "SensorSplit",
+    "Settings",
+    "Shred",
+    "Simulation",
+    "Source",
+    "Splits",
+    "System",
+    "TimeSplit",
+    "Tracking",
+    "bundled",
+    "config_sha256",
+    "frozen_input",
+    "load_config",
+    "read_file",
+    "usage",
+]
+
+
+@dataclass
+class Config(Settings):
+    """The settings of one run, and where each of them was written.
+
+    Attributes:
+        name: stem of the system's file, ``rde``.
+        source: the system's file.
+        lines: ``FILE:LINE`` or ``command line`` of each dotted key.
+    """
+
+    name: str
+    source: Path
+    lines: dict[str, str]
+
+    def where(self, key: str) -> str:
+        """Where a dotted key was written, or else the section around it: ``conf/rde.yaml:12``."""
+        return where_in(self.lines)(key)
+
+
+def load_config(argv: list[str], *, entry: str) -> Config:
+    """Read ``conf=SYSTEM key=value ...`` into a checked configuration.
+
+    ``conf/base.yaml`` lies lowest, the system's file over it, the overrides on top. ``--help``
+    prints the usage of ``entry`` and exits with 0.
+
+    Raises:
+        InputError: anything wrong in the words or in the files.
+    """
+    if {"--help", "-h"} & set(argv):
+        print(usage(entry))
+        raise SystemExit(0)
+    word, overrides = split_words(argv, entry=entry)
+    path, label = find_system(word)
+    defaults, system = _file(BASE, "conf/base.yaml"), _file(path, label)
+    overrides = prepare(overrides, folder=Path.cwd())
+    check_overrides(overrides, system)
+    lines = defaults.lines | system.lines | overrides.lines | {"": label}
+    settings = merge(defaults, system, overrides)
+    check(settings, where_in(lines))
+    return Config(**vars(settings), name=path.stem, source=path.resolve(), lines=lines)
+
+
+def _file(path: Path, label: str) -> Source:
+    return prepare(read_file(path, label=label), folder=path.resolve().parent)

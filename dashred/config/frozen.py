@@ -1,0 +1,37 @@
+"""The part of a configuration that determines the findings, and its hash."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+from dashred.config.schema import Settings
+
+ELSEWHERE = ("output", "tracking")
+
+
+def frozen_input(config: Settings) -> dict[str, Any]:
+    """The plain nested dict of everything that determines the findings.
+
+    Where results go is left out, and files are named without their folder: a run in another
+    place is the same run. What the files hold is hashed with the recording, not here.
+    """
+    values = {
+        field.name: asdict(config)[field.name]
+        for field in fields(Settings)
+        if field.name not in ELSEWHERE
+    }
+    recording = values["recording"]
+    for key in ("path", "sensors"):
+        if isinstance(recording[key], str):
+            recording[key] = Path(recording[key]).name
+    return values
+
+
+def config_sha256(config: Settings) -> str:
+    """SHA-256 of the canonical JSON of :func:`frozen_input`."""
+    text = json.dumps(frozen_input(config), sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -1,0 +1,171 @@
+"""Three layers of values, each over the one before: base.yaml, the system's file, overrides."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import is_dataclass
+from os.path import abspath
+from pathlib import Path
+from typing import Any, get_args, get_origin
+
+from omegaconf import DictConfig, OmegaConf, ValidationError
+
+from dashred.config.kinds import Where, child, in_words, kind_at, optional, required
+from dashred.config.schema import Settings
+from dashred.config.source import Source
+from dashred.errors import InputError
+
+PATHS = ("recording.path", "recording.sensors", "output", "tracking.root")
+
+
+def where_in(lines: dict[str, str]) -> Where:
+    """A function that says where a dotted key was written, or else the section around it."""
+
+    def where(key: str) -> str:
+        while key and key not in lines:
+            key = key[: max(key.rfind("."), key.rfind("["), 0)]
+        return lines[key]
+
+    return where
+
+
+def prepare(source: Source, *, folder: Path) -> Source:
+    """Check a layer's keys and shapes, and settle its texts: numbers evaluated, paths absolute.
+
+    Paths count from the folder of the file that holds them.
+
+    Raises:
+        InputError: an unknown key, a value of the wrong shape, or a number that cannot be read.
+    """
+    where = where_in(source.lines)
+    values = _fit(_name_the_null_twin(source.values), Settings, "", where)
+    for key in PATHS:
+        _edit(values, key, lambda text: abspath(folder / Path(text).expanduser()))
+    return Source(values, source.lines)
+
+
+def merge(defaults: Source, system: Source, overrides: Source) -> Settings:
+    """Lay each layer over the one before, and build the checked tree of dataclasses.
+
+    Raises:
+        InputError: a value of the wrong type, two recordings in one layer, or a missing key.
+    """
+    tree: DictConfig = OmegaConf.structured(Settings)
+    lines: dict[str, str] = {}
+    for layer in _one_recording([defaults, system, overrides]):
+        lines |= layer.lines
+        try:
+            merged = OmegaConf.merge(tree, layer.values)
+        except ValidationError as error:
+            raise _wrong_type(error, layer.values, where_in(lines)) from None
+        assert isinstance(merged, DictConfig)
+        tree = merged
+    if missing := sorted(OmegaConf.missing_keys(tree)):
+        where = where_in(system.lines)
+        raise InputError(f"missing: {', '.join(missing)}", where=where(missing[0]))
+    settings = OmegaConf.to_object(tree)
+    assert isinstance(settings, Settings)
+    _complete(settings, where_in(lines))
+    return settings
+
+
+def _complete(settings: Settings, where: Where) -> None:
+    """Fill in what only the whole tree tells."""
+    system = settings.system
+    settings.recording.reads = settings.recording.reads or list(system.fields)
+    length = system.spread.get("length")
+    if isinstance(length, str) and "length" not in system.fields:
+        system.spread["length"] = evaluate(length, "system.spread.length", where)
+
+
+def _fit(value: Any, kind: Any, key: str, where: Where) -> Any:
+    """Give a value the shape of its kind; scalars other than numbers' texts are left alone."""
+    bare = required(kind)
+    if value is None and optional(kind):
+        return None
+    if is_dataclass(bare) or get_origin(bare) is dict:
+        if not isinstance(value, dict):
+            raise _unexpected(value, kind, key, where)
+        return {name: _fit_member(x, kind, name, key, where) for name, x in value.items()}
+    if get_origin(bare) is list:
+        if not isinstance(value, list):
+            raise _unexpected(value, kind, key, where)
+        (item,) = get_args(bare)
+        return [_fit(x, item, f"{key}[{i}]", where) for i, x in enumerate(value)]
+    if bare is not Any and (value is None or isinstance(value, dict | list)):
+        raise _unexpected(value, kind, key, where)
+    if bare is float and isinstance(value, str):
+        return evaluate(value, key, where)
+    return value
+
+
+def _fit_member(value: Any, kind: Any, name: str, parent: str, where: Where) -> Any:
+    key = f"{parent}.{name}" if parent else name
+    return _fit(value, child(kind, name, key, where), key, where)
+
+
+def evaluate(text: str, key: str, where: Where) -> float:
+    """Evaluate arithmetic such as ``2*pi``.
+
+    Raises:
+        InputError: the text is not a number, and why.
+    """
+    # Imported late: nothing else of the configuration needs the equation language.
+    from dashred.physics.expression import number
+
+    try:
+        return number(text, where=where(key))
+    except InputError as error:
+        what = f"{key} must be a number: {error.what}"
+        raise InputError(what, where=error.where, hint=error.hint) from None
+
+
+def _name_the_null_twin(values: dict[str, Any]) -> dict[str, Any]:
+    """YAML reads the twin called null as nothing: give it its name back."""
+    recording = values.get("recording")
+    if isinstance(recording, dict) and "twin" in recording and recording["twin"] is None:
+        return values | {"recording": recording | {"twin": "null"}}
+    return values
+
+
+def _one_recording(layers: list[Source]) -> list[Source]:
+    """Keep the highest layer's recording, the twin's or the user's own, and drop the others."""
+    decided = False
+    kept: list[Source] = []
+    for layer in reversed(layers):
+        recording = dict(layer.values.get("recording", {}))
+        chosen = [key for key in ("twin", "path") if recording.get(key) is not None]
+        if len(chosen) == 2:
+            raise InputError(
+                "recording.twin and recording.path are both given",
+                where=layer.lines["recording.path"],
+                hint="keep the one that is to be analysed",
+            )
+        if decided:
+            recording |= {"twin": None, "path": None}
+        decided = decided or bool(chosen)
+        kept.append(Source(layer.values | {"recording": recording}, layer.lines))
+    return kept[::-1]
+
+
+def _wrong_type(error: ValidationError, values: dict[str, Any], where: Where) -> InputError:
+    key = str(error.full_key)
+    value: Any = values
+    for part in key.replace("[", ".").replace("]", "").split("."):
+        value = value[int(part)] if isinstance(value, list) else value[part]
+    return _unexpected(value, kind_at(key, where), key, where)
+
+
+def _unexpected(value: Any, kind: Any, key: str, where: Where) -> InputError:
+    given = {dict: "a section of keys", list: "a list", type(None): "nothing"}
+    got = given.get(type(value)) or repr(value)
+    return InputError(f"{key} must be {in_words(kind)}; got {got}", where=where(key))
+
+
+def _edit(values: dict[str, Any], key: str, change: Callable[[str], str]) -> None:
+    """Change one text in a nested dict, where there is one."""
+    *sections, name = key.split(".")
+    for section in sections:
+        values = values.get(section, {})
+    if isinstance(values.get(name), str):
+        values[name] = change(values[name])

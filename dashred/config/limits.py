@@ -1,0 +1,33 @@
+"""Limits that a number's type carries: ``points: Annotated[int, Limit(at_least=8)]``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What a number may be."""
+
+    at_least: float | None = None
+    above: float | None = None
+    below: float | None = None
+
+    def holds(self, value: float) -> bool:
+        """Whether ``value`` lies within."""
+        return (
+            (self.at_least is None or value >= self.at_least)
+            and (self.above is None or value > self.above)
+            and (self.below is None or value < self.below)
+        )
+
+    def __str__(self) -> str:
+        """In words: ``above 0 and below 0.9``."""
+        bounds = {"at least": self.at_least, "above": self.above, "below": self.below}
+        return " and ".join(f"{word} {x:g}" for word, x in bounds.items() if x is not None)
+
+
+Count = Annotated[int, Limit(at_least=1)]
+Positive = Annotated[float, Limit(above=0)]
+NonNegative = Annotated[float, Limit(at_least=0)]

@@ -1,0 +1,290 @@
+"""Every key that a configuration may hold: meaning, unit and limits. Defaults: conf/base.yaml.
+
+Times are in the system's own unit, unless a key says otherwise. Wherever a number is asked for,
+arithmetic such as ``2*pi`` or ``0.1/15`` may be written instead.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal
+
+from dashred.config.limits import Count, Limit, NonNegative, Positive
+
+
+@dataclass
+class Axis:
+    """One spatial axis, divided evenly."""
+
+    length: Positive
+    """Its length, in the system's unit of space."""
+
+    points: Annotated[int, Limit(at_least=8)]
+    """Number of grid points."""
+
+    ends: str = "periodic"
+    """What holds at the two ends."""
+
+
+@dataclass
+class Integrator:
+    """How the system is stepped in time and differentiated in space."""
+
+    method: str | None
+    """Name of the time stepper; null lets the system choose (ETDRK4 where it can)."""
+
+    dt: Positive
+    """Time step; for adaptive methods of ODEs, the first step tried."""
+
+    dealias: bool
+    """Whether products are dealiased by the 2/3 rule."""
+
+    space: Literal["spectral", "finite-difference"]
+    """How spatial derivatives are taken."""
+
+    rtol: Annotated[float, Limit(above=0, below=1)]
+    """Relative tolerance of adaptive methods."""
+
+    atol: Positive
+    """Absolute tolerance of adaptive methods, in the fields' units."""
+
+
+@dataclass(kw_only=True)
+class System:
+    """A simulator, declared by its equations. Texts are in the equation language."""
+
+    title: str
+    """What a reader calls the system."""
+
+    axes: dict[str, Axis] = field(default_factory=dict)
+    """Spatial axes by name, two at most; none for an ODE."""
+
+    fields: dict[str, str]
+    """The state: name of each field, and what it means (with its unit)."""
+
+    parameters: dict[str, float]
+    """Constants of the equations, by name."""
+
+    let: dict[str, str] = field(default_factory=dict)
+    """Abbreviations: name, and the expression it stands for."""
+
+    equations: dict[str, str]
+    """Right-hand side of d(field)/dt, for every field."""
+
+    start: dict[str, Any]
+    """Nominal initial state of every field: a number or an expression in the coordinates."""
+
+    spin_up: NonNegative = 0.0
+    """Time that the simulator runs before the start, so that it starts on its own attractor."""
+
+    spread: dict[str, Any] = field(default_factory=dict)
+    """Prior standard deviation of the initial state: per field a number or a share such as 10%
+    of its rms, smooth over a correlation ``length``; or one smooth random g moving several fields,
+    as ``kind: gaussian-process`` with ``length``, number of ``modes``, and ``apply``: each moved
+    field's expression in g."""
+
+    inputs: dict[str, str] = field(default_factory=dict)
+    """Measured inputs: name in the equations, and the recording's column that holds it."""
+
+    integrator: Integrator
+    """Stepping in time, derivatives in space."""
+
+
+@dataclass(kw_only=True)
+class Recording:
+    """The sensor data: a twin's, or the user's own. The higher layer's choice of the two wins."""
+
+    twin: str | None = None
+    """Name of the twin experiment whose hidden truth is recorded; ``null`` is a twin too."""
+
+    path: str | None = None
+    """The user's own recording, CSV or NetCDF."""
+
+    sensors: Any
+    """Number of fit sensors of a twin; or the path of a sensors table of a CSV recording."""
+
+    noise: NonNegative
+    """Of twins: noise, as a fraction of each field's standard deviation."""
+
+    duration: Positive
+    """Of twins: how long the recording lasts."""
+
+    every: Positive | None
+    """Step between samples: twins are sampled so, finer recordings decimated to it; null keeps
+    the recording's own step."""
+
+    reads: list[str]
+    """Of twins: the fields or lets that the sensors read; empty means every field."""
+
+
+@dataclass
+class SensorSplit:
+    """Which sensors the analysis must not fit. A number draws that many by the seed."""
+
+    validate: Any
+    """Sensors for early stopping and for choosing: a number, or a list of names."""
+
+    test: Any
+    """Sensors that prove the improvement and are never looked at before: number or names."""
+
+    extra: Annotated[int, Limit(at_least=0)] | None
+    """Fit sensors used in assimilation but not as SHRED's input; null takes a third of the fit
+    sensors when there are at least 6, else none."""
+
+
+@dataclass
+class TimeSplit:
+    """Which part of the record is held out."""
+
+    test: Annotated[float, Limit(above=0, below=0.9)]
+    """Last fraction of the record, for testing only."""
+
+
+@dataclass
+class Splits:
+    """What is held out, in space and in time."""
+
+    sensors: SensorSplit
+    time: TimeSplit
+
+
+@dataclass
+class Simulation:
+    """The ensemble of simulations that SHRED learns from."""
+
+    members: Annotated[int, Limit(at_least=2)]
+    """Trajectories in all."""
+
+    held_out: Count
+    """How many of them measure the reconstruction and are not trained on."""
+
+    discrepancy: bool
+    """Whether each member carries a random draw of library terms."""
+
+    terms: Count
+    """Library terms in each draw."""
+
+    amplitude: NonNegative
+    """Size of a drawn term's tendency, as a fraction of the equation's own."""
+
+
+@dataclass
+class Shred:
+    """The network from sensor histories to the field: an LSTM and a shallow decoder."""
+
+    lags: Count
+    """Samples of history behind the present one."""
+
+    latent: Count
+    """Size of the latent state h."""
+
+    layers: Count
+    """Layers of the LSTM."""
+
+    decoder: list[Count]
+    """Widths of the decoder's hidden layers."""
+
+    modes: Count
+    """POD modes that the decoder's coefficients multiply."""
+
+    epochs: Count
+    """Passes over the training windows, at most."""
+
+    patience: Count
+    """Epochs without improvement before training stops."""
+
+    batch: Count
+    """Windows in each step of the optimiser."""
+
+    rate: Positive
+    """Learning rate."""
+
+
+@dataclass
+class Assimilation:
+    """The latent transform fitted to the real sensors, with the decoder frozen."""
+
+    epochs: Count
+    """Passes over the recording's windows, at most."""
+
+    patience: Count
+    """Epochs without improvement on the validation sensors before fitting stops."""
+
+    batch: Count
+    """Windows in each step of the optimiser."""
+
+    rate: Positive
+    """Learning rate of the transform."""
+
+    encoder_rate: NonNegative
+    """Learning rate of SHRED's LSTM; 0 freezes it too."""
+
+    penalty: NonNegative
+    """Weight λ of the transform's squared size in the loss."""
+
+    width: Count
+    """Width of the transform's hidden layer."""
+
+
+@dataclass
+class LatentSindy:
+    """Algorithms 1 and 2: sparse regression for missing terms in the latent space."""
+
+    steps: list[Count]
+    """Increments regressed on, each in samples of the recording."""
+
+    threshold: NonNegative
+    """STLSQ: scaled coefficients below this are dropped."""
+
+    bootstraps: Count
+    """Block-bootstrap draws behind each inclusion frequency."""
+
+    every: Count
+    """Epochs of assimilation between two regressions."""
+
+
+@dataclass
+class Tracking:
+    """Where MLflow keeps the run."""
+
+    root: str
+    """Folder of the MLflow store and of its artifacts."""
+
+    experiment: str | None
+    """Name of the MLflow experiment; null names it after the configuration."""
+
+    run: str | None
+    """Id of a parent run that is already open; null opens one."""
+
+
+@dataclass
+class Settings:
+    """The whole tree of keys."""
+
+    system: System
+    library: dict[str, list[str]] | None
+    """Candidate terms of each equation; null builds them from the fields alone."""
+
+    recording: Recording
+    splits: Splits
+    simulation: Simulation
+    shred: Shred
+    assimilation: Assimilation
+    latent_sindy: LatentSindy
+
+    resolution_limit: Positive
+    """How far doubling the resolution may move a sensor trace, as a fraction of its std."""
+
+    seed: Annotated[int, Limit(at_least=0)]
+    """Fixes everything random in the analysis."""
+
+    threads: Count
+    """CPU threads that torch may use."""
+
+    device: str
+    """``cpu``, ``cuda`` or ``cuda:1``."""
+
+    output: str | None
+    """Folder of the findings; null uses the MLflow run's artifact folder."""
+
+    tracking: Tracking

@@ -1,0 +1,138 @@
+"""A declared system's names, and whether its sections speak of the same fields.
+
+The equations' own text is read by :mod:`dashred.physics.system`.
+"""
+
+from __future__ import annotations
+
+import keyword
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from dashred.config.kinds import Where, nearest
+from dashred.config.layers import evaluate
+from dashred.config.schema import System
+from dashred.errors import InputError
+
+SMOOTH = ("length", "modes")
+PROCESS = ("kind", *SMOOTH, "apply")
+KIND = "gaussian-process"
+
+
+def check_system(system: System, where: Where) -> None:
+    """Refuse a system whose declaration does not hold together.
+
+    Raises:
+        InputError: which key, where it was written, and the nearest valid choice.
+    """
+    _check_names(system, where)
+    _check_axes(system, where)
+    if not system.fields:
+        raise InputError("a system needs at least one field", where=where("system.fields"))
+    for section, entries in (("equations", system.equations), ("start", system.start)):
+        _check_fields(f"system.{section}", entries, system, where)
+        if absent := [name for name in system.fields if name not in entries]:
+            raise InputError(
+                f"system.{section} is missing the field {absent[0]}",
+                where=where(f"system.{section}"),
+            )
+    for name, value in system.start.items():
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            raise InputError(
+                f"system.start.{name} must be a number or an expression",
+                where=where(f"system.start.{name}"),
+            )
+    _check_spread(system, where)
+
+
+def _check_names(system: System, where: Where) -> None:
+    from dashred.physics.expression import RESERVED
+
+    taken: dict[str, str] = {}
+    for section in ("axes", "fields", "parameters", "let", "inputs"):
+        for name in getattr(system, section):
+            at = where(f"system.{section}.{name}")
+            if keyword.iskeyword(name):
+                raise InputError(
+                    f"{name!r} is a Python keyword and cannot be a name",
+                    where=at,
+                    hint=f"call it {name[:3]}, for example",
+                )
+            if name in RESERVED:
+                raise InputError(
+                    f"{name!r} belongs to the equation language and cannot be a name",
+                    where=at,
+                    hint=f"call it {name}_0, for example",
+                )
+            if name in taken:
+                raise InputError(f"the name {name!r} stands in {taken[name]} too", where=at)
+            taken[name] = f"system.{section}"
+
+
+def _check_axes(system: System, where: Where) -> None:
+    if len(system.axes) > 2:
+        raise InputError("two axes at most", where=where("system.axes"))
+    for name, axis in system.axes.items():
+        if axis.ends != "periodic":
+            raise InputError(
+                f"system.axes.{name}.ends is {axis.ends!r}; only periodic is supported for now",
+                where=where(f"system.axes.{name}.ends"),
+            )
+
+
+def _check_fields(key: str, names: Iterable[str], system: System, where: Where) -> None:
+    for name in names:
+        if name not in system.fields:
+            raise InputError(
+                f"{key} names {name}, which is not a field",
+                where=where(f"{key}.{name}"),
+                hint=nearest(name, system.fields),
+            )
+
+
+def _check_spread(system: System, where: Where) -> None:
+    key, spread = "system.spread", system.spread
+    smooth = [name for name in SMOOTH if name in spread and name not in system.fields]
+    if "length" in smooth and not _positive(spread["length"]):
+        raise InputError(f"{key}.length must be a number above 0", where=where(f"{key}.length"))
+    if "modes" in smooth and not (isinstance(spread["modes"], int) and _positive(spread["modes"])):
+        raise InputError(
+            f"{key}.modes must be a whole number from 1 up", where=where(f"{key}.modes")
+        )
+    if "kind" in spread and "kind" not in system.fields:
+        _check_process(spread, system, where)
+        return
+    moved = [name for name in spread if name not in smooth]
+    _check_fields(key, moved, system, where)
+    for name in moved:
+        _check_deviation(spread[name], f"{key}.{name}", where)
+
+
+def _check_process(spread: dict[str, Any], system: System, where: Where) -> None:
+    key = "system.spread"
+    if spread["kind"] != KIND:
+        raise InputError(f"unknown kind {spread['kind']!r}", where=where(f"{key}.kind"), hint=KIND)
+    for name in spread:
+        if name not in PROCESS:
+            hint = nearest(name, PROCESS)
+            raise InputError(f"unknown key {key}.{name}", where=where(f"{key}.{name}"), hint=hint)
+    if absent := [name for name in PROCESS if name not in spread]:
+        raise InputError(f"missing: {key}.{absent[0]}", where=where(key))
+    if not isinstance(spread["apply"], dict) or not spread["apply"]:
+        hint = "for example apply: {u: u*(1 + 0.1*g)}"
+        raise InputError(f"{key}.apply must be a section of fields", where=where(key), hint=hint)
+    _check_fields(f"{key}.apply", spread["apply"], system, where)
+
+
+def _check_deviation(value: Any, key: str, where: Where) -> None:
+    text = value.strip().removesuffix("%") if isinstance(value, str) else value
+    number = evaluate(text, key, where) if isinstance(text, str) else text
+    if number != 0 and not _positive(number):
+        hint = "a number from 0 up, or a share of the field's rms such as 10%"
+        raise InputError(f"{key} is {value!r}", where=where(key), hint=hint)
+
+
+def _positive(value: Any) -> bool:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number and 0 < value < math.inf

@@ -1,0 +1,55 @@
+"""The one error a user sees, and how an entry point ends."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+
+DONE, OUR_FAILURE, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+
+class InputError(Exception):
+    """Something the user gave is wrong: what, where, and what to do about it.
+
+    Attributes:
+        what: the fault, as one plain sentence without a full stop.
+        where: file with line or column, a key, or ``command line``.
+        hint: what to do, or the nearest valid choice.
+    """
+
+    def __init__(self, what: str, *, where: str | None = None, hint: str | None = None) -> None:
+        """Hold the three parts; see the class."""
+        # The three parts go to Exception too, so that the error survives a process boundary.
+        super().__init__(what, where, hint)
+        self.what = what
+        self.where = where
+        self.hint = hint
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Rebuild from keywords: pickle would pass all three by position."""
+        return _rebuild, (self.what, self.where, self.hint)
+
+    def __str__(self) -> str:
+        """``WHERE: WHAT``, and the hint indented on a second line."""
+        first = f"{self.where}: {self.what}" if self.where else self.what
+        return f"{first}\n  {self.hint}" if self.hint else first
+
+
+def _rebuild(what: str, where: str | None, hint: str | None) -> InputError:
+    return InputError(what, where=where, hint=hint)
+
+
+def run_entry(main: Callable[[list[str]], int]) -> int:
+    """Run ``main`` on the command line's words and return the process's exit code.
+
+    An :class:`InputError` is printed to stderr, without a traceback, and gives 2; Ctrl-C gives
+    130. Anything else is a failure of ours: it propagates, and Python ends with 1.
+    """
+    try:
+        return main(sys.argv[1:])
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return WRONG_INPUT
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return INTERRUPTED

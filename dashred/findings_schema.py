@@ -1,0 +1,165 @@
+"""The schema of the findings files: what `findings.json` and `score.json` hold.
+
+What has not been looked for is null. Errors are RMSEs in units of a standard deviation.
+"""
+
+from typing import Any, Literal, TypedDict
+
+Verdict = Literal[
+    "missing-term",
+    "nothing-missing",
+    "parameter",
+    "initial-condition",
+    "sensor-fault",
+    "unresolved-numerics",
+    "outside-library",
+    "ambiguous",
+    "not-converged",
+]
+
+
+class Misfit(TypedDict):
+    """RMSE of each method at sensors, in units of each sensor's own standard deviation."""
+
+    before: float | None
+    before_refit: float | None
+    after: float | None
+    simulation: float | None
+    shred: float | None
+    dashred: float | None
+
+
+class Fit(TypedDict):
+    """How well the recording is met; `noise_std` is per sensor, in the sensor's own unit."""
+
+    noise_std: dict[str, float] | None
+    noise_correlation: float | None
+    chi2: float | None
+    unexplained: float | None
+    test_sensors: Misfit
+    heldout_time: Misfit
+
+
+class Proposal(TypedDict):
+    """One term that latent SINDy proposes: coefficient in user's units, rank 1 is the first."""
+
+    equation: str
+    term: str
+    coefficient: float
+    inclusion: float | None
+    rank: int
+
+
+class PathStep(TypedDict):
+    """The regression's RMSE when only so many terms are kept."""
+
+    terms: int
+    rmse: float
+
+
+class LatentSindy(TypedDict):
+    """What one of the paper's two algorithms proposes."""
+
+    proposals: list[Proposal]
+    rmse_path: list[PathStep]
+
+
+class Latent(TypedDict):
+    """Latent SINDy's proposals: Algorithm 1 and Algorithm 2 of the paper."""
+
+    alg1: LatentSindy | None
+    alg2: LatentSindy | None
+
+
+class Splits(TypedDict):
+    """Names of the sensors in each role, the end of the fit window, and anything to know of it."""
+
+    inputs: list[str]
+    extra: list[str]
+    validate: list[str]
+    test: list[str]
+    time_end: float
+    note: str | None
+
+
+class Input(TypedDict):
+    """Everything that determines the findings."""
+
+    config: dict[str, Any]
+    config_sha256: str
+    recording_sha256: str
+    seed: int
+    versions: dict[str, str]
+    library_size: dict[str, int] | None
+    splits: Splits | None
+
+
+class Findings(TypedDict):
+    """`findings.json`; what has not been looked for is null."""
+
+    verdict: Verdict | None
+    causes: list[dict[str, Any]] | None
+    where: dict[str, Any] | None
+    terms: list[dict[str, Any]] | None
+    alternatives: list[dict[str, Any]] | None
+    fit: Fit
+    latent: Latent
+    corrected: str | None
+    input: Input
+
+
+class Score(TypedDict):
+    """`score.json` of a twin; field RMSE and forecast in units of each field's own std."""
+
+    exact_support: bool | None
+    coefficient_error: float | None
+    field_rmse: dict[str, float | None]
+    forecast: dict[str, float | None]
+
+
+def misfit(**known: float) -> Misfit:
+    """A misfit with the methods that are known; the others are null.
+
+    Raises:
+        TypeError: for a method the schema does not have.
+    """
+    if unknown := known.keys() - Misfit.__annotations__.keys():
+        raise TypeError(f"the findings have no method called {', '.join(sorted(unknown))}")
+    return Misfit(
+        before=known.get("before"),
+        before_refit=known.get("before_refit"),
+        after=known.get("after"),
+        simulation=known.get("simulation"),
+        shred=known.get("shred"),
+        dashred=known.get("dashred"),
+    )
+
+
+def new_findings(
+    source: Input,
+    *,
+    fit: Fit | None = None,
+    latent: Latent | None = None,
+    verdict: Verdict | None = None,
+    causes: list[dict[str, Any]] | None = None,
+) -> Findings:
+    """Findings in which everything that was not looked for is null."""
+    unfitted = Fit(
+        noise_std=None,
+        noise_correlation=None,
+        chi2=None,
+        unexplained=None,
+        test_sensors=misfit(),
+        heldout_time=misfit(),
+    )
+    return Findings(
+        verdict=verdict,
+        causes=causes,
+        where=None,
+        terms=None,
+        alternatives=None,
+        fit=fit or unfitted,
+        latent=latent or Latent(alg1=None, alg2=None),
+        corrected=None,
+        input=source,
+    )

@@ -1,0 +1,1 @@
+"""SHRED, and the two LightningModules that train it and assimilate with it."""

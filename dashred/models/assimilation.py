@@ -1,0 +1,134 @@
+"""LightningModule 2: freeze the decoder, fit a residual latent transform to the real sensors."""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from lightning import LightningModule
+from torch import Tensor, nn
+
+from dashred.models.shred import SHRED
+from dashred.sensing.observation import ObservationOperator
+
+
+class LatentTransform(nn.Module):
+    """``G_R = h + T(h)`` with T a small network that starts at zero (Bao & Kutz 2025, §3)."""
+
+    def __init__(self, latent: int, width: int) -> None:
+        super().__init__()
+        last = nn.Linear(width, latent)
+        nn.init.zeros_(last.weight)
+        nn.init.zeros_(last.bias)
+        self.residual = nn.Sequential(nn.Linear(latent, width), nn.Tanh(), last)
+
+    def forward(self, latent: Float[Tensor, "batch latent"]) -> Float[Tensor, "batch latent"]:
+        """Return h + T(h)."""
+        return latent + self.residual(latent)
+
+
+class AssimilatedEncoder(nn.Module):
+    """``G_R(s_{t-k:t})``: SHRED's encoder followed by the latent transform."""
+
+    def __init__(self, shred: SHRED, transform: LatentTransform) -> None:
+        super().__init__()
+        self.shred, self.transform = shred, transform
+
+    def forward(self, windows: Float[Tensor, "batch lag sensor"]) -> Float[Tensor, "batch latent"]:
+        """Return the assimilated latent state of windows."""
+        return self.transform(self.shred.encode(windows))
+
+
+class Assimilation(LightningModule):
+    """Minimise ``mean ((H F(G_R(s')) - y')/σ)² + λ mean T(h)²`` over T, with F frozen.
+
+    y' are the p + q fit sensors; missing samples carry no weight. SHRED's LSTM may follow at a
+    rate of its own (``encoder_rate`` > 0); the decoder, the POD basis and the scaler never do.
+
+    Args:
+        shred: trained on simulations; its decoder is frozen here.
+        fit_operator: H of the fit sensors.
+        validation_operator: H of the validation sensors.
+        noise: σ of each fit sensor, ``(sensor,)``.
+        scales: std of each fit and of each validation sensor's trace, to quote RMSEs in.
+        width: of T.
+        penalty: λ.
+        rate: of T.
+        encoder_rate: of the LSTM.
+    """
+
+    noise: Tensor
+    fit_scale: Tensor
+    validation_scale: Tensor
+
+    def __init__(
+        self,
+        shred: SHRED,
+        fit_operator: ObservationOperator,
+        validation_operator: ObservationOperator,
+        noise: Tensor,
+        scales: tuple[Tensor, Tensor],
+        width: int,
+        penalty: float,
+        rate: float,
+        encoder_rate: float,
+    ) -> None:
+        super().__init__()
+        self.shred = shred.requires_grad_(False)
+        self.shred.encoder.requires_grad_(encoder_rate > 0)
+        self.encoder = AssimilatedEncoder(shred, LatentTransform(shred.encoder.hidden_size, width))
+        self.fit_operator, self.validation_operator = fit_operator, validation_operator
+        self.penalty, self.rate, self.encoder_rate = penalty, rate, encoder_rate
+        self.register_buffer("noise", noise.float())
+        self.register_buffer("fit_scale", scales[0].float())
+        self.register_buffer("validation_scale", scales[1].float())
+
+    def training_step(self, batch: tuple[Tensor, Tensor], index: int) -> Tensor:
+        """Return the loss of one batch of windows."""
+        windows, fitted = batch
+        latent = self.shred.encode(windows)
+        moved = self.encoder.transform(latent)
+        innovation = _innovation(fitted, self.fit_operator(self.shred.decode(moved)))
+        misfit = _mean_square(innovation / self.noise)
+        loss = misfit + self.penalty * (moved - latent).square().mean()
+        self.log("loss/train", loss, on_step=False, on_epoch=True, batch_size=len(windows))
+        self.log("loss/misfit", misfit, on_step=False, on_epoch=True, batch_size=len(windows))
+        return loss
+
+    def validation_step(self, batch: tuple[Tensor, Tensor, Tensor], index: int) -> None:
+        """Log the mean squared error on the fit and the validation sensors."""
+        windows, fitted, validated = batch
+        field = self.shred.decode(self.encoder(windows))
+        pairs = {
+            "fit": (fitted, self.fit_operator, self.fit_scale),
+            "validate": (validated, self.validation_operator, self.validation_scale),
+        }
+        for name, (values, operator, scale) in pairs.items():
+            innovation = _innovation(values, operator(field)) / scale
+            weight = int((~innovation.isnan()).sum())
+            if weight:
+                error = _mean_square(innovation)
+                self.log(f"mse/sensors_{name}", error, on_epoch=True, batch_size=weight)
+
+    def on_validation_epoch_end(self) -> None:
+        """Turn mean squares into the RMSEs, in units of each trace's std."""
+        for name in ("fit", "validate"):
+            error = self.trainer.callback_metrics.get(f"mse/sensors_{name}")
+            if error is not None:
+                self.log(f"rmse/sensors_{name}", error.sqrt())
+
+    def configure_optimizers(self) -> torch.optim.Optimizer:
+        """Return Adam on the transform, and on the LSTM if it may follow."""
+        groups = [{"params": self.encoder.transform.parameters(), "lr": self.rate}]
+        if self.encoder_rate > 0:
+            groups.append({"params": self.shred.encoder.parameters(), "lr": self.encoder_rate})
+        return torch.optim.Adam(groups)
+
+
+def _innovation(recorded: Tensor, read: Tensor) -> Tensor:
+    """Return ``y - Hv``, NaN where nothing was recorded."""
+    return recorded - read
+
+
+def _mean_square(values: Tensor) -> Tensor:
+    known = ~values.isnan()
+    return torch.where(known, values, 0.0).square().sum() / known.sum().clamp(min=1)

@@ -1,0 +1,77 @@
+"""SHRED: a shallow recurrent decoder from sensor histories to the whole field."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from dashred.sensing.pod import POD
+from dashred.sensing.scaler import Scaler
+
+
+class SHRED(nn.Module):
+    """``h_t = G(s_{t-k:t})``, ``û_t = F(h_t)``: LSTM, then a shallow decoder to POD coefficients.
+
+    Williams, Zahn & Kutz, *Sensing with shallow recurrent decoder networks* (2022); to POD
+    coefficients as in Bao & Kutz (2025). The decoder works in units of each coefficient's own
+    standard deviation, so that all its outputs are of order one.
+
+    Args:
+        scaler: of the input sensors, fitted on training members.
+        pod: basis of the field, fitted on training members.
+        spread: standard deviation of each POD coefficient over training members, ``(mode,)``.
+        latent: size d of h.
+        layers: of the LSTM.
+        decoder: widths of the decoder's hidden layers.
+    """
+
+    spread: Tensor
+
+    def __init__(
+        self,
+        scaler: Scaler,
+        pod: POD,
+        spread: Tensor,
+        latent: int,
+        layers: int,
+        decoder: Sequence[int],
+    ) -> None:
+        super().__init__()
+        self.scaler, self.pod = scaler, pod
+        self.register_buffer("spread", spread)
+        self.encoder = nn.LSTM(len(scaler.mean), latent, layers, batch_first=True)
+        widths = [latent, *decoder]
+        hidden = [
+            layer
+            for before, after in zip(widths[:-1], widths[1:], strict=True)
+            for layer in (nn.Linear(before, after), nn.GELU())
+        ]
+        self.decoder = nn.Sequential(*hidden, nn.Linear(widths[-1], len(spread)))
+
+    def encode(self, windows: Float[Tensor, "batch lag sensor"]) -> Float[Tensor, "batch latent"]:
+        """Return h, the LSTM's last hidden state, of windows in the sensors' own units."""
+        hidden, _ = self.encoder(self.scaler(windows))
+        return hidden[:, -1]
+
+    def coefficients(self, latent: Float[Tensor, "batch latent"]) -> Float[Tensor, "batch mode"]:
+        """Return the POD coefficients that the decoder gives to a latent state."""
+        return self.decoder(latent) * self.spread
+
+    def decode(self, latent: Float[Tensor, "batch latent"]) -> Float[Tensor, "batch ..."]:
+        """Return the field ``(batch, field, *grid)`` of a latent state, in physical units."""
+        return self.pod.decode(self.coefficients(latent))
+
+    def forward(self, windows: Float[Tensor, "batch lag sensor"]) -> Float[Tensor, "batch ..."]:
+        """Return the field ``(batch, field, *grid)`` of windows."""
+        return self.decode(self.encode(windows))
+
+
+@torch.no_grad()
+def reconstruct(
+    encode: nn.Module, shred: SHRED, windows: Float[Tensor, "time lag sensor"]
+) -> Float[Tensor, "time ..."]:
+    """Return the field ``(time, field, *grid)``, float64, of a recording's windows."""
+    return shred.decode(encode(windows)).double()

@@ -1,0 +1,72 @@
+"""LightningModule 1: train SHRED on the simulated ensemble."""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from lightning import LightningModule
+from torch import Tensor
+
+from dashred.models.shred import SHRED
+
+Batch = tuple[Float[Tensor, "batch lag sensor"], Float[Tensor, "batch mode"]]
+
+
+class SimulationTraining(LightningModule):
+    """Minimise the field's mean squared error, ``Σ_modes (â - a)²`` in units of each field's std.
+
+    Fresh sensor noise is drawn for every batch: the network must not count on clean histories.
+
+    Args:
+        shred: the network.
+        noise: std of each input sensor, ``(sensor,)``, in its own unit.
+        cells: number of (field, grid point) pairs that an RMSE averages over.
+        rate: peak learning rate; one cycle over ``epochs`` of ``steps`` each.
+    """
+
+    noise: Tensor
+
+    def __init__(
+        self, shred: SHRED, noise: Tensor, cells: int, rate: float, epochs: int, steps: int
+    ) -> None:
+        super().__init__()
+        self.shred, self.cells = shred, cells
+        self.rate, self.total_steps = rate, epochs * steps
+        self.register_buffer("noise", noise)
+
+    def training_step(self, batch: Batch, index: int) -> Tensor:
+        """Return the loss of one batch of windows."""
+        windows, coefficients = batch
+        noisy = windows + self.noise * torch.randn_like(windows)
+        loss = self.squared_error(noisy, coefficients).mean()
+        self.log("loss/train", loss, on_step=False, on_epoch=True)
+        return loss
+
+    def validation_step(self, batch: Batch, index: int) -> None:
+        """Log the RMSE of the field on held-out members, in units of each field's std."""
+        windows, coefficients = batch
+        error = self.squared_error(windows, coefficients).mean()
+        self.log("mse/field_members", error, on_epoch=True, batch_size=len(windows))
+
+    def on_validation_epoch_end(self) -> None:
+        """Turn the mean square into the RMSE that early stopping watches."""
+        error = self.trainer.callback_metrics["mse/field_members"]
+        self.log("rmse/field_members", error.sqrt())
+
+    def squared_error(
+        self, windows: Float[Tensor, "batch lag sensor"], coefficients: Float[Tensor, "batch mode"]
+    ) -> Float[Tensor, " batch"]:
+        """Return the squared error of each window, averaged over fields and grid points."""
+        found = self.shred.coefficients(self.shred.encode(windows))
+        return (found - coefficients).square().sum(dim=1) / self.cells
+
+    def configure_optimizers(self) -> dict[str, object]:
+        """Return AdamW under a one-cycle schedule."""
+        optimizer = torch.optim.AdamW(self.shred.parameters(), lr=self.rate, weight_decay=1e-4)
+        schedule = torch.optim.lr_scheduler.OneCycleLR(
+            optimizer, max_lr=self.rate, total_steps=self.total_steps, pct_start=0.15
+        )
+        return {
+            "optimizer": optimizer,
+            "lr_scheduler": {"scheduler": schedule, "interval": "step"},
+        }

@@ -1,0 +1,1 @@
+"""Equations, spatial operators, integrators, term libraries: knows nothing of sensors."""

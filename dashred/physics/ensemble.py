@@ -1,0 +1,127 @@
+"""An ensemble of the simulator: random starts and, by default, random discrepancies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dashred.errors import InputError
+from dashred.physics.forcing import Forcing
+from dashred.physics.library import evaluate_terms, resolve
+from dashred.physics.prior import StartPrior
+from dashred.physics.simulate import Progress, simulate
+from dashred.physics.system import System, Term
+
+MOST_ROUNDS = 20
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """Trajectories of the simulator with the terms that each member carries.
+
+    Attributes:
+        times: ``(time,)``, on the recording's clock.
+        states: ``(member, time, field, *grid)``, float64.
+        coefficients: ``(member, term)``; all zero for a plain ensemble.
+    """
+
+    times: Tensor
+    states: Tensor
+    coefficients: Tensor
+
+
+@dataclass(frozen=True)
+class Discrepancies:
+    """How random model errors are drawn: ``terms`` library terms a member, each with
+    ``ξ_j ~ N(0, amplitude² s_j²)``, ``s_j = rms(∂u/∂t)/rms(θ_j)`` over the nominal simulation.
+
+    A decoder trained on the plain simulation cannot express the real field; one trained on
+    simulations that are each a little wrong can (design §4.1). Only the library is used, so
+    nothing about the real discrepancy enters.
+    """
+
+    library: Sequence[Term]
+    terms: int
+    amplitude: float
+
+
+def term_scales(system: System, library: Sequence[Term], nominal: Tensor, t: float) -> Tensor:
+    """Return ``s_j = rms(tendency)/rms(θ_j)``, ``(term,)``, on states ``(time, field, *grid)``."""
+    tendencies = [Term(f, system.equations[f]) for f in system.fields]
+    rms = evaluate_terms(system, tendencies, nominal, t).flatten(1).pow(2).mean(1).sqrt()
+    columns = evaluate_terms(system, library, nominal, t).flatten(1).pow(2).mean(1).sqrt()
+    of_equation = [system.fields.index(term.equation) for term in library]
+    return rms[of_equation] / columns.clamp(min=1e-12)
+
+
+def draw_ensemble(
+    system: System,
+    times: Tensor,
+    prior: StartPrior,
+    nominal: Tensor,
+    members: int,
+    discrepancies: Discrepancies | None,
+    rng: np.random.Generator,
+    progress: Progress | None = None,
+) -> Ensemble:
+    """Simulate ``members`` random members that stay plausible.
+
+    A member that blows up, or leaves the nominal simulation's range by more than its width,
+    is drawn anew: a negative damping has no bound, and one such member would set every scale.
+
+    Args:
+        nominal: the nominal simulation, ``(time, field, *grid)``, for scales and ranges.
+
+    Raises:
+        InputError: hardly any draw stays bounded.
+    """
+    low, high = _bounds(nominal)
+    states: list[Tensor] = []
+    coefficients: list[Tensor] = []
+    for _ in range(MOST_ROUNDS):
+        missing = members - sum(map(len, states))
+        starts = prior.draw(missing, rng)
+        forcing = _draw_forcing(system, nominal, discrepancies, missing, rng, float(times[0]))
+        found = simulate(system, starts, times, forcing, progress)
+        inside = ((found >= low) & (found <= high)).flatten(1).all(dim=1)
+        states.append(found[inside])
+        coefficients.append(forcing.coefficients[inside])
+        if sum(map(len, states)) == members:
+            return Ensemble(times, torch.cat(states), torch.cat(coefficients))
+    raise InputError(
+        f"after {MOST_ROUNDS} rounds only {sum(map(len, states))} of {members} simulations "
+        "stay within bounds",
+        where=system.where("system.spread"),
+        hint="make system.spread or simulation.amplitude smaller",
+    )
+
+
+def _bounds(nominal: Tensor) -> tuple[Tensor, Tensor]:
+    by_field = nominal.transpose(0, 1).flatten(1)
+    low, high = by_field.amin(dim=1), by_field.amax(dim=1)
+    width = high - low
+    shape = (-1,) + (1,) * (nominal.dim() - 2)
+    return (low - width).reshape(shape), (high + width).reshape(shape)
+
+
+def _draw_forcing(
+    system: System,
+    nominal: Tensor,
+    discrepancies: Discrepancies | None,
+    members: int,
+    rng: np.random.Generator,
+    t: float,
+) -> Forcing:
+    if discrepancies is None:
+        return Forcing((), torch.zeros((members, 0), dtype=torch.float64))
+    library = discrepancies.library
+    scales = term_scales(system, library, nominal, t)
+    coefficients = np.zeros((members, len(library)))
+    for row in coefficients:
+        chosen = rng.choice(len(library), size=discrepancies.terms, replace=False)
+        row[chosen] = discrepancies.amplitude * rng.standard_normal(len(chosen))
+    return Forcing(resolve(system, library), torch.from_numpy(coefficients) * scales)

@@ -1,0 +1,251 @@
+"""The equation language: text → expression tree, by a whitelist of syntax and no evaluation.
+
+Allowed: numbers, known names, ``+ - * / **``, and the functions of :data:`FUNCTIONS` and
+:data:`OPERATORS`. Everything else (attributes, subscripts, calls of other names, keywords,
+strings, comparisons) is refused with a pointer at the column.
+"""
+
+from __future__ import annotations
+
+import ast
+import difflib
+import keyword
+import math
+import re
+import warnings
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+
+from dashred.errors import InputError
+from dashred.physics import algebra
+from dashred.physics.algebra import Expr, Name, Number
+
+FUNCTIONS = frozenset(
+    {"sin", "cos", "tan", "exp", "log", "sqrt", "tanh", "sech", "abs", "sign", "step"}
+)
+OPERATORS = frozenset({"d", "lap", "inv_lap", "grad2", "flux"})
+RESERVED = FUNCTIONS | OPERATORS | {"pi", "t"}
+LONGEST = 2000
+DEEPEST = 60
+
+
+@dataclass(frozen=True)
+class Vocabulary:
+    """What an expression may read: names, spatial axes, and the field that its equation moves."""
+
+    names: frozenset[str]
+    axes: tuple[str, ...] = ()
+    transported: str = ""
+
+
+def parse(text: str, vocabulary: Vocabulary, *, where: str) -> Expr:
+    """Parse one expression into its normal form.
+
+    Raises:
+        InputError: the text is not in the language; the message points at the column.
+    """
+    _refuse_foreign_text(text, where)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            tree = ast.parse(text.strip(), mode="eval").body
+    except SyntaxError as error:
+        raise _error(text.strip(), (error.offset or 1) - 1, error.msg, where) from None
+    except (ValueError, RecursionError, MemoryError, SyntaxWarning):
+        raise InputError(f"cannot read the expression {text!r}", where=where) from None
+    return _Reader(text.strip(), vocabulary, where).read(tree)
+
+
+def number(text: str, *, where: str) -> float:
+    """Evaluate a constant such as ``2*pi`` or ``0.1/15``.
+
+    Raises:
+        InputError: the text is not a constant expression.
+    """
+    expr = parse(text, Vocabulary(frozenset()), where=where)
+    if not isinstance(expr, Number):
+        raise InputError(f"{text!r} is not a number", where=where)
+    return expr.value
+
+
+def _refuse_foreign_text(text: str, where: str) -> None:
+    if not text.strip():
+        raise InputError("the expression is empty", where=where)
+    if len(text) > LONGEST:
+        raise InputError(f"the expression is longer than {LONGEST} characters", where=where)
+    stripped = text.strip()
+    for match in re.finditer(r"[A-Za-z_]\w*", stripped):
+        word = match.group()
+        if keyword.iskeyword(word):
+            hint = f"rename it, for example to {word[:3]!r}"
+            message = f"{word!r} is a Python keyword and cannot be a name"
+            raise _error(stripped, match.start(), message, where, hint)
+    if "^" in stripped:
+        raise _error(stripped, stripped.index("^"), "powers are written **, not ^", where)
+    if "\n" in stripped or "#" in stripped:
+        raise InputError("an expression is one line without comments", where=where)
+
+
+def _error(
+    text: str, column: int, message: str, where: str, hint: str | None = None
+) -> InputError:
+    start = max(0, column - 40)
+    shown = text[start : column + 40]
+    pointer = f"{shown}\n  {' ' * (column - start)}^"
+    return InputError(
+        f"{message} (column {column + 1})\n  {pointer}", where=where, hint=hint
+    )
+
+
+class _Reader:
+    """Turns the whitelisted part of Python's syntax tree into the normal form."""
+
+    def __init__(self, text: str, vocabulary: Vocabulary, where: str) -> None:
+        self.text, self.vocabulary, self.where = text, vocabulary, where
+
+    def fail(self, node: ast.AST, message: str, hint: str | None = None) -> InputError:
+        byte = getattr(node, "col_offset", 0)
+        column = len(self.text.encode()[:byte].decode(errors="ignore"))
+        return _error(self.text, column, message, self.where, hint)
+
+    def read(self, node: ast.AST, depth: int = 0) -> Expr:
+        if depth > DEEPEST:
+            raise self.fail(node, f"the expression is nested deeper than {DEEPEST} levels")
+        try:
+            expr = self.read_node(node, depth + 1)
+        except (ArithmeticError, ValueError):
+            raise self.fail(node, "this constant is not a finite real number") from None
+        if isinstance(expr, Number) and not math.isfinite(expr.value):
+            raise self.fail(node, "this constant is not a finite real number")
+        return expr
+
+    def read_node(self, node: ast.AST, depth: int) -> Expr:
+        match node:
+            case ast.Constant(value=bool() | str() | bytes() | complex() | None):
+                raise self.fail(node, "only real numbers are allowed here")
+            case ast.Constant(value=int() | float() as value):
+                return Number(float(value))
+            case ast.Name(id=id):
+                return self.read_name(node, id)
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                return algebra.scale(-1.0, self.read(operand, depth))
+            case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+                return self.read(operand, depth)
+            case ast.BinOp(left=left, op=op, right=right):
+                return self.read_binary(node, op, self.read(left, depth), self.read(right, depth))
+            case ast.Call(func=ast.Name(id=function), args=arguments, keywords=[]):
+                return self.read_call(node, function, arguments, depth)
+        raise self.fail(node, "this is not part of the equation language", _ALLOWED)
+
+    def read_name(self, node: ast.AST, id: str) -> Expr:
+        if id == "pi":
+            return Number(math.pi)
+        if id in FUNCTIONS | OPERATORS:
+            raise self.fail(node, f"{id!r} is a function: write {id}(…)")
+        if id not in self.vocabulary.names:
+            raise self.unknown(node, f"unknown name {id!r}", id, self.vocabulary.names)
+        return Name(id)
+
+    def read_binary(self, node: ast.AST, op: ast.operator, left: Expr, right: Expr) -> Expr:
+        match op:
+            case ast.Add():
+                return algebra.add((left, right))
+            case ast.Sub():
+                return algebra.add((left, algebra.scale(-1.0, right)))
+            case ast.Mult():
+                return algebra.multiply((left, right))
+            case ast.Div():
+                return algebra.multiply((left, algebra.power(right, Number(-1.0))))
+            case ast.Pow():
+                return algebra.power(left, right)
+        raise self.fail(node, "this operator is not part of the equation language", _ALLOWED)
+
+    def read_call(
+        self, node: ast.AST, function: str, arguments: list[ast.expr], depth: int
+    ) -> Expr:
+        if function not in FUNCTIONS | OPERATORS:
+            known = FUNCTIONS | OPERATORS
+            raise self.unknown(node, f"unknown function {function!r}", function, known)
+        counts = {"d": (2, 3), "flux": (2,)}.get(function, (1,))
+        if len(arguments) not in counts:
+            wanted = " or ".join(map(str, counts))
+            raise self.fail(node, f"{function}() takes {wanted} arguments, not {len(arguments)}")
+        operand = self.read(arguments[0], depth)
+        if function in FUNCTIONS:
+            return self.constant_call(function, operand)
+        if not self.vocabulary.axes:
+            raise self.fail(node, f"{function}() needs a spatial axis, and the system has none")
+        return self.read_operator(function, operand, arguments[1:])
+
+    def read_operator(self, function: str, operand: Expr, rest: list[ast.expr]) -> Expr:
+        axes = self.vocabulary.axes
+        if function == "lap" and len(axes) == 1:
+            return _derivative(operand, axes[0], 2)
+        if function == "grad2" and len(axes) == 1:
+            return algebra.power(_derivative(operand, axes[0], 1), Number(2.0))
+        if function in {"lap", "inv_lap", "grad2"}:
+            return _outside_number(operand, lambda f: algebra.Call(function, f), function)
+        axis = self.read_axis(rest[0])
+        if function == "flux":
+            if not self.vocabulary.transported:
+                raise self.fail(rest[0], "flux() is allowed in equations and libraries only")
+            return algebra.Flux(operand, axis, self.vocabulary.transported)
+        return _derivative(operand, axis, self.read_order(rest[1:]))
+
+    def read_axis(self, node: ast.expr) -> str:
+        if isinstance(node, ast.Name) and node.id in self.vocabulary.axes:
+            return node.id
+        shown = node.id if isinstance(node, ast.Name) else ast.unparse(node)
+        raise self.unknown(node, f"{shown!r} is not an axis", shown, self.vocabulary.axes)
+
+    def read_order(self, rest: list[ast.expr]) -> int:
+        match rest:
+            case []:
+                return 1
+            case [ast.Constant(value=int() as order)] if 1 <= order <= 8 and order is not True:
+                return order
+        raise self.fail(rest[0], "the order of a derivative is a whole number from 1 to 8")
+
+    def constant_call(self, function: str, operand: Expr) -> Expr:
+        if isinstance(operand, Number):
+            return Number(_CONSTANT[function](operand.value))
+        return algebra.Call(function, operand)
+
+    def unknown(self, node: ast.AST, message: str, id: str, known: Collection[str]) -> InputError:
+        near = difflib.get_close_matches(id, sorted(known), n=1)
+        listed = ", ".join(sorted(known)) or "none"
+        hint = f"did you mean {near[0]!r}?" if near else f"known here: {listed}"
+        return self.fail(node, message, hint)
+
+
+def _derivative(operand: Expr, axis: str, order: int) -> Expr:
+    def differentiate(f: Expr) -> Expr:
+        if isinstance(f, algebra.Derivative) and f.axis == axis:
+            return algebra.Derivative(f.operand, axis, f.order + order)
+        return algebra.Derivative(f, axis, order)
+
+    return _outside_number(operand, differentiate, "d")
+
+
+def _outside_number(operand: Expr, apply: Callable[[Expr], Expr], function: str) -> Expr:
+    """Apply a spatial operator with the operand's number taken outside: d(2*u) = 2*d(u)."""
+    value, rest = algebra.split_coefficient(operand)
+    if rest == algebra.ONE:
+        return algebra.ZERO
+    return algebra.scale(value * value if function == "grad2" else value, apply(rest))
+
+
+_ALLOWED = "allowed: numbers, names, + - * / **, and functions such as exp(u), d(u, x), lap(u)"
+_CONSTANT = {
+    "sin": math.sin,
+    "cos": math.cos,
+    "tan": math.tan,
+    "exp": math.exp,
+    "log": math.log,
+    "sqrt": math.sqrt,
+    "tanh": math.tanh,
+    "sech": lambda x: 1.0 / math.cosh(x),
+    "abs": abs,
+    "sign": lambda x: float((x > 0) - (x < 0)),
+    "step": lambda x: float(x > 0),
+}

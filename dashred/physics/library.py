@@ -1,0 +1,135 @@
+"""Candidate terms: the user's list, or a default built from the fields alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations_with_replacement
+
+import torch
+from torch import Tensor
+
+from dashred.errors import InputError
+from dashred.physics import algebra
+from dashred.physics.operators import Value
+from dashred.physics.program import Program
+from dashred.physics.system import System, Term
+
+COLLINEAR = 1e-9
+
+
+def build_library(system: System, listed: Mapping[str, Sequence[str]] | None) -> list[Term]:
+    """Return the candidate terms of every equation, in normal form.
+
+    Args:
+        system: gives the names that terms may read.
+        listed: expressions by equation (config key ``library``); null for the default.
+
+    Raises:
+        InputError: an equation is unknown, a term is not in the language, or two terms of
+            one equation are proportional.
+    """
+    chosen = listed or {field: default_terms(system) for field in system.fields}
+    library: list[Term] = []
+    for equation, texts in chosen.items():
+        seen: dict[algebra.Expr, str] = {}
+        for text in texts:
+            key = f"library.{equation}"
+            expr = algebra.split_coefficient(system.parse(text, key, equation=equation))[1]
+            if expr in seen:
+                raise InputError(
+                    f"{seen[expr]!r} and {text!r} are the same term up to a number",
+                    where=system.where(key),
+                    hint="leave one of them out",
+                )
+            seen[expr] = text
+            library.append(Term(equation, expr))
+    return library
+
+
+def default_terms(system: System) -> list[str]:
+    """Return at least 20 distinct terms: powers and products of the fields, and derivatives."""
+    fields = list(system.fields)
+    terms = list(_monomials(fields, 3 if len(fields) > 1 else 5))
+    if not system.axes:
+        return terms + list(_pointwise(fields))
+    if len(system.axes) == 1:
+        return terms + list(_derivatives_on_a_line(fields, system.axes[0].name))
+    return terms + list(_derivatives_in_the_plane(fields, [axis.name for axis in system.axes]))
+
+
+def _monomials(fields: Sequence[str], degree: int) -> Iterator[str]:
+    yield "1"
+    for total in range(1, degree + 1):
+        for factors in combinations_with_replacement(fields, total):
+            yield "*".join(factors)
+
+
+def _pointwise(fields: Sequence[str]) -> Iterator[str]:
+    for f in fields:
+        yield from (f"sin({f})", f"cos({f})", f"sin(2*{f})", f"abs({f})*{f}", f"sign({f})")
+    if len(fields) == 1:
+        f = fields[0]
+        yield from (f"cos(2*{f})", f"tanh({f})", f"exp(-{f}**2)", f"abs({f})")
+        yield from (f"{f}*sin({f})", f"{f}*cos({f})", f"{f}**6", f"{f}**7", f"sin(3*{f})")
+
+
+def _derivatives_on_a_line(fields: Sequence[str], x: str) -> Iterator[str]:
+    for f in fields:
+        yield from (f"d({f}, {x})", f"d({f}, {x}, 2)", f"d({f}, {x}, 3)", f"d({f}, {x}, 4)")
+        yield from (f"{g}*d({f}, {x})" for g in fields)
+        yield f"d({f}, {x})**2"
+    if len(fields) == 1:
+        f = fields[0]
+        yield from (f"{f}**2*d({f}, {x})", f"{f}**3*d({f}, {x})", f"{f}*d({f}, {x}, 2)")
+        yield from (f"{f}**2*d({f}, {x}, 2)", f"{f}*d({f}, {x})**2", f"{f}*d({f}, {x}, 3)")
+        yield from (f"d({f}, {x})*d({f}, {x}, 2)", f"sin({f})", f"cos({f})")
+
+
+def _derivatives_in_the_plane(fields: Sequence[str], axes: Sequence[str]) -> Iterator[str]:
+    for f in fields:
+        yield from (f"d({f}, {x})" for x in axes)
+        yield from (f"{g}*d({f}, {x})" for g in fields for x in axes)
+        yield from (f"lap({f})", f"lap(lap({f}))", f"grad2({f})")
+        yield from (f"{g}*lap({f})" for g in fields)
+    if len(fields) == 1:
+        f = fields[0]
+        yield from (f"{f}**2*lap({f})", f"sin({f})", f"cos({f})", f"abs({f})*{f}")
+        yield from (f"lap({f}**3)", f"inv_lap({f})")
+
+
+def resolve(system: System, library: Sequence[Term]) -> tuple[Term, ...]:
+    """Put lets and parameters into the terms, ready for :class:`Forcing`."""
+    return tuple(
+        Term(t.equation, system.resolve(t.expression, f"library.{t.equation}")) for t in library
+    )
+
+
+def evaluate_terms(system: System, library: Sequence[Term], states: Tensor, t: float) -> Tensor:
+    """Return the columns θ_j on states ``(batch, field, *grid)``: ``(term, batch, *grid)``."""
+    program = Program([term.expression for term in resolve(system, library)])
+    operators = system.operators
+    values: dict[str, Value] = system.values(states, t)
+    shape = (len(states), *system.grid.shape)
+    found = (operators.on_grid(value) for value in program(values, operators))
+    return torch.stack([torch.as_tensor(f, dtype=torch.float64).expand(shape) for f in found])
+
+
+def refuse_collinear(system: System, library: Sequence[Term], states: Tensor, t: float) -> None:
+    """Refuse columns that are proportional on the simulation: no data could tell them apart.
+
+    Raises:
+        InputError: names both terms.
+    """
+    columns = evaluate_terms(system, library, states, t).flatten(1)
+    unit = columns / columns.norm(dim=1, keepdim=True).clamp(min=1e-300)
+    for equation in {term.equation for term in library}:
+        index = [j for j, term in enumerate(library) if term.equation == equation]
+        cosines = (unit[index] @ unit[index].T).abs() - torch.eye(len(index), device=unit.device)
+        worst = int(cosines.argmax())
+        first, second = (library[index[i]] for i in divmod(worst, len(index)))
+        if cosines.flatten()[worst] > 1 - COLLINEAR:
+            raise InputError(
+                f"the terms {str(first)!r} and {str(second)!r} are proportional on this system",
+                where=system.where(f"library.{equation}"),
+                hint="leave one of them out",
+            )

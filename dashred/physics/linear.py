@@ -1,0 +1,59 @@
+"""The linear, constant-coefficient part of an equation in its own field, found symbolically."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from dashred.physics.algebra import (
+    Call,
+    Derivative,
+    Expr,
+    Name,
+    Sum,
+    add,
+    split_coefficient,
+    summands,
+)
+from dashred.physics.operators import Spectral
+
+
+def split_linear(equation: Expr, field: str) -> tuple[list[Expr], Expr]:
+    """Split ``N(u) = Lu + R(u)``: the terms of L that act on ``field`` alone, and the rest R."""
+    terms = summands(equation)
+    linear = [term for term in terms if is_linear(term, field)]
+    return linear, add(term for term in terms if term not in linear)
+
+
+def is_linear(expr: Expr, field: str) -> bool:
+    """Tell whether the expression is a constant-coefficient linear operator on ``field``."""
+    _, rest = split_coefficient(expr)
+    match rest:
+        case Name(id):
+            return id == field
+        case Sum(terms):
+            return all(is_linear(term, field) for term in terms)
+        case Derivative(operand, _, _) | Call("lap" | "inv_lap", operand):
+            return is_linear(operand, field)
+    return False
+
+
+def symbol(expr: Expr, operators: Spectral, device: torch.device) -> Tensor | float:
+    """Return the Fourier symbol of a linear operator: ``nu*lap(u)`` → ``-ν|k|²``.
+
+    Real (float64) while every derivative in it is even, complex otherwise.
+    """
+    value, rest = split_coefficient(expr)
+    match rest:
+        case Name():
+            return value
+        case Sum(terms):
+            parts = [symbol(term, operators, device) for term in terms]
+            return value * sum(parts[1:], parts[0])
+        case Derivative(operand, axis, order):
+            multiplier = operators.multiplier(axis, order, device)
+        case Call(function, operand):
+            multiplier = operators.multiplier("", 2 if function == "lap" else -2, device)
+        case _:
+            raise TypeError(f"{rest!r} is not a linear operator")
+    return value * multiplier * symbol(operand, operators, device)

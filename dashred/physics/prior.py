@@ -1,0 +1,143 @@
+"""The start of a simulation and what is not known about it."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dashred.physics.expression import number
+from dashred.physics.grid import Grid
+from dashred.physics.operators import Value
+from dashred.physics.program import Program
+from dashred.physics.simulate import Progress, check_finite, simulate
+from dashred.physics.system import System
+
+SMALLEST_VARIANCE = 1e-12
+
+
+def nominal_start(system: System, progress: Progress | None = None) -> Tensor:
+    """Return the simulator's own established state ``(1, field, *grid)`` after its spin-up.
+
+    Raises:
+        InputError: a start expression is wrong, or the simulator blows up on the way.
+    """
+    expressions = [
+        system.resolve(system.parse(text, f"system.start.{field}"), f"system.start.{field}")
+        for field, text in ((f, system.config.start[f]) for f in system.fields)
+    ]
+    surroundings = system.surroundings(0.0, torch.device("cpu"))
+    values = Program(expressions)(surroundings, system.operators)
+    found = [torch.as_tensor(system.operators.on_grid(v), dtype=torch.float64) for v in values]
+    state = torch.stack([f.expand(system.grid.shape) for f in found])[None]
+    if not system.config.spin_up:
+        return state
+    times = torch.linspace(0.0, system.config.spin_up, 61, dtype=torch.float64)
+    path = simulate(system, state, times, progress=progress)
+    check_finite(path, times, system)
+    return path[:, -1]
+
+
+def gaussian_process_modes(grid: Grid, length: float, count: int | None) -> Tensor:
+    """Return Karhunen–Loève modes ``(mode, *grid)`` of a periodic Gaussian process.
+
+    ``g = Σ zᵢ Bᵢ`` with z ~ N(0, 1) has unit variance and covariance exp(-r²/2ℓ²), wrapped.
+
+    Args:
+        grid: where g is wanted.
+        length: correlation length ℓ, in the axes' unit.
+        count: how many modes to keep, the strongest first; None for all.
+    """
+    found: list[tuple[float, Tensor]] = []
+    for numbers in product(*(range(-(n // 2) + 1, n // 2) for n in grid.shape)):
+        k = [2 * math.pi * m / a.length for m, a in zip(numbers, grid.axes, strict=True)]
+        power = math.exp(-sum(component**2 for component in k) * length**2 / 2)
+        if power > SMALLEST_VARIANCE:
+            found.append((power, _wave(grid, k)))
+    whole = sum(power for power, _ in found)
+    strongest = sorted(found, key=lambda pair: -pair[0])[:count]
+    return torch.stack([wave * math.sqrt(power / whole) for power, wave in strongest])
+
+
+def _wave(grid: Grid, k: list[float]) -> Tensor:
+    """Return √2 cos(k·x) for one of each pair ±k, √2 sin(k·x) for the other, and 1 for k = 0."""
+    leading = next((component for component in k if component), 0.0)
+    if not leading:
+        return torch.ones(grid.shape, dtype=torch.float64)
+    phase = torch.zeros((), dtype=torch.float64)
+    for component, x in zip(k, grid.coordinates.values(), strict=True):
+        phase = phase + component * x
+    wave = torch.cos(phase) if leading > 0 else torch.sin(phase)
+    return (math.sqrt(2) * wave).expand(grid.shape)
+
+
+class StartPrior:
+    """The distribution of starts that config key ``system.spread`` declares.
+
+    Attributes:
+        centre: the nominal start, ``(field, *grid)``.
+        size: number of independent standard normals z behind one start.
+
+    Args:
+        system: names, grid and the spread.
+        centre: the nominal start.
+        rms: each field's rms over the nominal simulation, ``(field,)``, which a spread in
+            percent refers to.
+        modes: Gaussian-process modes to keep; None for all of them (a twin's truth).
+
+    Raises:
+        InputError: the spread cannot be read.
+    """
+
+    def __init__(self, system: System, centre: Tensor, rms: Tensor, modes: int | None) -> None:
+        self.system, self.centre = system, centre
+        spread = system.config.spread
+        self.moves = self._moves(dict(spread))
+        length = float(spread.get("length", 0.1 * max((a.length for a in system.axes), default=1)))
+        self.basis = gaussian_process_modes(system.grid, length, modes)
+        self.shared = spread.get("kind") == "gaussian-process"
+        self.rms = rms
+        self.size = len(self.basis) * (1 if self.shared else len(self.moves))
+
+    def start(self, z: Tensor) -> Tensor:
+        """Return the starts ``(batch, field, *grid)`` of ``z``, ``(batch, size)``."""
+        per_field = z.reshape(len(z), -1, len(self.basis))
+        g = torch.einsum("bfm,m...->bf...", per_field, self.basis)
+        starts = self.centre.expand(len(z), *self.centre.shape).clone()
+        if self.shared:
+            return self._apply(starts, g[:, 0])
+        for i, (field, amplitude) in enumerate(self.moves.items()):
+            index = self.system.fields.index(field)
+            starts[:, index] += g[:, i] * self._amplitude(field, amplitude)
+        return starts
+
+    def draw(self, count: int, rng: np.random.Generator) -> Tensor:
+        """Return ``count`` random starts."""
+        return self.start(torch.from_numpy(rng.standard_normal((count, self.size))))
+
+    def _moves(self, spread: dict[str, object]) -> dict[str, object]:
+        apply = spread.get("apply")
+        if isinstance(apply, dict):
+            return apply
+        return {f: spread[f] for f in self.system.fields if f in spread}
+
+    def _apply(self, starts: Tensor, g: Tensor) -> Tensor:
+        system = self.system
+        values = system.values(starts, 0.0) | {"g": Value(g)}
+        moved = starts.clone()
+        for field, text in self.moves.items():
+            key = f"system.spread.apply.{field}"
+            expr = system.resolve(system.parse(str(text), key, extra=frozenset({"g"})), key)
+            [value] = Program([expr])(values, system.operators)
+            moved[:, system.fields.index(field)] = torch.as_tensor(system.operators.on_grid(value))
+        return moved
+
+    def _amplitude(self, field: str, amplitude: object) -> float:
+        where = self.system.where(f"system.spread.{field}")
+        if isinstance(amplitude, str) and amplitude.strip().endswith("%"):
+            percent = number(amplitude.strip()[:-1], where=where)
+            return percent / 100 * float(self.rms[self.system.fields.index(field)])
+        return number(str(amplitude), where=where)

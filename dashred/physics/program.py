@@ -1,0 +1,124 @@
+"""Expressions compiled to a list of batched torch operations, each common part computed once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
+
+import torch
+from torch import Tensor
+
+from dashred.physics.algebra import (
+    Call,
+    Derivative,
+    Expr,
+    Flux,
+    Name,
+    Number,
+    Power,
+    Product,
+    Sum,
+    children,
+)
+from dashred.physics.operators import Operators, Value, total
+
+Step = Callable[[list[Value], Mapping[str, Value], Operators], Value]
+
+
+class Program:
+    """Evaluates several expressions together: ``program(values of names, operators)``."""
+
+    def __init__(self, expressions: Sequence[Expr]) -> None:
+        self._slots: dict[Expr, int] = {}
+        self._steps: list[Step] = []
+        self._outputs = [self._compile(expression) for expression in expressions]
+
+    def __call__(self, values: Mapping[str, Value], operators: Operators) -> list[Value]:
+        """Return one :class:`Value` an expression; names are looked up in ``values``."""
+        memory: list[Value] = []
+        for step in self._steps:
+            memory.append(step(memory, values, operators))
+        return [memory[slot] for slot in self._outputs]
+
+    def _compile(self, expr: Expr) -> int:
+        if expr not in self._slots:
+            slots = [self._compile(child) for child in children(expr)]
+            step = _transported(self, expr, slots) if isinstance(expr, Flux) else _step(expr, slots)
+            self._slots[expr] = len(self._steps)
+            self._steps.append(step)
+        return self._slots[expr]
+
+
+def _transported(program: Program, expr: Flux, slots: list[int]) -> Step:
+    field = program._compile(Name(expr.transported))
+    return lambda m, v, ops: ops.flux(m[slots[0]], expr.axis, m[field])
+
+
+def _step(expr: Expr, slots: list[int]) -> Step:
+    match expr:
+        case Number(value):
+            return lambda m, v, ops: Value(value)
+        case Name(id):
+            return lambda m, v, ops: v[id]
+        case Sum():
+            return lambda m, v, ops: total([m[slot] for slot in slots])
+        case Product((Number(value), _)):
+            return lambda m, v, ops: m[slots[1]].scaled(value)
+        case Product():
+            return lambda m, v, ops: Value(
+                reduce(lambda a, b: a * b, (ops.on_grid(m[slot]) for slot in slots))
+            )
+        case Power(_, Number(exponent)):
+            return lambda m, v, ops: Value(_power(ops.on_grid(m[slots[0]]), exponent))
+        case Power():
+            return lambda m, v, ops: Value(_tensor(m[slots[0]], ops) ** _tensor(m[slots[1]], ops))
+        case Derivative(_, axis, order):
+            return lambda m, v, ops: ops.derivative(m[slots[0]], axis, order)
+        case Call(function, _):
+            return _call(function, slots[0])
+    raise TypeError(f"cannot compile {expr!r}")
+
+
+def _call(function: str, slot: int) -> Step:
+    match function:
+        case "lap":
+            return lambda m, v, ops: ops.laplacian(m[slot])
+        case "inv_lap":
+            return lambda m, v, ops: ops.inverse_laplacian(m[slot])
+        case "grad2":
+            return lambda m, v, ops: Value(_squared_gradient(m[slot], ops))
+    compute = POINTWISE[function]
+    return lambda m, v, ops: Value(compute(_tensor(m[slot], ops)))
+
+
+def _squared_gradient(value: Value, operators: Operators) -> Tensor | float:
+    slopes = [operators.derivative(value, axis.name, 1) for axis in operators.grid.axes]
+    squares = [operators.on_grid(slope) ** 2 for slope in slopes]
+    return reduce(lambda a, b: a + b, squares)
+
+
+def _power(base: Tensor | float, exponent: float) -> Tensor | float:
+    if exponent == 2.0:
+        return base * base
+    if exponent == 3.0:
+        return base * base * base
+    return base ** (int(exponent) if exponent.is_integer() else exponent)
+
+
+def _tensor(value: Value, operators: Operators) -> Tensor:
+    return torch.as_tensor(operators.on_grid(value), dtype=torch.float64)
+
+
+POINTWISE: dict[str, Callable[[Tensor], Tensor]] = {
+    "sin": torch.sin,
+    "cos": torch.cos,
+    "tan": torch.tan,
+    "exp": torch.exp,
+    "log": torch.log,
+    "sqrt": torch.sqrt,
+    "tanh": torch.tanh,
+    "sech": lambda x: 1 / torch.cosh(x),
+    "abs": torch.abs,
+    "sign": torch.sign,
+    "step": lambda x: (x > 0).to(x.dtype),
+}

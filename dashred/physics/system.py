@@ -1,0 +1,190 @@
+"""A simulator declared by its equations: parsed, checked, and ready to be stepped."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import torch
+from torch import Tensor
+
+from dashred import config as schema
+from dashred.errors import InputError
+from dashred.physics import algebra
+from dashred.physics.algebra import Expr, Number
+from dashred.physics.expression import Vocabulary, number, parse
+from dashred.physics.grid import Axis, Grid
+from dashred.physics.integrators import METHODS
+from dashred.physics.operators import FiniteDifferences, NoSpace, Operators, Spectral, Value
+from dashred.physics.program import Program
+
+
+@dataclasses.dataclass(frozen=True)
+class Term:
+    """One candidate term of one equation, coefficient aside: ``u**3`` in ``∂u/∂t``."""
+
+    equation: str
+    expression: Expr
+
+    def __str__(self) -> str:
+        return algebra.to_text(self.expression)
+
+
+class System:
+    """The equations ``∂u/∂t = N(u, t)`` of every field, on their grid.
+
+    Attributes:
+        fields: names of the fields, in the order of the state's field dimension.
+        lets: named expressions that equations and sensors may read.
+        equations: tendency of each field, in the user's names.
+        resolved: the same with lets and parameters put in, so that only fields,
+            coordinates and ``t`` are left.
+        dt: largest time step of the integrator.
+
+    A state is float64 ``(batch, field, *grid)``; for an ODE system ``(batch, field)``.
+
+    Raises:
+        InputError: an expression is not in the language or reads an unknown name.
+    """
+
+    def __init__(self, config: schema.System, where: Callable[[str], str]) -> None:
+        if config.inputs:
+            raise InputError(
+                "measured inputs are not supported yet", where=where("system.inputs")
+            )
+        self.config, self.where = config, where
+        self.title, self.fields = config.title, tuple(config.fields)
+        self.grid = Grid(tuple(_axis(n, a, where) for n, a in config.axes.items()))
+        self.spectral = bool(config.axes) and config.integrator.space == "spectral"
+        self.dt = _number(config.integrator.dt, where("system.integrator.dt"))
+        self.method = config.integrator.method or self._default_method()
+        self.lets = self._parse_lets()
+        self.equations = {
+            field: self.parse(text, f"system.equations.{field}", equation=field)
+            for field, text in config.equations.items()
+        }
+        constants = {k: Number(float(v)) for k, v in config.parameters.items()}
+        self._values: dict[str, Expr] = dict(constants)
+        for name, expr in self.lets.items():
+            self._values[name] = self.resolve(expr, f"system.let.{name}")
+        self.resolved = {
+            field: self.resolve(expr, f"system.equations.{field}")
+            for field, expr in self.equations.items()
+        }
+        self._check_method()
+
+    @property
+    def operators(self) -> Operators:
+        """Spatial operators of the system's grid."""
+        if not self.grid.axes:
+            return NoSpace()
+        return Spectral(self.grid) if self.spectral else FiniteDifferences(self.grid)
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """The spatial axes; none for an ODE system."""
+        return self.grid.axes
+
+    def refined(self) -> System:
+        """Return the same system at doubled resolution in space and time."""
+        axes = {
+            name: dataclasses.replace(axis, points=axis.points * 2)
+            for name, axis in self.config.axes.items()
+        }
+        integrator = dataclasses.replace(self.config.integrator, dt=self.dt / 2)
+        config = dataclasses.replace(self.config, axes=axes, integrator=integrator)
+        return System(config, self.where)
+
+    def with_terms(self, terms: Sequence[tuple[Term, float]]) -> System:
+        """Return the system with terms added to its equations, as text."""
+        equations = dict(self.config.equations)
+        for term, coefficient in terms:
+            added = algebra.to_text(algebra.scale(coefficient, term.expression))
+            equations[term.equation] = f"{equations[term.equation]} + ({added})"
+        return System(dataclasses.replace(self.config, equations=equations), self.where)
+
+    def parse(
+        self, text: str, key: str, *, equation: str = "", extra: frozenset[str] = frozenset()
+    ) -> Expr:
+        """Parse an expression over the system's names; ``key`` locates it in the config.
+
+        Raises:
+            InputError: see :func:`dashred.physics.expression.parse`.
+        """
+        known = {*self.fields, *self.config.parameters, *self.config.let, *self.config.axes, "t"}
+        vocabulary = Vocabulary(frozenset(known) | extra, tuple(self.config.axes), equation)
+        return parse(str(text), vocabulary, where=self.where(key))
+
+    def evaluate(self, text: str, state: Tensor, t: float = 0.0) -> Tensor:
+        """Evaluate an expression of the system on states ``(*batch, field, *grid)``.
+
+        Returns:
+            ``(*batch, *grid)``, in the state's dtype.
+        """
+        batch = state.shape[: state.dim() - len(self.grid.shape) - 1]
+        flat = state.reshape(-1, len(self.fields), *self.grid.shape)
+        expr = self.resolve(self.parse(text, text), text)
+        [value] = Program([expr])(self.values(flat.double(), t), self.operators)
+        points = torch.as_tensor(self.operators.on_grid(value), dtype=state.dtype)
+        return points.expand(len(flat), *self.grid.shape).reshape(*batch, *self.grid.shape)
+
+    def values(self, state: Tensor, t: float) -> dict[str, Value]:
+        """Return what expressions read, from a state on the grid."""
+        named = {field: Value(state[:, i]) for i, field in enumerate(self.fields)}
+        return named | self.surroundings(t, state.device)
+
+    def surroundings(self, t: float, device: torch.device) -> dict[str, Value]:
+        """Return the values of coordinates and time."""
+        named = {k: Value(v.to(device)) for k, v in self.grid.coordinates.items()}
+        named["t"] = Value(torch.tensor(t, dtype=torch.float64, device=device))
+        return named
+
+    def resolve(self, expr: Expr, key: str) -> Expr:
+        """Put lets and parameters into an expression; ``key`` locates it in the config.
+
+        Raises:
+            InputError: the parameters make a constant infinite.
+        """
+        try:
+            return algebra.substitute(expr, self._values)
+        except (ArithmeticError, ValueError):
+            where = self.where(key)
+            raise InputError(
+                f"with these parameters {algebra.to_text(expr)!r} is not finite", where=where
+            ) from None
+
+    def _parse_lets(self) -> dict[str, Expr]:
+        lets: dict[str, Expr] = {}
+        for name, text in self.config.let.items():
+            expr = self.parse(text, f"system.let.{name}")
+            later = (algebra.names(expr) & set(self.config.let)) - set(lets)
+            if later:
+                raise InputError(
+                    f"let {name!r} reads {sorted(later)[0]!r}, which is not defined before it",
+                    where=self.where(f"system.let.{name}"),
+                )
+            lets[name] = expr
+        return lets
+
+    def _default_method(self) -> str:
+        if not self.config.axes:
+            return "dopri5"
+        return "etdrk4" if self.spectral else "ssprk3"
+
+    def _check_method(self) -> None:
+        allowed = METHODS["ode" if not self.axes else self.config.integrator.space]
+        if self.method not in allowed:
+            raise InputError(
+                f"integrator {self.method!r} does not fit this system",
+                where=self.where("system.integrator.method"),
+                hint=f"choose from: {', '.join(allowed)}",
+            )
+
+
+def _axis(name: str, axis: schema.Axis, where: Callable[[str], str]) -> Axis:
+    length = _number(axis.length, where(f"system.axes.{name}.length"))
+    return Axis(name, length, axis.points)
+
+
+def _number(value: float | str, where: str) -> float:
+    return number(value, where=where) if isinstance(value, str) else float(value)

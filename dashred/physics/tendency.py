@@ -1,0 +1,105 @@
+"""The right-hand side ``N(u, t)`` of a system with its forcing, as integrators want it."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from dashred.physics.algebra import Expr
+from dashred.physics.forcing import Forcing, RowwiseForcing
+from dashred.physics.linear import is_linear, split_linear, symbol
+from dashred.physics.operators import Spectral, Value, total
+from dashred.physics.program import Program
+from dashred.physics.system import System
+
+
+class GridTendency:
+    """``N`` on the grid: ``(state, t)`` → ``(batch, field, *grid)``; also for ODE systems."""
+
+    def __init__(self, system: System, forcing: Forcing | None = None) -> None:
+        self.system, self.operators = system, system.operators
+        self.program = Program(list(system.resolved.values()))
+        self.forcing = forcing and RowwiseForcing(forcing, system.fields, self.operators)
+
+    def __call__(self, state: Tensor, t: float) -> Tensor:
+        """Return the tendency per unit time."""
+        values = self.system.values(state, t)
+        tendencies = self.program(values, self.operators)
+        if self.forcing is not None:
+            tendencies = _summed(tendencies, self.forcing(values))
+        found = [torch.as_tensor(self.operators.on_grid(value)) for value in tendencies]
+        shape = (len(state), *self.system.grid.shape)
+        return torch.stack([f.to(state).expand(shape) for f in found], dim=1)
+
+
+class SpectralTendency:
+    """``û' = Lû + N(û, t)``: the linear symbol L and the rest N, in Fourier modes.
+
+    Attributes:
+        linear: L, ``(1 | batch, field, *modes)``: the constant-coefficient part of each
+            equation in its own field, the forcing's own such terms included.
+    """
+
+    def __init__(self, system: System, forcing: Forcing | None, device: torch.device) -> None:
+        assert isinstance(operators := system.operators, Spectral)
+        self.system, self.operators = system, operators
+        parts = [split_linear(expr, field) for field, expr in system.resolved.items()]
+        self.program = Program([rest for _, rest in parts])
+        self.linear = self._symbols([linear for linear, _ in parts], device)
+        self.forcing = None
+        if forcing is not None:
+            self.forcing = self._take_linear(forcing, device)
+        self.mask = _two_thirds(system).to(device) if system.config.integrator.dealias else None
+
+    def __call__(self, modes: Tensor, t: float) -> Tensor:
+        """Return N in modes, ``(batch, field, *modes)``."""
+        grid = self.system.grid
+        whole = torch.fft.irfftn(modes, s=grid.shape, dim=grid.dims)
+        values = self.system.surroundings(t, modes.device)
+        for i, field in enumerate(self.system.fields):
+            values[field] = Value(whole[:, i], modes[:, i])
+        tendencies = self.program(values, self.operators)
+        if self.forcing is not None:
+            tendencies = _summed(tendencies, self.forcing(values))
+        shape = modes[:, 0].shape
+        result = torch.stack(
+            [self.operators.in_modes(value).expand(shape) for value in tendencies], dim=1
+        )
+        return result if self.mask is None else result * self.mask
+
+    def _symbols(self, linear: list[list[Expr]], device: torch.device) -> Tensor:
+        *first, last = self.system.grid.shape
+        modes = (*first, last // 2 + 1)
+        rows = torch.zeros((len(linear), *modes), dtype=torch.complex128, device=device)
+        for row, terms in zip(rows, linear, strict=True):
+            for term in terms:
+                row += symbol(term, self.operators, device)
+        return rows[None]
+
+    def _take_linear(self, forcing: Forcing, device: torch.device) -> RowwiseForcing:
+        space = (1,) * len(self.system.grid.shape)
+        coefficients = forcing.coefficients.clone()
+        for j, term in enumerate(forcing.terms):
+            column = forcing.coefficients[:, j]
+            if not is_linear(term.expression, term.equation) or not column.any():
+                continue
+            field = self.system.fields.index(term.equation)
+            added = symbol(term.expression, self.operators, device) * column.reshape(-1, *space)
+            one_field = torch.zeros(len(self.system.fields), dtype=torch.float64, device=device)
+            one_field[field] = 1.0
+            self.linear = self.linear + added[:, None] * one_field.reshape(1, -1, *space)
+            coefficients[:, j] = 0.0
+        rest = Forcing(forcing.terms, coefficients)
+        return RowwiseForcing(rest, self.system.fields, self.operators)
+
+
+def _summed(left: list[Value], right: list[Value]) -> list[Value]:
+    return [total([a, b]) for a, b in zip(left, right, strict=True)]
+
+
+def _two_thirds(system: System) -> Tensor:
+    mask = torch.ones((), dtype=torch.float64)
+    for axis, k in zip(system.axes, system.grid.wavenumbers, strict=True):
+        limit = k.abs().max() * 2 / 3
+        mask = mask * (k.abs() < limit)
+    return mask

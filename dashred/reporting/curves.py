@@ -1,0 +1,114 @@
+"""Curves over time, over epochs and over the number of terms."""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from jaxtyping import Float, Int
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from dashred.reporting.style import (
+    CYCLE,
+    method_look,
+    method_name,
+    new_figure,
+    shade_held_out,
+    style,
+)
+
+WIDE_RANGE = 30.0  # beyond this ratio a linear scale would hide the small curve
+
+
+def rmse_against_time(
+    times: Float[np.ndarray, " time"],
+    curves: Mapping[str, Float[np.ndarray, " time"]],
+    time_end: float,
+    ylabel: str,
+) -> Figure:
+    """Draw each method's RMSE at each time; the time after `time_end` is shaded."""
+    with style():
+        figure = new_figure(6.4, 3.4)
+        axes = figure.subplots()
+        shade_held_out(axes, time_end, float(times[-1]), label=True)
+        for index, (method, values) in enumerate(curves.items()):
+            axes.plot(times, values, label=method_name(method), **method_look(method, index))
+        axes.set(xlabel="time", ylabel=ylabel, xlim=(times[0], times[-1]))
+        _choose_scale(axes, [float(np.nanmedian(values)) for values in curves.values()])
+        _legend_above(figure, axes)
+    return figure
+
+
+def learning_curves(
+    curves: Mapping[str, tuple[Int[np.ndarray, " epoch"], Float[np.ndarray, " epoch"]]],
+    ylabel: str = "loss",
+) -> Figure:
+    """Draw each curve over the epochs; a dot and a number mark where it is lowest."""
+    with style():
+        figure = new_figure(6.4, 3.4)
+        axes = figure.subplots()
+        for index, (name, (epochs, values)) in enumerate(curves.items()):
+            colour = CYCLE[index % len(CYCLE)]
+            axes.plot(epochs, values, color=colour, label=name)
+            if np.isfinite(values).any():
+                best = int(np.nanargmin(values))
+                axes.plot(epochs[best], values[best], "o", color=colour, markersize=5)
+                axes.annotate(
+                    f"{values[best]:.3g} at epoch {epochs[best]}",
+                    (epochs[best], values[best]),
+                    xytext=(0, -6),
+                    textcoords="offset points",
+                    ha="right",
+                    va="top",
+                    fontsize=7.5,
+                    color=colour,
+                )
+        axes.set(xlabel="epoch", ylabel=ylabel)
+        axes.margins(y=0.15)
+        _choose_scale(axes, [value for _, values in curves.values() for value in values])
+        _legend_above(figure, axes)
+    return figure
+
+
+def sparsity_path(
+    paths: Mapping[str, tuple[Int[np.ndarray, " step"], Float[np.ndarray, " step"], int]],
+) -> Figure:
+    """Draw the regression's RMSE against the number of terms kept, and the number chosen.
+
+    `paths` maps an algorithm to (numbers of terms, RMSE of each, the number chosen).
+    """
+    with style():
+        figure = new_figure(5.4, 3.4)
+        axes = figure.subplots()
+        for index, (name, (terms, rmse, chosen)) in enumerate(paths.items()):
+            colour = CYCLE[index % len(CYCLE)]
+            axes.plot(terms, rmse, "o-", color=colour, markersize=4, label=f"{name}: {chosen} kept")
+            at = np.flatnonzero(np.asarray(terms) == chosen)
+            axes.plot(
+                np.asarray(terms)[at],
+                np.asarray(rmse)[at],
+                "o",
+                markersize=11,
+                markerfacecolor="none",
+                markeredgecolor=colour,
+                markeredgewidth=1.6,
+            )
+        axes.set(xlabel="number of terms kept (ring: chosen)", ylabel="RMSE of the regression")
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        _choose_scale(axes, [value for _, rmse, _ in paths.values() for value in rmse])
+        _legend_above(figure, axes)
+    return figure
+
+
+def _choose_scale(axes: Axes, compared: Iterable[float]) -> None:
+    values = np.asarray([value for value in compared if np.isfinite(value) and value > 0])
+    if values.size and values.max() > WIDE_RANGE * values.min():
+        axes.set_yscale("log")
+    elif values.size:
+        axes.set_ylim(bottom=0)
+
+
+def _legend_above(figure: Figure, axes: Axes) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, labels, loc="outside upper left", ncols=min(len(handles), 4))

@@ -1,0 +1,128 @@
+"""One look for all figures, and how they are saved.
+
+The colours are those of Okabe and Ito (2008), told apart by colour-blind readers; each method
+keeps its colour and its name in every figure.
+"""
+
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+BLACK, GREY, LIGHT = "#1a1a1a", "#8a8a8a", "#d9d9d9"
+ORANGE, SKY, GREEN = "#e69f00", "#56b4e9", "#009e73"
+BLUE, VERMILION, PURPLE = "#0072b2", "#d55e00", "#cc79a7"
+CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK, GREY)
+
+METHODS = {
+    "truth": ("truth", BLACK),
+    "recorded": ("recorded", BLACK),
+    "simulation": ("simulation", ORANGE),
+    "simulation_same_start": ("simulation, same start", ORANGE),
+    "simulation_refit": ("simulation, best start", GREY),
+    "shred": ("SHRED", SKY),
+    "dashred": ("DA-SHRED", VERMILION),
+    "corrected": ("corrected simulation", GREEN),
+    "corrected_shred": ("SHRED on the corrected simulation", PURPLE),
+}
+DASHES = {"simulation": "--", "simulation_same_start": "--", "simulation_refit": ":"}
+
+RC: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9,
+    "axes.titlesize": 10,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9,
+    "axes.edgecolor": "#4d4d4d",
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.grid.axis": "y",
+    "axes.axisbelow": True,
+    "grid.color": "#e6e6e6",
+    "grid.linewidth": 0.7,
+    "lines.linewidth": 1.6,
+    "lines.solid_capstyle": "round",
+    "xtick.color": "#4d4d4d",
+    "ytick.color": "#4d4d4d",
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "figure.titlesize": 12,
+    "figure.facecolor": "white",
+    "image.cmap": "viridis",
+}
+
+SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Draw in the common look, whatever the reader's own matplotlib settings are."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(RC)
+        yield
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure in inches, free of pyplot's global list, laid out by itself."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Save as PNG, whole or not at all; the same figure gives the same bytes."""
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        with style():
+            figure.savefig(partial, format="png", dpi=150, metadata={"Software": None})
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def method_name(method: str) -> str:
+    """The method as a reader knows it."""
+    return METHODS[method][0] if method in METHODS else method
+
+
+def method_look(method: str, index: int) -> dict[str, Any]:
+    """Colour and dash of a method's line; an unknown one takes the `index`-th of the cycle."""
+    colour = METHODS[method][1] if method in METHODS else CYCLE[index % len(CYCLE)]
+    return {"color": colour, "linestyle": DASHES.get(method, "-")}
+
+
+def pretty(term: str) -> str:
+    """A term as it is printed in books: `u**2*lam` → `u²·lam`."""
+    raised = re.sub(r"\*\*(\d+)(?![\d.])", lambda found: found[1].translate(SUPERSCRIPTS), term)
+    return raised if "**" in raised else raised.replace("*", "·")
+
+
+def shade_held_out(axes: Axes, time_end: float, last: float, *, label: bool) -> None:
+    """Mark the time after `time_end`, of which nothing was used for fitting."""
+    if time_end >= last:
+        return
+    axes.axvspan(time_end, last, color="#f2f2f2", linewidth=0, zorder=0)
+    axes.axvline(time_end, color=GREY, linewidth=0.8, linestyle=(0, (2, 2)), zorder=1)
+    if label:
+        axes.annotate(
+            "held-out time",
+            ((time_end + last) / 2, 1),
+            xycoords=("data", "axes fraction"),
+            xytext=(0, 2),
+            textcoords="offset points",
+            ha="center",
+            fontsize=7.5,
+            color="#5a5a5a",
+        )

@@ -1,0 +1,146 @@
+"""The printed summary: what was compared, how well it went, what is proposed, where it all is."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+# In the order in which a reader should meet them.
+METHODS = {
+    "simulation": "simulation alone",
+    "before": "simulation, fitted start with the law",
+    "before_refit": "simulation, its own best start",
+    "shred": "SHRED",
+    "dashred": "DA-SHRED",
+    "after": "corrected simulation",
+    "simulation_same_start": "simulation, same start",
+    "simulation_refit": "simulation, its own best start",
+    "corrected": "corrected simulation",
+    "corrected_shred": "SHRED on the corrected simulation",
+}
+ALGORITHMS = {"alg1": "Algorithm 1", "alg2": "Algorithm 2"}
+VERDICTS = {
+    "missing-term": "a term is missing from the simulation",
+    "nothing-missing": "nothing is missing from the simulation",
+    "parameter": "a parameter of the simulation has another value",
+    "initial-condition": "the simulation starts from the wrong state",
+    "sensor-fault": "a sensor is at fault, not the simulation",
+    "unresolved-numerics": "the simulation is not resolved, so nothing can be said of its physics",
+    "outside-library": "something is missing that the library of terms cannot express",
+    "ambiguous": "several explanations fit about equally well",
+    "not-converged": "the search did not converge",
+}
+MOST_TERMS = 5
+
+
+def summary(
+    findings: Mapping[str, Any], score: Mapping[str, Any] | None, paths: Mapping[str, Any]
+) -> str:
+    """The run in plain words, from `findings.json`, `score.json` (twins only) and where files lie.
+
+    Every error in it is an RMSE in units of the standard deviation of what is compared.
+    """
+    fit = findings["fit"]
+    blocks = [
+        _compared(findings["input"]),
+        _verdict(findings),
+        _errors("Test sensors, which nothing looked at before", fit["test_sensors"]),
+        _errors("Held-out time, the end of the recording", fit["heldout_time"]),
+        _errors("Whole field against the hidden truth", (score or {}).get("field_rmse") or {}),
+        _proposals(findings["latent"]),
+        _paths(paths),
+    ]
+    return "\n\n".join("\n".join(block) for block in blocks if block) + "\n"
+
+
+def print_summary(text: str, console: "Console | None" = None) -> None:
+    """Print the summary; nothing in it is taken for markup, and no path is broken over lines."""
+    from rich.console import Console
+    from rich.text import Text
+
+    console = console or Console()
+    console.rule("dashred")
+    console.print(Text(text.rstrip()), soft_wrap=True)
+
+
+def _compared(source: Mapping[str, Any]) -> list[str]:
+    title = source["config"].get("system", {}).get("title", "The system")
+    lines = [f"{title}: the simulation against recorded sensors (seed {source['seed']})."]
+    splits = source.get("splits")
+    if not splits:
+        return lines
+    fitted = len(splits["inputs"]) + len(splits["extra"])
+    counts = [f"{_count(fitted, 'sensor')} to fit ({len(splits['inputs'])} feed SHRED)"]
+    for role, purpose in (("validate", "to say when to stop"), ("test", "kept for the test")):
+        if splits[role]:
+            counts.append(f"{len(splits[role])} {purpose}")
+    lines.append(f"{', '.join(counts)}; fitted up to time {splits['time_end']:.6g}.")
+    return lines + ([_sentence(splits["note"])] if splits.get("note") else [])
+
+
+def _verdict(findings: Mapping[str, Any]) -> list[str]:
+    verdict = findings["verdict"]
+    if verdict is None:
+        return []
+    lines = [f"Verdict: {verdict}: {VERDICTS.get(verdict, 'see findings.json')}."]
+    return lines + [f"  {_sentence(c['says'])}" for c in findings["causes"] or [] if "says" in c]
+
+
+def _errors(title: str, errors: Mapping[str, float | None]) -> list[str]:
+    known = [(METHODS[key], errors[key]) for key in METHODS if errors.get(key) is not None]
+    if not known:
+        return []
+    width = max(len(name) for name, _ in known)
+    table = [f"  {name:<{width}}  {value:8.3g}" for name, value in known]
+    return [f"{title}: RMSE in standard deviations", *table, *_compare(errors)]
+
+
+def _compare(errors: Mapping[str, float | None]) -> Iterator[str]:
+    before, after = errors.get("shred"), errors.get("dashred")
+    if not before or after is None:
+        return
+    change = 1 - after / before
+    if abs(change) < 0.01:
+        yield "  Assimilation changed SHRED's error by less than 1 %."
+    else:
+        word = "lowered" if change > 0 else "raised"
+        yield f"  Assimilation {word} SHRED's error by {abs(change):.0%}.".replace("%", " %")
+
+
+def _proposals(latent: Mapping[str, Any]) -> list[str]:
+    known = {name: latent[key] for key, name in ALGORITHMS.items() if latent.get(key)}
+    if not known:
+        return []
+    lines = ["Latent SINDy proposes (a proposal to be tested, not a verdict):"]
+    for name, found in known.items():
+        terms = sorted(found["proposals"], key=lambda proposal: proposal["rank"])
+        lines += [f"  {name}: {'' if terms else 'no term'}".rstrip(), *_terms(terms[:MOST_TERMS])]
+        if len(terms) > MOST_TERMS:
+            lines.append(f"    and {len(terms) - MOST_TERMS} more, in findings.json")
+    return lines
+
+
+def _terms(proposals: Sequence[Mapping[str, Any]]) -> list[str]:
+    names = [f"{p['coefficient']:+.4g} · {p['term']}" for p in proposals]
+    width = max((len(name) for name in names), default=0)
+    lines = []
+    for proposal, name in zip(proposals, names, strict=True):
+        line = f"    {proposal['rank']}. {name:<{width}}  in the equation of {proposal['equation']}"
+        if proposal["inclusion"] is not None:
+            line += f", in {proposal['inclusion']:.0%} of the resamples".replace("%", " %")
+        lines.append(line)
+    return lines
+
+
+def _paths(paths: Mapping[str, Any]) -> list[str]:
+    width = max((len(name) for name in paths), default=0)
+    return [f"{name:<{width}}  {path}" for name, path in paths.items()]
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:].rstrip('.')}."

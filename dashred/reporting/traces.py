@@ -1,0 +1,114 @@
+"""Sensor traces: what was recorded, and what each method says the sensor should read."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from dashred.reporting.style import (
+    BLACK,
+    method_look,
+    method_name,
+    new_figure,
+    shade_held_out,
+    style,
+)
+
+MOST = 6
+DETAILED, DENSE = 2, 1000  # so few sensors with so many samples get a panel of detail each
+ROLES = {
+    "test": "test sensor",
+    "validate": "validation sensor",
+    "extra": "fit sensor, not SHRED's input",
+    "input": "fit sensor, SHRED's input",
+}
+
+Traces = Float[np.ndarray, "time sensor"]
+
+
+def sensor_traces(
+    times: Float[np.ndarray, " time"],
+    recorded: Traces,
+    names: Sequence[str],
+    roles: Mapping[str, str],
+    estimates: Mapping[str, Traces],
+    time_end: float,
+) -> Figure:
+    """Draw at most six sensors, the held-out ones first; recorded values are dots.
+
+    `roles` maps a sensor to `test`, `validate`, `extra` or `input`. Missing values leave gaps.
+    """
+    shown = _choose(names, roles)
+    panels = _panels(shown, times, time_end)
+    columns = 1 if len(panels) == 1 else 2
+    rows = -(-len(panels) // columns)
+    with style():
+        figure = new_figure(5.0 * columns, 0.8 + 1.75 * rows)
+        grid = figure.subplots(rows, columns, squeeze=False)
+        for axes, (sensor, window) in zip(grid.flat, panels, strict=False):
+            seen = (times >= window[0]) & (times <= window[1])
+            cut = {method: traces[seen, sensor] for method, traces in estimates.items()}
+            _draw_sensor(axes, times[seen], recorded[seen, sensor], cut)
+            shade_held_out(axes, time_end, window[1], label=False)
+            role = roles.get(names[sensor], "")
+            whole = window == (times[0], times[-1])
+            axes.set_title(names[sensor], fontsize=9, fontweight="bold")
+            note = ROLES.get(role, role) if whole else "the same, in detail"
+            axes.set_title(note, fontsize=8, loc="right", color="#4d4d4d")
+            axes.set(ylabel="reading", xlim=window)
+        for axes in list(grid.flat)[len(panels) :]:
+            axes.set_axis_off()
+        for column in grid.T:
+            [axes for axes in column if axes.axison][-1].set_xlabel("time")
+        _add_legend(figure, grid[0, 0], len(shown), len(names), bool(time_end < times[-1]))
+    return figure
+
+
+def _panels(
+    shown: Sequence[int], times: Float[np.ndarray, " time"], time_end: float
+) -> list[tuple[int, tuple[float, float]]]:
+    """The sensor and the time window of each panel."""
+    whole = (float(times[0]), float(times[-1]))
+    if len(shown) > DETAILED or len(times) < DENSE:
+        return [(sensor, whole) for sensor in shown]
+    # A long record of few sensors is a band of ink: show where the held-out time begins as well.
+    half = 0.05 * (whole[1] - whole[0])
+    detail = (max(whole[0], time_end - half), min(whole[1], time_end + half))
+    return [(sensor, window) for sensor in shown for window in (whole, detail)]
+
+
+def _draw_sensor(
+    axes: Axes,
+    times: Float[np.ndarray, " time"],
+    values: Float[np.ndarray, " time"],
+    estimates: Mapping[str, Float[np.ndarray, " time"]],
+) -> None:
+    # Dots and lines grow thinner where there are many, or they would hide each other.
+    size = float(np.clip(24 / np.sqrt(max(len(times), 1) / 10), 1.6, 7))
+    axes.plot(times, values, ".", color=BLACK, markersize=size, alpha=0.45, label="recorded")
+    width = 1.6 if len(times) < DENSE else 0.7
+    for index, (method, trace) in enumerate(estimates.items()):
+        look = method_look(method, index) | ({} if width > 1 else {"linestyle": "-"})
+        axes.plot(times, trace, label=method_name(method), linewidth=width, **look)
+
+
+def _choose(names: Sequence[str], roles: Mapping[str, str]) -> list[int]:
+    rank = {role: index for index, role in enumerate(ROLES)}
+    order = sorted(range(len(names)), key=lambda i: (rank.get(roles.get(names[i], ""), 9), i))
+    held_out = [i for i in order if roles.get(names[i]) in ("test", "validate")]
+    fitted = [i for i in order if i not in held_out]
+    # At least two fitted sensors are shown too: a bad fit there is worth seeing.
+    kept = held_out[: max(MOST - 2, MOST - len(fitted))]
+    return kept + fitted[: MOST - len(kept)]
+
+
+def _add_legend(figure: Figure, axes: Axes, shown: int, total: int, held_out: bool) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=len(handles))
+    parts = [f"{shown} of {total} sensors"] if shown < total else []
+    if held_out:
+        parts.append("shaded: held-out time")
+    if parts:
+        figure.supxlabel("    ".join(parts), fontsize=8, color="#5a5a5a", x=0.01, ha="left")

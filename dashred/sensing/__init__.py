@@ -1,0 +1,1 @@
+"""Sensors: what they read, recordings of them, and the scales their values are learnt on."""

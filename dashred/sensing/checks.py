@@ -1,0 +1,71 @@
+"""What every recording must satisfy, from whichever file it was read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dashred.errors import InputError
+from dashred.sensing.recording import Recording
+from dashred.sensing.sensors import Sensor
+
+# Fewer samples than this fill neither a lagged window nor a fit and a held-out part.
+FEWEST_SAMPLES = 20
+
+# Where a sample (and a sensor's value in it) stands in the file.
+Place = Callable[[int, str | None], str]
+
+
+def checked_recording(
+    sensors: Sequence[Sensor],
+    times: NDArray[np.float64],
+    values: NDArray[np.float64],
+    *,
+    path: str,
+    place: Place,
+) -> Recording:
+    """Return the recording of times (time,) and values (time, sensor) after checking both.
+
+    Raises:
+        InputError: for too few samples, times that are missing or do not increase, infinite
+            values, or a sensor without any value.
+    """
+    if not sensors:
+        raise InputError("the recording has no sensor", where=path)
+    if len(times) < FEWEST_SAMPLES:
+        problem = f"{len(times)} samples are too few: at least {FEWEST_SAMPLES} are needed"
+        raise InputError(problem, where=path)
+    _check_times(times, place)
+    _check_values([sensor.name for sensor in sensors], values, path, place)
+    return Recording(tuple(sensors), times, values)
+
+
+def _check_times(times: NDArray[np.float64], place: Place) -> None:
+    bad = np.flatnonzero(~np.isfinite(times))
+    if bad.size:
+        problem = "the time is missing or not finite"
+        hint = "every sample needs its time"
+        raise InputError(problem, where=place(int(bad[0]), "time"), hint=hint)
+    late = np.flatnonzero(times[1:] <= times[:-1])
+    if late.size:
+        row = int(late[0]) + 1
+        fault = "is repeated" if times[row] == times[row - 1] else "goes back"
+        problem = f"time {fault}: {times[row]:.10g} after {times[row - 1]:.10g}"
+        hint = "times must increase from sample to sample"
+        raise InputError(problem, where=place(row, "time"), hint=hint)
+
+
+def _check_values(
+    names: Sequence[str], values: NDArray[np.float64], path: str, place: Place
+) -> None:
+    infinite = np.argwhere(np.isinf(values))
+    if infinite.size:
+        row, column = (int(index) for index in infinite[0])
+        hint = "leave the cell empty where a value is missing"
+        raise InputError("the value is infinite", where=place(row, names[column]), hint=hint)
+    for name, column in zip(names, values.T, strict=True):
+        if np.isnan(column).all():
+            problem = f"sensor {name!r} has no value at all"
+            raise InputError(problem, where=path, hint="take it out of the recording")

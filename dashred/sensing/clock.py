@@ -1,0 +1,92 @@
+"""The analysis clock: recordings brought to samples at equal steps."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dashred.errors import InputError
+from dashred.sensing.checks import FEWEST_SAMPLES
+from dashred.sensing.recording import Recording
+
+# Times count as lying on a clock when they miss it by less than this part of a step.
+ON_CLOCK = 0.01
+# A stretch without samples that is longer than this many steps is a gap, not to be bridged.
+GAP = 2.0
+
+
+def resample(recording: Recording, every: float | None) -> tuple[Recording, str]:
+    """Return the recording on the clock t₀, t₀ + every, …, and a sentence that says how.
+
+    Samples that lie on the clock are taken as they are (decimation); otherwise each sensor is
+    interpolated linearly between its neighbouring values, except across gaps of more than 2 steps
+    (of the clock or the recording, whichever is longer), which stay NaN. ``every`` is in the unit
+    of time; None keeps the recording's own step.
+
+    Raises:
+        InputError: if ``every`` is shorter than the recording's own step, or so long that fewer
+            than 20 samples would remain.
+    """
+    own = own_step(recording.times)
+    step = own if every is None else every
+    clock = _clock(recording.times, own, step)
+    nearest = _nearest(recording.times, clock)
+    distance = np.abs(recording.times[nearest] - clock)
+    found = distance <= own / 2
+    if np.all(distance[found] <= ON_CLOCK * own):
+        values = np.where(found[:, None], recording.values[nearest], np.nan)
+        how = f"took every {round(step / own)}. sample" if round(step / own) > 1 else "kept samples"
+    else:
+        values = _interpolated(recording, clock, GAP * max(own, step))
+        how = "interpolated linearly"
+    says = f"{how}: {len(clock)} at a step of {step:.6g}, from {len(recording.times)} at {own:.6g}"
+    missing = np.isnan(values).mean()
+    return Recording(recording.sensors, clock, values), f"{says}{_missing(missing)}."
+
+
+def own_step(times: NDArray[np.float64]) -> float:
+    """The step of a recording: the mean of its steps, gaps left out."""
+    steps = np.diff(times)
+    return float(steps[steps < 1.5 * np.median(steps)].mean())
+
+
+def _clock(times: NDArray[np.float64], own: float, step: float) -> NDArray[np.float64]:
+    if step < own * (1 - ON_CLOCK):
+        problem = f"a step of {step:g} is shorter than the recording's own, {own:.6g}"
+        hint = f"set recording.every to null or to {own:.6g} or more"
+        raise InputError(problem, where="recording.every", hint=hint)
+    count = int(np.floor((times[-1] - times[0]) / step + ON_CLOCK)) + 1
+    if count < FEWEST_SAMPLES:
+        problem = f"a step of {step:g} leaves {count} samples: at least {FEWEST_SAMPLES} are needed"
+        hint = f"set recording.every to {(times[-1] - times[0]) / FEWEST_SAMPLES:.3g} or less"
+        raise InputError(problem, where="recording.every", hint=hint)
+    clock: NDArray[np.float64] = times[0] + step * np.arange(count)
+    return clock
+
+
+def _nearest(times: NDArray[np.float64], clock: NDArray[np.float64]) -> NDArray[np.intp]:
+    right = np.searchsorted(times, clock).clip(1, len(times) - 1)
+    left_is_nearer = clock - times[right - 1] <= times[right] - clock
+    return np.where(left_is_nearer, right - 1, right)
+
+
+def _interpolated(
+    recording: Recording, clock: NDArray[np.float64], gap: float
+) -> NDArray[np.float64]:
+    values = np.full((len(clock), len(recording.sensors)), np.nan)
+    for column, recorded in enumerate(recording.values.T):
+        known = ~np.isnan(recorded)
+        times = recording.times[known]
+        if len(times) < 2:
+            continue
+        right = np.searchsorted(times, clock).clip(1, len(times) - 1)
+        bridged = times[right] - times[right - 1] <= gap
+        exact = np.isclose(np.abs(times[_nearest(times, clock)] - clock), 0, atol=1e-9 * gap)
+        inside = (clock >= times[0]) & (clock <= times[-1])
+        usable = (bridged & inside) | exact
+        values[usable, column] = np.interp(clock[usable], times, recorded[known])
+    return values
+
+
+def _missing(share: float) -> str:
+    return f", {share:.1%} of the values missing" if share else ""

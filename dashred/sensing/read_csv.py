@@ -1,0 +1,86 @@
+"""Recordings in CSV: ``time``, optionally ``episode``, and one column for each sensor."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dashred.errors import InputError
+from dashred.sensing.checks import checked_recording
+from dashred.sensing.recording import Recording
+from dashred.sensing.sensors import RESERVED, Described, Sensor, nearest, readable
+from dashred.sensing.sensors_table import read_sensors
+from dashred.sensing.tables import Table, read_table
+
+
+def read_csv(path: str, sensors_table: str | None, system: Described) -> Recording:
+    """Read a recording and the table that says what its columns are.
+
+    An ODE system needs no table: columns named like its fields or lets are the sensors.
+
+    Raises:
+        InputError: saying in which line and column of which file the fault is.
+    """
+    table = read_table(path)
+    _check_time_column(table)
+    _check_episode(table)
+    if sensors_table is None:
+        sensors = _sensors_by_name(table, system)
+    else:
+        sensors = _matched(table, read_sensors(sensors_table, system), sensors_table)
+    values = np.empty((len(table.rows), len(sensors)))
+    for index, sensor in enumerate(sensors):
+        values[:, index] = table.numbers(sensor.name)
+    times = table.numbers("time")
+    return checked_recording(sensors, times, values, path=path, place=table.place)
+
+
+def _check_time_column(table: Table) -> None:
+    if "time" in table.columns:
+        return
+    split_otherwise = len(table.columns) == 1 and any(mark in table.columns[0] for mark in ";\t ")
+    found = f"its columns are {', '.join(table.columns)}"
+    hint = "separate the columns by commas" if split_otherwise else found
+    raise InputError("the recording has no column 'time'", where=table.path, hint=hint)
+
+
+def _check_episode(table: Table) -> None:
+    if "episode" not in table.columns:
+        return
+    episodes = table.texts("episode")
+    for row, episode in enumerate(episodes):
+        if episode != episodes[0]:
+            problem = f"a second episode, {episode!r}, starts here: this version reads one"
+            hint = "give each episode a file of its own"
+            raise InputError(problem, where=table.place(row, "episode"), hint=hint)
+
+
+def _sensor_columns(table: Table) -> list[str]:
+    return [column for column in table.columns if column not in RESERVED]
+
+
+def _sensors_by_name(table: Table, system: Described) -> list[Sensor]:
+    if system.axes:
+        axes = ", ".join(axis.name for axis in system.axes)
+        problem = f"the places of the sensors (name, field, {axes}, std) are not given"
+        raise InputError(problem, where=table.path, hint="recording.sensors=PATH names their table")
+    known = readable(system)
+    for column in _sensor_columns(table):
+        if column not in known:
+            problem = f"column {column!r} is neither a field nor a let of the system"
+            hint = nearest(column, known) + "; or name a table with recording.sensors=PATH"
+            raise InputError(problem, where=table.path, hint=hint)
+    return [Sensor(column, reads=column) for column in _sensor_columns(table)]
+
+
+def _matched(table: Table, sensors: tuple[Sensor, ...], sensors_table: str) -> list[Sensor]:
+    named = {sensor.name: sensor for sensor in sensors}
+    columns = _sensor_columns(table)
+    for column in columns:
+        if column not in named:
+            problem = f"column {column!r} is not in the table of sensors {sensors_table}"
+            raise InputError(problem, where=table.path, hint=nearest(column, named))
+    for name in named:
+        if name not in columns:
+            problem = f"sensor {name!r} has no column in the recording {table.path}"
+            raise InputError(problem, where=sensors_table, hint=nearest(name, columns))
+    return [named[column] for column in columns]

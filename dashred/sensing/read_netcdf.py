@@ -1,0 +1,92 @@
+"""Reading recordings from NetCDF, in the layout that ``write_netcdf`` describes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dashred.errors import InputError
+from dashred.sensing.checks import checked_recording
+from dashred.sensing.recording import Recording
+from dashred.sensing.sensors import Described, Sensor, check_names, check_sensor, nearest
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def read_netcdf(path: str, system: Described) -> Recording:
+    """Read a recording whose sensors are described in the file itself.
+
+    Raises:
+        InputError: for a file that is no NetCDF-4, a variable that is missing or has other
+            dimensions or text in place of numbers, or any fault of the recording itself.
+    """
+    if not Path(path).is_file():
+        raise InputError("no such file", where=path, hint=f"looked in {Path.cwd()}")
+    dataset = _load(path)
+    names = _texts(dataset, "name", path)
+    check_names(names, path)
+    sensors = _sensors(dataset, names, system, path)
+    times = _numbers(dataset, "time", ("time",), path)
+    values = _numbers(dataset, "value", ("time", "sensor"), path)
+
+    def place(sample: int, sensor: str | None) -> str:
+        return f"{path}, sample {sample + 1}" + (f", {sensor!r}" if sensor else "")
+
+    return checked_recording(sensors, times, values, path=path, place=place)
+
+
+def _load(path: str) -> xr.Dataset:
+    # Both take a second, which reading a CSV need not wait for.
+    import h5py  # type: ignore[import-untyped]
+    import xarray as xr
+
+    try:
+        with h5py.File(path) as file:
+            # h5netcdf leaves a traceback on stderr when a damaged object stops it halfway.
+            file.visititems(lambda name, item: None)
+        # Times stay the numbers they are: t is the recording's own clock.
+        return xr.load_dataset(path, engine="h5netcdf", decode_times=False)
+    except Exception as error:  # a damaged file fails in as many ways as HDF5 has layers
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(f"not a readable NetCDF-4 file: {reason}", where=path) from error
+
+
+def _variable(dataset: xr.Dataset, name: str, dims: Sequence[str], path: str) -> xr.DataArray:
+    if name not in dataset.variables:
+        hint = nearest(name, (str(found) for found in dataset.variables))
+        raise InputError(f"the recording has no variable {name!r}", where=path, hint=hint)
+    if dataset[name].dims != tuple(dims):
+        found = ", ".join(str(dim) for dim in dataset[name].dims)
+        problem = f"{name!r} has the dimensions ({found}), not ({', '.join(dims)})"
+        raise InputError(problem, where=path)
+    return dataset[name]
+
+
+def _texts(dataset: xr.Dataset, name: str, path: str) -> list[str]:
+    return [str(text) for text in _variable(dataset, name, ("sensor",), path).values]
+
+
+def _numbers(dataset: xr.Dataset, name: str, dims: Sequence[str], path: str) -> NDArray[np.float64]:
+    values = _variable(dataset, name, dims, path).values
+    if values.dtype.kind not in "fiu":
+        raise InputError(f"{name!r} does not hold numbers", where=path)
+    return np.ascontiguousarray(values, dtype=np.float64)
+
+
+def _sensors(dataset: xr.Dataset, names: list[str], system: Described, path: str) -> list[Sensor]:
+    reads = _texts(dataset, "reads", path)
+    stds = _numbers(dataset, "std", ("sensor",), path)
+    places = [_numbers(dataset, axis.name, ("sensor",), path) for axis in system.axes]
+    sensors = []
+    for index, name in enumerate(names):
+        position = tuple(float(place[index]) for place in places)
+        std = None if math.isnan(stds[index]) else float(stds[index])
+        sensors.append(Sensor(name, reads[index], position, std))
+        check_sensor(sensors[-1], system, path)
+    return sensors

@@ -1,0 +1,70 @@
+"""A recording: what some sensors read, at which times."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dashred.errors import InputError
+from dashred.sensing.sensors import Sensor, nearest
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Values of S sensors at T times.
+
+    Attributes:
+        sensors: one for each column of ``values``, with unique names.
+        times: (time,) float64, strictly increasing, in the unit of the system's ``t``.
+        values: (time, sensor) float64, in the unit of what each sensor reads; NaN is missing.
+    """
+
+    sensors: tuple[Sensor, ...]
+    times: NDArray[np.float64]
+    values: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        """Hold the shapes and the order of times; what users give is checked by the readers."""
+        if self.values.shape != (*self.times.shape, len(self.sensors)) or self.times.ndim != 1:
+            raise ValueError(f"values {self.values.shape} do not fit times {self.times.shape}")
+        if not np.all(np.diff(self.times) > 0):
+            raise ValueError("times must increase strictly")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the sensors, in the order of the columns."""
+        return tuple(sensor.name for sensor in self.sensors)
+
+    def select(self, names: Sequence[str]) -> Recording:
+        """Return the named sensors alone, in the order asked for.
+
+        Raises:
+            InputError: for a name that is not in the recording.
+        """
+        columns = {name: column for column, name in enumerate(self.names)}
+        for name in names:
+            if name not in columns:
+                problem = f"the recording has no sensor {name!r}"
+                raise InputError(problem, hint=nearest(name, self.names))
+        chosen = [columns[name] for name in names]
+        sensors = tuple(self.sensors[column] for column in chosen)
+        return Recording(sensors, self.times, self.values[:, chosen])
+
+    def between(self, first: float, last: float) -> Recording:
+        """Return the samples with first <= time <= last."""
+        inside = (self.times >= first) & (self.times <= last)
+        return replace(self, times=self.times[inside], values=self.values[inside])
+
+    def sha256(self) -> str:
+        """Hash of the contents (sensors, times, values), whatever file they came from."""
+        sensors = [[s.name, s.reads, list(s.position), s.std] for s in self.sensors]
+        digest = hashlib.sha256(json.dumps(sensors).encode())
+        digest.update(self.times.astype("<f8").tobytes())
+        # Every missing value the same NaN, whose bits differ between file formats.
+        digest.update(np.where(np.isnan(self.values), np.nan, self.values).astype("<f8").tobytes())
+        return digest.hexdigest()

@@ -1,0 +1,202 @@
+"""What is held out of a recording: some of the sensors, and the end of the time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dashred.config import Splits
+from dashred.errors import InputError
+from dashred.sensing.recording import Recording
+from dashred.sensing.sensors import check_names, nearest
+from dashred.sensing.spreading import spread_out
+
+# A stream of its own, so that no other use of the seed moves the sensors' roles.
+STREAM = 0x5E25
+# With fewer sensors than this, numbers of held-out sensors are not drawn.
+FEWEST_SENSORS = 5
+# From this many fit sensors on, a third of them is kept from SHRED's input by default.
+FEWEST_FOR_EXTRA = 6
+
+
+@dataclass(frozen=True)
+class Split:
+    """Roles of the sensors and the parts of the recording that go with them.
+
+    Attributes:
+        inputs: fit sensors that SHRED sees.
+        extra: fit sensors that only assimilation is fitted to.
+        validate: sensors for early stopping and for choosing.
+        test: sensors that nothing looks at until discovery is final.
+        fit: inputs and extra, up to ``time_end``.
+        validation: validate sensors up to ``time_end``; without any, the fit sensors after
+            ``fit_end``.
+        heldout: fit and validate sensors after ``time_end``.
+        tested: test sensors at all times.
+        time_end: time of the last sample that is not held out.
+        fit_end: time of the last sample that may be fitted: ``time_end``, or earlier when the
+            rest of the fit window serves for validation.
+        note: one sentence on what is held out.
+    """
+
+    inputs: tuple[str, ...]
+    extra: tuple[str, ...]
+    validate: tuple[str, ...]
+    test: tuple[str, ...]
+    fit: Recording
+    validation: Recording
+    heldout: Recording
+    tested: Recording
+    time_end: float
+    fit_end: float
+    note: str
+
+    @property
+    def held_out_sensors(self) -> bool:
+        """Whether sensors are held out for testing, not time alone."""
+        return bool(self.test)
+
+
+def split_recording(recording: Recording, splits: Splits, seed: int) -> Split:
+    """Give every sensor its role and cut the time.
+
+    Numbers of sensors are drawn from the seed, spread over the domain; names are taken as given.
+    Fewer than 5 sensors are all fitted, unless the configuration names some to hold out.
+
+    Raises:
+        InputError: if a named sensor does not exist or has two roles, if no input sensor would
+            be left, or if a sensor has no value in the fit window.
+    """
+    rng = np.random.default_rng([seed, STREAM])
+    validate, test = _held_out(recording, splits, rng)
+    fitted = [name for name in recording.names if name not in (*validate, *test)]
+    extra = _extra(recording, fitted, splits.sensors.extra, rng)
+    times = recording.times
+    last = _last_fitted(times, splits.time.test)
+    early = recording.between(times[0], times[last])
+    _check_values(early)
+    # The last fifth of the fit window validates where no sensor does.
+    fit_last = last if validate else _last_fitted(times[: last + 1], 0.2)
+    if validate:
+        validation = early.select(validate)
+    else:
+        validation = early.select(fitted).between(times[fit_last + 1], times[last])
+    return Split(
+        inputs=tuple(name for name in fitted if name not in extra),
+        extra=extra,
+        validate=validate,
+        test=test,
+        fit=early.select(fitted),
+        validation=validation,
+        heldout=recording.between(times[last + 1], times[-1]).select([*fitted, *validate]),
+        tested=recording.select(test),
+        time_end=float(times[last]),
+        fit_end=float(times[fit_last]),
+        note=_note(recording, validate, test, float(times[fit_last]), float(times[last])),
+    )
+
+
+def _held_out(
+    recording: Recording, splits: Splits, rng: np.random.Generator
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    named = {"validate": splits.sensors.validate, "test": splits.sensors.test}
+    roles = {role: _named(recording, role, wanted) for role, wanted in named.items()}
+    check_names([*roles["validate"], *roles["test"]], "splits.sensors")
+    counts = {role: _count(recording, wanted) for role, wanted in named.items()}
+    taken = [recording.names.index(name) for names in roles.values() for name in names]
+    free = [index for index in range(len(recording.sensors)) if index not in taken]
+    if len(free) <= sum(counts.values()):
+        raise _too_few(recording, len(taken) + sum(counts.values()))
+    drawn = spread_out(
+        _positions(recording), sum(counts.values()), rng, candidates=free, beside=taken
+    )
+    # The first ones drawn lie farthest apart: shuffled, neither role is favoured by that.
+    shuffled = [recording.names[index] for index in rng.permutation(np.array(drawn, dtype=int))]
+    validate = {*roles["validate"], *shuffled[: counts["validate"]]}
+    test = {*roles["test"], *shuffled[counts["validate"] :]}
+    return _ordered(recording, validate), _ordered(recording, test)
+
+
+def _named(recording: Recording, role: str, wanted: Any) -> list[str]:
+    if isinstance(wanted, int):
+        return []
+    for name in wanted:
+        if name not in recording.names:
+            problem = f"the recording has no sensor {name!r}"
+            hint = nearest(str(name), recording.names)
+            raise InputError(problem, where=f"splits.sensors.{role}", hint=hint)
+    return list(wanted)
+
+
+def _count(recording: Recording, wanted: Any) -> int:
+    few = len(recording.sensors) < FEWEST_SENSORS
+    return wanted if isinstance(wanted, int) and not few else 0
+
+
+def _too_few(recording: Recording, held_out: int) -> InputError:
+    problem = f"{len(recording.sensors)} sensors are too few to hold out {held_out} of them"
+    hint = "lower splits.sensors.validate or splits.sensors.test: one sensor must be left to fit"
+    return InputError(problem, where="splits.sensors", hint=hint)
+
+
+def _extra(
+    recording: Recording, fitted: list[str], wanted: int | None, rng: np.random.Generator
+) -> tuple[str, ...]:
+    default = len(fitted) // 3 if len(fitted) >= FEWEST_FOR_EXTRA else 0
+    count = default if wanted is None else wanted
+    if count >= len(fitted):
+        problem = f"{count} extra sensors leave none of {len(fitted)} fit sensors as SHRED's input"
+        hint = f"set it to {len(fitted) - 1} or less"
+        raise InputError(problem, where="splits.sensors.extra", hint=hint)
+    candidates = [recording.names.index(name) for name in fitted]
+    drawn = spread_out(_positions(recording), count, rng, candidates=candidates)
+    return _ordered(recording, {recording.names[index] for index in drawn})
+
+
+def _last_fitted(times: NDArray[np.float64], fraction: float) -> int:
+    end = times[0] + (1.0 - fraction) * (times[-1] - times[0])
+    # The end may fall on a sample: rounding must not decide on which side of it.
+    rounding = 1e-9 * (times[-1] - times[0])
+    count = int(np.searchsorted(times, end + rounding, side="right"))
+    return min(count, len(times) - 1) - 1
+
+
+def _check_values(early: Recording) -> None:
+    for name, values in zip(early.names, early.values.T, strict=True):
+        if np.isnan(values).all():
+            problem = f"sensor {name!r} has no value until t = {early.times[-1]:.6g}"
+            hint = "take it out of the recording, or lower splits.time.test"
+            raise InputError(problem, hint=hint)
+
+
+def _positions(recording: Recording) -> NDArray[np.float64]:
+    return np.array([sensor.position for sensor in recording.sensors], dtype=np.float64)
+
+
+def _ordered(recording: Recording, names: set[str]) -> tuple[str, ...]:
+    return tuple(name for name in recording.names if name in names)
+
+
+def _note(
+    recording: Recording,
+    validate: Sequence[str],
+    test: Sequence[str],
+    fit_end: float,
+    time_end: float,
+) -> str:
+    count = len(recording.sensors)
+    fitted = count - len(validate) - len(test)
+    held = f"t > {time_end:.6g} is held out"
+    sensors = f"{fitted} of {count} sensors are fitted"
+    if not test:
+        held += ", no sensor is"
+    validated = (
+        f"{len(validate)} validate"
+        if validate
+        else f"their samples in {fit_end:.6g} < t <= {time_end:.6g} validate"
+    )
+    return f"{sensors}, {validated}, {len(test)} test; {held}."

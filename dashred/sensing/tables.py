@@ -1,0 +1,133 @@
+"""Comma-separated tables as text cells that remember their line, so that errors can name it."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dashred.errors import InputError
+from dashred.sensing.sensors import check_names
+
+
+@dataclass(frozen=True)
+class Table:
+    """A rectangular table: ``rows[i][j]`` is the text of row i in ``columns[j]``.
+
+    Attributes:
+        path: the file, as the user wrote it.
+        columns: names in the header, unique and not empty.
+        rows: cells, without the header and blank lines.
+        lines: line of the file on which each row ends, counted from 1.
+    """
+
+    path: str
+    columns: tuple[str, ...]
+    rows: list[list[str]]
+    lines: list[int]
+
+    def place(self, row: int, column: str | None = None) -> str:
+        """Where a row or a cell stands: ``file.csv:17, column 'theta'``."""
+        line = f"{self.path}:{self.lines[row]}"
+        return line if column is None else f"{line}, column {column!r}"
+
+    def texts(self, column: str) -> list[str]:
+        """The column's cells, without surrounding blanks."""
+        index = self.columns.index(column)
+        return [row[index].strip() for row in self.rows]
+
+    def numbers(self, column: str) -> NDArray[np.float64]:
+        """The column as float64, shape (row,); an empty cell or NaN is a missing value.
+
+        Raises:
+            InputError: at the first cell that is not a number.
+        """
+        cells = self.texts(column)
+        # The whole column at once, and cell by cell only to find a culprit.
+        if _is_plain("".join(cells)):
+            with contextlib.suppress(ValueError):
+                return np.array([float(cell or "nan") for cell in cells], dtype=np.float64)
+        row = next(row for row, cell in enumerate(cells) if not _is_number(cell))
+        hint = "write numbers as 1.5e-3; leave the cell empty where a value is missing"
+        problem = f"{_shortened(cells[row])} is not a number"
+        raise InputError(problem, where=self.place(row, column), hint=hint)
+
+
+def read_table(path: str) -> Table:
+    """Read a comma-separated file in UTF-8 whose first line names the columns.
+
+    Raises:
+        InputError: if the file is missing, empty, not UTF-8 or badly quoted, a column has no name
+            or one that was used before, or a row has too few or too many cells.
+    """
+    reader = csv.reader(io.StringIO(_text(path), newline=""), strict=True)
+    rows: list[list[str]] = []
+    lines: list[int] = []
+    try:
+        for row in reader:
+            if row:
+                rows.append(row)
+                lines.append(reader.line_num)
+    except csv.Error as error:
+        where = f"{path}:{reader.line_num}"
+        raise InputError(f"not a readable CSV: {error}", where=where) from None
+    columns = _header(path, rows[0], lines[0])
+    _check_rectangular(path, len(columns), rows, lines)
+    return Table(path, columns, rows[1:], lines[1:])
+
+
+def _text(path: str) -> str:
+    try:
+        data = Path(path).read_bytes()
+    except FileNotFoundError:
+        raise InputError("no such file", where=path, hint=f"looked in {Path.cwd()}") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot be read: {error}", where=path) from None
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        hint = "save the table as CSV in UTF-8"
+        raise InputError("not UTF-8 text", where=f"{path}:{line}", hint=hint) from None
+    if not text.strip():
+        raise InputError("the file is empty", where=path)
+    return text
+
+
+def _header(path: str, cells: list[str], line: int) -> tuple[str, ...]:
+    columns = tuple(cell.strip() for cell in cells)
+    where = f"{path}:{line}"
+    if "" in columns:
+        problem = f"column {columns.index('') + 1} has no name"
+        raise InputError(problem, where=where, hint="the first line must name every column")
+    check_names(columns, where)
+    return columns
+
+
+def _check_rectangular(path: str, width: int, rows: list[list[str]], lines: list[int]) -> None:
+    for row, line in zip(rows, lines, strict=True):
+        if len(row) != width:
+            problem = f"{len(row)} cells, but the first line names {width} columns"
+            raise InputError(problem, where=f"{path}:{line}")
+
+
+def _is_plain(text: str) -> bool:
+    # float() also takes 1_000 and the digits of every script: typing errors, in a table.
+    return text.isascii() and "_" not in text
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell or "nan")
+    except ValueError:
+        return False
+    return _is_plain(cell)
+
+
+def _shortened(cell: str) -> str:
+    return repr(cell if len(cell) <= 40 else cell[:37] + "...")

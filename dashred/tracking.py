@@ -1,0 +1,172 @@
+"""Runs and their curves in MLflow: one parent run per command, nested runs for its stages.
+
+Everything goes through a client with an explicit absolute URI, so no process depends on what
+another library has set as MLflow's current run or store. MLflow is imported on first use: that
+alone takes seconds.
+"""
+
+import getpass
+import json
+import math
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self, TypeVar
+
+from dashred.findings import write_json_atomic
+from dashred.metric_names import metric_name, slug, term_table, unslug
+from dashred.mlflow_store import Store, end_failed_run, find_run, open_store
+
+if TYPE_CHECKING:
+    from lightning.pytorch.loggers import MLFlowLogger
+
+__all__ = ["ChildRun", "Run", "Tracker", "flatten", "metric_name", "slug", "unslug"]
+
+# What MLflow takes at once, and how long a value it keeps.
+METRIC_BATCH, BATCH = 1000, 100
+PARAM_LENGTH, TAG_LENGTH = 6000, 8000
+
+Entry = TypeVar("Entry")
+
+
+class Run:
+    """One run of the store, parent or nested, and what can be logged to it."""
+
+    def __init__(self, store: Store, run_id: str) -> None:
+        """Bind to a run that exists in the store."""
+        self.run_id = run_id
+        self.artifact_dir: Path = store.artifact_dir(run_id)
+        self._store = store
+
+    def log_params(self, params: Mapping[str, Any]) -> None:
+        """Log a flat dict of plain values; a value too long for MLflow is cut, ending in `…`."""
+        from mlflow.entities import Param
+
+        entries = [Param(key, _text(value, PARAM_LENGTH)) for key, value in params.items()]
+        for part in _parts(entries, BATCH):
+            self._store.client.log_batch(self.run_id, params=part)
+
+    def log_metrics(self, metrics: Mapping[str, float], step: int) -> None:
+        """Log one point of each curve; what is not finite becomes NaN, a gap in the curve."""
+        from mlflow.entities import Metric
+
+        now = int(time.time() * 1000)
+        # MLflow would store an infinity as 1.8e308, and no curve could be read beside that.
+        points = {key: float(v) if math.isfinite(v) else math.nan for key, v in metrics.items()}
+        entries = [Metric(key, value, now, step) for key, value in points.items()]
+        for part in _parts(entries, METRIC_BATCH):
+            self._store.client.log_batch(self.run_id, metrics=part)
+
+    def set_tags(self, tags: Mapping[str, Any]) -> None:
+        """Set tags such as system, verdict and git commit."""
+        from mlflow.entities import RunTag
+
+        entries = [RunTag(key, _text(value, TAG_LENGTH)) for key, value in tags.items()]
+        for part in _parts(entries, BATCH):
+            self._store.client.log_batch(self.run_id, tags=part)
+
+    def log_terms(self, terms: Iterable[str]) -> None:
+        """Write `terms.json`: from the last part of a coefficient's metric name to its term."""
+        write_json_atomic(self.artifact_dir / "terms.json", term_table(terms))
+
+    def log_file(self, path: Path) -> None:
+        """Copy a file to the top of the run's artifacts, unless it lies among them already."""
+        if not self._holds(path):
+            self._store.client.log_artifact(self.run_id, str(path))
+
+    def log_folder(self, path: Path) -> None:
+        """Copy what is in a folder to the run's artifacts, unless it lies there already."""
+        if not self._holds(path):
+            self._store.client.log_artifacts(self.run_id, str(path))
+
+    def _holds(self, path: Path) -> bool:
+        return path.resolve().is_relative_to(self.artifact_dir)
+
+
+class ChildRun(Run):
+    """A nested run: one stage of a command."""
+
+
+class Tracker(Run):
+    """The parent run of one command.
+
+    Its nested runs carry the tag `mlflow.parentRunId`, by which MLflow's pages fold them under it.
+    """
+
+    @classmethod
+    @contextmanager
+    def open(
+        cls, root: str, experiment: str, run_name: str, run_id: str | None = None
+    ) -> Iterator[Self]:
+        """Open a parent run, or go on with `run_id`, which another process opened.
+
+        The run ends FINISHED, FAILED after an exception, or KILLED after Ctrl-C; one that
+        another process opened is left for that process to end, unless this one fails.
+
+        Raises:
+            InputError: if the store cannot be used, or has no such run.
+        """
+        store = open_store(root, experiment)
+        opened = find_run(store, run_id) if run_id else _create_run(store, run_name, {})
+        with _ended(store, opened, as_finished=not run_id):
+            yield cls(store, opened)
+
+    @property
+    def uri(self) -> str:
+        """The store's URI, as `mlflow ui --backend-store-uri` wants it."""
+        return self._store.uri
+
+    @contextmanager
+    def child(self, name: str) -> Iterator[ChildRun]:
+        """Open a nested run; it ends FINISHED, FAILED after an exception, or KILLED."""
+        opened = _create_run(self._store, name, {"mlflow.parentRunId": self.run_id})
+        with _ended(self._store, opened, as_finished=True):
+            yield ChildRun(self._store, opened)
+
+    def logger(self, child: ChildRun) -> "MLFlowLogger":
+        """Lightning's logger, writing to `child`.
+
+        With a database store its `save_dir` is None: give checkpoints a folder of their own.
+        """
+        from lightning.pytorch.loggers import MLFlowLogger
+
+        return MLFlowLogger(tracking_uri=self.uri, run_id=child.run_id)
+
+
+def flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """A nested dict as a flat one with dotted keys: `{"shred": {"lags": 8}}` → `shred.lags`."""
+    flat: dict[str, Any] = {}
+    for key, value in tree.items():
+        if isinstance(value, Mapping) and value:
+            flat |= flatten(value, f"{prefix}{key}.")
+        else:
+            flat[f"{prefix}{key}"] = value
+    return flat
+
+
+def _create_run(store: Store, name: str, tags: dict[str, str]) -> str:
+    tags = {"mlflow.user": getpass.getuser(), "mlflow.source.name": "dashred", **tags}
+    run = store.client.create_run(store.experiment_id, run_name=name, tags=tags)
+    return str(run.info.run_id)
+
+
+@contextmanager
+def _ended(store: Store, run_id: str, *, as_finished: bool) -> Iterator[None]:
+    try:
+        yield
+    except BaseException as error:
+        end_failed_run(store, run_id, killed=isinstance(error, KeyboardInterrupt))
+        raise
+    if as_finished:
+        store.client.set_terminated(run_id, "FINISHED")
+
+
+def _text(value: Any, length: int) -> str:
+    text = value if isinstance(value, str) else json.dumps(value, default=str)
+    return text if len(text) <= length else f"{text[: length - 1]}…"
+
+
+def _parts(entries: Sequence[Entry], size: int) -> Iterator[Sequence[Entry]]:
+    for start in range(0, len(entries), size):
+        yield entries[start : start + size]

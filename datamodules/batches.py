@@ -1,0 +1,24 @@
+"""Batches by index: whole batches are cut out of tensors, never sample by sample."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+from torch.utils.data import BatchSampler, DataLoader, RandomSampler, SequentialSampler, TensorDataset
+
+
+def shuffled_batches(tensors: tuple[Tensor, ...], size: int, seed: int) -> DataLoader:
+    """Return a loader of random batches whose order is fixed by ``seed``."""
+    dataset = TensorDataset(*tensors)
+    order = RandomSampler(dataset, generator=torch.Generator().manual_seed(seed))
+    return _loader(dataset, BatchSampler(order, size, drop_last=False))
+
+
+def ordered_batches(tensors: tuple[Tensor, ...], size: int) -> DataLoader:
+    """Return a loader of consecutive batches."""
+    dataset = TensorDataset(*tensors)
+    return _loader(dataset, BatchSampler(SequentialSampler(dataset), size, drop_last=False))
+
+
+def _loader(dataset: TensorDataset, batches: BatchSampler) -> DataLoader:
+    return DataLoader(dataset, sampler=batches, batch_size=None)

@@ -1,0 +1,99 @@
+"""The simulated ensemble as windows of sensor histories and POD coefficients."""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from lightning import LightningDataModule
+from torch import Tensor
+from torch.utils.data import DataLoader
+
+from dashred.physics.ensemble import Ensemble
+from dashred.sensing.observation import ObservationOperator
+from dashred.sensing.pod import POD
+from dashred.sensing.scaler import Scaler
+from dashred.sensing.windows import windows
+from datamodules.batches import ordered_batches, shuffled_batches
+
+
+class SimulationDataModule(LightningDataModule):
+    """What SHRED learns from: simulated members, cut into training, validation and test members.
+
+    The scaler and the POD basis are fitted on training members alone. Half of the held-out
+    members stop the training early, the other half measure it.
+
+    Attributes:
+        scaler: of the input sensors.
+        pod: basis of the field.
+        spread: std of each POD coefficient, ``(mode,)``.
+
+    Args:
+        ensemble: simulated trajectories.
+        operator: reads SHRED's input sensors.
+        noise: std of each input sensor, ``(sensor,)``.
+        lags: samples of history behind the present one.
+        modes: POD modes.
+        held_out: members not trained on.
+        batch: windows in a batch.
+        seed: of the batches' order and of the held-out members' noise.
+    """
+
+    def __init__(
+        self,
+        ensemble: Ensemble,
+        operator: ObservationOperator,
+        noise: Tensor,
+        lags: int,
+        modes: int,
+        held_out: int,
+        batch: int,
+        seed: int,
+    ) -> None:
+        super().__init__()
+        self.ensemble, self.operator, self.noise = ensemble, operator, noise
+        self.lags, self.batch, self.seed = lags, batch, seed
+        members = len(ensemble.states)
+        self.members = {
+            "train": range(members - held_out),
+            "validation": range(members - held_out, members - held_out // 2),
+            "test": range(members - held_out // 2, members),
+        }
+        training = ensemble.states[: members - held_out]
+        self.pod = POD.fit(training.flatten(0, 1), modes)
+        self.scaler = Scaler.fit(self.observed("train"))
+        self.spread = self.coefficients("train").flatten(0, 1).std(dim=0)
+
+    def states(self, part: str) -> Float[Tensor, "member time ..."]:
+        """Return the trajectories of one part of the members."""
+        return self.ensemble.states[list(self.members[part])]
+
+    def observed(self, part: str) -> Float[Tensor, "member time sensor"]:
+        """Return what the input sensors read on one part of the members, without noise."""
+        return self.operator(self.states(part))
+
+    def coefficients(self, part: str) -> Float[Tensor, "member time mode"]:
+        """Return the POD coefficients of one part of the members."""
+        return self.pod.encode(self.states(part))
+
+    def noisy_windows(self, part: str) -> Float[Tensor, "member time lag sensor"]:
+        """Return windows of noisy histories; the noise is fixed by the seed and the part."""
+        traces = self.observed(part)
+        generator = torch.Generator().manual_seed(self.seed * 2 + (part == "test"))
+        noise = torch.randn(traces.shape, generator=generator, dtype=traces.dtype)
+        return windows(traces + self.noise * noise, self.lags)
+
+    def train_dataloader(self) -> DataLoader:
+        """Return clean windows and coefficients; the LightningModule draws fresh noise."""
+        clean = windows(self.observed("train"), self.lags)
+        return shuffled_batches(
+            (_flat(clean), _flat(self.coefficients("train"))), self.batch, self.seed
+        )
+
+    def val_dataloader(self) -> DataLoader:
+        """Return noisy windows and coefficients of the validation members."""
+        noisy, coefficients = self.noisy_windows("validation"), self.coefficients("validation")
+        return ordered_batches((_flat(noisy), _flat(coefficients)), 4 * self.batch)
+
+
+def _flat(values: Tensor) -> Tensor:
+    return values.flatten(0, 1).float().contiguous()

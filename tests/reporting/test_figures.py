@@ -1,0 +1,183 @@
+"""Figures: they show what they were given, say what it is, and are the same bytes every time."""
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+
+from dashred.reporting.coefficients import spread_out
+from dashred.reporting.figures import (
+    coefficients_against_epoch,
+    learning_curves,
+    rmse_against_time,
+    save_figure,
+    sensor_traces,
+    space_time_panels,
+    sparsity_path,
+)
+from dashred.reporting.style import pretty
+
+TIMES = np.linspace(0, 10, 41)
+X = np.linspace(0, 6, 24, endpoint=False)
+TRUTH = np.sin(X[None] - TIMES[:, None])
+
+
+def titles(figure: Figure) -> list[str]:
+    return [axes.get_title(loc="left") for axes in figure.axes if axes.get_title(loc="left")]
+
+
+def texts(figure: Figure) -> str:
+    from matplotlib.text import Text
+
+    return "\n".join(found.get_text() for found in figure.findobj(Text))
+
+
+def space_time() -> Figure:
+    kinds = {"truth": TRUTH, "shred": TRUTH + 0.5 * TRUTH.std(), "dashred": TRUTH}
+    return space_time_panels(
+        TIMES, "x", X, {"u": kinds}, {"u": [1.0, 2.0]}, meanings={"u": "energy"}, time_end=8.0
+    )
+
+
+def rmse() -> Figure:
+    curves = {"simulation": 0.1 * TIMES, "dashred": 0.05 * TIMES}
+    return rmse_against_time(TIMES, curves, 8.0, "RMSE / std")
+
+
+def coefficients() -> Figure:
+    epochs = np.arange(10)
+    terms = {f"u: u**{k}": np.full(10, 0.1 * k) for k in range(12)}
+    return coefficients_against_epoch(epochs, {"Algorithm 1": terms, "Algorithm 2": {}}, "SINDy")
+
+
+def traces(sensors: int = 8, samples: int = 41) -> Figure:
+    times = np.linspace(0, 10, samples)
+    recorded = np.sin(times[:, None] + np.arange(sensors))
+    recorded[3:6, 0] = np.nan
+    names = [f"s{index}" for index in range(sensors)]
+    roles = dict.fromkeys(names, "input") | {"s5": "test", "s6": "validate"}
+    return sensor_traces(times, recorded, names, roles, {"shred": recorded}, 8.0)
+
+
+def path() -> Figure:
+    return sparsity_path({"Algorithm 1": (np.arange(5), 1.0 / (1.0 + np.arange(5)), 2)})
+
+
+def learning() -> Figure:
+    values = np.array([1.0, 0.4, 0.3, 0.35, np.nan])
+    return learning_curves({"validation": (np.arange(5), values)})
+
+
+@pytest.mark.parametrize("make", [space_time, rmse, coefficients, traces, path, learning])
+def test_the_same_figure_gives_the_same_bytes(tmp_path: Path, make: object) -> None:
+    assert callable(make)
+    for name in ("a.png", "b.png"):
+        save_figure(make(), tmp_path / name)
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.png", "b.png"]
+
+
+@pytest.mark.parametrize("make", [space_time, rmse, coefficients, traces, path, learning])
+def test_every_panel_with_ink_has_its_axes_labelled(make: object) -> None:
+    assert callable(make)
+    labels = {axes.get_xlabel() for axes in make().axes} | {
+        axes.get_ylabel() for axes in make().axes
+    }
+    assert labels & {"time", "epoch", "number of terms kept (ring: chosen)"}
+    assert labels - {"", "time", "epoch"}
+
+
+def test_a_reader_s_own_settings_change_nothing(tmp_path: Path) -> None:
+    save_figure(rmse(), tmp_path / "a.png")
+    with mpl.rc_context({"font.size": 30, "axes.facecolor": "red", "savefig.dpi": 30}):
+        save_figure(rmse(), tmp_path / "b.png")
+        assert mpl.rcParams["font.size"] == 30
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_a_figure_that_cannot_be_saved_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="missing"):
+        save_figure(rmse(), tmp_path / "missing" / "a.png")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(OSError, match="folder"):
+        save_figure(rmse(), tmp_path / "folder")
+    assert [file.name for file in tmp_path.iterdir()] == ["folder"]
+
+
+def test_methods_share_the_scale_of_the_truth_and_errors_are_numbered() -> None:
+    figure = space_time()
+    images = [axes.images[0] for axes in figure.axes if axes.images]
+    values, errors = images[:3], images[3:]
+    assert len({image.get_clim() for image in values}) == 1
+    assert {image.get_clim()[0] for image in errors} == {-errors[0].get_clim()[1]}
+    assert titles(figure) == ["truth", "SHRED", "DA-SHRED", "error 0.5 std", "error 0 std"]
+    np.testing.assert_allclose(np.asarray(values[0].get_array()), TRUTH.T)
+    assert "u\nenergy" in texts(figure)
+
+
+def test_without_a_truth_there_is_no_error_row() -> None:
+    fields = {"u": {"simulation": TRUTH, "shred": TRUTH}, "v": {"shred": np.zeros_like(TRUTH)}}
+    figure = space_time_panels(TIMES, "x", X, fields, {})
+    assert sum(bool(axes.images) for axes in figure.axes) == 3
+    assert "error" not in texts(figure)
+
+
+def test_rmse_goes_logarithmic_only_where_a_curve_would_vanish() -> None:
+    assert rmse().axes[0].get_yscale() == "linear"
+    curves = {"simulation": 1 + TIMES, "corrected": 0.001 * (1 + TIMES)}
+    assert rmse_against_time(TIMES, curves, 8.0, "RMSE").axes[0].get_yscale() == "log"
+
+
+def test_the_largest_coefficients_are_named_and_the_others_counted() -> None:
+    found = texts(coefficients())
+    assert "u: u¹¹   +1.1" in found
+    assert "u: u⁴   +0.4" in found
+    assert "u: u³" not in found
+    assert "grey: 4 other terms" in found
+
+
+def test_at_most_six_sensors_and_the_held_out_ones_first() -> None:
+    figure = traces()
+    assert titles(figure) == ["s5", "s6", "s0", "s1", "s2", "s3"]
+    assert "6 of 8 sensors" in texts(figure)
+    assert titles(traces(sensors=3)) == ["s0", "s1", "s2"]
+
+
+def test_a_long_record_of_few_sensors_gets_a_panel_of_detail() -> None:
+    figure = traces(sensors=1, samples=2000)
+    assert [axes.get_xlim() for axes in figure.axes] == [(0, 10), (7.5, 8.5)]
+
+
+def test_the_chosen_number_of_terms_is_ringed() -> None:
+    ring = path().axes[0].lines[1]
+    assert np.asarray(ring.get_xydata()).ravel() == pytest.approx([2, 1 / 3])
+
+
+def test_the_best_epoch_is_told() -> None:
+    assert "0.3 at epoch 2" in texts(learning())
+
+
+@given(st.lists(st.floats(0, 1), max_size=12))
+def test_labels_keep_their_order_and_their_distance(wanted: list[float]) -> None:
+    heights = spread_out(wanted, 0.075)
+    ranked = sorted(range(len(wanted)), key=lambda index: wanted[index])
+    steps = np.diff([heights[index] for index in ranked])
+    assert (steps >= 0.075 - 1e-9).all()
+    assert all(-1e-9 <= height <= 1 + 1e-9 for height in heights)
+
+
+def test_labels_with_room_stay_where_they_are() -> None:
+    assert spread_out([0.9, 0.1, 0.5], 0.1) == pytest.approx([0.9, 0.1, 0.5])
+    assert spread_out([0.5, 0.5], 0.1) == pytest.approx([0.45, 0.55])
+
+
+@pytest.mark.parametrize(
+    ("term", "expected"),
+    [("u**2*lam", "u²·lam"), ("u**12", "u¹²"), ("u**0.5*v", "u**0.5*v"), ("d(u, x)", "d(u, x)")],
+)
+def test_terms_are_printed_as_in_books(term: str, expected: str) -> None:
+    assert pretty(term) == expected

@@ -1,0 +1,103 @@
+"""The summary says what the findings say, in words, and survives what is null."""
+
+import io
+from typing import Any
+
+from rich.console import Console
+
+from dashred.findings import Fit, Input, Latent, LatentSindy, Splits, misfit, new_findings
+from dashred.reporting.summary import print_summary, summary
+
+SPLITS = Splits(
+    inputs=["a", "b", "c"],
+    extra=["d"],
+    validate=["e"],
+    test=["f", "g"],
+    time_end=8.0,
+    note="roles are drawn from the seed",
+)
+SOURCE = Input(
+    config={"system": {"title": "Rotating detonation engine"}},
+    config_sha256="c",
+    recording_sha256="r",
+    seed=7,
+    versions={},
+    library_size=None,
+    splits=SPLITS,
+)
+
+
+def findings_with(latent: Latent | None = None, **errors: float) -> Any:
+    fit = Fit(
+        noise_std=None,
+        noise_correlation=None,
+        chi2=None,
+        unexplained=None,
+        test_sensors=misfit(**errors),
+        heldout_time=misfit(),
+    )
+    return new_findings(SOURCE, fit=fit, latent=latent)
+
+
+def test_what_was_compared_comes_first() -> None:
+    lines = summary(findings_with(), None, {}).splitlines()
+    assert lines[0].startswith("Rotating detonation engine:")
+    assert "seed 7" in lines[0]
+    assert "4 sensors to fit (3 feed SHRED), 1 to say when to stop, 2 kept for the test" in lines[1]
+    assert "fitted up to time 8." in lines[1]
+    assert lines[2] == "Roles are drawn from the seed."
+
+
+def test_an_improvement_and_a_harm_are_called_what_they_are() -> None:
+    better = summary(findings_with(shred=0.4, dashred=0.3), None, {})
+    assert "Assimilation lowered SHRED's error by 25 %." in better
+    worse = summary(findings_with(shred=0.4, dashred=0.5), None, {})
+    assert "Assimilation raised SHRED's error by 25 %." in worse
+    same = summary(findings_with(shred=0.4, dashred=0.4), None, {})
+    assert "by less than 1 %" in same
+
+
+def test_the_truth_is_spoken_of_only_where_a_score_is() -> None:
+    found = findings_with(simulation=0.8)
+    assert "hidden truth" not in summary(found, None, {})
+    text = summary(found, {"field_rmse": {"simulation": 0.71, "shred": None}}, {})
+    assert "hidden truth" in text
+    assert "0.71" in text
+    assert "SHRED  " not in text
+
+
+def test_proposals_are_ranked_and_called_proposals() -> None:
+    terms: list[Any] = [
+        {"equation": "u", "term": f"u**{k}", "coefficient": 0.1 * k, "inclusion": 0.9, "rank": k}
+        for k in range(7, 0, -1)
+    ]
+    alg1 = LatentSindy(proposals=terms, rmse_path=[])
+    alg2 = LatentSindy(proposals=[], rmse_path=[])
+    text = summary(findings_with(Latent(alg1=alg1, alg2=alg2)), None, {})
+    assert "a proposal to be tested, not a verdict" in text
+    assert text.index("1. +0.1 · u**1") < text.index("2. +0.2 · u**2")
+    assert "in the equation of u, in 90 % of the resamples" in text
+    assert "u**6" not in text
+    assert "and 2 more" in text
+    assert "Algorithm 2: no term" in text
+
+
+def test_a_verdict_is_put_in_words() -> None:
+    cause = {"kind": "unresolved-numerics", "says": "doubling changes the traces by 3 %"}
+    found = new_findings(SOURCE | {"splits": None}, verdict="unresolved-numerics", causes=[cause])
+    text = summary(found, None, {})
+    assert "Verdict: unresolved-numerics: the simulation is not resolved" in text
+    assert "Doubling changes the traces by 3 %." in text
+    assert "RMSE" not in text
+    assert "None" not in text
+
+
+def test_where_things_are_comes_last() -> None:
+    text = summary(findings_with(), None, {"findings": "/a/findings.json", "ui": "make ui"})
+    assert text.endswith("findings  /a/findings.json\nui        make ui\n")
+
+
+def test_brackets_in_names_are_printed_as_they_are() -> None:
+    console = Console(file=io.StringIO(), width=80)
+    print_summary("sensor [red]u[/red]\n", console)
+    assert "sensor [red]u[/red]" in console.file.getvalue()  # type: ignore[attr-defined]

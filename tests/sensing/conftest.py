@@ -1,0 +1,87 @@
+"""Stand-ins for systems: what sensing needs of one, without any physics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from torch import Tensor
+
+from dashred.sensing.recording import Recording
+from dashred.sensing.sensors import Sensor
+
+
+@dataclass(frozen=True)
+class PlainAxis:
+    """An axis as the tests need it."""
+
+    name: str
+    length: float
+    points: int
+
+
+@dataclass(frozen=True)
+class PlainSystem:
+    """Fields ``u, v`` and one derived quantity, ``speed = u² + t·v``."""
+
+    axes: tuple[PlainAxis, ...] = ()
+    spectral: bool = True
+    fields: tuple[str, ...] = ("u", "v")
+    lets: tuple[str, ...] = ("speed",)
+
+    def evaluate(self, name: str, state: Tensor, t: float, /) -> Tensor:
+        """Evaluate the derived quantity."""
+        assert name == "speed"
+        fields = state.movedim(-1 - len(self.axes), 0)
+        return fields[0] ** 2 + t * fields[1]
+
+
+@pytest.fixture
+def ode() -> PlainSystem:
+    """A system without space."""
+    return PlainSystem()
+
+
+@pytest.fixture
+def ring() -> PlainSystem:
+    """A periodic axis x of length 2, 16 points."""
+    return PlainSystem((PlainAxis("x", 2.0, 16),))
+
+
+@pytest.fixture
+def make_system() -> Callable[..., PlainSystem]:
+    """Make a system of (name, length, points) for each axis."""
+
+    def make(*axes: tuple[str, float, int], spectral: bool = True) -> PlainSystem:
+        return PlainSystem(tuple(PlainAxis(*axis) for axis in axes), spectral)
+
+    return make
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Callable[[str, str | bytes], str]:
+    """Write a file in the test's folder and return its path."""
+
+    def written(name: str, contents: str | bytes) -> str:
+        path = tmp_path / name
+        path.write_bytes(contents if isinstance(contents, bytes) else contents.encode())
+        return str(path)
+
+    return written
+
+
+@pytest.fixture
+def make_recording() -> Callable[..., Recording]:
+    """Make a recording of sensors s0, s1, … of u, evenly placed on [0, 2)."""
+
+    def make(sensors: int = 12, samples: int = 101, step: float = 0.1) -> Recording:
+        times = step * np.arange(samples)
+        places = 2.0 * np.arange(sensors) / sensors
+        values = np.sin(times[:, None] + np.pi * places)
+        named = (Sensor(f"s{index}", "u", (float(x),)) for index, x in enumerate(places))
+        return Recording(tuple(named), times, values)
+
+    return make

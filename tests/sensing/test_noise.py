@@ -1,0 +1,64 @@
+"""Estimating the noise of sensors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dashred.errors import InputError
+from dashred.sensing.noise import noise_std
+from dashred.sensing.recording import Recording
+from dashred.sensing.sensors import Sensor
+
+
+def recording_of(*columns, reads=("u", "u", "v"), stds=(None, None, None)):
+    sensors = tuple(Sensor(f"s{i}", reads[i], (), stds[i]) for i in range(len(columns)))
+    return Recording(sensors, 0.01 * np.arange(len(columns[0])), np.stack(columns, axis=1))
+
+
+@pytest.fixture
+def noisy():
+    rng = np.random.default_rng(3)
+    time = 0.01 * np.arange(2000)
+    return np.sin(time) + 0.05 * rng.standard_normal(2000), 3 * time**2 + rng.standard_normal(2000)
+
+
+def test_white_noise_on_a_smooth_signal_is_found(noisy):
+    found = noise_std(recording_of(*noisy))
+    assert found.dtype == np.float64
+    np.testing.assert_allclose(found, [0.05, 1.0], rtol=0.1)
+
+
+def test_jumps_spikes_and_missing_values_hardly_matter(noisy):
+    spoilt = noisy[0].copy()
+    spoilt[::40] += 100.0
+    spoilt[7::41] = np.nan
+    assert noise_std(recording_of(spoilt))[0] == pytest.approx(0.05, rel=0.25)
+
+
+def test_a_stated_std_is_taken(noisy):
+    found = noise_std(recording_of(*noisy, stds=(0.2, None)))
+    assert found[0] == 0.2
+    assert found[1] == pytest.approx(1.0, rel=0.1)
+
+
+def test_a_stuck_sensor_gets_the_noise_of_those_that_read_the_same(noisy):
+    found = noise_std(recording_of(noisy[0], np.full(2000, 7.0), noisy[1]))
+    assert found[1] == found[0]
+
+
+def test_coarse_rounding_still_gives_a_noise(noisy):
+    rounded = np.round(noisy[0] / 0.5) * 0.5
+    assert 0.01 < noise_std(recording_of(rounded))[0] < 0.5
+
+
+def test_nothing_to_estimate_from_is_refused(noisy):
+    stuck = recording_of(np.full(50, 7.0))
+    with pytest.raises(InputError, match="'s0' cannot be estimated"):
+        noise_std(stuck)
+    stated = replace(stuck, sensors=(replace(stuck.sensors[0], std=0.1),))
+    assert noise_std(stated).tolist() == [0.1]
+    with pytest.raises(InputError, match="'s2' cannot be estimated"):
+        noise_std(recording_of(*noisy, np.full(2000, 1.0)))

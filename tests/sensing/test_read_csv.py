@@ -1,0 +1,251 @@
+"""Reading recordings and tables of sensors from CSV; every fault named and located."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from dashred.errors import InputError
+from dashred.sensing.reader import read_recording
+from dashred.sensing.recording import Recording
+from dashred.sensing.sensors import Sensor
+from dashred.sensing.sensors_table import read_sensors
+
+TABLE = "name,field,x,std\na,u,0.5,0.01\nb,v,1.5,\n"
+FILES = settings(
+    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+
+
+def rows(count=25, header="time,u,v"):
+    return [header] + [f"{0.1 * i:.1f},{i},{-i}" for i in range(count)]
+
+
+def text(lines):
+    return "\n".join(lines) + "\n"
+
+
+def test_an_ode_recording_needs_no_table(ode, write):
+    recording = read_recording(write("r.csv", text(rows(header="time,v,u"))), None, ode)
+    assert recording.sensors == (Sensor("v", "v"), Sensor("u", "u"))
+    np.testing.assert_allclose(recording.times, 0.1 * np.arange(25))
+    np.testing.assert_array_equal(recording.values[:, 1], -np.arange(25))
+
+
+def test_a_table_places_the_columns_whatever_their_order(ring, write):
+    recording = read_recording(
+        write("r.csv", text(rows(header="b,time,a").copy()[:1] + [f"7,{i},8" for i in range(20)])),
+        write("s.csv", TABLE),
+        ring,
+    )
+    assert recording.sensors == (Sensor("b", "v", (1.5,), None), Sensor("a", "u", (0.5,), 0.01))
+    assert recording.values.tolist() == [[7.0, 8.0]] * 20
+
+
+def test_empty_cells_and_nan_are_missing(ode, write):
+    lines = rows()
+    lines[3], lines[5] = "0.2,,1e-3", "0.4,NaN, 2 "
+    values = read_recording(write("r.csv", text(lines)), None, ode).values
+    assert np.argwhere(np.isnan(values)).tolist() == [[2, 0], [4, 0]]
+    assert values[[2, 4], 1].tolist() == [1e-3, 2.0]
+
+
+@pytest.mark.parametrize("ending", ["\r\n", "\r"])
+def test_other_line_endings_a_byte_order_mark_and_blank_lines_do_not_matter(ode, write, ending):
+    lines = rows()
+    plain = read_recording(write("a.csv", text(lines)), None, ode)
+    odd = "\ufeff" + ending.join([*lines[:4], "", *lines[4:], "", ""])
+    assert read_recording(write("b.csv", odd), None, ode).sha256() == plain.sha256()
+
+
+def test_one_episode_is_accepted_and_a_constant_sensor_too(ode, write):
+    lines = ["time,episode,u"] + [f"{i},1,3.5" for i in range(20)]
+    assert read_recording(write("r.csv", text(lines)), None, ode).names == ("u",)
+
+
+def changed(line, new):
+    lines = rows()
+    lines[line - 1] = new
+    return text(lines)
+
+
+BAD = {
+    "empty": ("", "r.csv: the file is empty"),
+    "blank": (" \n\n", "the file is empty"),
+    "header alone": ("time,u\n", "0 samples are too few"),
+    "short": (text(rows(19)), "19 samples are too few: at least 20"),
+    "utf-16": (text(rows()).encode("utf-16"), "r.csv:1: not UTF-8"),
+    "latin-1": (changed(4, "0.2,1,é").encode("latin-1"), "r.csv:4: not UTF-8"),
+    "word": (changed(7, "0.5,five,1"), "r.csv:7, column 'u': 'five' is not a number"),
+    "underscore": (changed(7, "0.5,1_000,1"), "r.csv:7, column 'u': '1_000' is not a number"),
+    "other digits": (changed(7, "0.5,٣,1"), "r.csv:7, column 'u'"),
+    "word for time": (changed(7, "noon,5,1"), "r.csv:7, column 'time': 'noon'"),
+    "no time": (text(rows(header="clock,u,v")), "no column 'time'"),
+    "semicolons": (text(rows()).replace(",", ";"), "separate the columns by commas"),
+    "missing time": (changed(7, ",5,1"), "r.csv:7, column 'time': the time is missing"),
+    "infinite time": (changed(7, "inf,5,1"), "r.csv:7, column 'time'"),
+    "time back": (changed(7, "0.35,5,1"), "r.csv:7, column 'time': time goes back: 0.35 after 0.4"),
+    "time twice": (changed(7, "0.4,5,1"), "r.csv:7, column 'time': time is repeated"),
+    "infinite": (changed(7, "0.5,5,-inf"), "r.csv:7, column 'v': the value is infinite"),
+    "too large": (changed(7, "0.5,5,1e999"), "r.csv:7, column 'v': the value is infinite"),
+    "ragged": (changed(7, "0.5,5"), "r.csv:7: 2 cells, but the first line names 3"),
+    "wide": (changed(7, "0.5,5,1,"), "r.csv:7: 4 cells"),
+    "open quote": (changed(7, '0.5,"5,1'), "not a readable CSV"),
+    "duplicate": (text(rows(header="time,u,u")), "'u' occurs twice"),
+    "nameless": (text(rows(header="time,u,")), "r.csv:1: column 3 has no name"),
+    "unknown": (text(rows(header="time,u,sped")), "'sped' is neither a field nor a let"),
+    "nearest": (text(rows(header="time,u,sped")), "did you mean 'speed'"),
+    "silent": (
+        text(["time,u,v"] + [f"{i},{i}," for i in range(20)]),
+        "sensor 'v' has no value at all",
+    ),
+    "no sensor": (text(["time"] + [str(i) for i in range(20)]), "the recording has no sensor"),
+    "two episodes": (
+        text(["time,episode,u"] + [f"{i},{i // 10},1" for i in range(20)]),
+        "r.csv:12, column 'episode': a second episode, '1'",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_bad_recording_is_refused_where_it_is_bad(ode, write, case):
+    contents, message = BAD[case]
+    with pytest.raises(InputError) as caught:
+        read_recording(write("r.csv", contents), None, ode)
+    assert message in str(caught.value)
+
+
+BAD_TABLES = {
+    "no x": ("name,field,std\na,u,1\n", "no column 'x'"),
+    "unknown column": ("name,field,x,sdt\na,u,1,1\n", "did you mean 'std'"),
+    "no rows": ("name,field,x\n", "names no sensor"),
+    "unknown field": (TABLE.replace("a,u", "a,w"), "s.csv:2: sensor 'a' reads 'w'"),
+    "outside": (TABLE.replace("0.5", "2.5"), "s.csv:2: sensor 'a' is at x = 2.5, outside"),
+    "negative": (TABLE.replace("0.5", "-0.1"), "outside the axis"),
+    "nowhere": (TABLE.replace("0.5", ""), "outside the axis"),
+    "not a place": (TABLE.replace("0.5", "left"), "s.csv:2, column 'x': 'left'"),
+    "zero std": (TABLE.replace("0.01", "0"), "std is 0, but must be positive"),
+    "negative std": (TABLE.replace("0.01", "-1"), "std is -1, but must be positive"),
+    "infinite std": (TABLE.replace("0.01", "inf"), "must be positive"),
+    "twice": (TABLE.replace("b,v", "a,v"), "'a' occurs twice"),
+    "reserved": (TABLE.replace("a,u", "time,u"), "'time' cannot be a sensor's name"),
+    "not recorded": (TABLE + "c,u,1,\n", "s.csv: sensor 'c' has no column"),
+    "not in the table": (TABLE.replace("b,v,1.5,\n", ""), "column 'b' is not in the table"),
+    "empty": ("", "s.csv: the file is empty"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_TABLES)
+def test_a_bad_table_of_sensors_is_refused_where_it_is_bad(ring, write, case):
+    contents, message = BAD_TABLES[case]
+    recording = write("r.csv", text(rows(header="time,a,b")))
+    with pytest.raises(InputError) as caught:
+        read_recording(recording, write("s.csv", contents), ring)
+    assert message in str(caught.value)
+
+
+def test_a_missing_file_and_a_folder_are_refused(ode, ring, write, tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        read_recording(str(tmp_path / "none.csv"), None, ode)
+    (tmp_path / "folder.csv").mkdir()
+    with pytest.raises(InputError, match="cannot be read"):
+        read_recording(str(tmp_path / "folder.csv"), None, ode)
+    with pytest.raises(InputError, match="no such file"):
+        read_recording(
+            write("r.csv", text(rows(header="time,a,b"))), str(tmp_path / "none.csv"), ring
+        )
+
+
+def test_a_system_in_space_needs_a_table(ring, write):
+    with pytest.raises(InputError, match=r"recording\.sensors=PATH"):
+        read_recording(write("r.csv", text(rows())), None, ring)
+
+
+def test_other_formats_are_refused(ode, write):
+    with pytest.raises(InputError, match=r"not \.xlsx"):
+        read_recording(write("r.xlsx", "time,u"), None, ode)
+
+
+def test_a_table_of_an_ode_system_has_no_coordinates(ode, write):
+    assert read_sensors(write("s.csv", "name,field\nangle,u\n"), ode) == (Sensor("angle", "u"),)
+
+
+def test_the_pendulum_recording_is_read_quickly(make_system):
+    path = Path(__file__).parents[3] / "shared/data/pendulum_single/recording.csv"
+    if not path.exists():
+        pytest.skip("the real recording is not beside this checkout")
+    system = make_system()
+    object.__setattr__(system, "fields", ("theta", "omega"))
+    started = time.process_time()
+    recording = read_recording(str(path), None, system)
+    assert time.process_time() - started < 0.5
+    assert recording.values.shape == (55_001, 2)
+    assert recording.values[0].tolist() == [-1.618429, 1.848254]
+    assert recording.times[-1] == 55.0
+
+
+def holds_what_readers_promise(recording):
+    assert isinstance(recording, Recording)
+    assert recording.values.shape == (len(recording.times), len(recording.sensors))
+    assert np.all(np.diff(recording.times) > 0)
+    assert not np.isinf(recording.values).any()
+    assert not np.isnan(recording.values).all(axis=0).any()
+
+
+def read_or_refused(path, table, system):
+    try:
+        holds_what_readers_promise(read_recording(path, table, system))
+    except InputError as error:
+        assert error.what
+
+
+@FILES
+@given(contents=st.one_of(st.binary(max_size=300), st.text(max_size=300)))
+def test_any_garbage_is_read_or_refused(ode, ring, write, contents):
+    if isinstance(contents, str):
+        contents = contents.encode("utf-8", "surrogatepass")
+    path = write("r.csv", contents)
+    read_or_refused(path, None, ode)
+    read_or_refused(write("good.csv", text(rows(header="time,a,b"))), path, ring)
+
+
+CELLS = st.sampled_from(
+    [
+        "0",
+        "1",
+        "-2.5",
+        "1e300",
+        "1e400",
+        "nan",
+        "",
+        " ",
+        "x",
+        "inf",
+        '"3"',
+        '"',
+        "1,2",
+        "\x00",
+        "0x1",
+    ]
+)
+
+
+@FILES
+@given(
+    header=st.lists(
+        st.sampled_from(["time", "u", "v", "episode", "w", ""]), min_size=1, max_size=4
+    ),
+    changes=st.lists(st.tuples(st.integers(0, 24), st.integers(0, 3), CELLS), max_size=4),
+    newline=st.sampled_from(["\n", "\r\n", "\r"]),
+)
+def test_any_nearly_right_table_is_read_or_refused(ode, write, header, changes, newline):
+    cells = [[str(i)] * len(header) for i in range(25)]
+    for row, column, cell in changes:
+        cells[row][column % len(header)] = cell
+    lines = [",".join(header), *(",".join(row) for row in cells)]
+    read_or_refused(write("r.csv", newline.join(lines)), None, ode)
