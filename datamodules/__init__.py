@@ -1,4 +1,5 @@
 """LightningDataModules: the simulated ensemble and the real recording."""
+
 from datamodules.recording import RecordingDataModule
 from datamodules.simulation import SimulationDataModule
 

@@ -167,6 +167,10 @@ class Simulation:
     amplitude: NonNegative
     """Size of a drawn term's tendency, as a fraction of the equation's own."""
 
+    dt: Positive | None
+    """Time step of the ensemble, which need not be as exact as the findings; null keeps
+    system.integrator.dt."""
+
 
 @dataclass
 class Shred:
@@ -188,16 +192,19 @@ class Shred:
     """POD modes that the decoder's coefficients multiply."""
 
     epochs: Count
-    """Passes over the training windows, at most."""
+    """Epochs at most."""
+
+    steps: Count
+    """Steps of the optimiser in an epoch."""
 
     patience: Count
-    """Epochs without improvement before training stops."""
+    """Epochs without improvement on held-out members before training stops."""
 
     batch: Count
-    """Windows in each step of the optimiser."""
+    """Stretches of 2 lags + 1 samples in each step of the optimiser."""
 
     rate: Positive
-    """Learning rate."""
+    """Peak learning rate."""
 
 
 @dataclass
@@ -238,6 +245,9 @@ class LatentSindy:
 
     bootstraps: Count
     """Block-bootstrap draws behind each inclusion frequency."""
+
+    begins: Count
+    """Steps of each length, spread over the record; twice as many once assimilation is done."""
 
     every: Count
     """Epochs of assimilation between two regressions."""

@@ -53,10 +53,16 @@ class SHRED(nn.Module):
 
     def encode(self, windows: Float[Tensor, "batch lag sensor"]) -> Float[Tensor, "batch latent"]:
         """Return h, the LSTM's last hidden state, of windows in the sensors' own units."""
-        hidden, _ = self.encoder(self.scaler(windows))
-        return hidden[:, -1]
+        return self.encode_along(windows)[:, -1]
 
-    def coefficients(self, latent: Float[Tensor, "batch latent"]) -> Float[Tensor, "batch mode"]:
+    def encode_along(
+        self, stretch: Float[Tensor, "batch time sensor"]
+    ) -> Float[Tensor, "batch time latent"]:
+        """Return h at every sample of a stretch, each from all the samples before it."""
+        hidden, _ = self.encoder(self.scaler(stretch))
+        return hidden
+
+    def coefficients(self, latent: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch mode"]:
         """Return the POD coefficients that the decoder gives to a latent state."""
         return self.decoder(latent) * self.spread
 

@@ -9,7 +9,8 @@ from torch import Tensor
 
 from dashred.models.shred import SHRED
 
-Batch = tuple[Float[Tensor, "batch lag sensor"], Float[Tensor, "batch mode"]]
+Stretches = tuple[Float[Tensor, "batch time sensor"], Float[Tensor, "batch target mode"]]
+Windows = tuple[Float[Tensor, "batch lag sensor"], Float[Tensor, "batch mode"]]
 
 
 class SimulationTraining(LightningModule):
@@ -21,31 +22,31 @@ class SimulationTraining(LightningModule):
         shred: the network.
         noise: std of each input sensor, ``(sensor,)``, in its own unit.
         cells: number of (field, grid point) pairs that an RMSE averages over.
-        rate: peak learning rate; one cycle over ``epochs`` of ``steps`` each.
+        rate: peak learning rate.
+        steps: optimiser steps in all: the learning rate makes one cycle.
     """
 
     noise: Tensor
 
-    def __init__(
-        self, shred: SHRED, noise: Tensor, cells: int, rate: float, epochs: int, steps: int
-    ) -> None:
+    def __init__(self, shred: SHRED, noise: Tensor, cells: int, rate: float, steps: int) -> None:
         super().__init__()
         self.shred, self.cells = shred, cells
-        self.rate, self.total_steps = rate, epochs * steps
+        self.rate, self.steps = rate, steps
         self.register_buffer("noise", noise)
 
-    def training_step(self, batch: Batch, index: int) -> Tensor:
-        """Return the loss of one batch of windows."""
-        windows, coefficients = batch
-        noisy = windows + self.noise * torch.randn_like(windows)
-        loss = self.squared_error(noisy, coefficients).mean()
+    def training_step(self, batch: Stretches, index: int) -> Tensor:
+        """Return the loss of one batch of stretches, over the samples that have targets."""
+        stretches, targets = batch
+        noisy = stretches + self.noise * torch.randn_like(stretches)
+        latent = self.shred.encode_along(noisy)[:, -targets.shape[1] :]
+        loss = self.squared_error(latent, targets).mean()
         self.log("loss/train", loss, on_step=False, on_epoch=True)
         return loss
 
-    def validation_step(self, batch: Batch, index: int) -> None:
+    def validation_step(self, batch: Windows, index: int) -> None:
         """Log the RMSE of the field on held-out members, in units of each field's std."""
         windows, coefficients = batch
-        error = self.squared_error(windows, coefficients).mean()
+        error = self.squared_error(self.shred.encode(windows), coefficients).mean()
         self.log("mse/field_members", error, on_epoch=True, batch_size=len(windows))
 
     def on_validation_epoch_end(self) -> None:
@@ -54,17 +55,17 @@ class SimulationTraining(LightningModule):
         self.log("rmse/field_members", error.sqrt())
 
     def squared_error(
-        self, windows: Float[Tensor, "batch lag sensor"], coefficients: Float[Tensor, "batch mode"]
-    ) -> Float[Tensor, " batch"]:
-        """Return the squared error of each window, averaged over fields and grid points."""
-        found = self.shred.coefficients(self.shred.encode(windows))
-        return (found - coefficients).square().sum(dim=1) / self.cells
+        self, latent: Float[Tensor, "*batch latent"], coefficients: Float[Tensor, "*batch mode"]
+    ) -> Float[Tensor, "*batch"]:
+        """Return the squared error of each latent state, averaged over fields and grid points."""
+        found = self.shred.coefficients(latent)
+        return (found - coefficients).square().sum(dim=-1) / self.cells
 
     def configure_optimizers(self) -> dict[str, object]:
         """Return AdamW under a one-cycle schedule."""
         optimizer = torch.optim.AdamW(self.shred.parameters(), lr=self.rate, weight_decay=1e-4)
         schedule = torch.optim.lr_scheduler.OneCycleLR(
-            optimizer, max_lr=self.rate, total_steps=self.total_steps, pct_start=0.15
+            optimizer, max_lr=self.rate, total_steps=self.steps, pct_start=0.15
         )
         return {
             "optimizer": optimizer,

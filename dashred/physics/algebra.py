@@ -1,4 +1,4 @@
-"""Expressions as immutable trees, kept in one normal form.
+"""Expressions in one normal form.
 
 Two expressions that differ only in the order of factors or summands, or in how a
 number is written, are equal as Python objects, so a term can be a dictionary key.
@@ -7,82 +7,61 @@ number is written, are equal as Python objects, so a term can be a dictionary ke
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
 
+from dashred.physics.nodes import (
+    Call,
+    Derivative,
+    Expr,
+    Flux,
+    Name,
+    Number,
+    Power,
+    Product,
+    Sum,
+    children,
+    names,
+    to_text,
+)
 
-@dataclass(frozen=True, slots=True)
-class Number:
-    """A real constant."""
-
-    value: float
-
-
-@dataclass(frozen=True, slots=True)
-class Name:
-    """A field, parameter, let, input, coordinate or ``t``."""
-
-    id: str
-
-
-@dataclass(frozen=True, slots=True)
-class Sum:
-    """``a + b + …``; build with :func:`add`."""
-
-    terms: tuple[Expr, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Product:
-    """``a*b*…``, a number first; build with :func:`multiply`."""
-
-    factors: tuple[Expr, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Power:
-    """``base**exponent``; build with :func:`power`."""
-
-    base: Expr
-    exponent: Expr
-
-
-@dataclass(frozen=True, slots=True)
-class Call:
-    """A function or spatial operator of one operand: ``exp(f)``, ``lap(f)``, ``grad2(f)``."""
-
-    function: str
-    operand: Expr
-
-
-@dataclass(frozen=True, slots=True)
-class Derivative:
-    """``∂ⁿf/∂xⁿ``, written ``d(f, x, n)``."""
-
-    operand: Expr
-    axis: str
-    order: int
-
-
-@dataclass(frozen=True, slots=True)
-class Flux:
-    """``∂f/∂x`` in conservative upwind form for the transported field, written ``flux(f, x)``."""
-
-    operand: Expr
-    axis: str
-    transported: str
-
-
-Expr = Number | Name | Sum | Product | Power | Call | Derivative | Flux
+__all__ = [
+    "ONE",
+    "ZERO",
+    "Call",
+    "Derivative",
+    "Expr",
+    "Flux",
+    "Name",
+    "Number",
+    "Power",
+    "Product",
+    "Sum",
+    "add",
+    "call",
+    "children",
+    "derivative",
+    "multiply",
+    "names",
+    "power",
+    "scale",
+    "split_coefficient",
+    "substitute",
+    "summands",
+    "to_text",
+]
 
 ZERO, ONE = Number(0.0), Number(1.0)
 
 
 def add(terms: Iterable[Expr]) -> Expr:
-    """Return the sum in normal form: flat, like terms collected, sorted."""
+    """Return the sum in normal form: flat, like terms collected, sorted.
+
+    Raises:
+        ArithmeticError: a number overflows.
+    """
     coefficients: dict[Expr, float] = {}
     for term in terms:
-        for summand in term.terms if isinstance(term, Sum) else (term,):
+        for summand in summands(term):
             value, rest = split_coefficient(summand)
             coefficients[rest] = coefficients.get(rest, 0.0) + value
     kept = [scale(value, rest) for rest, value in coefficients.items() if value != 0.0]
@@ -92,7 +71,11 @@ def add(terms: Iterable[Expr]) -> Expr:
 
 
 def multiply(factors: Iterable[Expr]) -> Expr:
-    """Return the product in normal form: flat, number first, integer powers merged, sorted."""
+    """Return the product in normal form: flat, number first, integer powers merged, sorted.
+
+    Raises:
+        ArithmeticError: a number overflows.
+    """
     value = 1.0
     exponents: dict[Expr, float] = {}
     others: list[Expr] = []
@@ -105,40 +88,43 @@ def multiply(factors: Iterable[Expr]) -> Expr:
                 others.append(f)
             else:
                 exponents[base] = exponents.get(base, 0.0) + exponent
-    if value == 0.0:
-        return ZERO
     merged = [power(b, Number(e)) for b, e in exponents.items() if e != 0.0] + others
     return scale(value, _flat_product(merged))
 
 
 def power(base: Expr, exponent: Expr) -> Expr:
-    """Return ``base**exponent`` with constants folded.
+    """Return ``base**exponent``: constants folded, whole powers of a product taken apart.
 
     Raises:
-        ArithmeticError: the constant is not a real number (``0**-1``, ``(-1)**0.5``).
+        ArithmeticError: the constant is not a finite real number (``0**-1``, ``(-1)**0.5``).
     """
     if exponent == ZERO:
         return ONE
     if exponent == ONE:
         return base
     if isinstance(base, Number) and isinstance(exponent, Number):
-        return Number(_real(lambda: base.value**exponent.value))
-    if isinstance(base, Power) and _is_integer(base.exponent) and _is_integer(exponent):
-        return power(base.base, multiply((base.exponent, exponent)))
+        return Number(_real(base.value**exponent.value))
+    if _is_integer(exponent):
+        if isinstance(base, Product):
+            return multiply(power(factor, exponent) for factor in base.factors)
+        if isinstance(base, Power) and _is_integer(base.exponent):
+            return power(base.base, multiply((base.exponent, exponent)))
     return Power(base, exponent)
 
 
 def scale(value: float, expr: Expr) -> Expr:
-    """Return ``value*expr`` with the number outside (distributed over a sum)."""
-    if isinstance(expr, Number):
-        return Number(value * expr.value)
-    if value == 1.0:
-        return expr
-    if isinstance(expr, Sum):
-        return add(scale(value, term) for term in expr.terms)
+    """Return ``value*expr`` with one number, in front.
+
+    Raises:
+        ArithmeticError: the number overflows.
+    """
     inner, rest = split_coefficient(expr)
-    factors = rest.factors if isinstance(rest, Product) else (rest,)
-    return Product((Number(value * inner), *factors)) if value * inner != 1.0 else rest
+    coefficient = _real(value * inner)
+    if rest == ONE or coefficient == 0.0:
+        return Number(coefficient)
+    if coefficient == 1.0:
+        return rest
+    return Product((Number(coefficient), *_factors(rest)))
 
 
 def split_coefficient(expr: Expr) -> tuple[float, Expr]:
@@ -152,34 +138,51 @@ def split_coefficient(expr: Expr) -> tuple[float, Expr]:
 
 
 def summands(expr: Expr) -> tuple[Expr, ...]:
-    """Return the terms of a sum, or the expression itself."""
-    return expr.terms if isinstance(expr, Sum) else (expr,)
+    """Return the terms of a sum, a number in front multiplied in; or the expression itself."""
+    value, rest = split_coefficient(expr)
+    if isinstance(rest, Sum):
+        return tuple(scale(value, term) for term in rest.terms)
+    return (expr,)
 
 
-def children(expr: Expr) -> tuple[Expr, ...]:
-    """Return the direct operands of a node."""
-    match expr:
-        case Sum(terms):
-            return terms
-        case Product(factors):
-            return factors
-        case Power(base, exponent):
-            return (base, exponent)
-        case Call(_, operand) | Derivative(operand, _, _) | Flux(operand, _, _):
-            return (operand,)
-        case _:
-            return ()
+def call(function: str, operand: Expr) -> Expr:
+    """Return ``function(operand)``, a constant where the operand is one.
+
+    Of spatial operators, the number is taken outside: ``grad2(2*u)`` → ``4*grad2(u)``.
+
+    Raises:
+        ArithmeticError, ValueError: the constant is not a finite real number.
+    """
+    if function in CONSTANT:
+        if isinstance(operand, Number):
+            return Number(_real(CONSTANT[function](operand.value)))
+        return Call(function, operand)
+    value, rest = split_coefficient(operand)
+    if rest == ONE:
+        return ZERO
+    return scale(value * value if function == "grad2" else value, Call(function, rest))
 
 
-def names(expr: Expr) -> frozenset[str]:
-    """Return every name that the expression reads."""
-    if isinstance(expr, Name):
-        return frozenset({expr.id})
-    return frozenset().union(*(names(child) for child in children(expr)))
+def derivative(operand: Expr, axis: str, order: int) -> Expr:
+    """Return ``∂ⁿf/∂xⁿ``: the number outside, nested derivatives merged and sorted by axis."""
+    value, inner = split_coefficient(operand)
+    if inner == ONE:
+        return ZERO
+    orders = {axis: order}
+    while isinstance(inner, Derivative):
+        orders[inner.axis] = orders.get(inner.axis, 0) + inner.order
+        inner = inner.operand
+    for name in sorted(orders):
+        inner = Derivative(inner, name, orders[name])
+    return scale(value, inner)
 
 
-def substitute(expr: Expr, values: dict[str, Expr]) -> Expr:
-    """Replace names by expressions and return the normal form of the result."""
+def substitute(expr: Expr, values: Mapping[str, Expr]) -> Expr:
+    """Replace names by expressions and return the normal form of the result.
+
+    Raises:
+        ArithmeticError, ValueError: a constant is not a finite real number.
+    """
     match expr:
         case Name(id):
             return values.get(id, expr)
@@ -190,55 +193,25 @@ def substitute(expr: Expr, values: dict[str, Expr]) -> Expr:
         case Power(base, exponent):
             return power(substitute(base, values), substitute(exponent, values))
         case Call(function, operand):
-            return Call(function, substitute(operand, values))
+            return call(function, substitute(operand, values))
         case Derivative(operand, axis, order):
-            return Derivative(substitute(operand, values), axis, order)
+            return derivative(substitute(operand, values), axis, order)
         case Flux(operand, axis, transported):
             return Flux(substitute(operand, values), axis, transported)
-        case _:
+        case Number():
             return expr
 
 
-def to_text(expr: Expr) -> str:
-    """Write the expression in the equation language; parsing it again gives an equal tree."""
-    match expr:
-        case Number(value):
-            return repr(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
-        case Name(id):
-            return id
-        case Sum(terms):
-            head, *tail = (to_text(term) for term in terms)
-            return head + "".join(f" - {t[1:]}" if t.startswith("-") else f" + {t}" for t in tail)
-        case Product(factors):
-            return _product_text(factors)
-        case Power(base, exponent):
-            return f"{_atom(base)}**{_atom(exponent)}"
-        case Call(function, operand):
-            return f"{function}({to_text(operand)})"
-        case Derivative(operand, axis, order):
-            return f"d({to_text(operand)}, {axis}{f', {order}' if order > 1 else ''})"
-        case Flux(operand, axis, _):
-            return f"flux({to_text(operand)}, {axis})"
-
-
-def _product_text(factors: tuple[Expr, ...]) -> str:
-    sign, rest = ("-", factors[1:]) if factors[0] == Number(-1.0) else ("", factors)
-    return sign + "*".join(
-        to_text(f) if isinstance(f, Power) else _atom(f, position) for position, f in enumerate(rest)
-    )
-
-
-def _atom(expr: Expr, position: int = 1) -> str:
-    text = to_text(expr)
-    negative = isinstance(expr, Number) and expr.value < 0 and position > 0
-    return f"({text})" if negative or isinstance(expr, Sum | Product | Power) else text
+def _factors(expr: Expr) -> tuple[Expr, ...]:
+    return expr.factors if isinstance(expr, Product) else (expr,)
 
 
 def _base_and_exponent(expr: Expr) -> tuple[Expr, float | None]:
-    if isinstance(expr, Power):
-        exponent = expr.exponent
-        return expr.base, exponent.value if _is_integer(exponent) else None  # type: ignore[union-attr]
-    return expr, 1.0
+    if not isinstance(expr, Power):
+        return expr, 1.0
+    exponent = expr.exponent
+    whole = isinstance(exponent, Number) and exponent.value.is_integer()
+    return expr.base, exponent.value if isinstance(exponent, Number) and whole else None
 
 
 def _flat_product(factors: list[Expr]) -> Expr:
@@ -251,12 +224,26 @@ def _is_integer(expr: Expr) -> bool:
     return isinstance(expr, Number) and expr.value.is_integer()
 
 
-def _real(compute: Callable[[], float | complex]) -> float:
-    value = compute()
+def _real(value: complex) -> float:
     if isinstance(value, complex) or not math.isfinite(value):
         raise ArithmeticError("not a finite real number")
     return float(value)
 
+
+CONSTANT: dict[str, Callable[[float], float]] = {
+    "sin": math.sin,
+    "cos": math.cos,
+    "tan": math.tan,
+    "exp": math.exp,
+    "log": math.log,
+    "sqrt": math.sqrt,
+    "tanh": math.tanh,
+    "sech": lambda x: 1.0 / math.cosh(x),
+    "abs": abs,
+    "sign": lambda x: float((x > 0) - (x < 0)),
+    "step": lambda x: float(x > 0),
+}
+"""The functions of the language, of a constant."""
 
 _RANK = {Number: 0, Name: 1, Power: 2, Call: 3, Derivative: 4, Flux: 5, Product: 6, Sum: 7}
 

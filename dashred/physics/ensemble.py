@@ -36,8 +36,10 @@ class Ensemble:
 
 @dataclass(frozen=True)
 class Discrepancies:
-    """How random model errors are drawn: ``terms`` library terms a member, each with
-    ``ξ_j ~ N(0, amplitude² s_j²)``, ``s_j = rms(∂u/∂t)/rms(θ_j)`` over the nominal simulation.
+    """How random model errors are drawn: so many library terms a member.
+
+    Each has ``ξ_j ~ N(0, amplitude² s_j²)`` with ``s_j = rms(∂u/∂t)/rms(θ_j)`` over the nominal
+    simulation, so that its tendency is about ``amplitude`` of the equation's own.
 
     A decoder trained on the plain simulation cannot express the real field; one trained on
     simulations that are each a little wrong can (design §4.1). Only the library is used, so
@@ -74,7 +76,14 @@ def draw_ensemble(
     is drawn anew: a negative damping has no bound, and one such member would set every scale.
 
     Args:
+        system: the simulator.
+        times: output times, on the recording's clock.
+        prior: draws the starts.
         nominal: the nominal simulation, ``(time, field, *grid)``, for scales and ranges.
+        members: how many trajectories.
+        discrepancies: random model errors; None for a plain ensemble.
+        rng: the only source of chance.
+        progress: called with the fraction done of each round of simulations.
 
     Raises:
         InputError: hardly any draw stays bounded.
@@ -87,7 +96,7 @@ def draw_ensemble(
         starts = prior.draw(missing, rng)
         forcing = _draw_forcing(system, nominal, discrepancies, missing, rng, float(times[0]))
         found = simulate(system, starts, times, forcing, progress)
-        inside = ((found >= low) & (found <= high)).flatten(1).all(dim=1)
+        inside = (torch.isfinite(found) & (found >= low) & (found <= high)).flatten(1).all(dim=1)
         states.append(found[inside])
         coefficients.append(forcing.coefficients[inside])
         if sum(map(len, states)) == members:
@@ -103,7 +112,8 @@ def draw_ensemble(
 def _bounds(nominal: Tensor) -> tuple[Tensor, Tensor]:
     by_field = nominal.transpose(0, 1).flatten(1)
     low, high = by_field.amin(dim=1), by_field.amax(dim=1)
-    width = high - low
+    # A field at rest in the nominal simulation says nothing about how far it may move.
+    width = torch.where(high > low, high - low, torch.inf)
     shape = (-1,) + (1,) * (nominal.dim() - 2)
     return (low - width).reshape(shape), (high + width).reshape(shape)
 
@@ -119,6 +129,11 @@ def _draw_forcing(
     if discrepancies is None:
         return Forcing((), torch.zeros((members, 0), dtype=torch.float64))
     library = discrepancies.library
+    if discrepancies.terms > len(library):
+        raise InputError(
+            f"simulation.terms asks for {discrepancies.terms} terms out of {len(library)}",
+            where=system.where("simulation.terms"),
+        )
     scales = term_scales(system, library, nominal, t)
     coefficients = np.zeros((members, len(library)))
     for row in coefficients:

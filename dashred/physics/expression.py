@@ -13,20 +13,19 @@ import keyword
 import math
 import re
 import warnings
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from dashred.errors import InputError
 from dashred.physics import algebra
 from dashred.physics.algebra import Expr, Name, Number
 
-FUNCTIONS = frozenset(
-    {"sin", "cos", "tan", "exp", "log", "sqrt", "tanh", "sech", "abs", "sign", "step"}
-)
+FUNCTIONS = frozenset(algebra.CONSTANT)
 OPERATORS = frozenset({"d", "lap", "inv_lap", "grad2", "flux"})
 RESERVED = FUNCTIONS | OPERATORS | {"pi", "t"}
 LONGEST = 2000
 DEEPEST = 60
+HIGHEST_ORDER = 8
 
 
 @dataclass(frozen=True)
@@ -74,27 +73,25 @@ def _refuse_foreign_text(text: str, where: str) -> None:
     if len(text) > LONGEST:
         raise InputError(f"the expression is longer than {LONGEST} characters", where=where)
     stripped = text.strip()
+    if "\n" in stripped or "#" in stripped:
+        raise InputError("an expression is one line without comments", where=where)
+    if foreign := re.search(r"[^\t -~]", stripped):
+        message = f"{foreign.group()!r} is not allowed: names and signs are plain ASCII"
+        raise _error(stripped, foreign.start(), message, where, "write λ as lam, u² as u**2")
     for match in re.finditer(r"[A-Za-z_]\w*", stripped):
-        word = match.group()
-        if keyword.iskeyword(word):
-            hint = f"rename it, for example to {word[:3]!r}"
+        if keyword.iskeyword(word := match.group()):
+            hint = f"rename it, for example to {'lam' if word == 'lambda' else word + '_0'!r}"
             message = f"{word!r} is a Python keyword and cannot be a name"
             raise _error(stripped, match.start(), message, where, hint)
     if "^" in stripped:
         raise _error(stripped, stripped.index("^"), "powers are written **, not ^", where)
-    if "\n" in stripped or "#" in stripped:
-        raise InputError("an expression is one line without comments", where=where)
 
 
-def _error(
-    text: str, column: int, message: str, where: str, hint: str | None = None
-) -> InputError:
+def _error(text: str, column: int, message: str, where: str, hint: str | None = None) -> InputError:
     start = max(0, column - 40)
     shown = text[start : column + 40]
     pointer = f"{shown}\n  {' ' * (column - start)}^"
-    return InputError(
-        f"{message} (column {column + 1})\n  {pointer}", where=where, hint=hint
-    )
+    return InputError(f"{message} (column {column + 1})\n  {pointer}", where=where, hint=hint)
 
 
 class _Reader:
@@ -104,8 +101,7 @@ class _Reader:
         self.text, self.vocabulary, self.where = text, vocabulary, where
 
     def fail(self, node: ast.AST, message: str, hint: str | None = None) -> InputError:
-        byte = getattr(node, "col_offset", 0)
-        column = len(self.text.encode()[:byte].decode(errors="ignore"))
+        column = getattr(node, "col_offset", 0)
         return _error(self.text, column, message, self.where, hint)
 
     def read(self, node: ast.AST, depth: int = 0) -> Expr:
@@ -172,25 +168,28 @@ class _Reader:
             raise self.fail(node, f"{function}() takes {wanted} arguments, not {len(arguments)}")
         operand = self.read(arguments[0], depth)
         if function in FUNCTIONS:
-            return self.constant_call(function, operand)
+            return algebra.call(function, operand)
         if not self.vocabulary.axes:
             raise self.fail(node, f"{function}() needs a spatial axis, and the system has none")
-        return self.read_operator(function, operand, arguments[1:])
+        expr = self.read_operator(function, operand, arguments[1:])
+        if (order := _order(expr)) > HIGHEST_ORDER:
+            raise self.fail(node, f"a derivative of order {order} is above {HIGHEST_ORDER}")
+        return expr
 
     def read_operator(self, function: str, operand: Expr, rest: list[ast.expr]) -> Expr:
         axes = self.vocabulary.axes
         if function == "lap" and len(axes) == 1:
-            return _derivative(operand, axes[0], 2)
+            return algebra.derivative(operand, axes[0], 2)
         if function == "grad2" and len(axes) == 1:
-            return algebra.power(_derivative(operand, axes[0], 1), Number(2.0))
+            return algebra.power(algebra.derivative(operand, axes[0], 1), Number(2.0))
         if function in {"lap", "inv_lap", "grad2"}:
-            return _outside_number(operand, lambda f: algebra.Call(function, f), function)
+            return algebra.call(function, operand)
         axis = self.read_axis(rest[0])
         if function == "flux":
             if not self.vocabulary.transported:
                 raise self.fail(rest[0], "flux() is allowed in equations and libraries only")
             return algebra.Flux(operand, axis, self.vocabulary.transported)
-        return _derivative(operand, axis, self.read_order(rest[1:]))
+        return algebra.derivative(operand, axis, self.read_order(rest[1:]))
 
     def read_axis(self, node: ast.expr) -> str:
         if isinstance(node, ast.Name) and node.id in self.vocabulary.axes:
@@ -202,14 +201,12 @@ class _Reader:
         match rest:
             case []:
                 return 1
-            case [ast.Constant(value=int() as order)] if 1 <= order <= 8 and order is not True:
+            case [ast.Constant(value=bool())]:
+                pass
+            case [ast.Constant(value=int() as order)] if 1 <= order <= HIGHEST_ORDER:
                 return order
-        raise self.fail(rest[0], "the order of a derivative is a whole number from 1 to 8")
-
-    def constant_call(self, function: str, operand: Expr) -> Expr:
-        if isinstance(operand, Number):
-            return Number(_CONSTANT[function](operand.value))
-        return algebra.Call(function, operand)
+        message = f"the order of a derivative is a whole number from 1 to {HIGHEST_ORDER}"
+        raise self.fail(rest[0], message)
 
     def unknown(self, node: ast.AST, message: str, id: str, known: Collection[str]) -> InputError:
         near = difflib.get_close_matches(id, sorted(known), n=1)
@@ -218,34 +215,9 @@ class _Reader:
         return self.fail(node, message, hint)
 
 
-def _derivative(operand: Expr, axis: str, order: int) -> Expr:
-    def differentiate(f: Expr) -> Expr:
-        if isinstance(f, algebra.Derivative) and f.axis == axis:
-            return algebra.Derivative(f.operand, axis, f.order + order)
-        return algebra.Derivative(f, axis, order)
-
-    return _outside_number(operand, differentiate, "d")
-
-
-def _outside_number(operand: Expr, apply: Callable[[Expr], Expr], function: str) -> Expr:
-    """Apply a spatial operator with the operand's number taken outside: d(2*u) = 2*d(u)."""
-    value, rest = algebra.split_coefficient(operand)
-    if rest == algebra.ONE:
-        return algebra.ZERO
-    return algebra.scale(value * value if function == "grad2" else value, apply(rest))
+def _order(expr: Expr) -> int:
+    _, rest = algebra.split_coefficient(expr)
+    return max(rest.order, _order(rest.operand)) if isinstance(rest, algebra.Derivative) else 0
 
 
 _ALLOWED = "allowed: numbers, names, + - * / **, and functions such as exp(u), d(u, x), lap(u)"
-_CONSTANT = {
-    "sin": math.sin,
-    "cos": math.cos,
-    "tan": math.tan,
-    "exp": math.exp,
-    "log": math.log,
-    "sqrt": math.sqrt,
-    "tanh": math.tanh,
-    "sech": lambda x: 1.0 / math.cosh(x),
-    "abs": abs,
-    "sign": lambda x: float((x > 0) - (x < 0)),
-    "step": lambda x: float(x > 0),
-}

@@ -9,9 +9,10 @@ import torch
 from torch import Tensor
 
 from dashred.physics.algebra import Expr
-from dashred.physics.operators import Operators, Value
+from dashred.physics.operators import Operators
 from dashred.physics.program import Program
 from dashred.physics.system import Term
+from dashred.physics.value import Value
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,11 @@ class RowwiseForcing:
         self.fields, self.operators = fields, operators
         self.batch = len(forcing.coefficients)
         carriers: dict[Expr, list[tuple[int, int]]] = {}
-        for row, j in torch.nonzero(forcing.coefficients).tolist():
+        carried = forcing.coefficients != 0
+        if forcing.coefficients.requires_grad:
+            # At zero, too, the trajectory depends on its coefficient.
+            carried = torch.ones_like(carried)
+        for row, j in torch.nonzero(carried).tolist():
             carriers.setdefault(forcing.terms[j].expression, []).append((row, j))
         self.programs = [Program([expr]) for expr in carriers]
         self.sizes = [len(pairs) for pairs in carriers.values()]
@@ -69,16 +74,14 @@ class RowwiseForcing:
         added = torch.cat(on_grid) * self.weights
         sums = added.new_zeros((len(self.fields) * self.batch, *added.shape[1:]))
         summed = sums.index_add(0, self.slots, added)
-        return [Value(part) for part in summed.split(self.batch)]
+        return [Value(part) for part in torch.split(summed, self.batch)]
 
 
 def _split(value: Value, rows: Tensor, sizes: list[int]) -> list[Value]:
     [(_, part)] = value.parts
     assert isinstance(part.points, Tensor)
-    points = part.points[rows].split(sizes)
+    points = torch.split(part.points[rows], sizes)
     if part.modes is None:
         return [Value(p) for p in points]
-    modes = part.modes[rows].split(sizes)
+    modes = torch.split(part.modes[rows], sizes)
     return [Value(p, m) for p, m in zip(points, modes, strict=True)]
-
-

@@ -70,7 +70,7 @@ class Grid:
 
     def interpolate(self, states: Tensor, finer: Grid) -> Tensor:
         """Band-limited interpolation of ``(…, *grid)`` to ``(…, *finer.grid)``, exact at nodes."""
-        for dim, (axis, target) in zip(self.dims, zip(self.axes, finer.axes, strict=True)):
+        for dim, axis, target in zip(self.dims, self.axes, finer.axes, strict=True):
             states = _resample(states, dim, axis.points, target.points)
         return states
 

@@ -10,9 +10,9 @@ from torch import Tensor
 
 from dashred.errors import InputError
 from dashred.physics import algebra
-from dashred.physics.operators import Value
 from dashred.physics.program import Program
 from dashred.physics.system import System, Term
+from dashred.physics.value import Value
 
 COLLINEAR = 1e-9
 
@@ -118,11 +118,19 @@ def refuse_collinear(system: System, library: Sequence[Term], states: Tensor, t:
     """Refuse columns that are proportional on the simulation: no data could tell them apart.
 
     Raises:
-        InputError: names both terms.
+        InputError: names both terms; or the one whose column is zero or not finite.
     """
     columns = evaluate_terms(system, library, states, t).flatten(1)
+    for term, column in zip(library, columns, strict=True):
+        if not torch.isfinite(column).all() or not column.any():
+            fault = "vanishes" if torch.isfinite(column).all() else "is not finite"
+            raise InputError(
+                f"the term {str(term)!r} {fault} on the simulation",
+                where=system.where(f"library.{term.equation}"),
+                hint="leave it out",
+            )
     unit = columns / columns.norm(dim=1, keepdim=True).clamp(min=1e-300)
-    for equation in {term.equation for term in library}:
+    for equation in dict.fromkeys(term.equation for term in library):
         index = [j for j, term in enumerate(library) if term.equation == equation]
         cosines = (unit[index] @ unit[index].T).abs() - torch.eye(len(index), device=unit.device)
         worst = int(cosines.argmax())

@@ -15,7 +15,7 @@ from dashred.physics.algebra import (
     split_coefficient,
     summands,
 )
-from dashred.physics.operators import Spectral
+from dashred.physics.spectral import Spectral
 
 
 def split_linear(equation: Expr, field: str) -> tuple[list[Expr], Expr]:

@@ -9,12 +9,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dashred.errors import InputError
+from dashred.physics.algebra import Expr, names
 from dashred.physics.expression import number
 from dashred.physics.grid import Grid
-from dashred.physics.operators import Value
 from dashred.physics.program import Program
 from dashred.physics.simulate import Progress, check_finite, simulate
 from dashred.physics.system import System
+from dashred.physics.value import Value
 
 SMALLEST_VARIANCE = 1e-12
 
@@ -25,13 +27,14 @@ def nominal_start(system: System, progress: Progress | None = None) -> Tensor:
     Raises:
         InputError: a start expression is wrong, or the simulator blows up on the way.
     """
-    expressions = [
-        system.resolve(system.parse(text, f"system.start.{field}"), f"system.start.{field}")
-        for field, text in ((f, system.config.start[f]) for f in system.fields)
-    ]
+    expressions = [_start_expression(system, field) for field in system.fields]
     surroundings = system.surroundings(0.0, torch.device("cpu"))
     values = Program(expressions)(surroundings, system.operators)
     found = [torch.as_tensor(system.operators.on_grid(v), dtype=torch.float64) for v in values]
+    for field, points in zip(system.fields, found, strict=True):
+        if not torch.isfinite(points).all():
+            where = system.where(f"system.start.{field}")
+            raise InputError(f"the start of {field} is not finite everywhere", where=where)
     state = torch.stack([f.expand(system.grid.shape) for f in found])[None]
     if not system.config.spin_up:
         return state
@@ -41,10 +44,23 @@ def nominal_start(system: System, progress: Progress | None = None) -> Tensor:
     return path[:, -1]
 
 
+def _start_expression(system: System, field: str) -> Expr:
+    key = f"system.start.{field}"
+    expr = system.resolve(system.parse(system.config.start[field], key), key)
+    if read := sorted(names(expr) & set(system.fields)):
+        raise InputError(
+            f"the start of {field} reads the field {read[0]!r}, which has no value yet",
+            where=system.where(key),
+            hint="a start is a number, or an expression in coordinates and parameters",
+        )
+    return expr
+
+
 def gaussian_process_modes(grid: Grid, length: float, count: int | None) -> Tensor:
     """Return Karhunen–Loève modes ``(mode, *grid)`` of a periodic Gaussian process.
 
-    ``g = Σ zᵢ Bᵢ`` with z ~ N(0, 1) has unit variance and covariance exp(-r²/2ℓ²), wrapped.
+    ``g = Σ zᵢ Bᵢ`` with z ~ N(0, 1) has unit variance and covariance exp(-r²/2ℓ²), wrapped
+    around the axes and normalised (ℓ well below them); with fewer modes a little less of both.
 
     Args:
         grid: where g is wanted.
@@ -104,7 +120,7 @@ class StartPrior:
 
     def start(self, z: Tensor) -> Tensor:
         """Return the starts ``(batch, field, *grid)`` of ``z``, ``(batch, size)``."""
-        per_field = z.reshape(len(z), -1, len(self.basis))
+        per_field = z.reshape(len(z), self.size // len(self.basis), len(self.basis))
         g = torch.einsum("bfm,m...->bf...", per_field, self.basis)
         starts = self.centre.expand(len(z), *self.centre.shape).clone()
         if self.shared:
@@ -121,6 +137,12 @@ class StartPrior:
     def _moves(self, spread: dict[str, object]) -> dict[str, object]:
         apply = spread.get("apply")
         if isinstance(apply, dict):
+            if "g" in self.system.names:
+                raise InputError(
+                    "spread.apply reads the random g, but the system has a 'g' of its own",
+                    where=self.system.where("system.spread.apply"),
+                    hint="rename the system's, for example to 'gravity'",
+                )
             return apply
         return {f: spread[f] for f in self.system.fields if f in spread}
 

@@ -19,16 +19,24 @@ from dashred.physics.algebra import (
     Product,
     Sum,
     children,
+    names,
+    split_coefficient,
 )
-from dashred.physics.operators import Operators, Value, total
+from dashred.physics.operators import Operators
+from dashred.physics.value import Value, total
 
 Step = Callable[[list[Value], Mapping[str, Value], Operators], Value]
 
 
 class Program:
-    """Evaluates several expressions together: ``program(values of names, operators)``."""
+    """Evaluates several expressions together: ``program(values of names, operators)``.
+
+    Attributes:
+        names: what the expressions read.
+    """
 
     def __init__(self, expressions: Sequence[Expr]) -> None:
+        self.names = frozenset[str]().union(*map(names, expressions))
         self._slots: dict[Expr, int] = {}
         self._steps: list[Step] = []
         self._outputs = [self._compile(expression) for expression in expressions]
@@ -42,7 +50,7 @@ class Program:
 
     def _compile(self, expr: Expr) -> int:
         if expr not in self._slots:
-            slots = [self._compile(child) for child in children(expr)]
+            slots = [self._compile(child) for child in _operands(expr)]
             step = _transported(self, expr, slots) if isinstance(expr, Flux) else _step(expr, slots)
             self._slots[expr] = len(self._steps)
             self._steps.append(step)
@@ -54,6 +62,11 @@ def _transported(program: Program, expr: Flux, slots: list[int]) -> Step:
     return lambda m, v, ops: ops.flux(m[slots[0]], expr.axis, m[field])
 
 
+def _operands(expr: Expr) -> tuple[Expr, ...]:
+    value, rest = split_coefficient(expr)
+    return children(expr) if value == 1.0 or isinstance(expr, Number) else (rest,)
+
+
 def _step(expr: Expr, slots: list[int]) -> Step:
     match expr:
         case Number(value):
@@ -62,8 +75,8 @@ def _step(expr: Expr, slots: list[int]) -> Step:
             return lambda m, v, ops: v[id]
         case Sum():
             return lambda m, v, ops: total([m[slot] for slot in slots])
-        case Product((Number(value), _)):
-            return lambda m, v, ops: m[slots[1]].scaled(value)
+        case Product((Number(value), *_)):
+            return lambda m, v, ops: m[slots[0]].scaled(value)
         case Product():
             return lambda m, v, ops: Value(
                 reduce(lambda a, b: a * b, (ops.on_grid(m[slot]) for slot in slots))
@@ -102,7 +115,7 @@ def _power(base: Tensor | float, exponent: float) -> Tensor | float:
         return base * base
     if exponent == 3.0:
         return base * base * base
-    return base ** (int(exponent) if exponent.is_integer() else exponent)
+    return base**exponent
 
 
 def _tensor(value: Value, operators: Operators) -> Tensor:

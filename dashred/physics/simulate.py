@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -23,6 +23,7 @@ from dashred.physics.system import System
 from dashred.physics.tendency import GridTendency, SpectralTendency
 
 Progress = Callable[[float], None]
+STEPPERS_KEPT = 8
 
 
 def simulate(
@@ -43,6 +44,8 @@ def simulate(
 
     Returns:
         ``(batch, time, field, *grid)``. A trajectory that blows up is not finite from then on.
+        Trajectories do not touch each other, up to rounding; adaptive methods (ODEs) choose
+        their steps for the whole batch, so there up to the tolerance.
     """
     if not system.axes:
         return _integrate_ode(system, start, times, forcing)
@@ -61,16 +64,17 @@ def check_finite(trajectories: Tensor, times: Tensor, system: System) -> None:
     Raises:
         InputError: says when, and in which field first.
     """
-    finite = torch.isfinite(trajectories).flatten(3).all(dim=-1) if system.axes else (
-        torch.isfinite(trajectories)
-    )
+    finite = torch.isfinite(trajectories)
+    if system.axes:
+        finite = finite.flatten(3).all(dim=-1)
     if finite.all():
         return
     bad = (~finite).any(dim=0)
     time = int(torch.nonzero(bad.any(dim=-1))[0])
     fields = [f for f, is_bad in zip(system.fields, bad[time].tolist(), strict=True) if is_bad]
+    verb = "is" if len(fields) == 1 else "are"
     raise InputError(
-        f"the simulator blows up: {', '.join(fields)} is not finite at t = {times[time]:g}",
+        f"the simulator blows up: {' and '.join(fields)} {verb} not finite at t = {times[time]:g}",
         where=system.where("system.equations"),
         hint="use a smaller system.integrator.dt, more points, or look at the signs of its terms",
     )
@@ -82,16 +86,22 @@ def _spectral_march(
     grid = system.grid
     tendency = SpectralTendency(system, forcing, start.device)
     steppers: dict[float, ETDRK4] = {}
-    modes = torch.fft.rfftn(start, dim=grid.dims)
-    yield start
-    for begin, end in zip(times[:-1], times[1:], strict=True):
+    state = start
+    yield state
+    for begin, end in pairwise(times):
         count = max(1, round_up((end - begin) / system.dt))
-        h = round((end - begin) / count, 12)
+        h = float(f"{(end - begin) / count:.12g}")
         if h not in steppers:
+            if len(steppers) == STEPPERS_KEPT:
+                del steppers[next(iter(steppers))]
             steppers[h] = ETDRK4(tendency.linear, tendency, h)
+        # Every interval starts from the grid: rounding makes modes that are no real field's,
+        # which the equations cannot see and a linear instability would amplify without end.
+        modes = tendency.kept(torch.fft.rfftn(state, dim=grid.dims))
         for i in range(count):
             modes = steppers[h].step(modes, begin + i * h)
-        yield torch.fft.irfftn(modes, s=grid.shape, dim=grid.dims)
+        state = torch.fft.irfftn(modes, s=grid.shape, dim=grid.dims)
+        yield state
 
 
 def _grid_march(
@@ -100,7 +110,7 @@ def _grid_march(
     tendency = GridTendency(system, forcing)
     state = start
     yield state
-    for begin, end in zip(times[:-1], times[1:], strict=True):
+    for begin, end in pairwise(times):
         count = max(1, round_up((end - begin) / system.dt))
         stepper = SSPRK3(tendency, (end - begin) / count)
         for i in range(count):
@@ -108,28 +118,40 @@ def _grid_march(
         yield state
 
 
-def _integrate_ode(
-    system: System, start: Tensor, times: Tensor, forcing: Forcing | None
-) -> Tensor:
-    tendency = GridTendency(system, forcing)
+def _integrate_ode(system: System, start: Tensor, times: Tensor, forcing: Forcing | None) -> Tensor:
     if len(times) == 1:
         return start[:, None]
     if system.method in FIXED:
+        tendency = GridTendency(system, forcing)
         steps = substeps(times, system.dt)
-        path = integrate_fixed(tendency, start, times, system.method, steps)
-    else:
-        integrator = system.config.integrator
-        path = _until_underflow(
-            lambda: integrate_adaptive(
-                tendency, start, times, system.method, integrator.rtol, integrator.atol
-            ),
-            like=start.new_full((len(times), *start.shape), np.nan),
-        )
+        return integrate_fixed(tendency, start, times, system.method, steps).transpose(0, 1)
+    try:
+        return _adaptive(system, start, times, forcing)
+    except FloatingPointError:
+        # One member that leaves every bound must not take the others with it.
+        rows = range(len(start))
+        alone = [_until_blow_up(system, start[i : i + 1], times, _row(forcing, i)) for i in rows]
+        return torch.cat(alone)
+
+
+def _adaptive(system: System, start: Tensor, times: Tensor, forcing: Forcing | None) -> Tensor:
+    integrator = system.config.integrator
+    tolerances = integrator.rtol, integrator.atol
+    tendency = GridTendency(system, forcing)
+    path = integrate_adaptive(tendency, start, times, system.method, *tolerances, system.dt)
     return path.transpose(0, 1)
 
 
-def _until_underflow(solve: Callable[[], Tensor], like: Tensor) -> Tensor:
-    try:
-        return solve()
-    except FloatingPointError:
-        return like
+def _until_blow_up(system: System, start: Tensor, times: Tensor, forcing: Forcing | None) -> Tensor:
+    path = [start]
+    for index in range(len(times) - 1):
+        try:
+            path.append(_adaptive(system, path[-1], times[index : index + 2], forcing)[:, -1])
+        except FloatingPointError:
+            lost = torch.full_like(start, torch.nan)
+            return torch.stack(path + [lost] * (len(times) - len(path)), dim=1)
+    return torch.stack(path, dim=1)
+
+
+def _row(forcing: Forcing | None, i: int) -> Forcing | None:
+    return forcing and Forcing(forcing.terms, forcing.coefficients[i : i + 1])

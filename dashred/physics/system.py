@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -15,8 +16,9 @@ from dashred.physics.algebra import Expr, Number
 from dashred.physics.expression import Vocabulary, number, parse
 from dashred.physics.grid import Axis, Grid
 from dashred.physics.integrators import METHODS
-from dashred.physics.operators import FiniteDifferences, NoSpace, Operators, Spectral, Value
+from dashred.physics.operators import FiniteDifferences, NoSpace, Operators, Spectral
 from dashred.physics.program import Program
+from dashred.physics.value import Value
 
 
 @dataclasses.dataclass(frozen=True)
@@ -27,6 +29,7 @@ class Term:
     expression: Expr
 
     def __str__(self) -> str:
+        """The expression in the equation language."""
         return algebra.to_text(self.expression)
 
 
@@ -49,9 +52,7 @@ class System:
 
     def __init__(self, config: schema.System, where: Callable[[str], str]) -> None:
         if config.inputs:
-            raise InputError(
-                "measured inputs are not supported yet", where=where("system.inputs")
-            )
+            raise InputError("measured inputs are not supported yet", where=where("system.inputs"))
         self.config, self.where = config, where
         self.title, self.fields = config.title, tuple(config.fields)
         self.grid = Grid(tuple(_axis(n, a, where) for n, a in config.axes.items()))
@@ -73,12 +74,18 @@ class System:
         }
         self._check_method()
 
-    @property
+    @cached_property
     def operators(self) -> Operators:
         """Spatial operators of the system's grid."""
         if not self.grid.axes:
             return NoSpace()
         return Spectral(self.grid) if self.spectral else FiniteDifferences(self.grid)
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Every name that an expression may read."""
+        config = self.config
+        return frozenset({*config.fields, *config.parameters, *config.let, *config.axes, "t"})
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -94,6 +101,11 @@ class System:
         integrator = dataclasses.replace(self.config.integrator, dt=self.dt / 2)
         config = dataclasses.replace(self.config, axes=axes, integrator=integrator)
         return System(config, self.where)
+
+    def with_step(self, dt: float) -> System:
+        """Return the same system with another time step."""
+        integrator = dataclasses.replace(self.config.integrator, dt=dt)
+        return System(dataclasses.replace(self.config, integrator=integrator), self.where)
 
     def with_terms(self, terms: Sequence[tuple[Term, float]]) -> System:
         """Return the system with terms added to its equations, as text."""
@@ -111,8 +123,7 @@ class System:
         Raises:
             InputError: see :func:`dashred.physics.expression.parse`.
         """
-        known = {*self.fields, *self.config.parameters, *self.config.let, *self.config.axes, "t"}
-        vocabulary = Vocabulary(frozenset(known) | extra, tuple(self.config.axes), equation)
+        vocabulary = Vocabulary(self.names | extra, tuple(self.config.axes), equation)
         return parse(str(text), vocabulary, where=self.where(key))
 
     def evaluate(self, text: str, state: Tensor, t: float = 0.0) -> Tensor:
@@ -129,8 +140,13 @@ class System:
         return points.expand(len(flat), *self.grid.shape).reshape(*batch, *self.grid.shape)
 
     def values(self, state: Tensor, t: float) -> dict[str, Value]:
-        """Return what expressions read, from a state on the grid."""
-        named = {field: Value(state[:, i]) for i, field in enumerate(self.fields)}
+        """Return what expressions read, from a state on the grid ``(batch, field, *grid)``."""
+        fields = state.unbind(1)
+        if self.spectral:
+            modes = torch.fft.rfftn(state, dim=self.grid.dims).unbind(1)
+            named = dict(zip(self.fields, map(Value, fields, modes), strict=True))
+        else:
+            named = dict(zip(self.fields, map(Value, fields), strict=True))
         return named | self.surroundings(t, state.device)
 
     def surroundings(self, t: float, device: torch.device) -> dict[str, Value]:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from dashred.physics.algebra import Expr
+from dashred.physics.algebra import Expr, names
 from dashred.physics.forcing import Forcing, RowwiseForcing
 from dashred.physics.linear import is_linear, split_linear, symbol
-from dashred.physics.operators import Spectral, Value, total
 from dashred.physics.program import Program
+from dashred.physics.spectral import Spectral
 from dashred.physics.system import System
+from dashred.physics.value import Value, total
 
 
 class GridTendency:
@@ -19,7 +20,9 @@ class GridTendency:
     def __init__(self, system: System, forcing: Forcing | None = None) -> None:
         self.system, self.operators = system, system.operators
         self.program = Program(list(system.resolved.values()))
-        self.forcing = forcing and RowwiseForcing(forcing, system.fields, self.operators)
+        self.forcing = None
+        if forcing is not None:
+            self.forcing = RowwiseForcing(forcing, system.fields, self.operators)
 
     def __call__(self, state: Tensor, t: float) -> Tensor:
         """Return the tendency per unit time."""
@@ -41,7 +44,8 @@ class SpectralTendency:
     """
 
     def __init__(self, system: System, forcing: Forcing | None, device: torch.device) -> None:
-        assert isinstance(operators := system.operators, Spectral)
+        operators = system.operators
+        assert isinstance(operators, Spectral)
         self.system, self.operators = system, operators
         parts = [split_linear(expr, field) for field, expr in system.resolved.items()]
         self.program = Program([rest for _, rest in parts])
@@ -49,23 +53,29 @@ class SpectralTendency:
         self.forcing = None
         if forcing is not None:
             self.forcing = self._take_linear(forcing, device)
+        self.reads_surroundings = not self._names(forcing) <= set(system.fields)
         self.mask = _two_thirds(system).to(device) if system.config.integrator.dealias else None
 
     def __call__(self, modes: Tensor, t: float) -> Tensor:
         """Return N in modes, ``(batch, field, *modes)``."""
         grid = self.system.grid
         whole = torch.fft.irfftn(modes, s=grid.shape, dim=grid.dims)
-        values = self.system.surroundings(t, modes.device)
-        for i, field in enumerate(self.system.fields):
-            values[field] = Value(whole[:, i], modes[:, i])
+        fields = map(Value, whole.unbind(1), modes.unbind(1))
+        values = dict(zip(self.system.fields, fields, strict=True))
+        if self.reads_surroundings:
+            values |= self.system.surroundings(t, modes.device)
         tendencies = self.program(values, self.operators)
         if self.forcing is not None:
             tendencies = _summed(tendencies, self.forcing(values))
-        shape = modes[:, 0].shape
-        result = torch.stack(
-            [self.operators.in_modes(value).expand(shape) for value in tendencies], dim=1
-        )
-        return result if self.mask is None else result * self.mask
+        return self.kept(self.operators.stacked_modes(tendencies, like=modes[:, 0]))
+
+    def kept(self, modes: Tensor) -> Tensor:
+        """Return the modes that the 2/3 rule keeps: all of them unless it was asked for."""
+        return modes if self.mask is None else modes * self.mask
+
+    def _names(self, forcing: Forcing | None) -> frozenset[str]:
+        terms = forcing.terms if forcing is not None else ()
+        return self.program.names.union(*(names(term.expression) for term in terms))
 
     def _symbols(self, linear: list[list[Expr]], device: torch.device) -> Tensor:
         *first, last = self.system.grid.shape
@@ -78,18 +88,17 @@ class SpectralTendency:
 
     def _take_linear(self, forcing: Forcing, device: torch.device) -> RowwiseForcing:
         space = (1,) * len(self.system.grid.shape)
-        coefficients = forcing.coefficients.clone()
-        for j, term in enumerate(forcing.terms):
-            column = forcing.coefficients[:, j]
-            if not is_linear(term.expression, term.equation) or not column.any():
+        linear = [is_linear(term.expression, term.equation) for term in forcing.terms]
+        for term, column, taken in zip(forcing.terms, forcing.coefficients.T, linear, strict=True):
+            if not taken or not (column.any() or column.requires_grad):
                 continue
             field = self.system.fields.index(term.equation)
             added = symbol(term.expression, self.operators, device) * column.reshape(-1, *space)
             one_field = torch.zeros(len(self.system.fields), dtype=torch.float64, device=device)
             one_field[field] = 1.0
             self.linear = self.linear + added[:, None] * one_field.reshape(1, -1, *space)
-            coefficients[:, j] = 0.0
-        rest = Forcing(forcing.terms, coefficients)
+        left = [j for j, taken in enumerate(linear) if not taken]
+        rest = Forcing(tuple(forcing.terms[j] for j in left), forcing.coefficients[:, left])
         return RowwiseForcing(rest, self.system.fields, self.operators)
 
 
@@ -99,7 +108,7 @@ def _summed(left: list[Value], right: list[Value]) -> list[Value]:
 
 def _two_thirds(system: System) -> Tensor:
     mask = torch.ones((), dtype=torch.float64)
-    for axis, k in zip(system.axes, system.grid.wavenumbers, strict=True):
+    for k in system.grid.wavenumbers:
         limit = k.abs().max() * 2 / 3
         mask = mask * (k.abs() < limit)
     return mask

@@ -114,7 +114,8 @@ def _proposals(latent: Mapping[str, Any]) -> list[str]:
         return []
     lines = ["Latent SINDy proposes (a proposal to be tested, not a verdict):"]
     for name, found in known.items():
-        terms = sorted(found["proposals"], key=lambda proposal: proposal["rank"])
+        kept = [proposal for proposal in found["proposals"] if proposal["coefficient"] != 0]
+        terms = sorted(kept, key=lambda proposal: proposal["rank"])
         lines += [f"  {name}: {'' if terms else 'no term'}".rstrip(), *_terms(terms[:MOST_TERMS])]
         if len(terms) > MOST_TERMS:
             lines.append(f"    and {len(terms) - MOST_TERMS} more, in findings.json")

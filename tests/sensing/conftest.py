@@ -78,7 +78,7 @@ def make_recording() -> Callable[..., Recording]:
     """Make a recording of sensors s0, s1, … of u, evenly placed on [0, 2)."""
 
     def make(sensors: int = 12, samples: int = 101, step: float = 0.1) -> Recording:
-        times = step * np.arange(samples)
+        times = step * np.arange(samples, dtype=np.float64)
         places = 2.0 * np.arange(sensors) / sensors
         values = np.sin(times[:, None] + np.pi * places)
         named = (Sensor(f"s{index}", "u", (float(x),)) for index, x in enumerate(places))

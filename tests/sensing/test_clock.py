@@ -72,6 +72,15 @@ def test_short_gaps_are_bridged_and_long_ones_are_not():
     np.testing.assert_allclose(bridged.values[present, 0], truth, atol=0.006)
 
 
+def test_a_lone_sample_between_gaps_is_kept():
+    times = 0.1 * np.arange(200)
+    values = np.sin(times)
+    values[100:105] = values[106:111] = np.nan
+    lone, _ = resample(recorded(times, values), 0.15)
+    present = lone.times[~np.isnan(lone.values[:, 0])]
+    np.testing.assert_allclose(present[(present > 9.95) & (present < 11.05)], [10.5])
+
+
 def test_values_are_not_invented_before_the_first_or_after_the_last():
     times = 0.1 * np.arange(100)
     values = np.sin(times)

@@ -15,7 +15,9 @@ from dashred.sensing.sensors import Sensor
 
 def recording_of(*columns, reads=("u", "u", "v"), stds=(None, None, None)):
     sensors = tuple(Sensor(f"s{i}", reads[i], (), stds[i]) for i in range(len(columns)))
-    return Recording(sensors, 0.01 * np.arange(len(columns[0])), np.stack(columns, axis=1))
+    return Recording(
+        sensors, 0.01 * np.arange(len(columns[0]), dtype=np.float64), np.stack(columns, axis=1)
+    )
 
 
 @pytest.fixture

@@ -25,6 +25,7 @@ def test_modes_are_orthonormal_and_the_energy_is_ordered(samples):
     assert pod.modes.shape == (8, 40)
     identity = torch.eye(8, dtype=torch.float64)
     torch.testing.assert_close(pod.modes @ pod.modes.T, identity, atol=1e-10, rtol=0)
+    assert (pod.modes.amax(dim=1) == pod.modes.abs().amax(dim=1)).all()
     assert (pod.energy.diff() <= 0).all()
     assert 0 < pod.energy.sum() < 1
 

@@ -34,26 +34,30 @@ class ETDRK4:
 
     def step(self, modes: Tensor, t: float) -> Tensor:
         """Return the modes at ``t + h``."""
-        h, nonlinear = self.h, self.nonlinear
+        h, nonlinear, q = self.h, self.nonlinear, self.q
         n_u = nonlinear(modes, t)
         linear_half = self.half * modes
-        a = linear_half + self.q * n_u
+        a = torch.addcmul(linear_half, q, n_u)
         n_a = nonlinear(a, t + h / 2)
-        b = linear_half + self.q * n_a
+        b = torch.addcmul(linear_half, q, n_a)
         n_b = nonlinear(b, t + h / 2)
-        c = self.half * a + self.q * (2 * n_b - n_u)
+        c = torch.addcmul(self.half * a, q, torch.sub(2 * n_b, n_u))
         n_c = nonlinear(c, t + h)
-        return self.full * modes + self.first * n_u + self.middle * (n_a + n_b) + self.last * n_c
+        found = torch.addcmul(self.full * modes, self.first, n_u)
+        found = torch.addcmul(found, self.middle, n_a + n_b)
+        return torch.addcmul(found, self.last, n_c)
 
 
 def _coefficients(z: Tensor, h: float) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     angles = (torch.arange(CONTOUR_POINTS, dtype=torch.float64) + 0.5) / CONTOUR_POINTS
     roots = torch.exp(2j * math.pi * angles).to(z.device)
-    sums = [torch.zeros_like(z, dtype=torch.complex128) for _ in range(4)]
+    half = torch.exp(z / 2)
+    sums = [torch.zeros_like(z) for _ in range(4)]
     for root in roots:
         r = z + root
-        e = torch.exp(r)
-        sums[0] = sums[0] + (torch.exp(r / 2) - 1) / r
+        e_half = half * torch.exp(root / 2)
+        e = e_half**2
+        sums[0] = sums[0] + (e_half - 1) / r
         sums[1] = sums[1] + (-4 - r + e * (4 - 3 * r + r**2)) / r**3
         sums[2] = sums[2] + (4 + 2 * r + e * (-4 + 2 * r)) / r**3
         sums[3] = sums[3] + (-4 - 3 * r - r**2 + e * (4 - r)) / r**3

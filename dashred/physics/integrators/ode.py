@@ -42,18 +42,26 @@ def integrate_adaptive(
     method: str,
     rtol: float,
     atol: float,
+    first_step: float,
 ) -> Tensor:
     """Solve with error control ``atol + rtol·|y|`` over the whole batch; see above for shapes.
 
     Raises:
-        FloatingPointError: the step size underflowed: the solution leaves every bound.
+        FloatingPointError: the solution leaves every bound.
     """
+    options = {"first_step": first_step}
     try:
         return odeint(
-            lambda t, y: tendency(y, t.item()), start, times, method=method, rtol=rtol, atol=atol
+            lambda t, y: tendency(y, t.item()),
+            start,
+            times,
+            method=method,
+            rtol=rtol,
+            atol=atol,
+            options=options,
         )
     except AssertionError as error:
-        if "underflow" not in str(error):
+        if "underflow" not in str(error) and "non-finite" not in str(error):
             raise
         raise FloatingPointError(str(error)) from None
 

@@ -1,0 +1,75 @@
+"""Run latent SINDy at the end of each epoch of assimilation, and log its coefficients."""
+
+from __future__ import annotations
+
+from lightning import Callback, LightningModule, Trainer
+from torch import Tensor
+
+from dashred.discovery.latent import LatentProblem, LatentSindy
+from dashred.discovery.regression import SparseFit
+from dashred.models.assimilation import Assimilation
+from dashred.models.shred import reconstruct
+from dashred.tracking import Run, metric_name
+
+
+class LatentDiscovery(Callback):
+    """Algorithms 1 and 2 by epoch, as curves ``alg1/<equation>/<term>``.
+
+    A coefficient is logged from the first epoch on in which it is not zero, so that the store
+    holds the curves that say something.
+
+    Attributes:
+        epochs: epochs at which the regressions ran.
+        history: algorithm → coefficients ``(term,)`` by epoch.
+        final: proposals for the final state, after :meth:`finish`.
+    """
+
+    def __init__(self, problem: LatentProblem, child: Run, parent: Run) -> None:
+        self.problem, self.child, self.parent = problem, child, parent
+        self.epochs: list[int] = []
+        self.history: dict[str, list[list[float]]] = {"alg1": [], "alg2": []}
+        self.final: dict[str, SparseFit] = {}
+        self._logged: set[str] = set()
+
+    def on_fit_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Compute the columns on the field that assimilation starts from."""
+        fields = self._fields(pl_module)
+        self.sindy = LatentSindy(self.problem, fields, self.problem.settings.begins)
+
+    def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Regress and log."""
+        epoch = trainer.current_epoch + 1
+        if epoch % self.problem.settings.every == 0:
+            assert isinstance(pl_module, Assimilation)
+            found = self.sindy.propose(pl_module.encoder, self._fields(pl_module))
+            self.epochs.append(epoch)
+            for name, fit in found.items():
+                self.history[name].append(fit.coefficients.tolist())
+            self.child.log_metrics(self._metrics(found), epoch)
+
+    def finish(self, module: Assimilation) -> dict[str, SparseFit]:
+        """Return the proposals for the final state, from columns of its own."""
+        fields = self._fields(module)
+        sindy = LatentSindy(self.problem, fields, 2 * self.problem.settings.begins)
+        self.final = sindy.propose(module.encoder, fields)
+        last = (self.epochs[-1] if self.epochs else 0) + 1
+        metrics = self._metrics(self.final)
+        self.child.log_metrics(metrics, last)
+        self.parent.log_metrics(metrics, last)
+        return self.final
+
+    def _fields(self, module: LightningModule) -> Tensor:
+        assert isinstance(module, Assimilation)
+        windows = self.problem.windows.to(module.device)
+        return reconstruct(module.encoder, module.shred, windows).cpu()
+
+    def _metrics(self, found: dict[str, SparseFit]) -> dict[str, float]:
+        metrics = {}
+        for name, fit in found.items():
+            for term, value in zip(self.problem.library, fit.coefficients, strict=True):
+                key = metric_name(name, term.equation, str(term))
+                if value != 0.0:
+                    self._logged.add(key)
+                if key in self._logged:
+                    metrics[key] = float(value)
+        return metrics

@@ -1,0 +1,53 @@
+"""RMSE and loss curves, one point an epoch, in MLflow and for the figures."""
+
+from __future__ import annotations
+
+from lightning import Callback, LightningModule, Trainer
+
+from dashred.tracking import Run
+
+
+class RMSECurves(Callback):
+    """Log every ``rmse/…`` and ``loss/…`` metric by epoch.
+
+    Lightning's own logger steps by batch, in which runs of different batch sizes cannot be
+    compared; here the step is the epoch, 0 being the state before training.
+
+    Attributes:
+        history: metric → list of (epoch, value).
+
+    Args:
+        child: nested run that gets the curves.
+        parent: run of the whole command, which gets the RMSEs under ``prefix``, so that parents
+            can be compared by curve.
+        prefix: for example ``assimilate``.
+    """
+
+    def __init__(self, child: Run, parent: Run, prefix: str) -> None:
+        self.child, self.parent, self.prefix = child, parent, prefix
+        self.history: dict[str, list[tuple[int, float]]] = {}
+
+    def on_validation_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Log the epoch's metrics."""
+        epoch = 0 if trainer.sanity_checking else trainer.current_epoch + 1
+        found = {
+            name: float(value)
+            for name, value in trainer.callback_metrics.items()
+            if name.startswith("rmse/")
+        }
+        self._log(found, epoch)
+        self.parent.log_metrics({f"{self.prefix}/{k}": v for k, v in found.items()}, epoch)
+
+    def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Log the epoch's losses, which are complete only now."""
+        losses = {
+            name: float(value)
+            for name, value in trainer.callback_metrics.items()
+            if name.startswith("loss/")
+        }
+        self._log(losses, trainer.current_epoch + 1)
+
+    def _log(self, found: dict[str, float], epoch: int) -> None:
+        self.child.log_metrics(found, epoch)
+        for name, value in found.items():
+            self.history.setdefault(name, []).append((epoch, value))

@@ -1,0 +1,101 @@
+"""The paper's two regressions for missing physics in latent space."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from dashred.discovery.history import HistoryEncoder
+from dashred.discovery.regression import Blocks
+from dashred.discovery.tangents import RELATIVE_STEP, Step
+from dashred.physics.library import evaluate_terms
+from dashred.physics.system import System, Term
+
+
+def compressed_search(
+    encoder: HistoryEncoder,
+    fields: Float[Tensor, "time ..."],
+    steps: Sequence[Step],
+    columns: Sequence[Tensor],
+    scales: Float[Tensor, " term"],
+) -> Blocks:
+    """Algorithm 1: explain what the simulator's forecast of each step misses, in the latent.
+
+    ``E(û_t) - E(ũ⁰_t) ≈ Σ_j ξ_j ∂E(ũ_t)/∂ξ_j`` with ``ũ⁰_t = Φ_Δt(û_{t-Δt})``
+    (Bao & Kutz 2025, Algorithm 1; design §4.0).
+
+    Args:
+        encoder: E, with the history of ``fields``.
+        fields: û, ``(time, field, *grid)``.
+        steps: the simulator's forecasts, one entry a step length.
+        columns: derivatives of each forecast by the coefficients, ``(begin, term, field, *grid)``.
+        scales: a natural size of each coefficient, for the finite difference.
+    """
+    targets, designs = [], []
+    size = RELATIVE_STEP * scales
+    for step, column in zip(steps, columns, strict=True):
+        base = encoder(step.ends, step.forecast)
+        targets.append(encoder(step.ends, fields[step.ends]) - base)
+        moved = [encoder(step.ends, step.forecast + h * column[:, j]) for j, h in enumerate(size)]
+        designs.append(_differences(moved, base, size))
+    return _blocks(targets, designs)
+
+
+def compressed_advancing(
+    encoder: HistoryEncoder,
+    measured: Float[Tensor, "time latent"],
+    system: System,
+    library: Sequence[Term],
+    fields: Float[Tensor, "time ..."],
+    steps: Sequence[Step],
+    duration: Float[Tensor, " step"],
+    scales: Float[Tensor, " term"],
+) -> Blocks:
+    """Algorithm 2: explain the measured latent's own increment beyond the simulator's.
+
+    ``G_R(s'_{t+Δt}) - G_R(s'_t) - [E(Φ_Δt(û_t)) - E(û_t)] ≈ Σ_j ξ_j [E(û_t + θ_j Δt) - E(û_t)]``,
+    the perturbation being there only where sensors are (Bao & Kutz 2025, Algorithm 2, whose
+    increment is printed with a plus). E reads nothing but sensors, so the limit of narrow
+    neighbourhoods is taken: each reading is moved by ``Δt`` times its derivative along θ_j.
+
+    Args:
+        encoder: E, with the history of ``fields``.
+        measured: ``G_R(s')`` of the recording's own windows, ``(time, latent)``.
+        system: the simulator.
+        library: the candidates.
+        fields: û, ``(time, field, *grid)``.
+        steps: the simulator's forecasts, one entry a step length.
+        duration: Δt of each entry of ``steps``, in units of time.
+        scales: a natural size of each coefficient.
+    """
+    targets, designs = [], []
+    for step, dt in zip(steps, duration.tolist(), strict=True):
+        start = fields[step.begins]
+        base = encoder(step.begins, start)
+        simulated = encoder(step.ends, step.forecast) - base
+        targets.append(measured[step.ends] - measured[step.begins] - simulated)
+        theta = evaluate_terms(system, library, start, float(step.time))
+        size = RELATIVE_STEP * scales
+        moved = []
+        for j, (term, h) in enumerate(zip(library, size.tolist(), strict=True)):
+            state = start.clone()
+            state[:, system.fields.index(term.equation)] += h * dt * theta[j]
+            moved.append(encoder(step.begins, state))
+        designs.append(_differences(moved, base, size))
+    return _blocks(targets, designs)
+
+
+def _differences(moved: list[Tensor], base: Tensor, size: Tensor) -> Tensor:
+    """Return ``(begin, term, latent)``, per unit of each coefficient."""
+    return (torch.stack(moved, dim=1) - base[:, None]) / size[:, None]
+
+
+def _blocks(targets: list[Tensor], designs: list[Tensor]) -> Blocks:
+    """Stack all step lengths; each (step, begin) pair is a block, in order of time."""
+    weights = [1.0 / target.square().mean().sqrt().clamp(min=1e-300) for target in targets]
+    target = torch.cat([t * w for t, w in zip(targets, weights, strict=True)])
+    design = torch.cat([d * w for d, w in zip(designs, weights, strict=True)])
+    return Blocks.of(target.numpy(), design.numpy())

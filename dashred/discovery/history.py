@@ -1,0 +1,49 @@
+"""Encode fields through their sensor histories, as Algorithms 1 and 2 need it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from dashred.sensing.observation import ObservationOperator
+from dashred.sensing.windows import windows
+
+Encode = Callable[[Float[Tensor, "batch lag sensor"]], Float[Tensor, "batch latent"]]
+
+
+class HistoryEncoder:
+    """``E(v_t)``: the encoder applied to the history of a reconstructed field, its last sample
+    read from ``v_t`` (design §4.0).
+
+    Args:
+        encode: G or G_R, from windows to the latent, in float64.
+        operator: H of SHRED's input sensors.
+        fields: the reconstructed field û, ``(time, field, *grid)``, whose sensor trace is the
+            history.
+        lags: samples of history behind the present one.
+    """
+
+    def __init__(
+        self, encode: Encode, operator: ObservationOperator, fields: Tensor, lags: int
+    ) -> None:
+        self.encode, self.operator = encode, operator
+        self.windows = windows(operator(fields), lags)
+
+    @torch.no_grad()
+    def __call__(
+        self, times: Float[Tensor, " sample"], fields: Float[Tensor, "sample ..."]
+    ) -> Float[Tensor, "sample latent"]:
+        """Return E of fields ``(sample, field, *grid)`` that stand at time indices ``times``."""
+        return self.with_last(times, self.operator(fields))
+
+    @torch.no_grad()
+    def with_last(
+        self, times: Float[Tensor, " sample"], last: Float[Tensor, "sample sensor"]
+    ) -> Float[Tensor, "sample latent"]:
+        """Return the latent of histories up to ``times`` with the last sample replaced."""
+        histories = self.windows[times].clone()
+        histories[:, -1] = last
+        return self.encode(histories)

@@ -1,0 +1,168 @@
+"""Let a hidden truth make a recording: ``python -m dashred.record conf=rde twin=a output=DIR``.
+
+Writes ``recording.nc`` (sensor values alone) and ``sealed.nc`` (the truth) into DIR. The truth
+runs at doubled resolution and half the step, from a start drawn from the prior; its random
+stream is keyed by the law itself, so that the analysis could not derive it if it tried.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dashred.config import Config, load_config
+from dashred.errors import InputError, run_entry
+
+if TYPE_CHECKING:
+    import numpy as np
+    from torch import Tensor
+
+    from dashred.physics.system import System
+    from dashred.sensing.recording import Recording
+    from dashred.sensing.sensors import Sensor
+    from dashred.twin_file import Twin
+
+FORECAST = 1.5
+
+
+def main(argv: list[str]) -> int:
+    """Record one twin."""
+    config = load_config(argv, entry="record")
+    if config.recording.twin is None or config.output is None:
+        raise InputError("twin=NAME and output=DIR are needed", where="command line")
+    record(config, Path(config.output))
+    return 0
+
+
+def record(config: Config, output: Path) -> None:
+    """Simulate the truth, read it with noisy sensors, seal it.
+
+    Raises:
+        InputError: the twin is unknown, its law is not in the language, or the truth blows up.
+    """
+    import numpy as np
+    import torch
+
+    from dashred.physics.system import System
+    from dashred.progress import stage
+    from dashred.sealing import Truth, seal
+    from dashred.sensing.write_netcdf import write_netcdf
+    from dashred.twin_file import read_twin
+
+    torch.set_num_threads(config.threads)
+    twin = read_twin(config)
+    rng = np.random.default_rng(_key(twin, config.seed))
+    system = System(config.system, config.where)
+    with stage("record the hidden truth") as report, torch.no_grad():
+        times, states = simulate_truth(system, twin, config, rng, lambda done: report(done, ""))
+        count = int((times <= config.recording.duration * (1 + 1e-9)).sum())
+        recording = observe(system, states[:count], times[:count], twin, config, rng)
+    output.mkdir(parents=True, exist_ok=True)
+    write_netcdf(recording, output / "recording.nc", [axis.name for axis in system.axes])
+    truth = Truth(twin.name, twin.terms, times, config.recording.duration, states)
+    seal(output / "sealed.nc", truth, system)
+
+
+def simulate_truth(
+    system: System, twin: Twin, config: Config, rng: np.random.Generator, progress: object
+) -> tuple[Tensor, Tensor]:
+    """Return times ``(time,)`` and the truth ``(time, field, *grid)`` on the simulator's grid."""
+    import torch
+
+    from dashred.physics.prior import StartPrior, nominal_start
+    from dashred.physics.simulate import check_finite, simulate
+    from dashred.physics.system import Term
+
+    law = [
+        (
+            Term(t.equation, system.parse(t.term, "recording.twin", equation=t.equation)),
+            t.coefficient,
+        )
+        for t in twin.terms
+    ]
+    lawful = system.with_terms(law)
+    every = config.recording.every
+    assert every is not None
+    samples = round(FORECAST * config.recording.duration / every)
+    times = torch.arange(samples + 1, dtype=torch.float64) * every
+    centre = nominal_start(lawful if twin.own_start else system)
+    nominal = simulate(system, centre, times[: samples // 2])
+    rms = nominal[0].transpose(0, 1).flatten(1).square().mean(dim=1).sqrt()
+    truth = lawful.refined()
+    fine_centre = system.grid.interpolate(centre, truth.grid) if system.axes else centre
+    start = StartPrior(truth, fine_centre[0], rms, None).draw(1, rng)
+    path = simulate(truth, start, times, progress=progress)
+    check_finite(path, times, truth)
+    coarse = path[0][(..., *(slice(None, None, 2) for _ in system.axes))]
+    return times, coarse.contiguous()
+
+
+def observe(
+    system: System,
+    states: Tensor,
+    times: Tensor,
+    twin: Twin,
+    config: Config,
+    rng: np.random.Generator,
+) -> Recording:
+    """Read the truth at random places, with noise of a fraction of each quantity's std."""
+    import numpy as np
+
+    from dashred.sensing.observation import ObservationOperator
+    from dashred.sensing.recording import Recording
+
+    places = place_sensors(system, config, rng)
+    clean = ObservationOperator(places, system)(states).numpy()
+    noisy, sensors = np.empty_like(clean), []
+    for column, sensor in enumerate(places):
+        whole = system.evaluate(sensor.reads, states)
+        std = config.recording.noise * float(whole.std())
+        noisy[:, column] = clean[:, column] + std * rng.standard_normal(len(times))
+        stated = std * twin.stated if std > 0 else None
+        sensors.append(type(sensor)(sensor.name, sensor.reads, sensor.position, stated))
+    return Recording(tuple(sensors), times.numpy(), noisy)
+
+
+def place_sensors(system: System, config: Config, rng: np.random.Generator) -> list[Sensor]:
+    """Draw places for the fit sensors, and for the validation and test sensors on top.
+
+    Each place is the best of 20 random ones, so that sensors keep a distance but no pattern.
+    An ODE system has no places: its sensors read their quantities, over and over.
+    """
+    import numpy as np
+
+    from dashred.sensing.sensors import Sensor
+    from dashred.sensing.spreading import spread_out
+
+    count, reads = config.recording.sensors, config.recording.reads
+    if not isinstance(count, int):
+        raise InputError("a twin's sensors are a number", where=config.where("recording.sensors"))
+    if not system.axes:
+        return [Sensor(_name(i, count), reads[i % len(reads)], (), None) for i in range(count)]
+    for role in ("validate", "test"):
+        extra = getattr(config.splits.sensors, role)
+        count += extra if isinstance(extra, int) else len(extra)
+    lengths = np.array([axis.length for axis in system.axes])
+    candidates = rng.random((20 * count, len(lengths))) * lengths
+    chosen = spread_out(candidates, count, rng, candidates=range(len(candidates)))
+    order = sorted(tuple(candidates[i].tolist()) for i in chosen)
+    return [
+        Sensor(_name(i, count), reads[i % len(reads)], place, None) for i, place in enumerate(order)
+    ]
+
+
+def _name(index: int, count: int) -> str:
+    return f"s{index + 1:0{len(str(count))}d}"
+
+
+def _key(twin: Twin, seed: int) -> int:
+    text = json.dumps({"twin": asdict(twin), "seed": seed}, sort_keys=True)
+    return int.from_bytes(hashlib.sha256(text.encode()).digest())
+
+
+if __name__ == "__main__":
+    sys.exit(run_entry(main))

@@ -1,0 +1,84 @@
+"""What is sealed: the hidden truth of a twin experiment, and the one file that holds it.
+
+Only the recorder writes it and only the scorer reads it; nothing else imports this module
+(tests/test_seal.py holds the code to that).
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+import xarray as xr
+from torch import Tensor
+
+from dashred.errors import InputError
+from dashred.physics.system import System
+
+
+@dataclass(frozen=True)
+class SealedTerm:
+    """One term of the hidden law, in the equation language."""
+
+    equation: str
+    term: str
+    coefficient: float
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The hidden truth of one twin.
+
+    Attributes:
+        twin: its name.
+        terms: the law that the simulator lacks.
+        times: ``(time,)``; runs past the end of the recording, for forecasts.
+        duration: length of the recording.
+        states: ``(time, field, *grid)``, on the simulator's grid, without noise.
+    """
+
+    twin: str
+    terms: tuple[SealedTerm, ...]
+    times: Tensor
+    duration: float
+    states: Tensor
+
+
+def seal(path: Path, truth: Truth, system: System) -> None:
+    """Write the truth, at once or not at all."""
+    axes = [axis.name for axis in system.axes]
+    fields = {
+        name: (("time", *axes), truth.states[:, i].numpy()) for i, name in enumerate(system.fields)
+    }
+    terms = json.dumps([asdict(term) for term in truth.terms])
+    attributes = {"twin": truth.twin, "terms": terms, "duration": truth.duration}
+    partial = path.with_name(f".{path.name}.partial")
+    dataset = xr.Dataset(fields, {"time": truth.times.numpy()}, attributes)
+    dataset.to_netcdf(partial, engine="h5netcdf")
+    partial.replace(path)
+
+
+def open_seal(path: Path) -> tuple[Truth, tuple[str, ...]]:
+    """Read the truth and the names of its fields.
+
+    Raises:
+        InputError: the file is not there or is no sealed truth.
+    """
+    try:
+        with xr.open_dataset(path, engine="h5netcdf") as dataset:
+            fields = tuple(str(name) for name in dataset.data_vars)
+            states = np.stack([dataset[name].values for name in fields], axis=1)
+            terms = tuple(SealedTerm(**term) for term in json.loads(dataset.attrs["terms"]))
+            truth = Truth(
+                str(dataset.attrs["twin"]),
+                terms,
+                torch.from_numpy(dataset["time"].values),
+                float(dataset.attrs["duration"]),
+                torch.from_numpy(states),
+            )
+    except (OSError, KeyError, ValueError, TypeError) as error:
+        raise InputError(f"cannot open the sealed truth: {error}", where=str(path)) from None
+    return truth, fields

@@ -1,0 +1,131 @@
+"""Assimilate: fit the latent transform to the recording, with latent SINDy at every epoch."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+
+import lightning
+import torch
+from lightning.pytorch.callbacks import EarlyStopping
+from torch import Tensor
+
+from callbacks import BestState, LatentDiscovery, RMSECurves, StageProgress
+from dashred.discovery.latent import LatentProblem
+from dashred.discovery.regression import SparseFit
+from dashred.models.assimilation import Assimilation
+from dashred.models.shred import SHRED, reconstruct
+from dashred.physics.ensemble import term_scales
+from dashred.progress import stage
+from dashred.sensing.recording import Recording
+from dashred.stages.learning import make_trainer
+from dashred.stages.problem import Problem
+from dashred.stages.simulation import Nominal
+from dashred.tracking import Tracker
+from datamodules import RecordingDataModule
+
+METRIC = "rmse/sensors_validate"
+
+
+@dataclass(frozen=True)
+class Assimilated:
+    """SHRED and DA-SHRED on the real recording.
+
+    Attributes:
+        shred: field as SHRED reads it, ``(time, field, *grid)``, over the fit window.
+        dashred: the same with the latent transform.
+        best_epoch: epochs of assimilation that validated best; 0 keeps SHRED as it was.
+        proposals: of Algorithms 1 and 2, for the final state.
+        epochs: epochs at which the regressions ran.
+        coefficients: algorithm → coefficients by epoch, ``(epoch, term)``.
+        curves: metric → (epoch, value).
+    """
+
+    shred: Tensor
+    dashred: Tensor
+    best_epoch: int
+    proposals: dict[str, SparseFit]
+    epochs: list[int]
+    coefficients: dict[str, list[list[float]]]
+    curves: dict[str, list[tuple[int, float]]]
+
+
+def assimilate(
+    problem: Problem, nominal: Nominal, shred: SHRED, run: Tracker, seconds: dict[str, float]
+) -> Assimilated:
+    """Fit T to the fit sensors, stop by the validation sensors, propose terms at every epoch."""
+    settings, split = problem.config.assimilation, problem.split
+    data = RecordingDataModule(
+        split.fit,
+        split.validation,
+        split.inputs,
+        problem.config.shred.lags,
+        settings.batch,
+        problem.config.seed,
+    )
+    lightning.seed_everything(problem.config.seed + 1, verbose=False)
+    module = Assimilation(
+        copy.deepcopy(shred),
+        problem.operator(split.fit),
+        problem.operator(split.validation),
+        problem.noise_of(split.fit.names),
+        (_trace_std(split.fit), _trace_std(split.validation)),
+        settings.width,
+        settings.penalty,
+        settings.rate,
+        settings.encoder_rate,
+    )
+    before = reconstruct(shred.encode, shred, data.windows)
+    with run.child("assimilate") as child, stage("assimilate, latent SINDy", seconds) as report:
+        child.log_terms([str(term) for term in problem.library])
+        curves = RMSECurves(child, run, "assimilate")
+        best = BestState(METRIC)
+        discovery = LatentDiscovery(_latent_problem(problem, nominal, data), child, run)
+        trainer = make_trainer(
+            problem.config,
+            [
+                curves,
+                best,
+                discovery,
+                EarlyStopping(METRIC, patience=settings.patience),
+                StageProgress(report, METRIC, "RMSE on validation sensors"),
+            ],
+            settings.epochs,
+        )
+        trainer.fit(module, data)
+        module = module.cpu().eval()
+        proposals = discovery.finish(module)
+        report(1.0, f"best after {best.best_epoch} epochs, RMSE {best.best:.3f} on validation")
+    after = reconstruct(module.encoder, module.shred, data.windows)
+    return Assimilated(
+        before,
+        after,
+        best.best_epoch,
+        proposals,
+        discovery.epochs,
+        discovery.history,
+        curves.history,
+    )
+
+
+def _latent_problem(problem: Problem, nominal: Nominal, data: RecordingDataModule) -> LatentProblem:
+    fit = problem.split.fit
+    count = len(fit.times)
+    start = float(problem.times[0])
+    return LatentProblem(
+        system=problem.system,
+        library=problem.library,
+        scales=term_scales(problem.system, problem.library, nominal.states[:count], start),
+        operator=problem.operator(fit.select(problem.split.inputs)),
+        times=problem.times[:count],
+        windows=data.windows,
+        settings=problem.config.latent_sindy,
+        seed=problem.config.seed,
+    )
+
+
+def _trace_std(recording: Recording) -> Tensor:
+    """Return the std of each sensor's trace, ``(sensor,)``; 1 where nothing changes."""
+    values = torch.from_numpy(recording.values)
+    std = (values - values.nanmean(dim=0)).square().nanmean(dim=0).sqrt()
+    return torch.where(std > 0, std, 1.0)

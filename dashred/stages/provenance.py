@@ -1,0 +1,82 @@
+"""What a run leaves behind about itself: commit, host, seconds, tags, the printed summary."""
+
+from __future__ import annotations
+
+import platform
+import subprocess
+import warnings
+from pathlib import Path
+
+import torch
+
+from dashred.config import Config
+from dashred.errors import InputError
+from dashred.findings import Findings, write_json_atomic
+from dashred.reporting.summary import print_summary, summary
+from dashred.tracking import Tracker
+
+
+def prepare_torch(config: Config) -> None:
+    """Set threads and determinism, and refuse a device that is not there.
+
+    Raises:
+        InputError: the device is unknown, or this machine has none.
+    """
+    torch.set_num_threads(config.threads)
+    torch.use_deterministic_algorithms(True, warn_only=True)
+    warnings.filterwarnings("ignore", message=".*LeafSpec.*", category=FutureWarning)
+    kind, _, index = config.device.partition(":")
+    if kind not in {"cpu", "cuda"} or (index and not index.isdigit()):
+        raise InputError(
+            f"unknown device {config.device!r}",
+            where=config.where("device"),
+            hint="choose cpu, cuda or cuda:1",
+        )
+    if kind == "cuda" and int(index or 0) >= torch.cuda.device_count():
+        raise InputError(
+            f"this machine has {torch.cuda.device_count()} CUDA devices, not {config.device!r}",
+            where=config.where("device"),
+            hint="choose device=cpu",
+        )
+
+
+def git_commit() -> str:
+    """Return the commit of the checkout, with ``+`` if it has changes, or ``unknown``."""
+    root = Path(__file__).resolve().parents[2]
+    commands = (["git", "rev-parse", "HEAD"], ["git", "status", "--porcelain", "-uno"])
+    try:
+        commit, changes = (
+            subprocess.run(
+                command, cwd=root, capture_output=True, text=True, check=True, timeout=10
+            ).stdout.strip()
+            for command in commands
+        )
+    except (OSError, subprocess.SubprocessError):
+        return "unknown"
+    return commit + ("+" if changes else "")
+
+
+def finish(
+    run: Tracker, output: Path, findings: Findings, seconds: dict[str, float], config_sha256: str
+) -> None:
+    """Write ``run.json``, log everything, and print the summary."""
+    verdict = findings["verdict"] or "none yet"
+    run.set_tags({"verdict": verdict, "config sha256": config_sha256})
+    record = {
+        "seconds": {title: round(value, 2) for title, value in seconds.items()},
+        "host": platform.node(),
+        "git_commit": git_commit(),
+        "mlflow_run": run.run_id,
+    }
+    write_json_atomic(output / "run.json", record)
+    known = {
+        f"test_sensors/{name}": value
+        for name, value in findings["fit"]["test_sensors"].items()
+        if isinstance(value, float)
+    }
+    run.log_metrics(known, 0)
+    paths = {"findings": output, "MLflow store": run.uri}
+    text = summary(findings, None, paths)
+    (output / "summary.txt").write_text(text, encoding="utf-8")
+    run.log_folder(output)
+    print_summary(text)

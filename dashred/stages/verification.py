@@ -1,0 +1,164 @@
+"""Verify on what no fit has seen, and freeze the findings."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import xarray as xr
+from torch import Tensor
+
+from dashred.config import config_sha256, frozen_input
+from dashred.discovery.regression import SparseFit
+from dashred.findings import (
+    Findings,
+    Fit,
+    Input,
+    Latent,
+    LatentSindy,
+    PathStep,
+    Proposal,
+    Splits,
+    freeze,
+    misfit,
+    new_findings,
+    versions,
+    write_json_atomic,
+)
+from dashred.physics.resolution import Resolution
+from dashred.physics.system import System
+from dashred.stages.assimilation import Assimilated
+from dashred.stages.problem import Problem
+from dashred.stages.simulation import Nominal
+
+
+def verify(problem: Problem, nominal: Nominal, found: Assimilated) -> Findings:
+    """Compare every method with the test sensors, for the first and only time."""
+    split = problem.split
+    tested = split.tested.between(float(problem.times[0]), split.time_end)
+    errors = {}
+    if tested.sensors:
+        operator = problem.operator(tested)
+        count = len(tested.times)
+        for name, states in estimates(nominal, found, count).items():
+            errors[name] = _relative_rmse(operator(states).numpy(), tested.values)
+    fit = Fit(
+        noise_std=problem.noise,
+        noise_correlation=None,
+        chi2=None,
+        unexplained=None,
+        test_sensors=misfit(**errors),
+        heldout_time=misfit(simulation=_heldout_error(problem, nominal)),
+    )
+    proposals = {name: _proposals(problem, fit_) for name, fit_ in found.proposals.items()}
+    latent = Latent(alg1=proposals["alg1"], alg2=proposals["alg2"])
+    return new_findings(source_of(problem), fit=fit, latent=latent)
+
+
+def refuse_unresolved(problem: Problem, resolution: Resolution) -> Findings:
+    """Return the findings of a simulator whose numerical error would pass for physics."""
+    points = {axis.name: axis.points for axis in problem.system.axes}
+    enough = None
+    if resolution.enough is not None:
+        enough = {name: count * resolution.enough for name, count in points.items()}
+    advice = f"{enough} points would do" if enough else "even twice the points would not do"
+    says = (
+        f"doubling the resolution moves a sensor trace by {resolution.error:.1%} of its standard "
+        f"deviation, above the limit of {resolution.limit:.1%}; {advice}"
+    )
+    cause = {
+        "kind": "unresolved-numerics",
+        "says": says,
+        "probability": 1.0,
+        "doubling_error": resolution.error,
+        "limit": resolution.limit,
+        "points": points,
+        "enough": enough,
+    }
+    return new_findings(source_of(problem), verdict="unresolved-numerics", causes=[cause])
+
+
+def estimates(nominal: Nominal, found: Assimilated, count: int) -> dict[str, Tensor]:
+    """Return the field by method, ``(time, field, *grid)``, over the first ``count`` samples."""
+    return {
+        "simulation": nominal.states[:count],
+        "shred": found.shred[:count],
+        "dashred": found.dashred[:count],
+    }
+
+
+def write_estimates(path: Path, system: System, times: Tensor, fields: dict[str, Tensor]) -> None:
+    """Write the reconstructed fields, dims ``(method, time, *axes)``, one variable a field."""
+    axes = [axis.name for axis in system.axes]
+    stacked = torch.stack(list(fields.values())).numpy()
+    data = {
+        name: (("method", "time", *axes), stacked[:, :, i].astype(np.float64))
+        for i, name in enumerate(system.fields)
+    }
+    coordinates: dict[str, Any] = {"method": list(fields), "time": times.numpy()}
+    coordinates |= {name: x.numpy().ravel() for name, x in system.grid.coordinates.items()}
+    partial = path.with_name(f".{path.name}.partial")
+    xr.Dataset(data, coordinates).to_netcdf(partial, engine="h5netcdf")
+    partial.replace(path)
+
+
+def freeze_findings(output: Path, findings: Findings, others: list[str]) -> None:
+    """Write ``findings.json`` and fix its hash, before any seal can be opened."""
+    write_json_atomic(output / "findings.json", findings)
+    freeze(output, others)
+
+
+def source_of(problem: Problem) -> Input:
+    """Return everything that determines the findings."""
+    split, config = problem.split, problem.config
+    sizes = {
+        equation: sum(term.equation == equation for term in problem.library)
+        for equation in problem.system.fields
+    }
+    return Input(
+        config=json.loads(json.dumps(frozen_input(config))),
+        config_sha256=config_sha256(config),
+        recording_sha256=problem.recording_sha256,
+        seed=config.seed,
+        versions=versions(),
+        library_size=sizes,
+        splits=Splits(
+            inputs=list(split.inputs),
+            extra=list(split.extra),
+            validate=list(split.validate),
+            test=list(split.test),
+            time_end=split.time_end,
+            note=f"{split.note} Clock: {problem.clock}",
+        ),
+    )
+
+
+def _heldout_error(problem: Problem, nominal: Nominal) -> float:
+    heldout = problem.split.heldout
+    states = nominal.states[len(problem.times) - len(heldout.times) :]
+    return _relative_rmse(problem.operator(heldout)(states).numpy(), heldout.values)
+
+
+def _relative_rmse(read: np.ndarray, recorded: np.ndarray) -> float:
+    """RMSE over all sensors, each in units of its trace's std; missing samples left out."""
+    std = np.nanstd(recorded, axis=0)
+    error = (read - recorded) / np.where(std > 0, std, 1.0)
+    return float(np.sqrt(np.nanmean(error**2)))
+
+
+def _proposals(problem: Problem, fit: SparseFit) -> LatentSindy:
+    proposals = [
+        Proposal(
+            equation=problem.library[j].equation,
+            term=str(problem.library[j]),
+            coefficient=float(fit.coefficients[j]),
+            inclusion=float(fit.inclusion[j]),
+            rank=rank,
+        )
+        for rank, j in enumerate(fit.ranking, start=1)
+    ]
+    path = [PathStep(terms=terms, rmse=rmse) for terms, rmse in fit.path]
+    return LatentSindy(proposals=proposals, rmse_path=path)

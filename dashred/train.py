@@ -1,0 +1,82 @@
+"""Find what physics a simulation leaves out: ``python -m dashred.train conf=rde``.
+
+A twin experiment (``recording.twin=a``) is three processes: a recorder that knows the hidden
+truth, this analysis, which is handed the recording alone, and a scorer that opens the seal when
+the findings are frozen.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+from dashred.config import Config, config_sha256, frozen_input, load_config
+from dashred.errors import InputError, run_entry
+
+
+def main(argv: list[str]) -> int:
+    """Run the analysis, or the twin experiment around it."""
+    config = load_config(argv, entry="train")
+    if config.recording.twin is not None:
+        from dashred.twin_experiment import run_twin
+
+        return run_twin(config, argv)
+    if config.recording.path is None:
+        raise InputError(
+            "there is nothing to analyse",
+            where=config.where("recording"),
+            hint="give recording.path=FILE, or recording.twin=NAME for a twin experiment",
+        )
+    analyse(config)
+    return 0
+
+
+def analyse(config: Config) -> Path:
+    """Analyse one recording, top to bottom; returns the folder of the findings.
+
+    Raises:
+        InputError: the input is wrong; nothing is written then.
+    """
+    from dashred.stages import assimilation, learning, problem, provenance, report, simulation
+    from dashred.stages import verification as verify
+    from dashred.tracking import Tracker, flatten
+
+    provenance.prepare_torch(config)
+    posed = problem.pose(config)
+    seconds: dict[str, float] = {}
+    began = time.perf_counter()
+    nominal = simulation.simulate_nominal(posed, seconds)
+
+    name = f"{config.name} seed {config.seed}"
+    experiment = config.tracking.experiment or config.name
+    with Tracker.open(config.tracking.root, experiment, name, config.tracking.run) as run:
+        output = Path(config.output) if config.output else run.artifact_dir
+        output.mkdir(parents=True, exist_ok=True)
+        run.log_params(flatten(frozen_input(config)))
+        run.set_tags({"system": config.name, "git commit": provenance.git_commit()})
+
+        resolution = simulation.check(posed, nominal, seconds)
+        if not resolution.resolved:
+            findings = verify.refuse_unresolved(posed, resolution)
+            verify.freeze_findings(output, findings, [])
+        else:
+            ensemble = simulation.simulate_ensemble(posed, nominal, seconds)
+            learned = learning.train_shred(posed, ensemble, run, seconds)
+            found = assimilation.assimilate(posed, nominal, learned.shred, run, seconds)
+            findings = verify.verify(posed, nominal, found)
+            count = len(posed.split.fit.times)
+            fields = verify.estimates(nominal, found, count)
+            verify.write_estimates(
+                output / "estimates.nc", posed.system, posed.times[:count], fields
+            )
+            verify.freeze_findings(output, findings, ["estimates.nc"])
+            report.report(posed, nominal, learned, found, output, seconds)
+
+        seconds["in all"] = time.perf_counter() - began
+        provenance.finish(run, output, findings, seconds, config_sha256(config))
+    return output
+
+
+if __name__ == "__main__":
+    sys.exit(run_entry(main))

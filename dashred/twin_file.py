@@ -1,0 +1,60 @@
+"""The file of a system's hidden truths, ``conf/twins/NAME.yaml``; read by the recorder alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from dashred.config import Config, read_file
+from dashred.errors import InputError
+from dashred.physics.expression import number
+from dashred.sealing import SealedTerm
+
+KEYS = {"terms", "start", "stated"}
+
+
+@dataclass(frozen=True)
+class Twin:
+    """One hidden truth: the law, how it is spun up, and how honestly its noise is stated."""
+
+    name: str
+    terms: tuple[SealedTerm, ...]
+    own_start: bool
+    stated: float
+
+
+def read_twin(config: Config) -> Twin:
+    """Read the twin that ``recording.twin`` names.
+
+    Raises:
+        InputError: no such file or twin, or the entry is not well formed.
+    """
+    path = config.source.parent / "twins" / config.source.name
+    label = f"{path.parent.name}/{path.name}"
+    if not path.is_file():
+        raise InputError(
+            f"{config.name} has no twins",
+            where=str(path),
+            hint="analyse a recording of your own with recording.path=FILE",
+        )
+    entries = read_file(path, label=label).values
+    name = config.recording.twin
+    entry = entries.get(name)
+    if not isinstance(entry, dict):
+        raise InputError(
+            f"{config.name} has no twin {name!r}",
+            where=config.where("recording.twin"),
+            hint=f"choose from: {', '.join(map(str, entries))}",
+        )
+    if entry.keys() - KEYS or "terms" not in entry:
+        raise InputError(f"twin {name!r} must have terms, and may have start, stated", where=label)
+    terms = tuple(_term(item, label) for item in entry["terms"])
+    stated = float(entry.get("stated", 1.0))
+    return Twin(str(name), terms, entry.get("start") == "own", stated)
+
+
+def _term(item: Any, label: str) -> SealedTerm:
+    if not isinstance(item, dict) or item.keys() != {"equation", "term", "coefficient"}:
+        raise InputError("a term has an equation, a term and a coefficient", where=label)
+    coefficient = number(str(item["coefficient"]), where=label)
+    return SealedTerm(str(item["equation"]), str(item["term"]), coefficient)
