@@ -42,4 +42,4 @@ def stage(title: str, seconds: dict[str, float] | None = None) -> Iterator[Repor
     took = time.perf_counter() - began
     if seconds is not None:
         seconds[title] = took
-    CONSOLE.print(f"  {title:<28} {took:6.1f} s  {last}", markup=False)
+    CONSOLE.print(f"  {title:<28} {took:6.1f} s  {last}", markup=False, soft_wrap=True)

@@ -69,7 +69,7 @@ def score_findings(output: Path, sealed: Path) -> tuple[dict[str, Any], Truth]:
         std = real.swapaxes(0, 1).reshape(len(fields), -1).std(axis=1)
         errors = {}
         for method in estimates["method"].values.tolist():
-            found = np.stack([estimates[f].sel(method=method).values for f in fields], axis=1)
+            found = np.stack([estimates[f].sel({"method": method}).values for f in fields], axis=1)
             scaled = (found - real) / std.reshape(-1, *(1,) * (real.ndim - 2))
             rmse[method] = float(np.sqrt(np.mean(scaled**2)))
             errors[method] = np.sqrt(np.mean(scaled**2, axis=tuple(range(1, scaled.ndim))))
@@ -110,7 +110,7 @@ def _draw(
     panels = {
         field: {
             "truth": truth.states[: len(times), i].numpy(),
-            **{m: estimates[field].sel(method=m).values for m in errors},
+            **{m: estimates[field].sel({"method": m}).values for m in errors},
         }
         for i, field in enumerate(fields)
     }

@@ -75,7 +75,7 @@ def open_seal(path: Path) -> tuple[Truth, tuple[str, ...]]:
             truth = Truth(
                 str(dataset.attrs["twin"]),
                 terms,
-                torch.from_numpy(dataset["time"].values),
+                torch.tensor(dataset["time"].values),
                 float(dataset.attrs["duration"]),
                 torch.from_numpy(states),
             )

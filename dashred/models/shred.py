@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import torch
 from jaxtyping import Float
@@ -46,7 +47,7 @@ class SHRED(nn.Module):
         widths = [latent, *decoder]
         hidden = [
             layer
-            for before, after in zip(widths[:-1], widths[1:], strict=True)
+            for before, after in pairwise(widths)
             for layer in (nn.Linear(before, after), nn.GELU())
         ]
         self.decoder = nn.Sequential(*hidden, nn.Linear(widths[-1], len(spread)))

@@ -49,7 +49,9 @@ def parse(text: str, vocabulary: Vocabulary, *, where: str) -> Expr:
             warnings.simplefilter("error")
             tree = ast.parse(text.strip(), mode="eval").body
     except SyntaxError as error:
-        raise _error(text.strip(), (error.offset or 1) - 1, error.msg, where) from None
+        # Python gives no offset where the text ends too early.
+        column = (error.offset or len(text.strip()) + 1) - 1
+        raise _error(text.strip(), column, error.msg, where) from None
     except (ValueError, RecursionError, MemoryError, SyntaxWarning):
         raise InputError(f"cannot read the expression {text!r}", where=where) from None
     return _Reader(text.strip(), vocabulary, where).read(tree)

@@ -52,6 +52,7 @@ def doubling_error(
         times: output times.
         readings: (system, trajectory) → traces ``(batch, time, sensor)``.
         coarse: readings of the system itself, if known already.
+        progress: called with the fraction done.
 
     Returns:
         The largest error over the sensors, and the finer readings.

@@ -138,7 +138,7 @@ def _adaptive(system: System, start: Tensor, times: Tensor, forcing: Forcing | N
     integrator = system.config.integrator
     tolerances = integrator.rtol, integrator.atol
     tendency = GridTendency(system, forcing)
-    path = integrate_adaptive(tendency, start, times, system.method, *tolerances, system.dt)
+    path = integrate_adaptive(tendency, start, times, system.method, *tolerances)
     return path.transpose(0, 1)
 
 

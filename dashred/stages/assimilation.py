@@ -93,7 +93,7 @@ def assimilate(
             settings.epochs,
         )
         trainer.fit(module, data)
-        module = module.cpu().eval()
+        module = module.cpu()
         proposals = discovery.finish(module)
         report(1.0, f"best after {best.best_epoch} epochs, RMSE {best.best:.3f} on validation")
     after = reconstruct(module.encoder, module.shred, data.windows)

@@ -76,7 +76,7 @@ def train_shred(
             settings.steps,
         )
         trainer.fit(module, data)
-        shred = module.shred.cpu().eval()
+        shred = module.shred.cpu()
         test_rmse = _test(shred, data, problem.system.fields)
         child.log_metrics({f"test/{k}": v for k, v in test_rmse.items()}, best.best_epoch)
         report(1.0, f"field RMSE {test_rmse['all']:.3f} std on unseen members")

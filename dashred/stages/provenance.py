@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import platform
 import subprocess
 import warnings
@@ -24,6 +25,9 @@ def prepare_torch(config: Config) -> None:
     """
     torch.set_num_threads(config.threads)
     torch.use_deterministic_algorithms(True, warn_only=True)
+    # Lightning advertises, and speaks of GPUs that nobody asked for; our stages tell the story.
+    logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)
+    # Lightning still reads a torch class that torch deprecates: nothing a user could act on.
     warnings.filterwarnings("ignore", message=".*LeafSpec.*", category=FutureWarning)
     kind, _, index = config.device.partition(":")
     if kind not in {"cpu", "cuda"} or (index and not index.isdigit()):

@@ -30,6 +30,7 @@ from dashred.findings import (
 )
 from dashred.physics.resolution import Resolution
 from dashred.physics.system import System
+from dashred.sensing.recording import Recording
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal
@@ -43,8 +44,9 @@ def verify(problem: Problem, nominal: Nominal, found: Assimilated) -> Findings:
     if tested.sensors:
         operator = problem.operator(tested)
         count = len(tested.times)
+        scale = np.array(list(_trace_std(tested).values()))
         for name, states in estimates(nominal, found, count).items():
-            errors[name] = _relative_rmse(operator(states).numpy(), tested.values)
+            errors[name] = _relative_rmse(operator(states).numpy(), tested.values, scale)
     fit = Fit(
         noise_std=problem.noise,
         noise_correlation=None,
@@ -139,13 +141,19 @@ def source_of(problem: Problem) -> Input:
 def _heldout_error(problem: Problem, nominal: Nominal) -> float:
     heldout = problem.split.heldout
     states = nominal.states[len(problem.times) - len(heldout.times) :]
-    return _relative_rmse(problem.operator(heldout)(states).numpy(), heldout.values)
+    earlier = {**_trace_std(problem.split.validation), **_trace_std(problem.split.fit)}
+    scale = np.array([earlier[name] for name in heldout.names])
+    return _relative_rmse(problem.operator(heldout)(states).numpy(), heldout.values, scale)
 
 
-def _relative_rmse(read: np.ndarray, recorded: np.ndarray) -> float:
+def _trace_std(recording: Recording) -> dict[str, float]:
+    std = np.nanstd(recording.values, axis=0)
+    return dict(zip(recording.names, np.where(std > 0, std, 1.0).tolist(), strict=True))
+
+
+def _relative_rmse(read: np.ndarray, recorded: np.ndarray, scale: np.ndarray) -> float:
     """RMSE over all sensors, each in units of its trace's std; missing samples left out."""
-    std = np.nanstd(recorded, axis=0)
-    error = (read - recorded) / np.where(std > 0, std, 1.0)
+    error = (read - recorded) / scale
     return float(np.sqrt(np.nanmean(error**2)))
 
 

@@ -94,9 +94,9 @@ def column(error):
         ("u²", 2, "plain ASCII"),
         ("ｕ*2", 1, "plain ASCII"),
         ("u\x00", 2, "plain ASCII"),
-        ("u +", 4, ""),
+        ("u +", 4, "invalid syntax"),
         ("(u", 1, "never closed"),
-        ("2 u", 1, "invalid syntax"),
+        ("2 u", 3, "invalid syntax"),
         ("u; x", 2, "invalid syntax"),
     ],
 )  # fmt: skip
@@ -129,7 +129,7 @@ def test_refusals_of_whole_texts(text, says):
 @pytest.mark.parametrize(
     ("text", "hint"),
     [
-        ("lmbda*u", "'lam'"),
+        ("lamb*u", "'lam'"),
         ("alhpa*u", "'alpha'"),
         ("lapl(u)", "'lap'"),
         ("grad(u)", "'grad2'"),

@@ -1,0 +1,112 @@
+"""Ensembles: bounded, repeatable, and with discrepancies of the stated size."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from dashred.errors import InputError
+from dashred.physics.ensemble import Discrepancies, draw_ensemble, term_scales
+from dashred.physics.forcing import Forcing
+from dashred.physics.library import build_library, evaluate_terms, resolve
+from dashred.physics.prior import StartPrior, nominal_start
+from dashred.physics.simulate import simulate
+from dashred.physics.system import Term
+
+TIMES = torch.linspace(0, 1, 6, dtype=torch.float64)
+
+
+def setting(system):
+    start = nominal_start(system)
+    nominal = simulate(system, start, TIMES)[0]
+    rms = nominal.transpose(0, 1).flatten(1).pow(2).mean(1).sqrt()
+    return nominal, StartPrior(system, start[0], rms, 8)
+
+
+def draw(system, seed, members=12, **discrepancy):
+    nominal, prior = setting(system)
+    random = Discrepancies(build_library(system, None), **discrepancy) if discrepancy else None
+    rng = np.random.default_rng(seed)
+    return draw_ensemble(system, TIMES, prior, nominal, members, random, rng)
+
+
+@pytest.mark.parametrize("name", ["reaction", "oscillator"])
+def test_the_same_seed_gives_the_same_ensemble(request, name):
+    system = request.getfixturevalue(name)
+    first, again, other = (draw(system, seed, terms=2, amplitude=0.2) for seed in (3, 3, 4))
+    assert torch.equal(first.states, again.states)
+    assert torch.equal(first.coefficients, again.coefficients)
+    assert not torch.equal(first.states, other.states)
+
+
+def test_members_carry_the_terms_that_they_name(reaction):
+    ensemble = draw(reaction, 0, terms=3, amplitude=0.2)
+    assert ensemble.states.shape == (12, 6, 2, 32)
+    assert ((ensemble.coefficients != 0).sum(1) == 3).all()
+    library = resolve(reaction, build_library(reaction, None))
+    again = simulate(
+        reaction, ensemble.states[:, 0], TIMES, Forcing(library, ensemble.coefficients)
+    )
+    torch.testing.assert_close(again, ensemble.states, rtol=1e-9, atol=1e-9)
+    plain = simulate(reaction, ensemble.states[:, 0], TIMES)
+    assert not torch.allclose(plain, ensemble.states, atol=1e-3)
+
+
+def test_a_plain_ensemble_has_no_terms(reaction):
+    ensemble = draw(reaction, 0)
+    assert ensemble.coefficients.shape == (12, 0)
+    assert len(torch.unique(ensemble.states[:, 0], dim=0)) == 12
+
+
+def test_members_stay_within_the_nominal_range_and_its_width(reaction):
+    nominal, _ = setting(reaction)
+    ensemble = draw(reaction, 0, members=60, terms=3, amplitude=2.0)
+    low, high = nominal.amin((0, 2)), nominal.amax((0, 2))
+    width = high - low
+    assert (ensemble.states.amin((0, 1, 3)) >= low - width).all()
+    assert (ensemble.states.amax((0, 1, 3)) <= high + width).all()
+
+
+def test_a_hopeless_ensemble_is_refused(reaction):
+    with pytest.raises(InputError, match="of 12 simulations stay within bounds"):
+        draw(reaction, 0, terms=10, amplitude=1e6)
+
+
+def test_more_terms_than_the_library_holds_are_refused(oscillator):
+    with pytest.raises(InputError, match="asks for 99 terms out of 40"):
+        draw(oscillator, 0, terms=99, amplitude=0.1)
+
+
+def test_a_field_at_rest_sets_no_bounds(make_system):
+    system = make_system("""
+        fields: {u: place, w: at rest}
+        parameters: {}
+        equations: {u: -u, w: 0*u}
+        start: {u: 1, w: 3}
+        spread: {u: 0.1, w: 0.5}
+        integrator: {dt: 0.1}
+    """)
+    assert float(draw(system, 0).states[:, 0, 1].std()) > 0.2
+
+
+def test_a_term_of_unit_scale_is_as_large_as_the_tendency(reaction):
+    nominal, _ = setting(reaction)
+    library = build_library(reaction, None)
+    scales = term_scales(reaction, library, nominal, 0.0)
+    columns = evaluate_terms(reaction, library, nominal, 0.0).flatten(1)
+    tendencies = [Term(f, reaction.equations[f]) for f in reaction.fields]
+    rms = evaluate_terms(reaction, tendencies, nominal, 0.0).flatten(1).pow(2).mean(1).sqrt()
+    expected = [rms[reaction.fields.index(term.equation)] for term in library]
+    scaled = (scales[:, None] * columns).pow(2).mean(1).sqrt()
+    torch.testing.assert_close(scaled, torch.stack(expected))
+
+
+def test_drawn_coefficients_have_the_stated_amplitude(oscillator):
+    nominal, _ = setting(oscillator)
+    library = build_library(oscillator, None)
+    ensemble = draw(oscillator, 0, members=400, terms=5, amplitude=0.1)
+    scales = term_scales(oscillator, library, nominal, 0.0)
+    sizes = (ensemble.coefficients / scales)[ensemble.coefficients != 0]
+    assert len(sizes) == 2000
+    assert float(sizes.std()) == pytest.approx(0.1, rel=0.05)

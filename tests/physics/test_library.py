@@ -1,0 +1,113 @@
+"""Candidate terms: enough of them, all different, and none that data cannot tell apart."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+import torch
+
+from dashred.errors import InputError
+from dashred.physics.library import build_library, default_terms, evaluate_terms, refuse_collinear
+
+AXES = [
+    "{}",
+    "{x: {length: 3, points: 16}}",
+    "{x: {length: 3, points: 8}, y: {length: 2, points: 8}}",
+]
+
+
+def declare(make_system, axes, fields):
+    named = ", ".join(f"{f}: a field" for f in fields)
+    each = ", ".join(f"{f}: -{f}" for f in fields)
+    return make_system(f"""
+        axes: {axes}
+        fields: {{{named}}}
+        parameters: {{k: 3.0}}
+        equations: {{{each}}}
+        start: {{{", ".join(f"{f}: 1" for f in fields)}}}
+        integrator: {{dt: 0.1}}
+    """)
+
+
+def random_states(system, seed=0):
+    shape = (6, len(system.fields), *system.grid.shape)
+    return torch.randn(shape, generator=torch.Generator().manual_seed(seed)).double()
+
+
+@pytest.mark.parametrize("fields", ["u", "uv"])
+@pytest.mark.parametrize("axes", AXES, ids=["point", "line", "plane"])
+def test_the_default_has_twenty_distinct_terms_an_equation(make_system, axes, fields):
+    system = declare(make_system, axes, fields)
+    library = build_library(system, None)
+    counts = Counter(term.equation for term in library)
+    assert set(counts) == set(fields)
+    assert min(counts.values()) >= 20
+    assert len(set(library)) == len(library)
+    assert len(default_terms(system)) == counts["u"]
+    refuse_collinear(system, library, random_states(system), 0.0)
+    columns = evaluate_terms(system, library, random_states(system), 0.0)
+    assert columns.shape == (len(library), 6, *system.grid.shape)
+    assert torch.isfinite(columns).all()
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [("u*v", "2*v*u"), ("lap(u)", "-d(u, x, 2)"), ("1", "3"), ("u*u**2", "u**3/7")],
+)
+def test_proportional_terms_are_refused_with_both_names(make_system, first, second):
+    system = declare(make_system, AXES[1], "uv")
+    with pytest.raises(InputError) as caught:
+        build_library(system, {"u": ["u", first, second]})
+    assert repr(first) in caught.value.what
+    assert repr(second) in caught.value.what
+
+
+def test_the_same_term_may_stand_in_two_equations(make_system):
+    system = declare(make_system, AXES[1], "uv")
+    assert len(build_library(system, {"u": ["u*v"], "v": ["u*v"]})) == 2
+
+
+def test_a_term_with_a_typo_is_refused(make_system):
+    system = declare(make_system, AXES[1], "uv")
+    with pytest.raises(InputError, match="unknown name 'w'"):
+        build_library(system, {"u": ["u*w"]})
+
+
+@pytest.mark.parametrize(
+    ("terms", "states", "says"),
+    [
+        (["u", "v", "d(u**2, x)", "u*d(u, x)"], None, ("'d(u**2, x)'", "'u*d(u, x)'")),
+        (["u", "abs(u)"], "positive", ("'u'", "'abs(u)'")),
+        (["u", "k*u + t*u", "v"], None, ("'u'", "'k*u + t*u'")),
+        (["u", "step(-u)"], "positive", ("'step(-u)'", "vanishes")),
+        (["u", "log(-u)"], "positive", ("'log(-u)'", "not finite")),
+    ],
+)
+def test_columns_that_data_cannot_tell_apart_are_refused(make_system, terms, states, says):
+    system = declare(make_system, AXES[1], "uv")
+    x = system.grid.coordinates["x"]
+    wave = torch.sin(2 * torch.pi * x / 3)
+    state = torch.stack([wave, wave.roll(3)])[None]
+    library = build_library(system, {"u": terms})
+    with pytest.raises(InputError) as caught:
+        refuse_collinear(system, library, state + 2 if states else state, 1.0)
+    assert all(word in caught.value.what for word in says)
+
+
+def test_one_column_in_two_equations_is_not_collinear(make_system):
+    system = declare(make_system, AXES[1], "uv")
+    library = build_library(system, {"u": ["u*v"], "v": ["u*v"]})
+    refuse_collinear(system, library, random_states(system), 0.0)
+
+
+def test_columns_are_the_terms_values(make_system):
+    system = declare(make_system, AXES[2], "uv")
+    states = random_states(system)
+    library = build_library(system, {"u": ["1", "k*u*v", "y*t"], "v": ["u**2"]})
+    one, product, clock, square = evaluate_terms(system, library, states, 2.0)
+    u, v = states.unbind(1)
+    torch.testing.assert_close(one, torch.ones_like(u))
+    torch.testing.assert_close(product, 3 * u * v)
+    torch.testing.assert_close(clock, (2 * system.grid.coordinates["y"]).expand(u.shape))
+    torch.testing.assert_close(square, u**2)

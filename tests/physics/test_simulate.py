@@ -1,0 +1,198 @@
+"""Batches, forcing, gradients and blow-ups of simulations."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from dashred.errors import InputError
+from dashred.physics.forcing import Forcing
+from dashred.physics.library import resolve
+from dashred.physics.prior import nominal_start
+from dashred.physics.simulate import check_finite, simulate
+from dashred.physics.system import Term
+from dashred.physics.tendency import GridTendency
+
+SYSTEMS = ["burgers", "reaction", "plane", "oscillator"]
+TIMES = torch.tensor([0.5, 0.6, 0.93, 1.0, 1.7]).double()
+
+
+@pytest.fixture(params=SYSTEMS)
+def system(request):
+    return request.getfixturevalue(request.param)
+
+
+def clock(*times):
+    return torch.tensor(times, dtype=torch.float64)
+
+
+def starts(system, batch, seed=0):
+    start = nominal_start(system)
+    noise = torch.randn((batch, *start.shape[1:]), generator=torch.Generator().manual_seed(seed))
+    return start * (1 + 0.1 * noise.double())
+
+
+def term(system, equation, text):
+    key = f"system.equations.{equation}"
+    return Term(equation, system.parse(text, key, equation=equation))
+
+
+def test_a_batch_equals_single_runs(system):
+    # As many members as grid points: a coordinate must not be taken for a batch.
+    batch = max([2, *system.grid.shape[-1:]])
+    start = starts(system, batch)
+    together = simulate(system, start, TIMES)
+    assert together.shape == (batch, len(TIMES), *start.shape[1:])
+    torch.testing.assert_close(together[:, 0], start)
+    for i in (0, batch - 1):
+        alone = simulate(system, start[i : i + 1], TIMES)[0]
+        torch.testing.assert_close(together[i], alone, rtol=1e-7, atol=1e-7)
+
+
+def test_intermediate_outputs_do_not_change_the_end(burgers):
+    start = nominal_start(burgers)
+    straight = simulate(burgers, start, clock(0, 1))[0, -1]
+    stopping = simulate(burgers, start, clock(0, 0.21, 0.22, 0.71, 1))[0, -1]
+    torch.testing.assert_close(straight, stopping, rtol=0, atol=1e-7)
+
+
+def test_many_different_intervals_keep_few_coefficients(burgers):
+    times = torch.cumsum(torch.linspace(0.01, 0.05, 30, dtype=torch.float64), 0)
+    path = simulate(burgers, nominal_start(burgers), times)
+    straight = simulate(burgers, nominal_start(burgers), times[[0, -1]])
+    torch.testing.assert_close(path[:, -1], straight[:, -1], rtol=0, atol=1e-6)
+
+
+def test_one_output_time_is_the_start(system):
+    start = starts(system, 2)
+    torch.testing.assert_close(simulate(system, start, clock(3.0))[:, 0], start)
+
+
+def test_progress_ends_at_one(burgers):
+    seen = []
+    simulate(burgers, nominal_start(burgers), TIMES, progress=seen.append)
+    assert seen == [0.0, 0.25, 0.5, 0.75, 1.0]
+
+
+CASES = [
+    ("burgers", "u", "u**2", 0.3),
+    ("burgers", "u", "u*d(u, x)", 0.4),
+    ("burgers", "u", "d(u, x, 3)", 0.02),
+    ("burgers", "u", "u", -0.5),
+    ("burgers", "u", "d(u + 0.3*d(u, x), x)", 0.1),
+    ("burgers", "u", "1", 0.7),
+    ("burgers", "u", "sin(x)*t", 0.7),
+    ("burgers", "u", "step(u)", 0.2),
+    ("reaction", "u", "v**2", 0.3),
+    ("reaction", "v", "lap(v)", 0.05),
+    ("reaction", "v", "lap(u)", 0.05),
+    ("reaction", "v", "cubic*d(u, x)", 0.1),
+    ("plane", "w", "inv_lap(w)", 0.2),
+    ("plane", "w", "w*d(w, y)", 0.2),
+    ("plane", "w", "cos(x)", 0.2),
+    ("oscillator", "p", "x**3", -0.4),
+    ("oscillator", "p", "1", 0.3),
+    ("oscillator", "x", "t*p", 0.1),
+]
+
+
+@pytest.mark.parametrize(("name", "equation", "text", "coefficient"), CASES)
+def test_forcing_by_rows_equals_the_term_in_the_equation(
+    request, name, equation, text, coefficient
+):
+    system = request.getfixturevalue(name)
+    added = term(system, equation, text)
+    other = term(system, system.fields[0], f"{system.fields[0]}**3")
+    coefficients = clock(coefficient, 0.0, -0.1, 0.0, coefficient, -0.1, 0.0, 0.0).reshape(4, 2)
+    start = starts(system, 4)
+    forcing = Forcing(resolve(system, (added, other)), coefficients)
+    found = simulate(system, start, TIMES, forcing)
+    for i, (a, b) in enumerate(coefficients.tolist()):
+        written = system.with_terms([(added, a), (other, b)])
+        expected = simulate(written, start[i : i + 1], TIMES)[0]
+        torch.testing.assert_close(found[i], expected, rtol=1e-7, atol=1e-7)
+    assert not torch.allclose(found[0], simulate(system, start[:1], TIMES)[0], atol=1e-4)
+
+
+def test_a_stiff_linear_forcing_lies_inside_the_exponential_integrator(burgers):
+    """``-lap²`` explicitly would blow up: its symbol times dt is 20000."""
+    stiff = term(burgers, "u", "d(u, x, 4)")
+    forcing = Forcing((stiff,), clock(-1.0).reshape(1, 1))
+    path = simulate(burgers, starts(burgers, 1), clock(0, 1), forcing)
+    check_finite(path, clock(0, 1), burgers)
+
+
+@pytest.mark.parametrize("name", ["burgers", "oscillator"])
+def test_simulations_are_differentiable(request, name, make_system):
+    if name == "burgers":
+        system = make_system("""
+            axes: {x: {length: 2*pi, points: 8}}
+            fields: {u: velocity}
+            parameters: {nu: 0.2}
+            equations: {u: "-u*d(u, x) + nu*lap(u)"}
+            start: {u: sin(x)}
+            integrator: {dt: 0.1}
+        """)
+        terms = [term(system, "u", text) for text in ("u**2", "d(u, x)", "lap(u)", "u*d(u, x)")]
+    else:
+        system = request.getfixturevalue(name)
+        terms = [term(system, "p", text) for text in ("x**3", "p", "1", "x*p")]
+    start = starts(system, 2).requires_grad_()
+    # One of them is zero: a gradient is wanted there too.
+    xi = clock(0.1, -0.2, 0.05, 0.0, 0.0, 0.1, 0.0, 0.3).reshape(2, 4).requires_grad_()
+
+    def end(start, xi):
+        return simulate(system, start, clock(0.0, 0.2, 0.3), Forcing(tuple(terms), xi))
+
+    assert torch.autograd.gradcheck(end, (start, xi), rtol=1e-4, atol=1e-6)
+
+
+def test_the_tendency_on_the_grid_is_the_equation(reaction):
+    state = starts(reaction, 3)
+    found = GridTendency(reaction)(state, 0.4)
+    for i, field in enumerate(reaction.fields):
+        expected = reaction.evaluate(reaction.config.equations[field], state, 0.4)
+        torch.testing.assert_close(found[:, i], expected)
+
+
+def explosive(make_system, axes, integrator):
+    return make_system(f"""
+        {axes}
+        fields: {{u: calm, v: explosive}}
+        parameters: {{}}
+        equations: {{u: -u, v: v**2}}
+        start: {{u: 1, v: 1}}
+        integrator: {{{integrator}}}
+    """)
+
+
+@pytest.mark.parametrize(
+    ("axes", "integrator"),
+    [
+        ("axes: {x: {length: 1, points: 8}}", "dt: 0.01"),
+        ("axes: {x: {length: 1, points: 8}}", "dt: 0.01, space: finite-difference"),
+        ("axes: {}", "dt: 0.01, method: rk4"),
+    ],
+)
+def test_a_blow_up_is_refused_with_its_time_and_field(make_system, axes, integrator):
+    system = explosive(make_system, axes, integrator)
+    times = torch.linspace(0, 3, 31, dtype=torch.float64)
+    path = simulate(system, nominal_start(system), times)
+    with pytest.raises(InputError, match=r"blows up: v is not finite at t = 1\.[0-9]") as caught:
+        check_finite(path, times, system)
+    assert "declared.yaml:" in str(caught.value.where)
+
+
+def test_an_adaptive_blow_up_is_found_and_leaves_other_members_alone(make_system):
+    system = explosive(make_system, "axes: {}", "dt: 0.01")
+    times = torch.linspace(0, 3, 31, dtype=torch.float64)
+    start = clock(1.0, 1.0, 1.0, 0.1, 1.0, 0.4).reshape(3, 2)
+    forcing = Forcing((term(system, "u", "u"),), clock(0.0, 0.5, 0.0).reshape(3, 1))
+    path = simulate(system, start, times, forcing)
+    torch.testing.assert_close(path[1, :, 1], 1 / (10 - times), rtol=1e-6, atol=0)
+    torch.testing.assert_close(path[1, :, 0], torch.exp(-times / 2), rtol=1e-6, atol=0)
+    assert torch.isfinite(path[0, :10]).all()
+    assert not torch.isfinite(path[0, 11:, 1]).any()
+    assert torch.isfinite(path[2, :25]).all()
+    with pytest.raises(InputError, match=r"v (is|are) not finite at t = 1( |$|\.)"):
+        check_finite(path, times, system)
