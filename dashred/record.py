@@ -73,7 +73,7 @@ def simulate_truth(
     """Return times ``(time,)`` and the truth ``(time, field, *grid)`` on the simulator's grid."""
     import torch
 
-    from dashred.physics.prior import StartPrior, nominal_start
+    from dashred.physics.prior import StartPrior, field_rms, nominal_start, spread_in_percent
     from dashred.physics.simulate import check_finite, simulate
     from dashred.physics.system import Term
 
@@ -90,8 +90,10 @@ def simulate_truth(
     samples = round(FORECAST * config.recording.duration / every)
     times = torch.arange(samples + 1, dtype=torch.float64) * every
     centre = nominal_start(lawful if twin.own_start else system)
-    nominal = simulate(system, centre, times[: samples // 2])
-    rms = nominal[0].transpose(0, 1).flatten(1).square().mean(dim=1).sqrt()
+    rms = torch.ones(len(system.fields), dtype=torch.float64)
+    if spread_in_percent(system):
+        nominal = simulate(system, centre, times[times <= config.recording.duration])
+        rms = field_rms(nominal[0])
     truth = lawful.refined()
     fine_centre = system.grid.interpolate(centre, truth.grid) if system.axes else centre
     start = StartPrior(truth, fine_centre[0], rms, None).draw(1, rng)

@@ -11,6 +11,8 @@ from typing import Any
 from dashred.config.schema import Settings
 
 ELSEWHERE = ("output", "tracking")
+# How a twin is recorded says nothing about a recording that is there already.
+RECORDING_A_TWIN = ("noise", "duration", "reads")
 
 
 def frozen_input(config: Settings) -> dict[str, Any]:
@@ -25,8 +27,13 @@ def frozen_input(config: Settings) -> dict[str, Any]:
         if field.name not in ELSEWHERE
     }
     recording = values["recording"]
+    if recording["path"] is not None:
+        for key in RECORDING_A_TWIN:
+            del recording[key]
+        if isinstance(recording["sensors"], int):
+            del recording["sensors"]
     for key in ("path", "sensors"):
-        if isinstance(recording[key], str):
+        if isinstance(recording.get(key), str):
             recording[key] = Path(recording[key]).name
     return values
 

@@ -232,6 +232,9 @@ class Assimilation:
     width: Count
     """Width of the transform's hidden layer."""
 
+    gain: Annotated[float, Limit(at_least=0, below=1)]
+    """Share by which the validation error must fall for the transform to be kept at all."""
+
 
 @dataclass
 class LatentSindy:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import torch
@@ -78,7 +78,7 @@ class SHRED(nn.Module):
 
 @torch.no_grad()
 def reconstruct(
-    encode: nn.Module, shred: SHRED, windows: Float[Tensor, "time lag sensor"]
+    encode: Callable[[Tensor], Tensor], shred: SHRED, windows: Float[Tensor, "time lag sensor"]
 ) -> Float[Tensor, "time ..."]:
     """Return the field ``(time, field, *grid)``, float64, of a recording's windows."""
     return shred.decode(encode(windows)).double()

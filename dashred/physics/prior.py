@@ -56,6 +56,16 @@ def _start_expression(system: System, field: str) -> Expr:
     return expr
 
 
+def field_rms(states: Tensor) -> Tensor:
+    """Return each field's rms over states ``(time, field, *grid)``: ``(field,)``."""
+    return states.transpose(0, 1).flatten(1).square().mean(dim=1).sqrt()
+
+
+def spread_in_percent(system: System) -> bool:
+    """Tell whether the start's spread refers to the fields' rms over a simulation."""
+    return any(str(value).strip().endswith("%") for value in system.config.spread.values())
+
+
 def gaussian_process_modes(grid: Grid, length: float, count: int | None) -> Tensor:
     """Return Karhunen–Loève modes ``(mode, *grid)`` of a periodic Gaussian process.
 

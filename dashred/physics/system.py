@@ -137,7 +137,7 @@ class System:
         expr = self.resolve(self.parse(text, text), text)
         [value] = Program([expr])(self.values(flat.double(), t), self.operators)
         points = torch.as_tensor(self.operators.on_grid(value), dtype=state.dtype)
-        return points.expand(len(flat), *self.grid.shape).reshape(*batch, *self.grid.shape)
+        return points.expand(len(flat), *self.grid.shape).reshape(batch + self.grid.shape)
 
     def values(self, state: Tensor, t: float) -> dict[str, Value]:
         """Return what expressions read, from a state on the grid ``(batch, field, *grid)``."""

@@ -79,7 +79,7 @@ def assimilate(
     with run.child("assimilate") as child, stage("assimilate, latent SINDy", seconds) as report:
         child.log_terms([str(term) for term in problem.library])
         curves = RMSECurves(child, run, "assimilate")
-        best = BestState(METRIC)
+        best = BestState(METRIC, settings.gain)
         discovery = LatentDiscovery(_latent_problem(problem, nominal, data), child, run)
         trainer = make_trainer(
             problem.config,

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from dashred.physics.ensemble import Discrepancies, Ensemble, draw_ensemble
 from dashred.physics.library import refuse_collinear
-from dashred.physics.prior import StartPrior, nominal_start
+from dashred.physics.prior import StartPrior, field_rms, nominal_start
 from dashred.physics.resolution import Resolution, check_resolution
 from dashred.physics.simulate import check_finite, simulate
 from dashred.physics.system import System
@@ -44,9 +44,8 @@ def simulate_nominal(problem: Problem, seconds: dict[str, float]) -> Nominal:
         path = simulate(system, start, times, progress=lambda done: report(0.8 + 0.2 * done, ""))
         check_finite(path, times, system)
         refuse_collinear(system, problem.library, path[0], float(times[0]))
-    rms = path[0].transpose(0, 1).flatten(1).square().mean(dim=1).sqrt()
     modes = system.config.spread.get("modes")
-    prior = StartPrior(system, start[0], rms, None if modes is None else int(modes))
+    prior = StartPrior(system, start[0], field_rms(path[0]), None if modes is None else int(modes))
     return Nominal(prior, path[0])
 
 

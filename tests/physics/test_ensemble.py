@@ -102,7 +102,15 @@ def test_a_term_of_unit_scale_is_as_large_as_the_tendency(reaction):
     torch.testing.assert_close(scaled, torch.stack(expected))
 
 
-def test_drawn_coefficients_have_the_stated_amplitude(oscillator):
+def test_drawn_coefficients_have_the_stated_amplitude(make_system):
+    oscillator = make_system("""
+        fields: {x: place, p: momentum}
+        parameters: {}
+        equations: {x: p, p: -x}
+        start: {x: 1, p: 0}
+        spread: {x: 0.1, p: 0.1}
+        integrator: {dt: 0.1, method: rk4}
+    """)
     nominal, _ = setting(oscillator)
     library = build_library(oscillator, None)
     ensemble = draw(oscillator, 0, members=400, terms=5, amplitude=0.1)

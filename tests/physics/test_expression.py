@@ -178,7 +178,7 @@ def test_numbers(text, value):
 
 @pytest.mark.parametrize("text", ["u", "t", "two", "lap(1)", "1/0", ""])
 def test_what_is_no_number(text):
-    with pytest.raises(InputError, match="^here: "):
+    with pytest.raises(InputError, match=r"^here: "):
         number(text, where="here")
 
 

@@ -103,7 +103,8 @@ def test_forcing_by_rows_equals_the_term_in_the_equation(
     system = request.getfixturevalue(name)
     added = term(system, equation, text)
     other = term(system, system.fields[0], f"{system.fields[0]}**3")
-    coefficients = clock(coefficient, 0.0, -0.1, 0.0, coefficient, -0.1, 0.0, 0.0).reshape(4, 2)
+    half = coefficient / 2
+    coefficients = clock(coefficient, 0.0, half, 0.0, coefficient, -0.1, 0.0, 0.0).reshape(4, 2)
     start = starts(system, 4)
     forcing = Forcing(resolve(system, (added, other)), coefficients)
     found = simulate(system, start, TIMES, forcing)
@@ -184,15 +185,15 @@ def test_a_blow_up_is_refused_with_its_time_and_field(make_system, axes, integra
 
 
 def test_an_adaptive_blow_up_is_found_and_leaves_other_members_alone(make_system):
-    system = explosive(make_system, "axes: {}", "dt: 0.01")
+    system = explosive(make_system, "axes: {}", "dt: 0.01, rtol: 1e-6, atol: 1e-6")
     times = torch.linspace(0, 3, 31, dtype=torch.float64)
     start = clock(1.0, 1.0, 1.0, 0.1, 1.0, 0.4).reshape(3, 2)
     forcing = Forcing((term(system, "u", "u"),), clock(0.0, 0.5, 0.0).reshape(3, 1))
     path = simulate(system, start, times, forcing)
-    torch.testing.assert_close(path[1, :, 1], 1 / (10 - times), rtol=1e-6, atol=0)
-    torch.testing.assert_close(path[1, :, 0], torch.exp(-times / 2), rtol=1e-6, atol=0)
+    torch.testing.assert_close(path[1, :, 1], 1 / (10 - times), rtol=1e-5, atol=0)
+    torch.testing.assert_close(path[1, :, 0], torch.exp(-times / 2), rtol=1e-5, atol=0)
     assert torch.isfinite(path[0, :10]).all()
     assert not torch.isfinite(path[0, 11:, 1]).any()
     assert torch.isfinite(path[2, :25]).all()
-    with pytest.raises(InputError, match=r"v (is|are) not finite at t = 1( |$|\.)"):
+    with pytest.raises(InputError, match=r"up: v is not finite at t = 1(\.1)?\n"):
         check_finite(path, times, system)

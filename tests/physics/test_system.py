@@ -34,8 +34,8 @@ def declare(make_system):
 
 def test_lets_and_parameters_are_put_in(declare):
     system = declare("a*slope + d(slope, x)", "{slope: 'b*d(u, x)'}", b=3.0)
-    assert to_text(system.equations["u"]) == "a*slope + d(slope, x)"
-    assert to_text(system.resolved["u"]) == "6*d(u, x) + 3*d(u, x, 2)"
+    assert to_text(system.equations["u"]) == "d(slope, x) + a*slope"
+    assert to_text(system.resolved["u"]) == "3*d(u, x, 2) + 6*d(u, x)"
 
 
 @pytest.mark.parametrize(
@@ -94,7 +94,7 @@ def test_a_spin_up_that_blows_up_is_refused(make_system):
         equations: {u: u**2}
         start: {u: 1}
         spin_up: 6
-        integrator: {dt: 0.01}
+        integrator: {dt: 0.01, rtol: 1e-5, atol: 1e-5}
     """)
     with pytest.raises(InputError, match="blows up: u is not finite at t = 1"):
         nominal_start(system)
@@ -145,7 +145,7 @@ def test_the_refined_system_is_finer_in_space_and_time(reaction):
 def test_terms_are_added_as_text(declare):
     system = declare("lap(u)")
     added = system.with_terms([(Term("u", system.parse("-2*u**3", "k")), 0.25)])
-    assert to_text(added.equations["u"]) == "-0.5*u**3 + d(u, x, 2)"
+    assert to_text(added.equations["u"]) == "d(u, x, 2) - 0.5*u**3"
     assert to_text(system.equations["u"]) == "d(u, x, 2)"
 
 
