@@ -164,7 +164,7 @@ def order(expr):
     return max([own, *map(order, algebra.children(expr))])
 
 
-@settings(max_examples=400)
+@settings(max_examples=250)
 @given(st.recursive(leaves, grow, max_leaves=8).filter(lambda expr: order(expr) <= HIGHEST_ORDER))
 def test_reading_what_was_written_gives_the_same_tree(expr):
     assert read(to_text(expr), PLANE) == expr

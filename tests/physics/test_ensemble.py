@@ -61,16 +61,19 @@ def test_a_plain_ensemble_has_no_terms(reaction):
 
 def test_members_stay_within_the_nominal_range_and_its_width(reaction):
     nominal, _ = setting(reaction)
-    ensemble = draw(reaction, 0, members=60, terms=3, amplitude=2.0)
+    ensemble = draw(reaction, 0, members=30, terms=3, amplitude=2.0)
     low, high = nominal.amin((0, 2)), nominal.amax((0, 2))
     width = high - low
     assert (ensemble.states.amin((0, 1, 3)) >= low - width).all()
     assert (ensemble.states.amax((0, 1, 3)) <= high + width).all()
 
 
-def test_a_hopeless_ensemble_is_refused(reaction):
-    with pytest.raises(InputError, match="of 12 simulations stay within bounds"):
-        draw(reaction, 0, terms=10, amplitude=1e6)
+def test_a_hopeless_ensemble_is_refused(reaction, monkeypatch):
+    monkeypatch.setattr("dashred.physics.ensemble.MOST_ROUNDS", 3)
+    with pytest.raises(
+        InputError, match=r"after 3 rounds only \d of 2 simulations stay within bounds"
+    ):
+        draw(reaction, 0, members=2, terms=10, amplitude=1e6)
 
 
 def test_more_terms_than_the_library_holds_are_refused(oscillator):
@@ -113,8 +116,8 @@ def test_drawn_coefficients_have_the_stated_amplitude(make_system):
     """)
     nominal, _ = setting(oscillator)
     library = build_library(oscillator, None)
-    ensemble = draw(oscillator, 0, members=400, terms=5, amplitude=0.1)
+    ensemble = draw(oscillator, 0, members=200, terms=5, amplitude=0.1)
     scales = term_scales(oscillator, library, nominal, 0.0)
     sizes = (ensemble.coefficients / scales)[ensemble.coefficients != 0]
-    assert len(sizes) == 2000
-    assert float(sizes.std()) == pytest.approx(0.1, rel=0.05)
+    assert len(sizes) == 1000
+    assert float(sizes.std()) == pytest.approx(0.1, rel=0.08)

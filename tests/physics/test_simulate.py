@@ -69,7 +69,7 @@ def test_one_output_time_is_the_start(system):
 
 
 def test_progress_ends_at_one(burgers):
-    seen = []
+    seen: list[float] = []
     simulate(burgers, nominal_start(burgers), TIMES, progress=seen.append)
     assert seen == [0.0, 0.25, 0.5, 0.75, 1.0]
 
@@ -143,7 +143,7 @@ def test_simulations_are_differentiable(request, name, make_system):
     xi = clock(0.1, -0.2, 0.05, 0.0, 0.0, 0.1, 0.0, 0.3).reshape(2, 4).requires_grad_()
 
     def end(start, xi):
-        return simulate(system, start, clock(0.0, 0.2, 0.3), Forcing(tuple(terms), xi))
+        return simulate(system, start, clock(0.0, 0.1, 0.2), Forcing(tuple(terms), xi))
 
     assert torch.autograd.gradcheck(end, (start, xi), rtol=1e-4, atol=1e-6)
 
@@ -184,16 +184,17 @@ def test_a_blow_up_is_refused_with_its_time_and_field(make_system, axes, integra
     assert "declared.yaml:" in str(caught.value.where)
 
 
+@pytest.mark.slow
 def test_an_adaptive_blow_up_is_found_and_leaves_other_members_alone(make_system):
     system = explosive(make_system, "axes: {}", "dt: 0.01, rtol: 1e-6, atol: 1e-6")
-    times = torch.linspace(0, 3, 31, dtype=torch.float64)
+    times = torch.linspace(0, 3, 7, dtype=torch.float64)
     start = clock(1.0, 1.0, 1.0, 0.1, 1.0, 0.4).reshape(3, 2)
     forcing = Forcing((term(system, "u", "u"),), clock(0.0, 0.5, 0.0).reshape(3, 1))
     path = simulate(system, start, times, forcing)
     torch.testing.assert_close(path[1, :, 1], 1 / (10 - times), rtol=1e-5, atol=0)
     torch.testing.assert_close(path[1, :, 0], torch.exp(-times / 2), rtol=1e-5, atol=0)
-    assert torch.isfinite(path[0, :10]).all()
-    assert not torch.isfinite(path[0, 11:, 1]).any()
-    assert torch.isfinite(path[2, :25]).all()
-    with pytest.raises(InputError, match=r"up: v is not finite at t = 1(\.1)?\n"):
+    assert torch.isfinite(path[0, :2]).all()
+    assert not torch.isfinite(path[0, 3:, 1]).any()
+    assert torch.isfinite(path[2, :5]).all()
+    with pytest.raises(InputError, match=r"up: v is not finite at t = 1(\.5)?\n"):
         check_finite(path, times, system)
