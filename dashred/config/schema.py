@@ -34,7 +34,7 @@ class Integrator:
     """Name of the time stepper; null lets the system choose (ETDRK4 where it can)."""
 
     dt: Positive
-    """Time step; for adaptive methods of ODEs, the first step tried."""
+    """Largest time step; adaptive methods of ODEs choose their own and do without it."""
 
     dealias: bool
     """Whether products are dealiased by the 2/3 rule."""

@@ -57,7 +57,7 @@ def _check_names(system: System, where: Where) -> None:
                 raise InputError(
                     f"{name!r} is a Python keyword and cannot be a name",
                     where=at,
-                    hint=f"call it {name[:3]}, for example",
+                    hint=f"call it {'lam' if name == 'lambda' else name + '_0'}, for example",
                 )
             if name in RESERVED:
                 raise InputError(
