@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
     from torch import Tensor
 
+    from dashred.physics.simulate import Progress
     from dashred.physics.system import System
     from dashred.sensing.recording import Recording
     from dashred.sensing.sensors import Sensor
@@ -47,6 +48,7 @@ def record(config: Config, output: Path) -> None:
     import numpy as np
     import torch
 
+    from dashred.output import make_output
     from dashred.physics.system import System
     from dashred.progress import stage
     from dashred.sealing import Truth, seal
@@ -61,14 +63,14 @@ def record(config: Config, output: Path) -> None:
         times, states = simulate_truth(system, twin, config, rng, lambda done: report(done, ""))
         count = int((times <= config.recording.duration * (1 + 1e-9)).sum())
         recording = observe(system, states[:count], times[:count], twin, config, rng)
-    output.mkdir(parents=True, exist_ok=True)
+    make_output(str(output))
     write_netcdf(recording, output / "recording.nc", [axis.name for axis in system.axes])
     truth = Truth(twin.name, twin.terms, times, config.recording.duration, states)
     seal(output / "sealed.nc", truth, system)
 
 
 def simulate_truth(
-    system: System, twin: Twin, config: Config, rng: np.random.Generator, progress: object
+    system: System, twin: Twin, config: Config, rng: np.random.Generator, progress: Progress | None
 ) -> tuple[Tensor, Tensor]:
     """Return times ``(time,)`` and the truth ``(time, field, *grid)`` on the simulator's grid."""
     import torch
@@ -99,7 +101,9 @@ def simulate_truth(
     start = StartPrior(truth, fine_centre[0], rms, None).draw(1, rng)
     path = simulate(truth, start, times, progress=progress)
     check_finite(path, times, truth)
-    coarse = path[0][(..., *(slice(None, None, 2) for _ in system.axes))]
+    coarse = path[0]
+    for dim in range(2, coarse.dim()):
+        coarse = coarse[(slice(None),) * dim + (slice(None, None, 2),)]
     return times, coarse.contiguous()
 
 

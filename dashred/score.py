@@ -15,9 +15,13 @@ from dashred.errors import InputError, run_entry
 from dashred.findings import check_freeze, write_json_atomic
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from dashred.sealing import Truth
 
 KEYS = ("findings", "sealed", "root", "experiment", "run")
+# Clocks that differ by more than this are not the same, in the unit of time.
+CLOCK = 1e-9
 METHODS = (
     "simulation",
     "simulation_same_start",
@@ -52,6 +56,9 @@ def score_findings(output: Path, sealed: Path) -> tuple[dict[str, Any], Truth]:
     """Compare the frozen estimates with the truth, draw the comparison, return ``score.json``.
 
     ``field_rmse``: each field divided by its own std over the fit window, then the RMSE over all.
+
+    Raises:
+        InputError: the sealed file is no truth, or not that of these findings.
     """
     import numpy as np
     import xarray as xr
@@ -59,13 +66,13 @@ def score_findings(output: Path, sealed: Path) -> tuple[dict[str, Any], Truth]:
     from dashred.sealing import open_seal
 
     findings = json.loads((output / "findings.json").read_text(encoding="utf-8"))
+    frozen = json.loads((output / "freeze.json").read_text(encoding="utf-8"))["files"]
     truth, fields = open_seal(sealed)
     rmse: dict[str, float | None] = dict.fromkeys(METHODS)
-    if (output / "estimates.nc").is_file():
+    if "estimates.nc" in frozen:
         with xr.open_dataset(output / "estimates.nc", engine="h5netcdf") as estimates:
             estimates.load()
-        count = len(estimates["time"])
-        real = truth.states[:count].numpy()
+        real = _truth_of(estimates, truth, fields, sealed)
         std = real.swapaxes(0, 1).reshape(len(fields), -1).std(axis=1)
         errors = {}
         for method in estimates["method"].values.tolist():
@@ -81,6 +88,23 @@ def score_findings(output: Path, sealed: Path) -> tuple[dict[str, Any], Truth]:
         "forecast": {"before": None, "after": None},
         "latent_rank": _ranks(findings, truth),
     }, truth
+
+
+def _truth_of(estimates: Any, truth: Truth, fields: tuple[str, ...], sealed: Path) -> np.ndarray:
+    """Return the true states at the estimates' times, ``(time, field, *grid)``."""
+    times = estimates["time"].values
+    real = truth.states[: len(times)].numpy()
+    alike = set(fields) == set(estimates.data_vars) and real.shape[2:] == tuple(
+        size for dim, size in estimates.sizes.items() if dim not in ("method", "time")
+    )
+    clock = truth.times[: len(times)].numpy()
+    if not alike or clock.shape != times.shape or abs(clock - times).max() > CLOCK:
+        raise InputError(
+            "this is the truth of another recording or another system",
+            where=str(sealed),
+            hint="give the sealed.nc that was written beside the recording",
+        )
+    return real
 
 
 def _ranks(findings: dict[str, Any], truth: Truth) -> dict[str, dict[str, int | None]]:
@@ -122,6 +146,9 @@ def _draw(
 
 def _print(score: dict[str, Any]) -> None:
     known = {m: v for m, v in score["field_rmse"].items() if v is not None}
+    if not known:
+        print("\nThe seal is opened, but there is no estimate of the field to compare with it.")
+        return
     print("\nThe seal is opened. Whole field against the hidden truth, RMSE in std:")
     for method, value in known.items():
         print(f"  {method:<12} {value:.3f}")

@@ -36,32 +36,37 @@ def analyse(config: Config) -> Path:
     """Analyse one recording, top to bottom; returns the folder of the findings.
 
     Raises:
-        InputError: the input is wrong; nothing is written then.
+        InputError: the input is wrong; nothing is written then, though the folder may be made.
     """
+    from dashred.output import clear_output, make_output
     from dashred.stages import assimilation, learning, problem, provenance, report, simulation
     from dashred.stages import verification as verify
     from dashred.tracking import Tracker, flatten
 
     provenance.prepare_torch(config)
     posed = problem.pose(config)
+    named = make_output(config.output) if config.output else None
     seconds: dict[str, float] = {}
     began = time.perf_counter()
     nominal = simulation.simulate_nominal(posed, seconds)
+    resolution = simulation.check(posed, nominal, seconds)
+    ensemble = None
+    if resolution.resolved:
+        ensemble = simulation.simulate_ensemble(posed, nominal, seconds)
 
+    # Whatever can be wrong with the input has been met by here: only now is anything written.
     name = f"{config.name} seed {config.seed}"
     experiment = config.tracking.experiment or config.name
     with Tracker.open(config.tracking.root, experiment, name, config.tracking.run) as run:
-        output = Path(config.output) if config.output else run.artifact_dir
-        output.mkdir(parents=True, exist_ok=True)
+        output = named or run.artifact_dir
+        clear_output(output)
         run.log_params(flatten(frozen_input(config)))
         run.set_tags({"system": config.name, "git commit": provenance.git_commit()})
 
-        resolution = simulation.check(posed, nominal, seconds)
-        if not resolution.resolved:
+        if ensemble is None:
             findings = verify.refuse_unresolved(posed, resolution)
             verify.freeze_findings(output, findings, [])
         else:
-            ensemble = simulation.simulate_ensemble(posed, nominal, seconds)
             learned = learning.train_shred(posed, ensemble, run, seconds)
             found = assimilation.assimilate(posed, nominal, learned.shred, run, seconds)
             findings = verify.verify(posed, nominal, found)

@@ -10,50 +10,96 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from dashred.config import Config
-from dashred.errors import DONE
-from dashred.mlflow_store import open_store
+from dashred.errors import DONE, OUR_FAILURE, WRONG_INPUT
+from dashred.mlflow_store import Store, open_store
+from dashred.output import make_output
 from dashred.tracking import Tracker
 
-PRIVATE = ("recording.", "output=", "tracking.run=", "conf=")
+OWN = ("output=", "tracking.run=")
+# Of what describes the twin, the step of the analysis clock alone is the analysis' business.
+TWIN = "recording."
+CLOCK = "recording.every="
+
+
+class _EndedError(Exception):
+    """A process of the experiment ended with an exit code that is not 0."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(code)
+        # One that a signal has ended has a negative code, which no shell would show.
+        self.code = code if code > 0 else OUR_FAILURE
 
 
 def run_twin(config: Config, argv: list[str]) -> int:
     """Record, analyse, score; returns the exit code of the first process that fails."""
-    experiment = config.tracking.experiment or config.name
-    words = [f"conf={config.source}", *(w for w in argv if not w.startswith(PRIVATE))]
-    with tempfile.TemporaryDirectory(prefix="dashred-seal-") as folder:
-        private = Path(folder)
-        asked = [word for word in argv if word.startswith("recording.")]
-        recorder = _start(
-            "record", [*words, *asked, f"twin={config.recording.twin}", f"output={private}"]
-        )
-        # The store's schema takes seconds to create: time that the recorder needs anyway.
-        open_store(config.tracking.root, experiment)
-        if code := recorder.wait():
-            return code
-        name = f"{config.name} seed {config.seed}"
-        with Tracker.open(config.tracking.root, experiment, name) as run:
-            output = Path(config.output) if config.output else run.artifact_dir
-            output.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(private / "recording.nc", output / "recording.nc")
-            recording = f"recording.path={output / 'recording.nc'}"
-            handed = [*words, recording, f"output={output}", f"tracking.run={run.run_id}"]
-            if code := _start("train", handed).wait():
-                return code
-            store = [
-                f"root={config.tracking.root}",
-                f"experiment={experiment}",
-                f"run={run.run_id}",
-            ]
-            sealed = private / "sealed.nc"
-            if code := _start("score", [f"findings={output}", f"sealed={sealed}", *store]).wait():
-                return code
-            shutil.copyfile(sealed, output / "sealed.nc")
+    words = [word for word in argv if not word.startswith(OWN)]
+    named = make_output(config.output) if config.output else None
+    with (
+        tempfile.TemporaryDirectory(prefix="dashred-seal-") as private,
+        tempfile.TemporaryDirectory(prefix="dashred-recording-") as open_to_all,
+    ):
+        try:
+            _run(config, words, named, Path(private), Path(open_to_all))
+        except _EndedError as ended:
+            return ended.code
     return DONE
 
 
-def _start(entry: str, words: list[str]) -> subprocess.Popen[bytes]:
-    return subprocess.Popen([sys.executable, "-m", f"dashred.{entry}", *words])
+def _run(
+    config: Config, words: list[str], named: Path | None, private: Path, open_to_all: Path
+) -> None:
+    experiment = config.tracking.experiment or config.name
+    sealed, recording = private / "sealed.nc", open_to_all / "recording.nc"
+    with _process("record", [*words, f"output={private}"]):
+        # The store's schema takes seconds to create: time that the recorder needs anyway.
+        store = open_store(config.tracking.root, experiment)
+    shutil.move(private / "recording.nc", recording)
+    with _open_run(config, experiment, store) as run:
+        output = named or run.artifact_dir
+        told = [word for word in words if not word.startswith(TWIN) or word.startswith(CLOCK)]
+        told += [f"recording.path={recording}", f"output={output}", f"tracking.run={run.run_id}"]
+        with _process("train", told):
+            pass
+        shutil.copyfile(recording, output / "recording.nc")
+        place = [f"root={config.tracking.root}", f"experiment={experiment}", f"run={run.run_id}"]
+        with _process("score", [f"findings={output}", f"sealed={sealed}", *place]):
+            pass
+        shutil.copyfile(sealed, output / "sealed.nc")
+
+
+@contextmanager
+def _open_run(config: Config, experiment: str, store: Store) -> Iterator[Tracker]:
+    """Open the parent run; where the input turns out to be wrong, nothing of it stays."""
+    name = f"{config.name} seed {config.seed}"
+    try:
+        with Tracker.open(config.tracking.root, experiment, name) as run:
+            yield run
+    except _EndedError as ended:
+        if ended.code == WRONG_INPUT:
+            store.client.delete_run(run.run_id)
+            shutil.rmtree(run.artifact_dir.parent)
+        raise
+
+
+@contextmanager
+def _process(entry: str, words: list[str]) -> Iterator[None]:
+    """Run an entry point beside the block, and wait for it.
+
+    Raises:
+        _EndedError: with an exit code that is not 0.
+    """
+    process = subprocess.Popen([sys.executable, "-m", f"dashred.{entry}", *words])
+    try:
+        yield
+        code = process.wait()
+    except BaseException:
+        process.terminate()
+        process.wait()
+        raise
+    if code != DONE:
+        raise _EndedError(code)

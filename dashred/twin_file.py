@@ -11,6 +11,7 @@ from dashred.physics.expression import number
 from dashred.sealing import SealedTerm
 
 KEYS = {"terms", "start", "stated"}
+STARTS = ("simulator", "own")
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ def read_twin(config: Config) -> Twin:
             hint="analyse a recording of your own with recording.path=FILE",
         )
     entries = read_file(path, label=label).values
-    name = config.recording.twin
+    name = str(config.recording.twin)
     entry = entries.get(name)
     if not isinstance(entry, dict):
         raise InputError(
@@ -48,13 +49,20 @@ def read_twin(config: Config) -> Twin:
         )
     if entry.keys() - KEYS or "terms" not in entry:
         raise InputError(f"twin {name!r} must have terms, and may have start, stated", where=label)
-    terms = tuple(_term(item, label) for item in entry["terms"])
-    stated = float(entry.get("stated", 1.0))
-    return Twin(str(name), terms, entry.get("start") == "own", stated)
+    if not isinstance(entry["terms"], list):
+        raise InputError(f"the terms of twin {name!r} must be a list", where=label)
+    terms = tuple(_term(item, label, config) for item in entry["terms"])
+    start = entry.get("start", STARTS[0])
+    if start not in STARTS:
+        raise InputError(f"a start is {' or '.join(STARTS)}, not {start!r}", where=label)
+    stated = number(str(entry.get("stated", 1.0)), where=label)
+    return Twin(name, terms, start == "own", stated)
 
 
-def _term(item: Any, label: str) -> SealedTerm:
+def _term(item: Any, label: str, config: Config) -> SealedTerm:
     if not isinstance(item, dict) or item.keys() != {"equation", "term", "coefficient"}:
         raise InputError("a term has an equation, a term and a coefficient", where=label)
+    if item["equation"] not in config.system.fields:
+        raise InputError(f"{config.name} has no equation {item['equation']!r}", where=label)
     coefficient = number(str(item["coefficient"]), where=label)
     return SealedTerm(str(item["equation"]), str(item["term"]), coefficient)

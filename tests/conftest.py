@@ -1,10 +1,179 @@
-"""What every test needs: one thread each, since several run side by side, and no dice."""
+"""What every test needs: one thread each, since several run side by side, and no dice.
+
+And a twin experiment that takes seconds, for the tests of whole runs.
+"""
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import ClassVar
+
+import pytest
 import torch
 from hypothesis import settings
 
 torch.set_num_threads(1)
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
+
+CHECKOUT = Path(__file__).resolve().parents[1]
+
+QUICK = """\
+system:
+  title: Burgers
+  axes: {x: {length: 2*pi, points: 32}}
+  fields: {u: velocity}
+  parameters: {nu: 0.2}
+  equations: {u: "-d(u**2/2, x) + nu*lap(u)"}
+  start: {u: 1 + 0.5*sin(x)}
+  spread: {u: 10%, length: 1.0}
+  integrator: {dt: 0.05}
+library: {u: [u, u**2, u**3, "d(u, x)", "d(u, x, 2)"]}
+recording: {twin: a, sensors: 4, noise: 0.02, duration: 4, every: 0.1}
+splits: {sensors: {validate: 1, test: 1, extra: 1}}
+simulation: {members: 24, held_out: 6, terms: 1}
+shred: {lags: 5, latent: 8, decoder: [16], modes: 8, epochs: 2, steps: 4, batch: 8}
+assimilation: {epochs: 2, width: 8}
+latent_sindy: {steps: [1, 2], bootstraps: 3, begins: 3}
+threads: 1
+"""
+
+TWINS = """\
+a:
+  terms: [{equation: u, term: u, coefficient: -0.1}]
+b:
+  terms: [{equation: u, term: u**3, coefficient: -0.1}]
+"null":
+  terms: []
+"""
+
+
+@dataclass(frozen=True)
+class Ended:
+    """What a command left behind."""
+
+    code: int
+    out: str
+    err: str
+    output: Path
+    root: Path
+
+    def read(self, name: str) -> bytes:
+        """Return the bytes of a file in the output folder."""
+        return (self.output / name).read_bytes()
+
+
+Run = Callable[..., Ended]
+
+
+@pytest.fixture(scope="session")
+def quick(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A system of 32 points with its twins: a whole run is a matter of seconds."""
+    folder = tmp_path_factory.mktemp("systems")
+    (folder / "twins").mkdir()
+    (folder / "twins" / "quick.yaml").write_text(TWINS)
+    (folder / "quick.yaml").write_text(QUICK)
+    return folder / "quick.yaml"
+
+
+def run_command(folder: Path, *words: str, cwd: Path = CHECKOUT) -> Ended:
+    """Run ``python -m dashred.train`` as a user would, with output and store in ``folder``."""
+    output, root = folder / "output", folder / "mlruns"
+    places = [f"output={output}", f"tracking.root={root}"]
+    ended = subprocess.run(
+        [sys.executable, "-m", "dashred.train", *words, *places],
+        cwd=cwd,
+        env=os.environ | {"NO_COLOR": "1", "COLUMNS": "200"},
+        capture_output=True,
+        text=True,
+    )
+    return Ended(ended.returncode, ended.stdout, ended.stderr, output, root)
+
+
+@pytest.fixture(scope="session")
+def twin_run(quick: Path, tmp_path_factory: pytest.TempPathFactory) -> Ended:
+    """The twin experiment on twin a: three real processes."""
+    ended = run_command(tmp_path_factory.mktemp("twin"), f"conf={quick}")
+    assert ended.code == 0, ended.err
+    return ended
+
+
+class InProcess:
+    """Stands in for ``subprocess.Popen``: runs an entry point here, where imports are paid for."""
+
+    started: ClassVar[list[list[str]]]
+    monkeypatch: ClassVar[pytest.MonkeyPatch]
+    code: int
+
+    def __init__(self, command: list[str]) -> None:
+        """Run the entry point to its end."""
+        _, flag, module, *words = command
+        assert flag == "-m"
+        self.started.append([module, *words])
+        self.code = _entry(self.monkeypatch, module, words)
+
+    def wait(self) -> int:
+        """Return the exit code."""
+        return self.code
+
+    def terminate(self) -> None:
+        """Do nothing: it has ended."""
+
+
+def _entry(monkeypatch: pytest.MonkeyPatch, module: str, words: list[str]) -> int:
+    from importlib import import_module
+
+    from dashred.errors import run_entry
+
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "argv", [module, *words])
+        return run_entry(import_module(module).main)
+
+
+@pytest.fixture
+def stand_in(monkeypatch: pytest.MonkeyPatch) -> type[InProcess]:
+    """Run a twin experiment's processes here."""
+
+    class Here(InProcess):
+        started: ClassVar[list[list[str]]] = []
+
+    Here.monkeypatch = monkeypatch
+    monkeypatch.setattr("dashred.twin_experiment.subprocess", SimpleNamespace(Popen=Here))
+    return Here
+
+
+@pytest.fixture
+def processes(stand_in: type[InProcess]) -> list[list[str]]:
+    """Run a twin experiment's processes here, and list their words as they are started."""
+    return stand_in.started
+
+
+@pytest.fixture
+def train(
+    processes: list[list[str]],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+) -> Run:
+    """``train(*words)``: the command in this process, without figures unless asked for."""
+
+    def run(*words: str, folder: Path = tmp_path, figures: bool = False) -> Ended:
+        output, root = folder / "output", folder / "mlruns"
+        if not figures:
+            monkeypatch.setattr("dashred.stages.report.report", lambda *_: None)
+            monkeypatch.setattr("dashred.score._draw", lambda *_: None)
+        places = [f"output={output}", f"tracking.root={root}"]
+        try:
+            code = _entry(monkeypatch, "dashred.train", [*words, *places])
+        finally:
+            torch.use_deterministic_algorithms(False)
+        out, err = capfd.readouterr()
+        return Ended(code, out, err, output, root)
+
+    return run

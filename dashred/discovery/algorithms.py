@@ -94,8 +94,11 @@ def _differences(moved: list[Tensor], base: Tensor, size: Tensor) -> Tensor:
 
 
 def _blocks(targets: list[Tensor], designs: list[Tensor]) -> Blocks:
-    """Stack all step lengths; each (step, begin) pair is a block, in order of time."""
+    """Stack all step lengths, each in units of its target; a block is one begin.
+
+    Steps from one begin overlap, so they are left out and redrawn together.
+    """
     weights = [1.0 / target.square().mean().sqrt().clamp(min=1e-300) for target in targets]
-    target = torch.cat([t * w for t, w in zip(targets, weights, strict=True)])
-    design = torch.cat([d * w for d, w in zip(designs, weights, strict=True)])
+    target = torch.cat([t * w for t, w in zip(targets, weights, strict=True)], dim=-1)
+    design = torch.cat([d * w for d, w in zip(designs, weights, strict=True)], dim=-1)
     return Blocks.of(target.numpy(), design.numpy())

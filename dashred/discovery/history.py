@@ -15,8 +15,9 @@ Encode = Callable[[Float[Tensor, "batch lag sensor"]], Float[Tensor, "batch late
 
 
 class HistoryEncoder:
-    """``E(v_t)``: the encoder applied to the history of a reconstructed field, its last sample
-    read from ``v_t`` (design §4.0).
+    """``E(v_t)``: the latent of a reconstructed field's history with ``v_t`` as its last sample.
+
+    See design §4.0.
 
     Args:
         encode: G or G_R, from windows to the latent, in float64.

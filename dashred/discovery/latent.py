@@ -15,6 +15,7 @@ from dashred.discovery.algorithms import compressed_advancing, compressed_search
 from dashred.discovery.history import HistoryEncoder
 from dashred.discovery.regression import SparseFit, sparse_fit
 from dashred.discovery.tangents import Step, forecast_steps, tangents
+from dashred.errors import InputError
 from dashred.models.assimilation import AssimilatedEncoder
 from dashred.physics.system import System, Term
 from dashred.sensing.observation import ObservationOperator
@@ -49,9 +50,25 @@ class LatentProblem:
         """Samples of history behind the present one."""
         return self.windows.shape[1] - 1
 
-    def begins(self, stride: int, count: int) -> Tensor:
+    @property
+    def strides(self) -> list[int]:
+        """Step lengths, in samples, that fit into the record.
+
+        Raises:
+            InputError: none of those asked for does.
+        """
+        fitting = [n for n in self.settings.steps if n < len(self.times) - 1]
+        if not fitting:
+            raise InputError(
+                f"the fit window has {len(self.times)} samples, shorter than every step",
+                where=self.system.where("latent_sindy.steps"),
+                hint="give a step of one sample",
+            )
+        return fitting
+
+    def begins(self, count: int) -> Tensor:
         """Return time indices to step from: spread over the record, full histories first."""
-        last = len(self.times) - 1 - stride
+        last = len(self.times) - 1 - max(self.strides)
         first = min(self.lags, last)
         spread = torch.linspace(first, last, min(count, last - first + 1))
         return spread.round().long().unique()
@@ -67,20 +84,20 @@ class LatentSindy:
 
     def __init__(self, problem: LatentProblem, fields: Tensor, count: int) -> None:
         self.problem = problem
-        strides = [s for s in problem.settings.steps if s < len(problem.times) - 1]
-        self.begins = {stride: problem.begins(stride, count) for stride in strides}
-        self.columns = [
-            tangents(problem.system, problem.library, problem.scales, fields, problem.times, step)
-            for step in self.forecasts(fields)
-        ]
+        self.begins = problem.begins(count)
+        self.columns = tangents(
+            problem.system,
+            problem.library,
+            problem.scales,
+            fields,
+            problem.times,
+            self.forecasts(fields),
+        )
 
     def forecasts(self, fields: Tensor) -> list[Step]:
         """Return the simulator's steps from the reconstructed field, one entry a length."""
         problem = self.problem
-        return [
-            forecast_steps(problem.system, fields, problem.times, begins, stride)
-            for stride, begins in self.begins.items()
-        ]
+        return forecast_steps(problem.system, fields, problem.times, self.begins, problem.strides)
 
     def propose(self, encoder: AssimilatedEncoder, fields: Tensor) -> dict[str, SparseFit]:
         """Return the proposals of both algorithms for û = ``fields``, ``(time, field, *grid)``."""
@@ -98,7 +115,7 @@ class LatentSindy:
             problem.library,
             fields,
             steps,
-            torch.tensor([dt * stride for stride in self.begins]),
+            torch.tensor([dt * stride for stride in problem.strides]),
             problem.scales,
         )
         settings, rng = problem.settings, np.random.default_rng([problem.seed, 0x51D7])

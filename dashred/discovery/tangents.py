@@ -24,33 +24,43 @@ class Step:
     Attributes:
         begins, ends: time indices, ``(begin,)``.
         time: clock time of the first begin.
-        forecast: ``Φ_Δt(û_begin)``, ``(begin, field, *grid)``.
+        path: the simulator's run from each ``û_begin``, sample by sample,
+            ``(begin, sample, field, *grid)``.
     """
 
     begins: Tensor
     ends: Tensor
     time: float
-    forecast: Tensor
+    path: Tensor
+
+    @property
+    def forecast(self) -> Tensor:
+        """``Φ_Δt(û_begin)``, ``(begin, field, *grid)``."""
+        return self.path[:, -1]
 
 
 @torch.no_grad()
 def forecast_steps(
-    system: System, fields: Tensor, times: Tensor, begins: Tensor, stride: int
-) -> Step:
-    """Run the simulator for one step of ``stride`` samples from each reconstructed field.
+    system: System, fields: Tensor, times: Tensor, begins: Tensor, strides: Sequence[int]
+) -> list[Step]:
+    """Run the simulator from each reconstructed field; one entry a step length.
 
     Args:
         system: the simulator.
         fields: û, ``(time, field, *grid)``, float64.
         times: clock, ``(time,)``, uniform.
-        begins: time indices to start from, ``(begin,)``.
-        stride: length of the step, in samples.
+        begins: time indices to start from, ``(begin,)``; all lengths share them and one run.
+        strides: lengths of the steps, in samples.
     """
-    forecasts = [
-        simulate(system, fields[group], _window(times, group, stride))[:, -1]
-        for group in _groups(list(system.resolved.values()), begins)
-    ]
-    return Step(begins, begins + stride, float(times[begins[0]]), torch.cat(forecasts))
+    longest = max(strides)
+    path = torch.cat(
+        [
+            simulate(system, fields[group], times[int(group[0]) : int(group[0]) + longest + 1])
+            for group in _groups(list(system.resolved.values()), begins)
+        ]
+    )
+    time = float(times[begins[0]])
+    return [Step(begins, begins + n, time, path[:, : n + 1]) for n in strides]
 
 
 @torch.no_grad()
@@ -60,13 +70,15 @@ def tangents(
     scales: Tensor,
     fields: Tensor,
     times: Tensor,
-    step: Step,
-) -> Tensor:
-    """Return ``∂Φ_Δt(û_begin)/∂ξ_j``, ``(begin, term, field, *grid)``, by forward differences.
+    steps: Sequence[Step],
+) -> list[Tensor]:
+    """Return what each term would add to each forecast, ``(begin, term, field, *grid)``, by step.
 
     The paper perturbs by ``θ_j Δt`` at one instant. A front moves several grid cells within a
-    sample, so the term is carried along by the simulator instead: ``w' = N'(u)w + θ_j(u)``,
-    which has the paper's column as its limit for ``Δt → 0``.
+    sample, so the term is carried along by the simulator instead: ``w' = N'(m)w + θ_j(m)``,
+    which has the paper's column as its limit for ``Δt → 0``. At every sample the tangent is taken
+    anew about ``m = (û + forecast)/2``: ``N(û) - N(forecast) = N'(m)(û - forecast)`` holds to
+    third order, and a front's response is far from linear after a few samples.
 
     Args:
         system: the simulator.
@@ -74,27 +86,48 @@ def tangents(
         scales: coefficient of each at which it would equal the whole tendency, ``(term,)``.
         fields: û, ``(time, field, *grid)``, float64.
         times: clock, ``(time,)``, uniform.
-        step: begins, ends and plain forecasts.
+        steps: forecasts of all lengths, from the same begins.
     """
     terms = resolve(system, library)
-    size = RELATIVE_STEP * scales
-    stride = int(step.ends[0] - step.begins[0])
-    found = []
     read = [*system.resolved.values(), *(term.expression for term in terms)]
-    for group in _groups(read, step.begins):
-        starts = fields[group].repeat_interleave(len(terms), dim=0)
-        forcing = Forcing(terms, torch.diag(size).repeat(len(group), 1))
-        moved = simulate(system, starts, _window(times, group, stride), forcing)[:, -1]
-        found.append(moved.reshape(len(group), len(terms), *fields.shape[1:]))
-    steps = size.reshape(-1, *(1,) * (fields.dim() - 1))
-    return (torch.cat(found) - step.forecast[:, None]) / steps
+    longest = max(steps, key=lambda step: step.path.shape[1])
+    marches = [
+        _march(system, terms, scales, fields, times, group, path)
+        for group, path in zip(
+            _groups(read, longest.begins), _groups(read, longest.path), strict=True
+        )
+    ]
+    columns = [torch.cat(samples) for samples in zip(*marches, strict=True)]
+    return [columns[step.path.shape[1] - 2] for step in steps]
 
 
-def _groups(read: Sequence[Expr], begins: Tensor) -> tuple[Tensor, ...]:
-    """Return begins that may share a clock: all of them, unless an expression reads ``t``."""
+def _march(
+    system: System,
+    terms: tuple[Term, ...],
+    scales: Tensor,
+    fields: Tensor,
+    times: Tensor,
+    begins: Tensor,
+    path: Tensor,
+) -> list[Tensor]:
+    """Return the tangents after each sample, by forward differences."""
+    size = RELATIVE_STEP * scales
+    shape = (len(begins), len(terms), *fields.shape[1:])
+    h = size.reshape(-1, *(1,) * (fields.dim() - 1))
+    forcing = Forcing(terms, torch.diag(size).repeat(len(begins), 1))
+    tangent, found = fields.new_zeros(shape), []
+    for sample in range(path.shape[1] - 1):
+        middle = (fields[begins + sample] + path[:, sample]) / 2
+        first = int(begins[0]) + sample
+        window = times[first : first + 2]
+        starts = (middle[:, None] + h * tangent).flatten(0, 1)
+        moved = simulate(system, starts, window, forcing)[:, -1].reshape(shape)
+        tangent = (moved - simulate(system, middle, window)[:, -1][:, None]) / h
+        found.append(tangent)
+    return found
+
+
+def _groups(read: Sequence[Expr], values: Tensor) -> tuple[Tensor, ...]:
+    """Split by begin what may not share a clock: everything, if an expression reads ``t``."""
     reads_time = any("t" in names(expression) for expression in read)
-    return begins.split(1 if reads_time else len(begins))
-
-
-def _window(times: Tensor, group: Tensor, stride: int) -> Tensor:
-    return times[[int(group[0]), int(group[0]) + stride]]
+    return values.split(1 if reads_time else len(values))

@@ -30,7 +30,8 @@ class Problem:
         times: analysis clock over the whole recording, ``(time,)``.
         clock: one sentence on how the clock came about.
         split: roles of the sensors, and the parts of the recording.
-        noise: stated or estimated σ by sensor name, in the sensor's unit.
+        noise: stated or estimated σ by sensor name, in the sensor's unit; of the fit and the
+            validation sensors, from the fit window: nothing held out has a part in it.
     """
 
     config: Config
@@ -67,6 +68,7 @@ def pose(config: Config) -> Problem:
     table = config.recording.sensors if isinstance(config.recording.sensors, str) else None
     raw = read_recording(config.recording.path, table, system)
     recording, clock = resample(raw, config.recording.every)
+    split = split_recording(recording, config.splits, config.seed)
     return Problem(
         config=config,
         system=system,
@@ -74,6 +76,12 @@ def pose(config: Config) -> Problem:
         recording_sha256=raw.sha256(),
         times=torch.from_numpy(recording.times),
         clock=clock,
-        split=split_recording(recording, config.splits, config.seed),
-        noise=dict(zip(raw.names, noise_std(raw).tolist(), strict=True)),
+        split=split,
+        noise=_noise(raw, split),
     )
+
+
+def _noise(raw: Recording, split: Split) -> dict[str, float]:
+    seen = raw.select([name for name in raw.names if name not in split.test])
+    early = seen.between(float(raw.times[0]), split.time_end)
+    return dict(zip(early.names, noise_std(early).tolist(), strict=True))

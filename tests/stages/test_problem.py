@@ -1,0 +1,67 @@
+"""Posing the problem: what the analysis starts from, and what it must not have seen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from dashred.config import load_config
+from dashred.sensing.recording import Recording
+from dashred.sensing.sensors import Sensor
+from dashred.sensing.write_netcdf import write_netcdf
+from dashred.stages.problem import Problem, pose
+
+
+@pytest.fixture
+def posed(quick, tmp_path):
+    """``posed(values)``: the problem of six sensors of u with these values, of unknown noise."""
+
+    def build(values: NDArray[np.float64], *words: str) -> Problem:
+        path: Path = tmp_path / "recording.nc"
+        sensors = tuple(Sensor(f"s{i}", "u", (0.3 + i,), None) for i in range(6))
+        write_netcdf(
+            Recording(sensors, np.linspace(0, 0.1 * (len(values) - 1), len(values)), values),
+            path,
+            ["x"],
+        )
+        return pose(load_config([f"conf={quick}", f"recording.path={path}", *words], entry="train"))
+
+    return build
+
+
+def traces(samples: int = 60) -> NDArray[np.float64]:
+    rng = np.random.default_rng(1)
+    smooth = np.sin(0.1 * np.arange(samples))[:, None] + np.arange(6)
+    return smooth + 0.05 * rng.standard_normal((samples, 6))
+
+
+def test_an_estimated_noise_has_not_seen_what_is_held_out(posed) -> None:
+    values = traces()
+    before = posed(values)
+    late = before.split.time_end + 1e-9 < 0.1 * np.arange(60)
+    values[late] += 5 * np.random.default_rng(2).standard_normal((int(late.sum()), 6))
+    tested = [int(name[1:]) for name in before.split.test]
+    values[:, tested] = 100 * np.random.default_rng(3).standard_normal((60, len(tested)))
+    after = posed(values)
+    assert after.noise == before.noise
+    assert after.noise.keys() == {f"s{i}" for i in range(6)} - set(before.split.test)
+    assert list(after.noise.values()) == pytest.approx([0.05] * 5, rel=0.5)
+    assert after.recording_sha256 != before.recording_sha256
+
+
+def test_noise_is_estimated_at_the_recordings_own_step(posed) -> None:
+    every = posed(traces(120), "recording.every=0.2")
+    assert len(every.times) == 60
+    assert list(every.noise.values()) == pytest.approx([0.05] * 5, rel=0.5)
+
+
+def test_no_stage_can_shift_anothers_draws(posed) -> None:
+    problem = posed(traces())
+    draws = {name: problem.rng(name).standard_normal(3).tolist() for name in ("ensemble", "b")}
+    assert problem.rng("ensemble").standard_normal(3).tolist() == draws["ensemble"]
+    assert draws["ensemble"] != draws["b"]
+    other = posed(traces(), "seed=5")
+    assert other.rng("ensemble").standard_normal(3).tolist() != draws["ensemble"]

@@ -1,0 +1,68 @@
+"""What a run says of itself, and the machine it asks for."""
+
+from __future__ import annotations
+
+import subprocess
+
+import pytest
+import torch
+
+from dashred.config import load_config
+from dashred.errors import InputError
+from dashred.output import clear_output, make_output
+from dashred.stages import provenance
+
+
+@pytest.fixture(autouse=True)
+def _as_it_was():
+    yield
+    torch.use_deterministic_algorithms(False)
+    torch.set_num_threads(1)
+
+
+@pytest.mark.parametrize(
+    ("device", "count", "fits"),
+    [("cpu", 0, True), ("cuda", 0, False), ("cuda", 1, True), ("cuda:1", 1, False)],
+)
+def test_a_device_must_be_there(quick, monkeypatch, device, count, fits) -> None:
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: count)
+    config = load_config([f"conf={quick}", f"device={device}"], entry="train")
+    if fits:
+        provenance.prepare_torch(config)
+        assert torch.are_deterministic_algorithms_enabled()
+        return
+    with pytest.raises(InputError, match=f"{count} CUDA devices, not '{device}'") as caught:
+        provenance.prepare_torch(config)
+    assert caught.value.where == "command line" and caught.value.hint == "choose device=cpu"
+
+
+def test_a_commit_is_marked_when_files_are_changed(monkeypatch) -> None:
+    answers = {"rev-parse": "abc\n", "status": ""}
+
+    def git(command: list[str], **_: object) -> subprocess.CompletedProcess[str]:
+        return subprocess.CompletedProcess(command, 0, answers[command[1]], "")
+
+    monkeypatch.setattr(subprocess, "run", git)
+    assert provenance.git_commit() == "abc"
+    answers["status"] = " M dashred/train.py\n"
+    assert provenance.git_commit() == "abc+"
+
+
+def test_without_git_the_commit_is_unknown(monkeypatch) -> None:
+    def missing(*_: object, **__: object) -> None:
+        raise FileNotFoundError("git")
+
+    monkeypatch.setattr(subprocess, "run", missing)
+    assert provenance.git_commit() == "unknown"
+
+
+def test_an_output_folder_is_made_and_cleared_of_results_alone(tmp_path) -> None:
+    folder = make_output(str(tmp_path / "a" / "b"))
+    for name in ("findings.json", "freeze.json", "score.json", "estimates.nc"):
+        (folder / name).touch()
+    for name in ("recording.nc", "sealed.nc", "notes.txt"):
+        (folder / name).touch()
+    clear_output(folder)
+    assert {path.name for path in folder.iterdir()} == {"recording.nc", "sealed.nc", "notes.txt"}
+    with pytest.raises(InputError, match="cannot be made"):
+        make_output(str(folder / "notes.txt" / "c"))

@@ -1,0 +1,66 @@
+"""Verification: errors in the units they claim, and the refusal of an unresolved simulator."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+import xarray as xr
+
+from dashred.config import load_config
+from dashred.physics.resolution import Resolution
+from dashred.physics.system import System
+from dashred.stages import verification
+from dashred.stages.problem import pose
+
+
+@pytest.fixture(scope="module")
+def posed(quick, twin_run):
+    path = twin_run.output / "recording.nc"
+    return pose(load_config([f"conf={quick}", f"recording.path={path}"], entry="train"))
+
+
+def test_a_refusal_names_the_points_that_would_do(posed) -> None:
+    found = verification.refuse_unresolved(posed, Resolution(0.034, 0.01, 2))
+    assert found["verdict"] == "unresolved-numerics" and found["causes"] is not None
+    [cause] = found["causes"]
+    assert cause["enough"] == {"x": 64}
+    for part in ("3.4%", "1.0%", "64", "would do"):
+        assert part in cause["says"]
+    assert found["terms"] is None and found["latent"]["alg1"] is None
+
+
+def test_a_refusal_says_so_when_twice_the_points_are_not_enough(posed) -> None:
+    found = verification.refuse_unresolved(posed, Resolution(0.5, 0.01, None))
+    assert found["causes"] is not None
+    assert found["causes"][0]["enough"] is None
+    assert "even twice the points would not do" in found["causes"][0]["says"]
+
+
+def test_errors_count_in_stds_of_each_trace_and_pass_over_missing_samples() -> None:
+    recorded = np.array([[0.0, 10.0], [np.nan, 30.0]])
+    read = np.array([[1.0, 10.0], [7.0, 50.0]])
+    error = verification._relative_rmse(read, recorded, np.array([1.0, 10.0]))
+    assert error == pytest.approx(np.sqrt((1 + 0 + 4) / 3))
+
+
+def test_estimates_are_written_by_method_on_the_grid(posed, tmp_path) -> None:
+    system: System = posed.system
+    times = posed.times[:4]
+    states = torch.arange(4 * 32, dtype=torch.float32).reshape(4, 1, 32)
+    path = tmp_path / "estimates.nc"
+    verification.write_estimates(path, system, times, {"shred": states, "dashred": 2 * states})
+    with xr.open_dataset(path, engine="h5netcdf") as written:
+        assert written["u"].dims == ("method", "time", "x")
+        assert written["u"].dtype == np.float64
+        np.testing.assert_array_equal(written["u"].sel({"method": "dashred"}), 2 * states[:, 0])
+        np.testing.assert_allclose(written["x"], 2 * np.pi * np.arange(32) / 32)
+    assert [file.name for file in tmp_path.iterdir()] == ["estimates.nc"]
+
+
+def test_the_sources_name_every_sensor_once(posed) -> None:
+    splits = verification.source_of(posed)["splits"]
+    assert splits is not None
+    roles = [splits["inputs"], splits["extra"], splits["validate"], splits["test"]]
+    assert sorted(name for role in roles for name in role) == [f"s{i}" for i in range(1, 7)]
+    assert [len(role) for role in roles] == [3, 1, 1, 1]
