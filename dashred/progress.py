@@ -30,7 +30,9 @@ def stage(title: str, seconds: dict[str, float] | None = None) -> Iterator[Repor
         TimeElapsedColumn(),
     )
     last = ""
-    with Progress(*columns, console=CONSOLE, transient=True) as progress:
+    with Progress(
+        *columns, console=CONSOLE, transient=True, disable=not CONSOLE.is_terminal
+    ) as progress:
         task = progress.add_task(title, total=1.0, note="")
 
         def report(fraction: float, note: str = "") -> None:

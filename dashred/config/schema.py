@@ -62,7 +62,7 @@ class System:
     fields: dict[str, str]
     """The state: name of each field, and what it means (with its unit)."""
 
-    parameters: dict[str, float]
+    parameters: dict[str, float] = field(default_factory=dict)
     """Constants of the equations, by name."""
 
     let: dict[str, str] = field(default_factory=dict)
@@ -76,6 +76,10 @@ class System:
 
     spin_up: NonNegative = 0.0
     """Time that the simulator runs before the start, so that it starts on its own attractor."""
+
+    spin_up_dt: Positive | None = None
+    """Time step of the spin-up, which has to find the attractor and no more; null keeps
+    integrator.dt."""
 
     spread: dict[str, Any] = field(default_factory=dict)
     """Prior standard deviation of the initial state: per field a number or a share such as 10%

@@ -39,7 +39,8 @@ def nominal_start(system: System, progress: Progress | None = None) -> Tensor:
     if not system.config.spin_up:
         return state
     times = torch.linspace(0.0, system.config.spin_up, 61, dtype=torch.float64)
-    path = simulate(system, state, times, progress=progress)
+    dt = system.config.spin_up_dt
+    path = simulate(system.with_step(dt) if dt else system, state, times, progress=progress)
     check_finite(path, times, system)
     return path[:, -1]
 

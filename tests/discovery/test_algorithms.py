@@ -110,7 +110,7 @@ def test_the_answer_depends_on_the_field_that_is_handed_over(system, tmp_path):
 
 
 def test_columns_are_derivatives_of_the_forecast(system):
-    # A linear system's term has a closed form: ∂Φ/∂ξ of -ξu is -t e^{Lt} u.
+    # On a linear system they have a closed form: ∂Φ/∂ξ = t θ(Φ) for linear θ.
     states = truth(system, {})
     library = ring.library(system)
     scales = torch.ones(len(library), dtype=torch.float64)
@@ -124,24 +124,27 @@ def test_columns_are_derivatives_of_the_forecast(system):
         )
         drift = torch.stack([system.evaluate("d(u, x)", s) for s in step.forecast])
         torch.testing.assert_close(
-            column[:, ring.LIBRARY.index("d(u, x)"), 0], duration * drift, rtol=1e-3, atol=1e-5
+            column[:, ring.LIBRARY.index("d(u, x)"), 0], duration * drift, rtol=1e-3, atol=1e-4
         )
 
 
-def test_columns_about_the_middle_are_of_third_order(system):
-    """The forecast plus ``ξ`` times its column misses the truth by O(ξ³), nearly."""
+def test_columns_about_the_middle_follow_a_front(system):
+    """In Burgers' steepening waves they miss a third of what columns about the forecast miss."""
     library = ring.library(system)
-    j = ring.LIBRARY.index("u**2")
+    burgers = system.with_terms([(library[ring.LIBRARY.index("u*d(u, x)")], -0.5)])
+    decay = ring.LIBRARY.index("u")
+    lawful = burgers.with_terms([(library[decay], -0.15)])
+    states = simulate(lawful, ring.starts(system, 1, 4), ring.TIMES)[0]
     scales = torch.ones(len(library), dtype=torch.float64)
+    [step] = forecast_steps(burgers, states, ring.TIMES, torch.tensor([6]), [10])
+    forecast = states.clone()
+    forecast[6:17] = step.path[0]
+    gap = states[step.ends] - step.forecast
     missed = []
-    for coefficient in (0.1, 0.05):
-        states = truth(system, {"u**2": coefficient})
-        steps = forecast_steps(system, states, ring.TIMES, torch.tensor([6]), [10])
-        [column] = tangents(system, library, scales, states, ring.TIMES, steps)
-        gap = states[steps[0].ends] - steps[0].forecast
-        missed.append(float((gap - coefficient * column[:, j]).norm() / gap.norm()))
-    assert missed[0] < 0.02
-    assert missed[1] < 0.6 * missed[0]
+    for about in (states, forecast):
+        [column] = tangents(burgers, library, scales, about, ring.TIMES, [step])
+        missed.append(float((gap + 0.15 * column[:, decay]).norm() / gap.norm()))
+    assert missed[0] < missed[1] / 3
 
 
 def test_a_term_that_moves_no_sensor_is_not_proposed(system, tmp_path):

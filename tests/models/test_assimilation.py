@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 
-import numpy as np
 import pytest
 import torch
 from lightning import Trainer, seed_everything
@@ -15,13 +14,12 @@ from dashred.models.assimilation import Assimilation, LatentTransform
 from dashred.models.shred import SHRED, reconstruct
 from dashred.physics.simulate import simulate
 from dashred.sensing.observation import ObservationOperator
-from dashred.sensing.windows import windows
 from datamodules import RecordingDataModule
 from tests import ring
 
 LAGS = 6
 INPUTS = ("s0", "s1", "s3", "s5")
-FIT, VALIDATE = ring.SENSORS[:5] + ring.SENSORS[5:], ring.SENSORS[2:3]
+FIT, VALIDATE = ("s0", "s1", "s3", "s4", "s5"), ring.SENSORS[2:3]
 
 
 class Memory:
@@ -46,7 +44,7 @@ def real(system) -> Tensor:
 
 @pytest.fixture
 def data(system, real) -> RecordingDataModule:
-    fit = ring.record(system, real).select([s.name for s in FIT if s.name != "s2"])
+    fit = ring.record(system, real).select(FIT)
     validation = ring.record(system, real, VALIDATE)
     return RecordingDataModule(fit, validation, INPUTS, LAGS, 16, 0)
 
@@ -143,8 +141,9 @@ def test_a_heavy_penalty_holds_the_transform_at_zero(system, shred, data):
     sizes = []
     for module in (free, held):
         fitted(module, data, 5)
-        latent = module.shred.encode(data.windows)
-        sizes.append(float((module.encoder.transform(latent) - latent).square().mean()))
+        with torch.no_grad():
+            latent = module.shred.encode(data.windows)
+            sizes.append(float((module.encoder.transform(latent) - latent).square().mean()))
     assert sizes[1] < 1e-2 * sizes[0]
 
 
@@ -181,9 +180,9 @@ def test_nothing_recorded_is_no_error(system, shred, data):
 
 def test_noisier_sensors_count_less(system, shred, data):
     module = make(system, shred, data)
-    plain = float(loss(module, data.windows, data.fitted))
+    plain = loss(module, data.windows, data.fitted)
     module.noise *= 10
-    assert float(loss(module, data.windows, data.fitted)) == pytest.approx(plain / 100, rel=1e-4)
+    torch.testing.assert_close(100 * loss(module, data.windows, data.fitted), plain)
 
 
 def test_the_rmse_is_over_all_recorded_samples(system, shred, data):
@@ -208,11 +207,7 @@ def test_the_best_state_is_restored_and_the_one_before_training_counts(system, s
     module = make(system, shred, data, rate=0.5)
     before = copy.deepcopy(module.state_dict())
     # Validation sensors that read exactly what SHRED says: nothing can be better.
-    field = reconstruct(
-        shred.encode,
-        shred,
-        windows(torch.from_numpy(np.array(data.fit.select(INPUTS).values)), LAGS).float(),
-    )
+    field = reconstruct(shred.encode, shred, data.windows)
     with torch.no_grad():
         data.validated = module.validation_operator(field)
     best = BestState("rmse/sensors_validate")
