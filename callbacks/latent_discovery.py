@@ -19,7 +19,7 @@ class LatentDiscovery(Callback):
     holds the curves that say something.
 
     Attributes:
-        epochs: epochs at which the regressions ran.
+        epochs: epochs at which the regressions ran; the last stands for the final state.
         history: algorithm → coefficients ``(term,)`` by epoch.
         final: proposals for the final state, after :meth:`finish`.
     """
@@ -41,19 +41,21 @@ class LatentDiscovery(Callback):
         epoch = trainer.current_epoch + 1
         if epoch % self.problem.settings.every == 0:
             assert isinstance(pl_module, Assimilation)
-            found = self.sindy.propose(pl_module.encoder, self._fields(pl_module))
-            self.epochs.append(epoch)
-            for name, fit in found.items():
-                self.history[name].append(fit.coefficients.tolist())
-            self.child.log_metrics(self._metrics(found), epoch)
+            # Inclusion frequencies are for the final proposals: no curve shows them.
+            fields = self._fields(pl_module)
+            found = self.sindy.propose(pl_module.encoder, fields, bootstraps=0)
+            self.child.log_metrics(self._note(found, epoch), epoch)
 
     def finish(self, module: Assimilation) -> dict[str, SparseFit]:
-        """Return the proposals for the final state, from columns of its own."""
-        fields = self._fields(module)
-        sindy = LatentSindy(self.problem, fields, 2 * self.problem.settings.begins)
-        self.final = sindy.propose(module.encoder, fields)
+        """Return the proposals for the final state, from columns of its own.
+
+        They are the last point of the curves, one epoch after the last regression.
+        """
+        fields, settings = self._fields(module), self.problem.settings
+        sindy = LatentSindy(self.problem, fields, settings.begins)
+        self.final = sindy.propose(module.encoder, fields, settings.bootstraps)
         last = (self.epochs[-1] if self.epochs else 0) + 1
-        metrics = self._metrics(self.final)
+        metrics = self._note(self.final, last)
         self.child.log_metrics(metrics, last)
         self.parent.log_metrics(metrics, last)
         return self.final
@@ -63,9 +65,12 @@ class LatentDiscovery(Callback):
         windows = self.problem.windows.to(module.device)
         return reconstruct(module.encoder, module.shred, windows).cpu()
 
-    def _metrics(self, found: dict[str, SparseFit]) -> dict[str, float]:
+    def _note(self, found: dict[str, SparseFit], epoch: int) -> dict[str, float]:
+        """Add a point to the history, and return it as metrics."""
+        self.epochs.append(epoch)
         metrics = {}
         for name, fit in found.items():
+            self.history[name].append(fit.coefficients.tolist())
             for term, value in zip(self.problem.library, fit.coefficients, strict=True):
                 key = metric_name(name, term.equation, str(term))
                 if value != 0.0:

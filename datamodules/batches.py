@@ -12,19 +12,21 @@ from torch.utils.data import (
     TensorDataset,
 )
 
+Batches = DataLoader[tuple[Tensor, ...]]
 
-def shuffled_batches(tensors: tuple[Tensor, ...], size: int, seed: int) -> DataLoader:
+
+def shuffled_batches(tensors: tuple[Tensor, ...], size: int, seed: int) -> Batches:
     """Return a loader of random batches whose order is fixed by ``seed``."""
     dataset = TensorDataset(*tensors)
     order = RandomSampler(dataset, generator=torch.Generator().manual_seed(seed))
     return _loader(dataset, BatchSampler(order, size, drop_last=False))
 
 
-def ordered_batches(tensors: tuple[Tensor, ...], size: int) -> DataLoader:
+def ordered_batches(tensors: tuple[Tensor, ...], size: int) -> Batches:
     """Return a loader of consecutive batches."""
     dataset = TensorDataset(*tensors)
     return _loader(dataset, BatchSampler(SequentialSampler(dataset), size, drop_last=False))
 
 
-def _loader(dataset: TensorDataset, batches: BatchSampler) -> DataLoader:
+def _loader(dataset: TensorDataset, batches: BatchSampler) -> Batches:
     return DataLoader(dataset, sampler=batches, batch_size=None)

@@ -5,11 +5,10 @@ from __future__ import annotations
 import torch
 from lightning import LightningDataModule
 from torch import Tensor
-from torch.utils.data import DataLoader
 
 from dashred.sensing.recording import Recording
 from dashred.sensing.windows import windows
-from datamodules.batches import ordered_batches, shuffled_batches
+from datamodules.batches import Batches, ordered_batches, shuffled_batches
 
 
 class RecordingDataModule(LightningDataModule):
@@ -53,11 +52,11 @@ class RecordingDataModule(LightningDataModule):
             fitted[~self.validated.isnan()] = torch.nan
         self.fitted = fitted.float()
 
-    def train_dataloader(self) -> DataLoader:
+    def train_dataloader(self) -> Batches:
         """Return shuffled (windows, fitted values)."""
         return shuffled_batches((self.windows, self.fitted), self.batch, self.seed)
 
-    def val_dataloader(self) -> DataLoader:
+    def val_dataloader(self) -> Batches:
         """Return (windows, fitted values, validated values) in order of time."""
         return ordered_batches((self.windows, self.fitted, self.validated.float()), self.batch)
 

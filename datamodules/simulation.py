@@ -6,14 +6,13 @@ import torch
 from jaxtyping import Float
 from lightning import LightningDataModule
 from torch import Tensor
-from torch.utils.data import DataLoader
 
 from dashred.physics.ensemble import Ensemble
 from dashred.sensing.observation import ObservationOperator
 from dashred.sensing.pod import POD
 from dashred.sensing.scaler import Scaler
 from dashred.sensing.windows import windows
-from datamodules.batches import ordered_batches, shuffled_batches
+from datamodules.batches import Batches, ordered_batches, shuffled_batches
 
 VALIDATION_BATCH = 1024
 
@@ -84,7 +83,7 @@ class SimulationDataModule(LightningDataModule):
         noise = torch.randn(traces.shape, generator=generator, dtype=traces.dtype)
         return windows(traces + self.noise * noise, self.lags)
 
-    def train_dataloader(self) -> DataLoader:
+    def train_dataloader(self) -> Batches:
         """Return clean stretches of ``2k + 1`` samples and the ``k + 1`` last targets of each.
 
         One pass of the LSTM then trains k + 1 windows, with histories of k + 1 samples and more,
@@ -96,7 +95,7 @@ class SimulationDataModule(LightningDataModule):
         targets = torch.stack([coefficients[:, end - self.lags : end + 1] for end in ends], dim=1)
         return shuffled_batches((_flat(long[:, ends]), _flat(targets)), self.batch, self.seed)
 
-    def val_dataloader(self) -> DataLoader:
+    def val_dataloader(self) -> Batches:
         """Return noisy windows and coefficients of the validation members."""
         noisy, coefficients = self.noisy_windows("validation"), self.coefficients("validation")
         return ordered_batches((_flat(noisy), _flat(coefficients)), VALIDATION_BATCH)

@@ -254,7 +254,7 @@ class LatentSindy:
     """Block-bootstrap draws behind each inclusion frequency."""
 
     begins: Count
-    """Steps of each length, spread over the record; twice as many once assimilation is done."""
+    """Times to step from, spread over the fit window."""
 
     every: Count
     """Epochs of assimilation between two regressions."""

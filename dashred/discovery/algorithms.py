@@ -8,8 +8,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from dashred.discovery.blocks import Blocks
 from dashred.discovery.history import HistoryEncoder
-from dashred.discovery.regression import Blocks
 from dashred.discovery.tangents import RELATIVE_STEP, Step
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term

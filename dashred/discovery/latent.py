@@ -99,10 +99,12 @@ class LatentSindy:
         problem = self.problem
         return forecast_steps(problem.system, fields, problem.times, self.begins, problem.strides)
 
-    def propose(self, encoder: AssimilatedEncoder, fields: Tensor) -> dict[str, SparseFit]:
+    def propose(
+        self, encoder: AssimilatedEncoder, fields: Tensor, bootstraps: int
+    ) -> dict[str, SparseFit]:
         """Return the proposals of both algorithms for û = ``fields``, ``(time, field, *grid)``."""
         problem = self.problem
-        exact = copy.deepcopy(encoder).double().requires_grad_(False)
+        exact = copy.deepcopy(encoder).cpu().double().requires_grad_(False)
         steps = self.forecasts(fields)
         assimilated = HistoryEncoder(exact, problem.operator, fields, problem.lags)
         plain = HistoryEncoder(exact.shred.encode, problem.operator, fields, problem.lags)
@@ -120,6 +122,6 @@ class LatentSindy:
         )
         settings, rng = problem.settings, np.random.default_rng([problem.seed, 0x51D7])
         return {
-            name: sparse_fit(blocks, settings.threshold, settings.bootstraps, rng)
+            name: sparse_fit(blocks, settings.threshold, bootstraps, rng)
             for name, blocks in {"alg1": search, "alg2": advancing}.items()
         }

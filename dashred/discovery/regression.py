@@ -7,9 +7,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from pysindy.optimizers import SSR, STLSQ
 from sklearn.linear_model import lars_path_gram
+
+from dashred.discovery.blocks import Array, Blocks
 
 FOLDS = 5
 # Directions of the Gram matrix below this share of the largest are rounding errors.
@@ -17,52 +18,7 @@ RANK_TOLERANCE = 1e-10
 # Squared errors below this share of the target's square are rounding errors.
 ROUNDING = 1e-20
 
-Array = NDArray[np.float64]
 Support = tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class Blocks:
-    """A regression problem, summed up block by block: ``A ξ ≈ b`` in normal equations.
-
-    Attributes:
-        gram: ``AᵀA`` of each block, ``(block, term, term)``.
-        moment: ``Aᵀb``, ``(block, term)``.
-        power: ``bᵀb``, ``(block,)``.
-        rows: rows in each block, ``(block,)``.
-    """
-
-    gram: Array
-    moment: Array
-    power: Array
-    rows: Array
-
-    @classmethod
-    def of(cls, target: Array, columns: Array) -> Blocks:
-        """Sum up targets ``(block, row)`` and columns ``(block, term, row)``."""
-        return cls(
-            np.einsum("bir,bjr->bij", columns, columns),
-            np.einsum("bir,br->bi", columns, target),
-            np.einsum("br,br->b", target, target),
-            np.full(len(target), target.shape[1], dtype=np.float64),
-        )
-
-    def columns(self, index: NDArray[np.intp], factors: Array) -> Blocks:
-        """Return the problem of some columns alone, each multiplied by a factor."""
-        gram = self.gram[:, index[:, None], index] * factors * factors[:, None]
-        return Blocks(gram, self.moment[:, index] * factors, self.power, self.rows)
-
-    def weighted(self, weights: Array) -> Blocks:
-        """Return the same problem with each block counted ``weights`` times, ``(block,)``."""
-        w = weights[:, None]
-        return Blocks(
-            self.gram * w[:, None], self.moment * w, self.power * weights, self.rows * weights
-        )
-
-    def pooled(self, kept: NDArray[np.bool_]) -> Blocks:
-        """Return the problem of some blocks, summed up into one."""
-        parts = (self.gram, self.moment, self.power, self.rows)
-        return Blocks(*(part[kept].sum(axis=0, keepdims=True) for part in parts))
 
 
 @dataclass(frozen=True)
@@ -102,7 +58,7 @@ def sparse_fit(
     Args:
         blocks: the problem; blocks are what is left out and redrawn as a whole.
         threshold: on a term's share of the target, of STLSQ and of the choice.
-        bootstraps: block-bootstrap draws.
+        bootstraps: block-bootstrap draws; without any, inclusion stays zero.
         rng: of the draws.
     """
     norms = np.sqrt(np.einsum("bii->i", blocks.gram))
@@ -258,7 +214,7 @@ def _inclusion(
     for _ in range(bootstraps):
         drawn = np.bincount(rng.integers(count, size=count), minlength=count).astype(float)
         kept += _stlsq(blocks.weighted(drawn), threshold) != 0
-    return kept / bootstraps
+    return kept / max(1, bootstraps)
 
 
 def _path(blocks: Blocks, candidates: list[Support]) -> list[tuple[int, float]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from jaxtyping import Float
 from lightning import LightningModule
+from lightning.pytorch.utilities.types import OptimizerLRScheduler
 from torch import Tensor
 
 from dashred.models.shred import SHRED
@@ -61,7 +62,7 @@ class SimulationTraining(LightningModule):
         found = self.shred.coefficients(latent)
         return (found - coefficients).square().sum(dim=-1) / self.cells
 
-    def configure_optimizers(self) -> dict[str, object]:
+    def configure_optimizers(self) -> OptimizerLRScheduler:
         """Return AdamW under a one-cycle schedule."""
         optimizer = torch.optim.AdamW(self.shred.parameters(), lr=self.rate, weight_decay=1e-4)
         schedule = torch.optim.lr_scheduler.OneCycleLR(

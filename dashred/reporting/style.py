@@ -32,6 +32,8 @@ METHODS = {
     "corrected": ("corrected simulation", GREEN),
     "corrected_shred": ("SHRED on the corrected simulation", PURPLE),
 }
+# Assimilation often changes little: the line below must show beside the one above.
+WIDTHS = {"shred": 3.6}
 DASHES = {"simulation": "--", "simulation_same_start": "--", "simulation_refit": ":"}
 
 RC: dict[Any, Any] = {
@@ -98,9 +100,13 @@ def method_name(method: str) -> str:
 
 
 def method_look(method: str, index: int) -> dict[str, Any]:
-    """Colour and dash of a method's line; an unknown one takes the `index`-th of the cycle."""
+    """Colour, dash and width of a method's line; an unknown one takes the `index`-th colour."""
     colour = METHODS[method][1] if method in METHODS else CYCLE[index % len(CYCLE)]
-    return {"color": colour, "linestyle": DASHES.get(method, "-")}
+    return {
+        "color": colour,
+        "linestyle": DASHES.get(method, "-"),
+        "linewidth": WIDTHS.get(method, RC["lines.linewidth"]),
+    }
 
 
 def pretty(term: str) -> str:

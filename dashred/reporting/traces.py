@@ -88,10 +88,10 @@ def _draw_sensor(
     # Dots and lines grow thinner where there are many, or they would hide each other.
     size = float(np.clip(24 / np.sqrt(max(len(times), 1) / 10), 1.6, 7))
     axes.plot(times, values, ".", color=BLACK, markersize=size, alpha=0.45, label="recorded")
-    width = 1.6 if len(times) < DENSE else 0.7
+    thin = {} if len(times) < DENSE else {"linestyle": "-", "linewidth": 0.7}
     for index, (method, trace) in enumerate(estimates.items()):
-        look = method_look(method, index) | ({} if width > 1 else {"linestyle": "-"})
-        axes.plot(times, trace, label=method_name(method), linewidth=width, **look)
+        look = method_look(method, index) | thin
+        axes.plot(times, trace, label=method_name(method), **look)
 
 
 def _choose(names: Sequence[str], roles: Mapping[str, str]) -> list[int]:

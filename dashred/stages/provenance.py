@@ -9,6 +9,7 @@ import warnings
 from pathlib import Path
 
 import torch
+from threadpoolctl import threadpool_limits
 
 from dashred.config import Config
 from dashred.errors import InputError
@@ -24,6 +25,8 @@ def prepare_torch(config: Config) -> None:
         InputError: this machine has no such device.
     """
     torch.set_num_threads(config.threads)
+    # NumPy's linear algebra has threads of its own; here its matrices are too small for any.
+    threadpool_limits(config.threads)
     torch.use_deterministic_algorithms(True, warn_only=True)
     # Lightning advertises, and speaks of GPUs that nobody asked for; our stages tell the story.
     logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)

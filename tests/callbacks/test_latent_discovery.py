@@ -108,7 +108,7 @@ class Deaf:
 
 def test_latent_sindy_leaves_the_training_as_it_is(setting):
     """Neither its copy in float64 nor its random draws touch the module."""
-    module, data, problem = setting
+    module, _, problem = setting
     before = {name: value.clone() for name, value in module.state_dict().items()}
     callback = LatentDiscovery(problem, Deaf(), Deaf())  # type: ignore[arg-type]
     drawn = torch.get_rng_state()

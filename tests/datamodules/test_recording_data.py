@@ -21,7 +21,7 @@ LAGS, SAMPLES = 5, 60
 
 def record(names: tuple[str, ...], samples: int = SAMPLES) -> Recording:
     """Return sines, one a sensor."""
-    times = 0.1 * np.arange(samples)
+    times = 0.1 * np.arange(samples, dtype=np.float64)
     sensors = tuple(Sensor(name, "u", (0.3 * i,)) for i, name in enumerate(names))
     values = np.stack([np.sin(times * (1 + 0.2 * i) + i) for i in range(len(names))], axis=1)
     return Recording(sensors, times, values)
@@ -38,7 +38,7 @@ def validation() -> Recording:
 
 
 def make(fit: Recording, validation: Recording, **changed: Any) -> RecordingDataModule:
-    settings = {"inputs": ("a", "c"), "lags": LAGS, "batch": 8, "seed": 0} | changed
+    settings: dict[str, Any] = {"inputs": ("a", "c"), "lags": LAGS, "batch": 8, "seed": 0} | changed
     return RecordingDataModule(fit, validation, **settings)
 
 

@@ -56,7 +56,7 @@ def test_algorithm_1_finds_the_law_of_the_rde_in_the_true_field(twin, tolerance)
         config.latent_sindy,
         0,
     )
-    found = LatentSindy(problem, states, 12).propose(untrained(nominal, operator), states)
+    found = LatentSindy(problem, states, 12).propose(untrained(nominal, operator), states, 10)
     fit = found["alg1"]
     proposed = {
         (term.equation, str(term)): float(value)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dashred.discovery.regression import Blocks, SparseFit, sparse_fit
+from dashred.discovery.blocks import Blocks
+from dashred.discovery.regression import SparseFit, sparse_fit
 
 BLOCKS, ROWS, TERMS = 15, 40, 12
 THRESHOLD, BOOTSTRAPS = 0.05, 10
@@ -23,7 +24,7 @@ def target(design: np.ndarray, law: dict[int, float]) -> np.ndarray:
     return sum((value * design[:, j] for j, value in law.items()), zero)
 
 
-def fit(wanted: np.ndarray, design: np.ndarray, seed: int = 0) -> SparseFit:
+def fit(wanted: np.ndarray, design: np.ndarray, *, seed: int = 0) -> SparseFit:
     rng = np.random.default_rng(seed)
     return sparse_fit(Blocks.of(wanted, design), THRESHOLD, BOOTSTRAPS, rng)
 
@@ -177,7 +178,8 @@ def test_units_of_the_target_do_not_matter(noisy):
 
 
 def test_the_same_seed_gives_the_same_answer(noisy):
-    first, again = fit(*noisy, seed=3), fit(*noisy, seed=3)
+    wanted, design = noisy
+    first, again = (fit(wanted, design, seed=3) for _ in range(2))
     np.testing.assert_array_equal(first.coefficients, again.coefficients)
     np.testing.assert_array_equal(first.inclusion, again.inclusion)
     assert first.ranking == again.ranking

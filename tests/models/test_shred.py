@@ -142,7 +142,7 @@ def test_squared_error_is_that_of_the_field():
 def test_fresh_noise_is_drawn_for_every_batch():
     states = waves(4, seed=1)
     module = SimulationTraining(make(states), torch.full((SENSORS,), 0.1), 2 * POINTS, 1e-3, 10)
-    module.log = lambda *args, **kwargs: None  # type: ignore[method-assign, assignment]
+    module.log = lambda *args, **kwargs: None  # type: ignore[method-assign]
     batch = (torch.randn(4, 2 * LAGS + 1, SENSORS), torch.randn(4, LAGS + 1, 4))
     torch.manual_seed(0)
     assert module.training_step(batch, 0) != module.training_step(batch, 0)

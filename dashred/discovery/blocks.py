@@ -1,0 +1,54 @@
+"""A regression problem in normal equations, block by block."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """A regression problem, summed up block by block: ``A ξ ≈ b`` in normal equations.
+
+    Attributes:
+        gram: ``AᵀA`` of each block, ``(block, term, term)``.
+        moment: ``Aᵀb``, ``(block, term)``.
+        power: ``bᵀb``, ``(block,)``.
+        rows: rows in each block, ``(block,)``.
+    """
+
+    gram: Array
+    moment: Array
+    power: Array
+    rows: Array
+
+    @classmethod
+    def of(cls, target: Array, columns: Array) -> Blocks:
+        """Sum up targets ``(block, row)`` and columns ``(block, term, row)``."""
+        return cls(
+            np.einsum("bir,bjr->bij", columns, columns),
+            np.einsum("bir,br->bi", columns, target),
+            np.einsum("br,br->b", target, target),
+            np.full(len(target), target.shape[1], dtype=np.float64),
+        )
+
+    def columns(self, index: NDArray[np.intp], factors: Array) -> Blocks:
+        """Return the problem of some columns alone, each multiplied by a factor."""
+        gram = self.gram[:, index[:, None], index] * factors * factors[:, None]
+        return Blocks(gram, self.moment[:, index] * factors, self.power, self.rows)
+
+    def weighted(self, weights: Array) -> Blocks:
+        """Return the same problem with each block counted ``weights`` times, ``(block,)``."""
+        w = weights[:, None]
+        return Blocks(
+            self.gram * w[:, None], self.moment * w, self.power * weights, self.rows * weights
+        )
+
+    def pooled(self, kept: NDArray[np.bool_]) -> Blocks:
+        """Return the problem of some blocks, summed up into one."""
+        parts = (self.gram, self.moment, self.power, self.rows)
+        return Blocks(*(part[kept].sum(axis=0, keepdims=True) for part in parts))
