@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 DONE, OUR_FAILURE, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -37,6 +38,13 @@ class InputError(Exception):
 
 def _rebuild(what: str, where: str | None, hint: str | None) -> InputError:
     return InputError(what, where=where, hint=hint)
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return a hint: the known name most like ``name``, or all of them."""
+    choices = list(dict.fromkeys(known))
+    close = difflib.get_close_matches(name, choices, n=1)
+    return f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(choices) or 'none'}"
 
 
 def run_entry(main: Callable[[list[str]], int]) -> int:

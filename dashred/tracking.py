@@ -12,14 +12,11 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 from dashred.findings import write_json_atomic
 from dashred.metric_names import metric_name, slug, term_table, unslug
 from dashred.mlflow_store import Store, end_failed_run, find_run, open_store
-
-if TYPE_CHECKING:
-    from lightning.pytorch.loggers import MLFlowLogger
 
 __all__ = ["ChildRun", "Run", "Tracker", "flatten", "metric_name", "slug", "unslug"]
 
@@ -123,15 +120,6 @@ class Tracker(Run):
         opened = _create_run(self._store, name, {"mlflow.parentRunId": self.run_id})
         with _ended(self._store, opened, as_finished=True):
             yield ChildRun(self._store, opened)
-
-    def logger(self, child: ChildRun) -> "MLFlowLogger":
-        """Lightning's logger, writing to `child`.
-
-        With a database store its `save_dir` is None: give checkpoints a folder of their own.
-        """
-        from lightning.pytorch.loggers import MLFlowLogger
-
-        return MLFlowLogger(tracking_uri=self.uri, run_id=child.run_id)
 
 
 def flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

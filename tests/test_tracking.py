@@ -261,17 +261,6 @@ def test_several_processes_open_one_fresh_store_at_once(tmp_path: Path) -> None:
         assert database.execute("SELECT count(*) FROM experiments").fetchone() == (2,)
 
 
-def test_lightnings_logger_writes_to_the_child(tracker: Tracker) -> None:
-    with tracker.child("shred") as child:
-        logger = tracker.logger(child)
-        logger.log_metrics({"loss/train": 0.25, metric_name("alg1", "u", "d(u, x)"): 1.0}, step=7)
-        logger.finalize("success")
-        assert logger.run_id == child.run_id
-    history = client_of(tracker).get_metric_history(child.run_id, "loss/train")
-    assert [(point.step, point.value) for point in history] == [(7, 0.25)]
-    assert data_of(tracker, child.run_id).metrics["alg1/u/u_x"] == 1.0
-
-
 def test_mlflow_sends_nothing_home() -> None:
     assert os.environ["MLFLOW_DISABLE_TELEMETRY"] == "true"
 

@@ -8,7 +8,6 @@ strings, comparisons) is refused with a pointer at the column.
 from __future__ import annotations
 
 import ast
-import difflib
 import keyword
 import math
 import re
@@ -16,7 +15,7 @@ import warnings
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from dashred.errors import InputError
+from dashred.errors import InputError, nearest
 from dashred.physics import algebra
 from dashred.physics.algebra import Expr, Name, Number
 
@@ -211,10 +210,7 @@ class _Reader:
         raise self.fail(rest[0], message)
 
     def unknown(self, node: ast.AST, message: str, id: str, known: Collection[str]) -> InputError:
-        near = difflib.get_close_matches(id, sorted(known), n=1)
-        listed = ", ".join(sorted(known)) or "none"
-        hint = f"did you mean {near[0]!r}?" if near else f"known here: {listed}"
-        return self.fail(node, message, hint)
+        return self.fail(node, message, nearest(id, sorted(known)))
 
 
 def _order(expr: Expr) -> int:

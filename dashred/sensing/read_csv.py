@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from dashred.errors import InputError
+from dashred.errors import InputError, nearest
 from dashred.sensing.checks import checked_recording
 from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import RESERVED, Described, Sensor, nearest, readable
+from dashred.sensing.sensors import RESERVED, Described, Sensor, readable
 from dashred.sensing.sensors_table import read_sensors
 from dashred.sensing.tables import Table, read_table
 

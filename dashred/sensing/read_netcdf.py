@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.errors import InputError
+from dashred.errors import InputError, nearest
 from dashred.sensing.checks import checked_recording
 from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Described, Sensor, check_names, check_sensor, nearest
+from dashred.sensing.sensors import Described, Sensor, check_names, check_sensor
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.errors import InputError
-from dashred.sensing.sensors import Sensor, nearest
+from dashred.errors import InputError, nearest
+from dashred.sensing.sensors import Sensor
 
 
 @dataclass(frozen=True, eq=False)

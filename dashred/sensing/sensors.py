@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from dashred.errors import InputError
+from dashred.errors import InputError, nearest
 
 # Columns of a recording that are not sensors.
 RESERVED = ("time", "episode")
@@ -63,13 +62,6 @@ class Sensor:
     reads: str
     position: tuple[float, ...] = ()
     std: float | None = None
-
-
-def nearest(name: str, known: Iterable[str]) -> str:
-    """Return a hint: the known name most like ``name``, or all of them."""
-    choices = list(dict.fromkeys(known))
-    close = difflib.get_close_matches(name, choices, n=1)
-    return f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(choices) or 'none'}"
 
 
 def readable(system: Described) -> tuple[str, ...]:

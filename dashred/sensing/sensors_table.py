@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from dashred.errors import InputError
-from dashred.sensing.sensors import Described, Sensor, check_names, check_sensor, nearest
+from dashred.errors import InputError, nearest
+from dashred.sensing.sensors import Described, Sensor, check_names, check_sensor
 from dashred.sensing.tables import Table, read_table
 
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.config import Splits
-from dashred.errors import InputError
+from dashred.errors import InputError, nearest
 from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import check_names, nearest
+from dashred.sensing.sensors import check_names
 from dashred.sensing.spreading import spread_out
 
 # A stream of its own, so that no other use of the seed moves the sensors' roles.
