@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import torch
 from lightning import Callback, LightningModule, Trainer
 from torch import Tensor
 
@@ -33,8 +34,8 @@ class LatentDiscovery(Callback):
 
     def on_fit_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Compute the columns on the field that assimilation starts from."""
-        fields = self._fields(pl_module)
-        self.sindy = LatentSindy(self.problem, fields, self.problem.settings.begins)
+        self.start = self._fields(pl_module)
+        self.sindy = LatentSindy(self.problem, self.start, self.problem.settings.begins)
 
     def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Regress and log."""
@@ -47,13 +48,14 @@ class LatentDiscovery(Callback):
             self.child.log_metrics(self._note(found, epoch), epoch)
 
     def finish(self, module: Assimilation) -> dict[str, SparseFit]:
-        """Return the proposals for the final state, from columns of its own.
+        """Return the proposals for the final state, from columns of its own if it has moved.
 
         They are the last point of the curves, one epoch after the last regression.
         """
         fields, settings = self._fields(module), self.problem.settings
-        sindy = LatentSindy(self.problem, fields, settings.begins)
-        self.final = sindy.propose(module.encoder, fields, settings.bootstraps)
+        if not torch.equal(fields, self.start):
+            self.sindy = LatentSindy(self.problem, fields, settings.begins)
+        self.final = self.sindy.propose(module.encoder, fields, settings.bootstraps)
         last = (self.epochs[-1] if self.epochs else 0) + 1
         metrics = self._note(self.final, last)
         self.child.log_metrics(metrics, last)
