@@ -79,17 +79,17 @@ def test_coefficients_reach_the_store_by_epoch(setting, tmp_path):
             fitted(module, data, callback, 4)
             final = callback.finish(module)
         client = parent._store.client
-        assert callback.epochs == [2, 4]
+        assert callback.epochs == [2, 4, 5]  # the last is the final state
         for name in ("alg1", "alg2"):
             history = np.array(callback.history[name])
-            assert history.shape == (2, len(problem.library))
+            assert history.shape == (3, len(problem.library))
+            assert history[-1].tolist() == final[name].coefficients.tolist()
             assert np.isfinite(history).all()
             for j, term in enumerate(problem.library):
                 key = metric_name(name, term.equation, str(term))
                 points = client.get_metric_history(child.run_id, key)
                 logged = {point.step: point.value for point in points}
-                values = [*history[:, j].tolist(), float(final[name].coefficients[j])]
-                expected = dict(zip([2, 4, 5], values, strict=True))
+                expected = dict(zip([2, 4, 5], history[:, j].tolist(), strict=True))
                 first = next((step for step, v in expected.items() if v), None)
                 if first is None:
                     assert logged == {}
