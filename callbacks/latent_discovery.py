@@ -31,11 +31,11 @@ class LatentDiscovery(Callback):
         self.history: dict[str, list[list[float]]] = {"alg1": [], "alg2": []}
         self.final: dict[str, SparseFit] = {}
         self._logged: set[str] = set()
+        self._sindy: LatentSindy | None = None
 
     def on_fit_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Compute the columns on the field that assimilation starts from."""
-        self.start = self._fields(pl_module)
-        self.sindy = LatentSindy(self.problem, self.start, self.problem.settings.begins)
+        self._sindy = self._on(self._fields(pl_module))
 
     def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Regress and log."""
@@ -44,7 +44,8 @@ class LatentDiscovery(Callback):
             assert isinstance(pl_module, Assimilation)
             # Inclusion frequencies are for the final proposals: no curve shows them.
             fields = self._fields(pl_module)
-            found = self.sindy.propose(pl_module.encoder, fields, bootstraps=0)
+            assert self._sindy is not None
+            found = self._sindy.propose(pl_module.encoder, fields, bootstraps=0)
             self.child.log_metrics(self._note(found, epoch), epoch)
 
     def finish(self, module: Assimilation) -> dict[str, SparseFit]:
@@ -52,15 +53,18 @@ class LatentDiscovery(Callback):
 
         They are the last point of the curves, one epoch after the last regression.
         """
-        fields, settings = self._fields(module), self.problem.settings
-        if not torch.equal(fields, self.start):
-            self.sindy = LatentSindy(self.problem, fields, settings.begins)
-        self.final = self.sindy.propose(module.encoder, fields, settings.bootstraps)
+        fields = self._fields(module)
+        if self._sindy is None or not torch.equal(fields, self._sindy.fields):
+            self._sindy = self._on(fields)
+        self.final = self._sindy.propose(module.encoder, fields, self.problem.settings.bootstraps)
         last = (self.epochs[-1] if self.epochs else 0) + 1
         metrics = self._note(self.final, last)
         self.child.log_metrics(metrics, last)
         self.parent.log_metrics(metrics, last)
         return self.final
+
+    def _on(self, fields: Tensor) -> LatentSindy:
+        return LatentSindy(self.problem, fields, self.problem.settings.begins)
 
     def _fields(self, module: LightningModule) -> Tensor:
         assert isinstance(module, Assimilation)

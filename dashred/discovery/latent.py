@@ -83,7 +83,7 @@ class LatentSindy:
     """
 
     def __init__(self, problem: LatentProblem, fields: Tensor, count: int) -> None:
-        self.problem = problem
+        self.problem, self.fields = problem, fields
         self.begins = problem.begins(count)
         self.columns = tangents(
             problem.system,
