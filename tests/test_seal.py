@@ -149,14 +149,18 @@ def run_without_the_truth(folder: Path, *words: str) -> subprocess.CompletedProc
     for name in CONCEALED:
         path = copy / name
         shutil.rmtree(path) if path.is_dir() else path.unlink()
+    # An editable install finds the checkout's own modules for whatever the copy lacks.
     program = (
-        "import importlib.util as u, sys, dashred; from pathlib import Path\n"
+        "import sys\n"
+        "editable = lambda finder: getattr(finder, '__module__', '').startswith('__editable__')\n"
+        "sys.meta_path[:] = [finder for finder in sys.meta_path if not editable(finder)]\n"
+        "import importlib.util as u, dashred; from pathlib import Path\n"
         f"assert Path(dashred.__file__).is_relative_to({str(copy)!r})\n"
         f"assert not any(u.find_spec(name) for name in {sorted(SECRET_MODULES)})\n"
         "from dashred.errors import run_entry; from dashred.train import main\n"
         "sys.exit(run_entry(main))"
     )
-    # The working folder stands first on the path, before the editable install.
+    # The working folder stands first on the path.
     return subprocess.run(
         [sys.executable, "-c", program, *words],
         cwd=copy,
