@@ -55,6 +55,8 @@ def _draw_panel(
     others = len(order) - len(named)
     if others:
         _add_corner(axes, f"grey: {others} other terms")
+    if not order:
+        _add_corner(axes, "no term proposed at any epoch")
     _label_ends(axes, named, [last[label] for label in named])
 
 

@@ -106,9 +106,9 @@ def _path(fit: SparseFit) -> tuple[np.ndarray, np.ndarray, int]:
 
 def _curves(learned: Learned, found: Assimilated, output: Path) -> None:
     named = {
-        "SHRED: field, held-out simulations": learned.curves["rmse/field_members"],
-        "DA-SHRED: fit sensors": found.curves["rmse/sensors_fit"],
-        "DA-SHRED: validation sensors": found.curves["rmse/sensors_validate"],
+        "SHRED, unseen simulations": learned.curves["rmse/field_members"],
+        "DA-SHRED, fitted": found.curves["rmse/sensors_fit"],
+        "DA-SHRED, validation": found.curves["rmse/sensors_validate"],
     }
     curves = {
         name: (np.array([epoch for epoch, _ in points]), np.array([value for _, value in points]))
