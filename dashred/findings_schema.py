@@ -40,6 +40,94 @@ class Fit(TypedDict):
     heldout_time: Misfit
 
 
+class TermFound(TypedDict):
+    """A missing term: coefficient, its std and 95 % interval in the user's units.
+
+    `inclusion` is the posterior probability that the term belongs to the law.
+    """
+
+    equation: str
+    term: str
+    coefficient: float
+    std: float
+    ci95: list[float]
+    inclusion: float
+    region: list[dict[str, Any]] | None
+    says: str
+
+
+# `from` is a keyword of Python, so this one cannot be written as a class.
+ParameterChange = TypedDict(
+    "ParameterChange",
+    {
+        "equation": None,
+        "parameter": str,
+        "term": str,
+        "from": float,
+        "to": float,
+        "coefficient": float,
+        "std": float,
+        "ci95": list[float],
+        "aliases": list[str],
+        "inclusion": float,
+        "region": list[dict[str, Any]] | None,
+        "says": str,
+    },
+)
+"""A mis-stated parameter: `coefficient` is to - from, `ci95` that of the new value, and `aliases`
+are other parameters a change of which does the same."""
+
+
+class TermTried(TypedDict):
+    """A term of an alternative law; of a parameter the equation is null."""
+
+    equation: str | None
+    term: str
+    coefficient: float
+
+
+class Alternative(TypedDict):
+    """Another law; `rival` if the recording does not decide between it and the best one.
+
+    `same_as_best`: the sensors read the same under both, so no recording of them would decide.
+    """
+
+    terms: list[TermTried]
+    delta_bic: float
+    rival: bool
+    same_as_best: bool
+
+
+class SensorGain(TypedDict):
+    """Mean squared residual in units of the noise, without the law and with it, and p of that."""
+
+    name: str
+    before: float | None
+    after: float | None
+    gain: float | None
+    p: float | None
+
+
+class Profile(TypedDict):
+    """RMS residual over all sensors in units of the noise, without the law and with it."""
+
+    times: list[float]
+    before: list[float | None]
+    after: list[float | None]
+
+
+class Where(TypedDict):
+    """Where the law acts: in which equation, when, in what part of state space, at what sensors."""
+
+    equation: dict[str, float]
+    region: list[dict[str, Any]] | None
+    time: list[float]
+    regime: str | None
+    sensors: list[SensorGain]
+    significance: float | None
+    profile: Profile
+
+
 class Proposal(TypedDict):
     """One term that latent SINDy proposes: coefficient in user's units, rank 1 is the first."""
 
@@ -99,9 +187,9 @@ class Findings(TypedDict):
 
     verdict: Verdict | None
     causes: list[dict[str, Any]] | None
-    where: dict[str, Any] | None
-    terms: list[dict[str, Any]] | None
-    alternatives: list[dict[str, Any]] | None
+    where: Where | None
+    terms: list[TermFound | ParameterChange] | None
+    alternatives: list[Alternative] | None
     fit: Fit
     latent: Latent
     corrected: str | None
@@ -109,12 +197,19 @@ class Findings(TypedDict):
 
 
 class Score(TypedDict):
-    """`score.json` of a twin; field RMSE and forecast in units of each field's own std."""
+    """`score.json` of a twin; errors of fields are in units of each field's own std.
+
+    The coefficient error is a fraction, known where the support is exact. Forecasts are compared
+    over the forecast window, everything else over the fit window. A latent rank is the place of a
+    term of the true law among an algorithm's proposals.
+    """
 
     exact_support: bool | None
     coefficient_error: float | None
     field_rmse: dict[str, float | None]
+    field_rmse_by_field: dict[str, dict[str, float]]
     forecast: dict[str, float | None]
+    latent_rank: dict[str, dict[str, int | None]]
 
 
 def misfit(**known: float) -> Misfit:
@@ -142,6 +237,10 @@ def new_findings(
     latent: Latent | None = None,
     verdict: Verdict | None = None,
     causes: list[dict[str, Any]] | None = None,
+    where: Where | None = None,
+    terms: list[TermFound | ParameterChange] | None = None,
+    alternatives: list[Alternative] | None = None,
+    corrected: str | None = None,
 ) -> Findings:
     """Findings in which everything that was not looked for is null."""
     unfitted = Fit(
@@ -155,11 +254,11 @@ def new_findings(
     return Findings(
         verdict=verdict,
         causes=causes,
-        where=None,
-        terms=None,
-        alternatives=None,
+        where=where,
+        terms=terms,
+        alternatives=alternatives,
         fit=fit or unfitted,
         latent=latent or Latent(alg1=None, alg2=None),
-        corrected=None,
+        corrected=corrected,
         input=source,
     )

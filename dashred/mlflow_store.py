@@ -67,8 +67,8 @@ def open_store(root: str, experiment: str) -> Store:
     return Store(client, uri, artifacts, experiment_id)
 
 
-def find_run(store: Store, run_id: str) -> str:
-    """The id itself, once it is sure that the store has this run.
+def find_run(store: Store, run_id: str, *, key: str = "tracking.run") -> str:
+    """The id itself, once it is sure that the store has this run; `key` is where it was given.
 
     Raises:
         InputError: if there is no such run, or it was deleted.
@@ -80,10 +80,8 @@ def find_run(store: Store, run_id: str) -> str:
     except MlflowException:
         found = False
     if not found:
-        hint = "leave tracking.run out to open a new run"
-        raise InputError(
-            f"there is no run {run_id!r} in {store.uri}", where="tracking.run", hint=hint
-        )
+        hint = f"leave {key} out to open a new run"
+        raise InputError(f"there is no run {run_id!r} in {store.uri}", where=key, hint=hint)
     return run_id
 
 

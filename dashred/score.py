@@ -9,28 +9,21 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from dashred.errors import InputError, run_entry
 from dashred.findings import check_freeze, write_json_atomic
 
 if TYPE_CHECKING:
     import numpy as np
+    import xarray as xr
 
+    from dashred.findings_schema import Score
     from dashred.sealing import Truth
 
 KEYS = ("findings", "sealed", "root", "experiment", "run")
 # Clocks that differ by more than this are not the same, in the unit of time.
 CLOCK = 1e-9
-METHODS = (
-    "simulation",
-    "simulation_same_start",
-    "simulation_refit",
-    "shred",
-    "dashred",
-    "corrected",
-    "corrected_shred",
-)
 
 
 def main(argv: list[str]) -> int:
@@ -52,53 +45,77 @@ def main(argv: list[str]) -> int:
     return 0
 
 
-def score_findings(output: Path, sealed: Path) -> tuple[dict[str, Any], Truth]:
-    """Compare the frozen estimates with the truth, draw the comparison, return ``score.json``.
-
-    ``field_rmse``: each field divided by its own std over the fit window, then the RMSE over all.
+def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth]:
+    """Compare the frozen findings with the truth, draw the comparison, return ``score.json``.
 
     Raises:
         InputError: the sealed file is no truth, or not that of these findings.
     """
-    import numpy as np
-    import xarray as xr
-
+    from dashred.findings_schema import Score
+    from dashred.scoring import (
+        FORECASTS,
+        METHODS,
+        latent_ranks,
+        rmse,
+        rmse_by_time,
+        scaled_errors,
+        score_law,
+    )
     from dashred.sealing import open_seal
 
     findings = json.loads((output / "findings.json").read_text(encoding="utf-8"))
     frozen = json.loads((output / "freeze.json").read_text(encoding="utf-8"))["files"]
     truth, fields = open_seal(sealed)
-    rmse: dict[str, float | None] = dict.fromkeys(METHODS)
+    exact, coefficient_error = score_law(findings, truth.terms)
+    known: dict[str, np.ndarray] = {}
     if "estimates.nc" in frozen:
-        with xr.open_dataset(output / "estimates.nc", engine="h5netcdf") as estimates:
-            estimates.load()
+        estimates = _load(output / "estimates.nc")
         real = _truth_of(estimates, truth, fields, sealed)
-        std = real.swapaxes(0, 1).reshape(len(fields), -1).std(axis=1)
-        errors = {}
-        for method in estimates["method"].values.tolist():
-            found = np.stack([estimates[f].sel({"method": method}).values for f in fields], axis=1)
-            scaled = (found - real) / std.reshape(-1, *(1,) * (real.ndim - 2))
-            rmse[method] = float(np.sqrt(np.mean(scaled**2)))
-            errors[method] = np.sqrt(np.mean(scaled**2, axis=tuple(range(1, scaled.ndim))))
-        _draw(output, estimates, truth, fields, errors)
-    return {
-        "exact_support": None,
-        "coefficient_error": None,
-        "field_rmse": rmse,
-        "forecast": {"before": None, "after": None},
-        "latent_rank": _ranks(findings, truth),
-    }, truth
+        known = scaled_errors(estimates, real, fields)
+        errors = {method: rmse_by_time(error) for method, error in known.items()}
+        _draw(output, estimates, real, fields, errors)
+    beyond: dict[str, np.ndarray] = {}
+    if "forecast.nc" in frozen:
+        forecast = _load(output / "forecast.nc")
+        if float(forecast["time"].min()) <= truth.duration:
+            raise ValueError("forecast.nc reaches into the recording")
+        beyond = scaled_errors(forecast, _truth_of(forecast, truth, fields, sealed), fields)
+    return Score(
+        exact_support=exact,
+        coefficient_error=coefficient_error,
+        field_rmse=dict.fromkeys(METHODS) | {m: rmse(error) for m, error in known.items()},
+        field_rmse_by_field={
+            field: {m: rmse(error[:, i]) for m, error in known.items()}
+            for i, field in enumerate(fields)
+        },
+        forecast={
+            name: rmse(beyond[method]) if method in beyond else None
+            for name, method in FORECASTS.items()
+        },
+        latent_rank=latent_ranks(findings, truth.terms),
+    ), truth
 
 
-def _truth_of(estimates: Any, truth: Truth, fields: tuple[str, ...], sealed: Path) -> np.ndarray:
+def _load(path: Path) -> xr.Dataset:
+    import xarray as xr
+
+    with xr.open_dataset(path, engine="h5netcdf") as dataset:
+        return dataset.load()
+
+
+def _truth_of(
+    estimates: xr.Dataset, truth: Truth, fields: tuple[str, ...], sealed: Path
+) -> np.ndarray:
     """Return the true states at the estimates' times, ``(time, field, *grid)``."""
-    times = estimates["time"].values
-    real = truth.states[: len(times)].numpy()
+    import numpy as np
+
+    times, clock = estimates["time"].values, truth.times.numpy()
+    at = np.minimum(np.searchsorted(clock, times - CLOCK), len(clock) - 1)
+    real: np.ndarray = truth.states.numpy()[at]
     alike = set(fields) == set(estimates.data_vars) and real.shape[2:] == tuple(
         size for dim, size in estimates.sizes.items() if dim not in ("method", "time")
     )
-    clock = truth.times[: len(times)].numpy()
-    if not alike or clock.shape != times.shape or abs(clock - times).max() > CLOCK:
+    if not alike or np.abs(clock[at] - times).max() > CLOCK:
         raise InputError(
             "this is the truth of another recording or another system",
             where=str(sealed),
@@ -107,20 +124,12 @@ def _truth_of(estimates: Any, truth: Truth, fields: tuple[str, ...], sealed: Pat
     return real
 
 
-def _ranks(findings: dict[str, Any], truth: Truth) -> dict[str, dict[str, int | None]]:
-    """Return where each algorithm ranked the terms of the true law."""
-    ranks: dict[str, dict[str, int | None]] = {}
-    for name, latent in findings["latent"].items():
-        if latent is not None:
-            found = {(p["equation"], p["term"]): p["rank"] for p in latent["proposals"]}
-            ranks[name] = {
-                f"{t.equation}: {t.term}": found.get((t.equation, t.term)) for t in truth.terms
-            }
-    return ranks
-
-
 def _draw(
-    output: Path, estimates: Any, truth: Truth, fields: tuple[str, ...], errors: dict[str, Any]
+    output: Path,
+    estimates: xr.Dataset,
+    real: np.ndarray,
+    fields: tuple[str, ...],
+    errors: dict[str, np.ndarray],
 ) -> None:
     from dashred.reporting.figures import rmse_against_time, save_figure, space_time_panels
 
@@ -133,7 +142,7 @@ def _draw(
         return
     panels = {
         field: {
-            "truth": truth.states[: len(times), i].numpy(),
+            "truth": real[:, i],
             **{m: estimates[field].sel({"method": m}).values for m in errors},
         }
         for i, field in enumerate(fields)
@@ -144,25 +153,49 @@ def _draw(
     save_figure(figure, output / "space_time_truth.png")
 
 
-def _print(score: dict[str, Any]) -> None:
+def _print(score: Score) -> None:
+    print("\nThe seal is opened.", end=" ")
+    if score["exact_support"] is not None:
+        error = score["coefficient_error"]
+        off = f", its coefficients within {error:.1%}".replace("%", " %") if error else ""
+        print(f"The law found is {'' if score['exact_support'] else 'not '}the true one{off}.")
     known = {m: v for m, v in score["field_rmse"].items() if v is not None}
     if not known:
-        print("\nThe seal is opened, but there is no estimate of the field to compare with it.")
-        return
-    print("\nThe seal is opened. Whole field against the hidden truth, RMSE in std:")
-    for method, value in known.items():
-        print(f"  {method:<12} {value:.3f}")
+        print("There is no estimate of the field to compare with it.")
+    else:
+        print("Whole field against the hidden truth, RMSE in std:")
+    _print_errors(known)
+    beyond = {name: v for name, v in score["forecast"].items() if v is not None}
+    if beyond:
+        print("Forecast beyond the recording, RMSE in std:")
+    _print_errors(beyond)
     for name, ranks in score["latent_rank"].items():
         for term, rank in ranks.items():
             print(f"  {name}: true term {term} ranked {rank}")
 
 
-def _log(words: dict[str, str], output: Path, score: dict[str, Any], truth: Truth) -> None:
+def _print_errors(errors: dict[str, float]) -> None:
+    width = max(12, *map(len, errors)) if errors else 0
+    for name, value in errors.items():
+        print(f"  {name:<{width}} {value:.3f}")
+
+
+def metrics(score: Score) -> dict[str, float]:
+    """Return the scores that are known, by their names in MLflow; exact support is 0 or 1."""
+    found: dict[str, float | None] = {
+        "exact_support": score["exact_support"],
+        "coefficient_error": score["coefficient_error"],
+        **score["field_rmse"],
+        **{f"forecast/{name}": value for name, value in score["forecast"].items()},
+    }
+    return {f"score/{key}": float(v) for key, v in found.items() if v is not None}
+
+
+def _log(words: dict[str, str], output: Path, score: Score, truth: Truth) -> None:
     from dashred.tracking import Tracker
 
     with Tracker.open(words["root"], words["experiment"], "", words["run"]) as run:
-        known = {m: v for m, v in score["field_rmse"].items() if v is not None}
-        run.log_metrics({f"score/{m}": v for m, v in known.items()}, 0)
+        run.log_metrics(metrics(score), 0)
         run.set_tags({"twin": truth.twin})
         run.log_folder(output)
 

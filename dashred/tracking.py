@@ -10,7 +10,7 @@ import json
 import math
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
@@ -94,9 +94,15 @@ class Tracker(Run):
     @classmethod
     @contextmanager
     def open(
-        cls, root: str, experiment: str, run_name: str, run_id: str | None = None
+        cls,
+        root: str,
+        experiment: str,
+        run_name: str,
+        run_id: str | None = None,
+        *,
+        parent: str | None = None,
     ) -> Iterator[Self]:
-        """Open a parent run, or go on with `run_id`, which another process opened.
+        """Open a run, below `parent` if one is given; or go on with `run_id`, opened elsewhere.
 
         The run ends FINISHED, FAILED after an exception, or KILLED after Ctrl-C; one that
         another process opened is left for that process to end, unless this one fails.
@@ -105,14 +111,39 @@ class Tracker(Run):
             InputError: if the store cannot be used, or has no such run.
         """
         store = open_store(root, experiment)
-        opened = find_run(store, run_id) if run_id else _create_run(store, run_name, {})
+        if run_id:
+            opened = find_run(store, run_id)
+        else:
+            above = find_run(store, parent, key="tracking.parent") if parent else None
+            tags = {"mlflow.parentRunId": above} if above else {}
+            opened = _create_run(store, run_name, tags)
         with _ended(store, opened, as_finished=not run_id):
             yield cls(store, opened)
+
+    @classmethod
+    @contextmanager
+    def reopen(cls, root: str, experiment: str, run_id: str) -> Iterator[Self]:
+        """Go on with a run that an earlier command left, and end it here.
+
+        Raises:
+            InputError: if the store cannot be used, or has no such run.
+        """
+        store = open_store(root, experiment)
+        store.client.update_run(find_run(store, run_id), "RUNNING")
+        with _ended(store, run_id, as_finished=True):
+            yield cls(store, run_id)
 
     @property
     def uri(self) -> str:
         """The store's URI, as `mlflow ui --backend-store-uri` wants it."""
         return self._store.uri
+
+    def rename(self, run_id: str, name: str) -> None:
+        """Rename a run of the store, unless someone has deleted it meanwhile."""
+        from mlflow.exceptions import MlflowException
+
+        with suppress(MlflowException):
+            self._store.client.update_run(run_id, name=name)
 
     @contextmanager
     def child(self, name: str) -> Iterator[ChildRun]:

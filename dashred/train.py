@@ -56,8 +56,9 @@ def analyse(config: Config) -> Path:
 
     # Whatever can be wrong with the input has been met by here: only now is anything written.
     name = f"{config.name} seed {config.seed}"
-    experiment = config.tracking.experiment or config.name
-    with Tracker.open(config.tracking.root, experiment, name, config.tracking.run) as run:
+    keep = config.tracking
+    experiment = keep.experiment or config.name
+    with Tracker.open(keep.root, experiment, name, keep.run, parent=keep.parent) as run:
         output = named or run.artifact_dir
         clear_output(output)
         run.log_params(flatten(frozen_input(config)))

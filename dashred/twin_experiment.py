@@ -20,7 +20,7 @@ from dashred.mlflow_store import Store, open_store
 from dashred.output import make_output
 from dashred.tracking import Tracker
 
-OWN = ("output=", "tracking.run=")
+OWN = ("output=", "tracking.run=", "tracking.parent=")
 # Of what describes the twin, the step of the analysis clock alone is the analysis' business.
 TWIN = "recording."
 CLOCK = "recording.every="
@@ -77,7 +77,8 @@ def _open_run(config: Config, experiment: str, store: Store) -> Iterator[Tracker
     """Open the parent run; where the input turns out to be wrong, nothing of it stays."""
     name = f"{config.name} seed {config.seed}"
     try:
-        with Tracker.open(config.tracking.root, experiment, name) as run:
+        root, parent = config.tracking.root, config.tracking.parent
+        with Tracker.open(root, experiment, name, parent=parent) as run:
             yield run
     except _EndedError as ended:
         if ended.code == WRONG_INPUT:

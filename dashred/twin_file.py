@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from dashred.config import Config, read_file
 from dashred.errors import InputError
 from dashred.physics.expression import number
-from dashred.sealing import SealedTerm
+
+if TYPE_CHECKING:
+    from dashred.sealing import SealedTerm
 
 KEYS = {"terms", "start", "stated"}
 STARTS = ("simulator", "own")
@@ -24,29 +27,56 @@ class Twin:
     stated: float
 
 
-def read_twin(config: Config) -> Twin:
-    """Read the twin that ``recording.twin`` names.
+def entries(config: Config) -> dict[str, Any]:
+    """Return every twin of the system by name, as it is written in the file.
 
     Raises:
-        InputError: no such file or twin, or the entry is not well formed.
+        InputError: there is no such file, or it is no mapping.
     """
-    path = config.source.parent / "twins" / config.source.name
-    label = f"{path.parent.name}/{path.name}"
+    path, label = _place(config)
     if not path.is_file():
         raise InputError(
             f"{config.name} has no twins",
             where=str(path),
             hint="analyse a recording of your own with recording.path=FILE",
         )
-    entries = read_file(path, label=label).values
-    name = str(config.recording.twin)
-    entry = entries.get(name)
+    return read_file(path, label=label).values
+
+
+def entry_of(config: Config, name: str) -> dict[str, Any]:
+    """Return one twin as it is written in the file.
+
+    Raises:
+        InputError: the system has no such twin.
+    """
+    known = entries(config)
+    entry = known.get(name)
     if not isinstance(entry, dict):
         raise InputError(
             f"{config.name} has no twin {name!r}",
             where=config.where("recording.twin"),
-            hint=f"choose from: {', '.join(map(str, entries))}",
+            hint=f"choose from: {', '.join(map(str, known))}",
         )
+    return entry
+
+
+def basic(config: Config) -> list[str]:
+    """Return the names of the twins that start from the simulator's own start."""
+    return [
+        name
+        for name, entry in entries(config).items()
+        if isinstance(entry, dict) and entry.get("start", STARTS[0]) == STARTS[0]
+    ]
+
+
+def read_twin(config: Config) -> Twin:
+    """Read the twin that ``recording.twin`` names.
+
+    Raises:
+        InputError: no such file or twin, or the entry is not well formed.
+    """
+    name, (_, label) = str(config.recording.twin), _place(config)
+    entry = entry_of(config, name)
     if entry.keys() - KEYS or "terms" not in entry:
         raise InputError(f"twin {name!r} must have terms, and may have start, stated", where=label)
     if not isinstance(entry["terms"], list):
@@ -59,7 +89,15 @@ def read_twin(config: Config) -> Twin:
     return Twin(name, terms, start == "own", stated)
 
 
+def _place(config: Config) -> tuple[Path, str]:
+    path = config.source.parent / "twins" / config.source.name
+    return path, f"{path.parent.name}/{path.name}"
+
+
 def _term(item: Any, label: str, config: Config) -> SealedTerm:
+    # Imported late: it brings torch, which names alone can be read without.
+    from dashred.sealing import SealedTerm
+
     if not isinstance(item, dict) or item.keys() != {"equation", "term", "coefficient"}:
         raise InputError("a term has an equation, a term and a coefficient", where=label)
     if item["equation"] not in config.system.fields:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 
-from dashred import score
-from dashred.config import load_config
+from dashred import score, scoring
+from dashred.config import frozen_input, load_config
 from dashred.errors import InputError
 from dashred.findings import freeze, write_json_atomic
 from dashred.physics.system import System
@@ -21,8 +22,12 @@ LAW = (SealedTerm("u", "u**3", -0.1), SealedTerm("u", "sin(u)", 0.2))
 
 
 @pytest.fixture
-def system(quick) -> System:
-    config = load_config([f"conf={quick}"], entry="record")
+def config(quick):
+    return load_config([f"conf={quick}"], entry="record")
+
+
+@pytest.fixture
+def system(config) -> System:
     return System(config.system, config.where)
 
 
@@ -65,7 +70,7 @@ def test_errors_are_in_units_of_the_true_fields_std(frozen, capsys) -> None:
     found = json.loads((frozen / "score.json").read_text())
     known = {name: value for name, value in found["field_rmse"].items() if value is not None}
     assert known == pytest.approx({"simulation": 2.0, "shred": 1.0, "dashred": 0.0})
-    assert found["field_rmse"].keys() == set(score.METHODS)
+    assert found["field_rmse"].keys() == set(scoring.METHODS)
     assert {"space_time_truth.png", "rmse_against_time.png"} <= {p.name for p in frozen.iterdir()}
     assert "2.000" in capsys.readouterr().out
 
@@ -112,3 +117,142 @@ def test_a_file_that_is_no_seal(frozen, content) -> None:
 def test_wrong_words(given) -> None:
     with pytest.raises(InputError, match="findings=DIR and sealed=FILE are needed"):
         score.main(given)
+
+
+# --- the law -------------------------------------------------------------------------------------
+
+
+def entry(equation: str | None, term: str, coefficient: float, **more: object) -> dict[str, Any]:
+    return {"equation": equation, "term": term, "coefficient": coefficient, "std": 0.01} | more
+
+
+def new_value(name: str, before: float, to: float) -> dict[str, Any]:
+    return {"equation": None, "parameter": name, "term": name, "from": before, "to": to}
+
+
+def scored(config, terms: list[dict[str, Any]] | None, *truth: SealedTerm):
+    findings = {"terms": terms, "input": {"config": frozen_input(config)}}
+    return scoring.score_law(json.loads(json.dumps(findings)), truth)
+
+
+CUBIC, SINE = SealedTerm("u", "u**3", -0.1), SealedTerm("u", "sin(u)", 0.2)
+FOUND = [entry("u", "sin(u)", 0.19), entry("u", "u*u*u", -0.101)]
+
+
+def test_the_true_terms_in_any_order_and_spelling_are_the_exact_support(config) -> None:
+    assert scored(config, FOUND, CUBIC, SINE) == (True, pytest.approx(0.05))
+    whole = SealedTerm("u", "2*sin(u) - u**3", 0.1)
+    assert scored(config, FOUND, whole) == (True, pytest.approx(0.05))
+
+
+@pytest.mark.parametrize(
+    "terms",
+    [
+        [],
+        FOUND[:1],
+        [*FOUND, entry("u", "u", 0.001)],
+        [FOUND[0], entry("u", "u**2", -0.1)],
+        [FOUND[0], FOUND[1] | {"region": [{"axis": "x", "from": 0, "to": 1}]}],
+        [*FOUND, new_value("nu", 0.2, 0.21)],
+    ],
+)
+def test_any_other_set_is_not(config, terms) -> None:
+    assert scored(config, terms, CUBIC, SINE) == (False, None)
+
+
+def test_a_term_of_another_equation_is_another_term() -> None:
+    config = load_config(["conf=rde"], entry="record")
+    truth = SealedTerm("lam", "lam", -0.08)
+    assert scored(config, [entry("lam", "lam", -0.08)], truth) == (True, pytest.approx(0))
+    assert scored(config, [entry("u", "lam", -0.08)], truth) == (False, None)
+
+
+def test_where_nothing_is_hidden_no_term_is_exact(config) -> None:
+    assert scored(config, []) == (True, 0.0)
+    assert scored(config, FOUND) == (False, None)
+    assert scored(config, [new_value("nu", 0.2, 0.21)]) == (False, None)
+    assert scored(config, None) == (None, None)
+
+
+def test_a_parameter_is_the_terms_that_its_new_value_adds() -> None:
+    config = load_config(["conf=rde"], entry="record")
+    damping = SealedTerm("u", "u**2", -0.04)
+    found = scored(config, [new_value("eps", 0.28, 0.321)], damping)
+    assert found == (True, pytest.approx(0.025))
+    viscosity = [SealedTerm("u", "lap(u)", 0.01), SealedTerm("lam", "lap(lam)", 0.01)]
+    assert scored(config, [new_value("nu", 0.035, 0.045)], *viscosity)[0] is True
+    assert scored(config, [new_value("nu", 0.035, 0.045)], viscosity[0]) == (False, None)
+    assert scored(config, [new_value("r", 5, 5.5)], damping) == (False, None)
+    both = [new_value("eps", 0.28, 0.32), entry("u", "u", 0.1)]
+    assert scored(config, both, damping, SealedTerm("u", "u", 0.1))[0] is True
+
+
+# --- fields --------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def no_figures(monkeypatch) -> None:
+    monkeypatch.setattr(score, "_draw", lambda *_: None)
+
+
+def test_each_field_is_scored_by_itself_too(no_figures, tmp_path) -> None:
+    config = load_config(["conf=pendulum"], entry="record")
+    system = System(config.system, config.where)
+    times = torch.arange(16, dtype=torch.float64) / 10
+    states = torch.from_numpy(np.random.default_rng(0).normal(0, [1.0, 5.0], (16, 2)))
+    seal(tmp_path / "sealed.nc", Truth("a", (), times, 1.0, states), system)
+    std = states[:11].std(dim=0, correction=0)
+    off = {"corrected": states[:11] + std * torch.tensor([0.3, 0.4])}
+    write_estimates(tmp_path / "estimates.nc", system, times[:11], off)
+    write_json_atomic(tmp_path / "findings.json", {"latent": {}, "terms": None})
+    freeze(tmp_path, ["estimates.nc"])
+    score.main(words(tmp_path))
+    found = json.loads((tmp_path / "score.json").read_text())
+    first, second = system.fields
+    assert found["field_rmse_by_field"][first] == pytest.approx({"corrected": 0.3})
+    assert found["field_rmse_by_field"][second] == pytest.approx({"corrected": 0.4})
+    assert found["field_rmse"]["corrected"] == pytest.approx(np.sqrt(0.125))
+    assert found["forecast"] == {"before": None, "before_refit": None, "after": None}
+
+
+def forecast_of(frozen: Path, system: System, times: torch.Tensor, real: torch.Tensor) -> None:
+    std = float(real.numpy().std())
+    offsets = {"simulation_same_start": 2.0, "simulation_refit": 1.0, "corrected": 0.5}
+    fields = {name: real + offset * std for name, offset in offsets.items()}
+    write_estimates(frozen / "forecast.nc", system, times, fields)
+    freeze(frozen, ["estimates.nc", "forecast.nc"])
+
+
+def test_forecasts_are_compared_with_the_truth_of_their_own_times(
+    no_figures, frozen, system, truth, capsys
+) -> None:
+    late = truth.times > truth.duration
+    # An analysis counts its times in its own way: they differ by a rounding.
+    forecast_of(frozen, system, truth.times[late] * (1 + 1e-15), truth.states[late])
+    assert score.main(words(frozen)) == 0
+    found = json.loads((frozen / "score.json").read_text())
+    assert found["forecast"] == pytest.approx({"before": 2.0, "before_refit": 1.0, "after": 0.5})
+    assert found["field_rmse"]["simulation"] == pytest.approx(2.0)
+    assert "Forecast beyond the recording" in capsys.readouterr().out
+
+
+def test_a_forecast_is_no_forecast_within_the_recording(no_figures, frozen, system, truth) -> None:
+    forecast_of(frozen, system, truth.times[15:], truth.states[15:])
+    with pytest.raises(ValueError, match="into the recording"):
+        score.main(words(frozen))
+
+
+def test_what_is_known_is_logged(no_figures, frozen, system, truth, capsys) -> None:
+    forecast_of(frozen, system, truth.times[21:], truth.states[21:])
+    found = score.score_findings(frozen, frozen / "sealed.nc")[0]
+    assert score.metrics(found).keys() == {
+        *(f"score/{method}" for method in ("simulation", "shred", "dashred")),
+        *(f"score/forecast/{name}" for name in ("before", "before_refit", "after")),
+    }
+    found |= {"exact_support": True, "coefficient_error": 0.02}
+    logged = score.metrics(found)
+    assert (logged["score/exact_support"], logged["score/coefficient_error"]) == (1.0, 0.02)
+    score._print(found)
+    assert (
+        "The law found is the true one, its coefficients within 2.0 %." in capsys.readouterr().out
+    )

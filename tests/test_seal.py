@@ -24,9 +24,15 @@ from dashred.errors import InputError
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 PACKAGES = ("dashred", "datamodules", "callbacks")
-SECRET = {"record", "score", "sealing", "twin_file", "twin_experiment"}
-SECRET_MODULES = {f"dashred.{name}" for name in SECRET}
-CONCEALED = ("conf/twins", *(f"dashred/{name}.py" for name in sorted(SECRET)))
+# A bench knows every twin's name, and reads scores: it stands on the scorer's side.
+SECRET_FILES = {"record", "score", "sealing", "twin_file", "twin_experiment", "bench"}
+SECRET_PACKAGES = {"benchmark"}
+SECRET = SECRET_FILES | SECRET_PACKAGES
+CONCEALED = (
+    "conf/twins",
+    *(f"dashred/{name}.py" for name in sorted(SECRET_FILES)),
+    *(f"dashred/{name}" for name in sorted(SECRET_PACKAGES)),
+)
 
 
 def module_files() -> dict[str, Path]:
@@ -40,6 +46,7 @@ def module_files() -> dict[str, Path]:
 
 
 MODULES = module_files()
+SECRET_MODULES = {name for name in MODULES if set(name.split(".")[1:2]) & SECRET}
 
 
 def imports(module: str, tree: ast.AST) -> set[str]:
@@ -149,6 +156,7 @@ def run_without_the_truth(folder: Path, *words: str) -> subprocess.CompletedProc
     for name in CONCEALED:
         path = copy / name
         shutil.rmtree(path) if path.is_dir() else path.unlink()
+    secret = sorted(f"dashred.{name}" for name in SECRET)
     # An editable install finds the checkout's own modules for whatever the copy lacks.
     program = (
         "import sys\n"
@@ -156,7 +164,7 @@ def run_without_the_truth(folder: Path, *words: str) -> subprocess.CompletedProc
         "sys.meta_path[:] = [finder for finder in sys.meta_path if not editable(finder)]\n"
         "import importlib.util as u, dashred; from pathlib import Path\n"
         f"assert Path(dashred.__file__).is_relative_to({str(copy)!r})\n"
-        f"assert not any(u.find_spec(name) for name in {sorted(SECRET_MODULES)})\n"
+        f"assert not any(u.find_spec(name) for name in {secret})\n"
         "from dashred.errors import run_entry; from dashred.train import main\n"
         "sys.exit(run_entry(main))"
     )

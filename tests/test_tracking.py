@@ -188,6 +188,39 @@ def test_a_run_of_another_process_goes_on_and_is_left_open(root: str, tracker: T
     assert status_of(tracker, tracker.run_id) == "FAILED"
 
 
+def test_a_run_may_be_nested_below_one_of_another_process(root: str, tracker: Tracker) -> None:
+    with Tracker.open(root, "rde", "a row", parent=tracker.run_id) as row:
+        assert row.run_id != tracker.run_id
+    assert data_of(tracker, row.run_id).tags["mlflow.parentRunId"] == tracker.run_id
+    assert status_of(tracker, row.run_id) == "FINISHED"
+    assert status_of(tracker, tracker.run_id) == "RUNNING"
+    with (
+        pytest.raises(InputError, match="there is no run '0123'") as caught,
+        Tracker.open(root, "rde", "a row", parent="0123"),
+    ):
+        pass
+    assert caught.value.where == "tracking.parent"
+
+
+def test_a_nested_run_can_be_renamed_and_a_deleted_one_is_left(root: str, tracker: Tracker) -> None:
+    with Tracker.open(root, "rde", "rde seed 1", parent=tracker.run_id) as row:
+        pass
+    tracker.rename(row.run_id, "rde b, seed 1")
+    assert client_of(tracker).get_run(row.run_id).info.run_name == "rde b, seed 1"
+    client_of(tracker).delete_run(row.run_id)
+    tracker.rename(row.run_id, "rde c")
+    tracker.rename("0123", "rde d")
+
+
+def test_a_run_that_was_cut_short_is_gone_on_with_and_ended(root: str) -> None:
+    with pytest.raises(KeyboardInterrupt), Tracker.open(root, "rde", "a bench") as first:
+        raise KeyboardInterrupt
+    with Tracker.reopen(root, "rde", first.run_id) as again:
+        assert again.run_id == first.run_id
+        assert status_of(again, first.run_id) == "RUNNING"
+    assert status_of(again, first.run_id) == "FINISHED"
+
+
 def test_a_run_that_does_not_exist_is_refused(root: str, tracker: Tracker) -> None:
     with (
         pytest.raises(InputError, match="there is no run '0123'"),

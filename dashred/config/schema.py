@@ -261,6 +261,21 @@ class LatentSindy:
 
 
 @dataclass
+class Discovery:
+    """The law and the start, fitted together through the simulator to the sensors."""
+
+    walking: Count
+    """Candidates carried while the horizon grows: those whose effects differ most."""
+
+    tight: Positive
+    """Prior std of a coefficient meanwhile, in units of the one at which its tendency would
+    equal the equation's own."""
+
+    weak: Positive
+    """The same for selection and the last fit; below 0.3 true coefficients are shrunk."""
+
+
+@dataclass
 class Tracking:
     """Where MLflow keeps the run."""
 
@@ -272,6 +287,9 @@ class Tracking:
 
     run: str | None
     """Id of a parent run that is already open; null opens one."""
+
+    parent: str | None
+    """Id of a run to nest a newly opened run below; null nests it nowhere."""
 
 
 @dataclass
@@ -288,6 +306,7 @@ class Settings:
     shred: Shred
     assimilation: Assimilation
     latent_sindy: LatentSindy
+    discovery: Discovery
 
     resolution_limit: Positive
     """How far doubling the resolution may move a sensor trace, as a fraction of its std."""

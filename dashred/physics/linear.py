@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor
 
@@ -57,3 +59,14 @@ def symbol(expr: Expr, operators: Spectral, device: torch.device) -> Tensor | fl
         case _:
             raise TypeError(f"{rest!r} is not a linear operator")
     return value * multiplier * symbol(operand, operators, device)
+
+
+def symbols(linear: Sequence[Sequence[Expr]], operators: Spectral, device: torch.device) -> Tensor:
+    """Return the sum of every field's linear terms as symbols, ``(field, *modes)``, complex."""
+    *first, last = operators.grid.shape
+    shape = (len(linear), *first, last // 2 + 1)
+    rows = torch.zeros(shape, dtype=torch.complex128, device=device)
+    for row, terms in zip(rows, linear, strict=True):
+        for term in terms:
+            row += symbol(term, operators, device)
+    return rows

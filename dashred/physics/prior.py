@@ -107,6 +107,7 @@ class StartPrior:
     Attributes:
         centre: the nominal start, ``(field, *grid)``.
         size: number of independent standard normals z behind one start.
+        kept: Gaussian-process modes asked for.
 
     Args:
         system: names, grid and the spread.
@@ -126,7 +127,7 @@ class StartPrior:
         length = float(spread.get("length", 0.1 * max((a.length for a in system.axes), default=1)))
         self.basis = gaussian_process_modes(system.grid, length, modes)
         self.shared = spread.get("kind") == "gaussian-process"
-        self.rms = rms
+        self.rms, self.kept = rms, modes
         self.size = len(self.basis) * (1 if self.shared else len(self.moves))
 
     def start(self, z: Tensor) -> Tensor:

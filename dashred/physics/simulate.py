@@ -10,7 +10,7 @@ from torch import Tensor
 
 from dashred.errors import InputError
 from dashred.physics.forcing import Forcing
-from dashred.physics.integrators.etdrk4 import ETDRK4
+from dashred.physics.integrators.etdrk4 import Steppers
 from dashred.physics.integrators.ode import (
     FIXED,
     integrate_adaptive,
@@ -18,12 +18,12 @@ from dashred.physics.integrators.ode import (
     round_up,
     substeps,
 )
+from dashred.physics.integrators.schedule import schedule
 from dashred.physics.integrators.ssprk3 import SSPRK3
 from dashred.physics.system import System
 from dashred.physics.tendency import GridTendency, SpectralTendency
 
 Progress = Callable[[float], None]
-STEPPERS_KEPT = 8
 OVERRUN_STEPS = 200
 
 
@@ -86,23 +86,18 @@ def _spectral_march(
 ) -> Iterator[Tensor]:
     grid = system.grid
     tendency = SpectralTendency(system, forcing, start.device)
-    steppers: dict[float, ETDRK4] = {}
-    state = start
+    steppers = Steppers(tendency.linear, tendency)
+    state, modes = start, start
     yield state
-    for begin, end in pairwise(times):
-        count = max(1, round_up((end - begin) / system.dt))
-        h = float(f"{(end - begin) / count:.12g}")
-        if h not in steppers:
-            if len(steppers) == STEPPERS_KEPT:
-                del steppers[next(iter(steppers))]
-            steppers[h] = ETDRK4(tendency.linear, tendency, h)
-        # Every interval starts from the grid: rounding makes modes that are no real field's,
-        # which the equations cannot see and a linear instability would amplify without end.
-        modes = tendency.kept(torch.fft.rfftn(state, dim=grid.dims))
-        for i in range(count):
-            modes = steppers[h].step(modes, begin + i * h)
-        state = torch.fft.irfftn(modes, s=grid.shape, dim=grid.dims)
-        yield state
+    for step in schedule(times, system.dt):
+        if step.begins:
+            # Every interval starts from the grid: rounding makes modes that are no real field's,
+            # which the equations cannot see and a linear instability would amplify without end.
+            modes = tendency.kept(torch.fft.rfftn(state, dim=grid.dims))
+        modes = steppers[step.h].step(modes, step.t)
+        if step.ends:
+            state = torch.fft.irfftn(modes, s=grid.shape, dim=grid.dims)
+            yield state
 
 
 def _grid_march(

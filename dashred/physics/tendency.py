@@ -5,9 +5,10 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from dashred.physics.algebra import Expr, names
-from dashred.physics.forcing import Forcing, RowwiseForcing
-from dashred.physics.linear import is_linear, split_linear, symbol
+from dashred.physics.algebra import names
+from dashred.physics.dense_forcing import TermwiseForcing, forcing_evaluator
+from dashred.physics.forcing import Forcing
+from dashred.physics.linear import is_linear, split_linear, symbol, symbols
 from dashred.physics.program import Program
 from dashred.physics.spectral import Spectral
 from dashred.physics.system import System
@@ -22,7 +23,7 @@ class GridTendency:
         self.program = Program(list(system.resolved.values()))
         self.forcing = None
         if forcing is not None:
-            self.forcing = RowwiseForcing(forcing, system.fields, self.operators)
+            self.forcing = forcing_evaluator(forcing, system.fields, self.operators)
 
     def __call__(self, state: Tensor, t: float) -> Tensor:
         """Return the tendency per unit time."""
@@ -49,12 +50,12 @@ class SpectralTendency:
         self.system, self.operators = system, operators
         parts = [split_linear(expr, field) for field, expr in system.resolved.items()]
         self.program = Program([rest for _, rest in parts])
-        self.linear = self._symbols([linear for linear, _ in parts], device)
+        self.linear = symbols([linear for linear, _ in parts], operators, device)[None]
         self.forcing = None
         if forcing is not None:
             self.forcing = self._take_linear(forcing, device)
         self.reads_surroundings = not self._names(forcing) <= set(system.fields)
-        self.mask = _two_thirds(system).to(device) if system.config.integrator.dealias else None
+        self.mask = two_thirds(system).to(device) if system.config.integrator.dealias else None
 
     def __call__(self, modes: Tensor, t: float) -> Tensor:
         """Return N in modes, ``(batch, field, *modes)``."""
@@ -77,16 +78,7 @@ class SpectralTendency:
         terms = forcing.terms if forcing is not None else ()
         return self.program.names.union(*(names(term.expression) for term in terms))
 
-    def _symbols(self, linear: list[list[Expr]], device: torch.device) -> Tensor:
-        *first, last = self.system.grid.shape
-        modes = (*first, last // 2 + 1)
-        rows = torch.zeros((len(linear), *modes), dtype=torch.complex128, device=device)
-        for row, terms in zip(rows, linear, strict=True):
-            for term in terms:
-                row += symbol(term, self.operators, device)
-        return rows[None]
-
-    def _take_linear(self, forcing: Forcing, device: torch.device) -> RowwiseForcing:
+    def _take_linear(self, forcing: Forcing, device: torch.device) -> TermwiseForcing:
         space = (1,) * len(self.system.grid.shape)
         linear = [is_linear(term.expression, term.equation) for term in forcing.terms]
         for term, column, taken in zip(forcing.terms, forcing.coefficients.T, linear, strict=True):
@@ -99,14 +91,15 @@ class SpectralTendency:
             self.linear = self.linear + added[:, None] * one_field.reshape(1, -1, *space)
         left = [j for j, taken in enumerate(linear) if not taken]
         rest = Forcing(tuple(forcing.terms[j] for j in left), forcing.coefficients[:, left])
-        return RowwiseForcing(rest, self.system.fields, self.operators)
+        return forcing_evaluator(rest, self.system.fields, self.operators)
 
 
 def _summed(left: list[Value], right: list[Value]) -> list[Value]:
     return [total([a, b]) for a, b in zip(left, right, strict=True)]
 
 
-def _two_thirds(system: System) -> Tensor:
+def two_thirds(system: System) -> Tensor:
+    """Return 1 for the modes below two thirds of the highest wavenumber on every axis, else 0."""
     mask = torch.ones((), dtype=torch.float64)
     for k in system.grid.wavenumbers:
         limit = k.abs().max() * 2 / 3

@@ -2,16 +2,23 @@
 
 from dashred.reporting.coefficients import coefficients_against_epoch
 from dashred.reporting.curves import learning_curves, rmse_against_time, sparsity_path
+from dashred.reporting.evidence import evidence_figure
+from dashred.reporting.location import LawMap, where_figure
 from dashred.reporting.space_time import space_time_panels
 from dashred.reporting.style import save_figure
 from dashred.reporting.traces import sensor_traces
+from dashred.reporting.verification import verification_figure
 
 __all__ = [
+    "LawMap",
     "coefficients_against_epoch",
+    "evidence_figure",
     "learning_curves",
     "rmse_against_time",
     "save_figure",
     "sensor_traces",
     "space_time_panels",
     "sparsity_path",
+    "verification_figure",
+    "where_figure",
 ]

@@ -5,7 +5,6 @@ keeps its colour and its name in every figure.
 """
 
 import os
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -31,10 +30,19 @@ METHODS = {
     "dashred": ("DA-SHRED", VERMILION),
     "corrected": ("corrected simulation", GREEN),
     "corrected_shred": ("SHRED on the corrected simulation", PURPLE),
+    "before": ("simulation, start fitted with the law", ORANGE),
+    "before_refit": ("simulation, its own best start", GREY),
+    "after": ("corrected simulation", GREEN),
 }
 # Assimilation often changes little: the line below must show beside the one above.
 WIDTHS = {"shred": 3.6}
-DASHES = {"simulation": "--", "simulation_same_start": "--", "simulation_refit": ":"}
+DASHES = {
+    "simulation": "--",
+    "simulation_same_start": "--",
+    "simulation_refit": ":",
+    "before": "--",
+    "before_refit": ":",
+}
 
 RC: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
@@ -63,8 +71,6 @@ RC: dict[Any, Any] = {
     "figure.facecolor": "white",
     "image.cmap": "viridis",
 }
-
-SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @contextmanager
@@ -107,12 +113,6 @@ def method_look(method: str, index: int) -> dict[str, Any]:
         "linestyle": DASHES.get(method, "-"),
         "linewidth": WIDTHS.get(method, RC["lines.linewidth"]),
     }
-
-
-def pretty(term: str) -> str:
-    """A term as it is printed in books: `u**2*lam` → `u²·lam`."""
-    raised = re.sub(r"\*\*(\d+)(?![\d.])", lambda found: found[1].translate(SUPERSCRIPTS), term)
-    return raised if "**" in raised else raised.replace("*", "·")
 
 
 def shade_held_out(axes: Axes, time_end: float, last: float, *, label: bool) -> None:

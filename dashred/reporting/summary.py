@@ -1,7 +1,9 @@
-"""The printed summary: what was compared, how well it went, what is proposed, where it all is."""
+"""The printed summary: what is left out, what was compared, how well it went, where it all is."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
+
+from dashred.reporting.verdict_words import sentence, verdict_lines
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -9,7 +11,7 @@ if TYPE_CHECKING:
 # In the order in which a reader should meet them.
 METHODS = {
     "simulation": "simulation alone",
-    "before": "simulation, fitted start with the law",
+    "before": "simulation, start fitted with the law",
     "before_refit": "simulation, its own best start",
     "shred": "SHRED",
     "dashred": "DA-SHRED",
@@ -20,17 +22,6 @@ METHODS = {
     "corrected_shred": "SHRED on the corrected simulation",
 }
 ALGORITHMS = {"alg1": "Algorithm 1", "alg2": "Algorithm 2"}
-VERDICTS = {
-    "missing-term": "a term is missing from the simulation",
-    "nothing-missing": "nothing is missing from the simulation",
-    "parameter": "a parameter of the simulation has another value",
-    "initial-condition": "the simulation starts from the wrong state",
-    "sensor-fault": "a sensor is at fault, not the simulation",
-    "unresolved-numerics": "the simulation is not resolved, so nothing can be said of its physics",
-    "outside-library": "something is missing that the library of terms cannot express",
-    "ambiguous": "several explanations fit about equally well",
-    "not-converged": "the search did not converge",
-}
 MOST_TERMS = 5
 
 
@@ -43,8 +34,8 @@ def summary(
     """
     fit = findings["fit"]
     blocks = [
+        verdict_lines(findings),
         _compared(findings["input"]),
-        _verdict(findings),
         _errors("Test sensors, which nothing looked at before", fit["test_sensors"]),
         _errors("Held-out time, the end of the recording", fit["heldout_time"]),
         _errors("Whole field against the hidden truth", (score or {}).get("field_rmse") or {}),
@@ -76,15 +67,7 @@ def _compared(source: Mapping[str, Any]) -> list[str]:
         if splits[role]:
             counts.append(f"{len(splits[role])} {purpose}")
     lines.append(f"{', '.join(counts)}; fitted up to time {splits['time_end']:.6g}.")
-    return lines + ([_sentence(splits["note"])] if splits.get("note") else [])
-
-
-def _verdict(findings: Mapping[str, Any]) -> list[str]:
-    verdict = findings["verdict"]
-    if verdict is None:
-        return []
-    lines = [f"Verdict: {verdict}: {VERDICTS.get(verdict, 'see findings.json')}."]
-    return lines + [f"  {_sentence(c['says'])}" for c in findings["causes"] or [] if "says" in c]
+    return lines + ([sentence(splits["note"])] if splits.get("note") else [])
 
 
 def _errors(title: str, errors: Mapping[str, float | None]) -> list[str]:
@@ -141,7 +124,3 @@ def _paths(paths: Mapping[str, Any]) -> list[str]:
 
 def _count(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
-
-
-def _sentence(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:].rstrip('.')}."

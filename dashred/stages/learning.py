@@ -8,6 +8,7 @@ import lightning
 import torch
 from lightning import Trainer
 from lightning.pytorch.callbacks import Callback, EarlyStopping
+from torch import Tensor
 
 from callbacks import BestState, RMSECurves, StageProgress
 from dashred.config import Config
@@ -30,18 +31,28 @@ class Learned:
         shred: the network, on the CPU, with its best weights.
         test_rmse: RMSE of the field on simulated members that nothing has seen, in units of each
             field's std; by field name, and over all under ``all``.
+        scale: std of each field over the ensemble, ``(field,)``.
         curves: metric → (epoch, value).
     """
 
     shred: SHRED
     test_rmse: dict[str, float]
+    scale: Tensor
     curves: dict[str, list[tuple[int, float]]]
 
 
 def train_shred(
-    problem: Problem, ensemble: Ensemble, run: Tracker, seconds: dict[str, float]
+    problem: Problem, ensemble: Ensemble, run: Tracker, seconds: dict[str, float], name: str
 ) -> Learned:
-    """Train SHRED on simulated members; nothing real is in reach here."""
+    """Train SHRED on simulated members; nothing real is in reach here.
+
+    Args:
+        problem: settings, and which sensors are the input's.
+        ensemble: the members.
+        run: the parent of the run that this is logged to.
+        seconds: where to note the time.
+        name: of the network, ``SHRED``.
+    """
     settings = problem.config.shred
     fit = problem.split.fit.select(problem.split.inputs)
     data = SimulationDataModule(
@@ -61,8 +72,9 @@ def train_shred(
     steps = settings.epochs * settings.steps
     cells = data.pod.modes.shape[1]
     module = SimulationTraining(shred, data.noise.float(), cells, settings.rate, steps)
-    with run.child("shred") as child, stage("train SHRED", seconds) as report:
-        curves = RMSECurves(child, run, "shred")
+    slug = name.lower().replace(" ", "_")
+    with run.child(slug) as child, stage(f"train {name}", seconds) as report:
+        curves = RMSECurves(child, run, slug)
         best = BestState(METRIC)
         trainer = make_trainer(
             problem.config,
@@ -80,7 +92,7 @@ def train_shred(
         test_rmse = _test(shred, data, problem.system.fields)
         child.log_metrics({f"test/{k}": v for k, v in test_rmse.items()}, best.best_epoch)
         report(1.0, f"field RMSE {test_rmse['all']:.3f} std on unseen members")
-    return Learned(shred, test_rmse, curves.history)
+    return Learned(shred, test_rmse, data.pod.scale, curves.history)
 
 
 def make_trainer(

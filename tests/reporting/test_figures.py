@@ -19,7 +19,7 @@ from dashred.reporting.figures import (
     space_time_panels,
     sparsity_path,
 )
-from dashred.reporting.style import pretty
+from dashred.typeset import pretty
 
 TIMES = np.linspace(0, 10, 41)
 X = np.linspace(0, 6, 24, endpoint=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable
 
@@ -9,6 +10,7 @@ import torch
 from torch import Tensor
 
 CONTOUR_POINTS = 32
+STEPPERS_KEPT = 8
 
 
 class ETDRK4:
@@ -32,6 +34,15 @@ class ETDRK4:
         self.full, self.half = torch.exp(z), torch.exp(z / 2)
         self.q, self.first, self.middle, self.last = _coefficients(z, h)
 
+    def carrying(self, nonlinear: Callable[[Tensor, float], Tensor], like: Tensor) -> ETDRK4:
+        """Return the step of another N about the same L, for modes of another kind or place."""
+        other = copy.copy(self)
+        other.nonlinear = nonlinear
+        other.full, other.half = self.full.to(like), self.half.to(like)
+        other.q, other.first = self.q.to(like), self.first.to(like)
+        other.middle, other.last = self.middle.to(like), self.last.to(like)
+        return other
+
     def step(self, modes: Tensor, t: float) -> Tensor:
         """Return the modes at ``t + h``."""
         h, nonlinear, q = self.h, self.nonlinear, self.q
@@ -46,6 +57,22 @@ class ETDRK4:
         found = torch.addcmul(self.full * modes, self.first, n_u)
         found = torch.addcmul(found, self.middle, n_a + n_b)
         return torch.addcmul(found, self.last, n_c)
+
+
+class Steppers:
+    """The steps of one tendency by their length; the latest few are kept."""
+
+    def __init__(self, linear: Tensor, nonlinear: Callable[[Tensor, float], Tensor]) -> None:
+        self.linear, self.nonlinear = linear, nonlinear
+        self._kept: dict[float, ETDRK4] = {}
+
+    def __getitem__(self, h: float) -> ETDRK4:
+        """Return the step of length ``h``."""
+        if h not in self._kept:
+            if len(self._kept) == STEPPERS_KEPT:
+                del self._kept[next(iter(self._kept))]
+            self._kept[h] = ETDRK4(self.linear, self.nonlinear, h)
+        return self._kept[h]
 
 
 def _coefficients(z: Tensor, h: float) -> tuple[Tensor, Tensor, Tensor, Tensor]:

@@ -1,0 +1,29 @@
+"""Run many twin experiments and tell how they went: ``python -m dashred.bench systems=rde``.
+
+Each row is one experiment: a system, a twin, a seed, a noise. Rows that are done are not run
+again, so that a bench which was cut short goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import sys
+
+from dashred.errors import run_entry
+
+
+def main(argv: list[str]) -> int:
+    """Run the rows that are not done, and print the table of all of them."""
+    from dashred.benchmark.plan import plan
+    from dashred.benchmark.words import read_words
+
+    request = read_words(argv)
+    rows = plan(request)
+
+    # Whatever can be wrong with the words has been met by here: MLflow takes seconds to import.
+    from dashred.benchmark.run import run_bench
+
+    return run_bench(request, rows)
+
+
+if __name__ == "__main__":
+    sys.exit(run_entry(main))

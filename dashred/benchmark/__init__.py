@@ -1,0 +1,1 @@
+"""Many twin experiments, and how they went."""

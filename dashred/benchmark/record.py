@@ -1,0 +1,89 @@
+"""What a row found: gathered from the files that its run left, kept in ``row.json``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from dashred.benchmark.plan import Row
+from dashred.benchmark.processes import LOG
+from dashred.errors import DONE
+from dashred.findings import canonical, write_json_atomic
+
+FLAGGED = {"ambiguous", "not-converged", "outside-library", "unresolved-numerics"}
+RATIOS = {
+    "corrected/simulation_same_start": ("corrected", "simulation_same_start"),
+    "corrected/simulation_refit": ("corrected", "simulation_refit"),
+    "corrected_shred/dashred": ("corrected_shred", "dashred"),
+}
+TERM = ("equation", "term", "coefficient", "std", "parameter", "from", "to", "region")
+
+Record = dict[str, Any]
+
+
+def read_done(row: Row) -> Record | None:
+    """Return the record of a row that is done, with the same words and the same configuration."""
+    try:
+        record = json.loads((row.folder / "row.json").read_text(encoding="utf-8"))
+        same = record["key"] == canonical(row.key) and record["problem"] is None
+    except (OSError, ValueError, TypeError, KeyError):
+        return None
+    return record if same else None
+
+
+def write_record(row: Row, code: int, seconds: float) -> Record:
+    """Gather a row that has ended, and keep it."""
+    record: Record = {
+        "key": row.key,
+        "system": row.name,
+        "twin": row.twin,
+        "noise": row.noise,
+        "seed": row.seed,
+        "null": row.null,
+        "words": list(row.words),
+        "exit_code": code,
+        "wall_seconds": round(seconds, 2),
+        "problem": None if code == DONE else _last_line(row.folder / LOG) or f"exit code {code}",
+    }
+    if code == DONE:
+        try:
+            record |= _results(row.folder)
+        except (OSError, ValueError, KeyError) as error:
+            record["problem"] = f"the run left no results: {error}"
+    write_json_atomic(row.folder / "row.json", record)
+    return dict(canonical(record))
+
+
+def _results(folder: Path) -> Record:
+    findings, score, run = (
+        json.loads((folder / name).read_text(encoding="utf-8"))
+        for name in ("findings.json", "score.json", "run.json")
+    )
+    found = findings["terms"]
+    rmse = score["field_rmse"]
+    return {
+        "verdict": findings["verdict"],
+        "flagged": findings["verdict"] in FLAGGED,
+        "terms": None if found is None else [{k: t.get(k) for k in TERM} for t in found],
+        "exact_support": score["exact_support"],
+        "coefficient_error": score["coefficient_error"],
+        "field_rmse": rmse,
+        "field_rmse_by_field": score["field_rmse_by_field"],
+        "forecast": score["forecast"],
+        "ratios": {name: _ratio(rmse.get(a), rmse.get(b)) for name, (a, b) in RATIOS.items()},
+        "seconds": run["seconds"],
+        "git_commit": run["git_commit"],
+        "mlflow_run": run["mlflow_run"],
+    }
+
+
+def _ratio(value: float | None, reference: float | None) -> float | None:
+    return value / reference if value is not None and reference else None
+
+
+def _last_line(path: Path) -> str:
+    """Return the end of a log: what it died of, an error's hint left out."""
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    said = [line for line in lines if line.strip() and not line.startswith(" ")]
+    return said[-1][:200] if said else ""

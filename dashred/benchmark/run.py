@@ -1,0 +1,132 @@
+"""A bench from its first row to its table, with its run in MLflow."""
+
+from __future__ import annotations
+
+import json
+import signal
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+from rich.console import Console
+
+from dashred.benchmark.plan import Row
+from dashred.benchmark.processes import run_rows
+from dashred.benchmark.record import Record, read_done, write_record
+from dashred.benchmark.summary import as_metrics, commits, summarise
+from dashred.benchmark.table import (
+    finished_line,
+    notes,
+    rows_grid,
+    summary_grid,
+    to_markdown,
+    to_rich,
+)
+from dashred.benchmark.words import Request
+from dashred.errors import DONE, OUR_FAILURE, InputError
+from dashred.findings import write_json_atomic
+from dashred.mlflow_store import find_run, open_store
+from dashred.output import make_output
+from dashred.progress import CONSOLE
+from dashred.tracking import Tracker
+
+# A log or a pipe has no width of its own, and tables are wide.
+WIDE = 240
+
+
+def run_bench(request: Request, rows: Sequence[Row]) -> int:
+    """Run what is not done, write and print the tables; 1 when a row failed."""
+    output = make_output(str(request.output))
+    with _alone_in(output), _sigterm_as_interrupt():
+        records = {row.folder: done for row in rows if (done := read_done(row))}
+        waiting = [row for row in rows if row.folder not in records]
+        CONSOLE.print(f"{len(rows)} rows, {len(records)} of them done already; in {output}")
+        with _parent_run(output, rows[0].store, rows) as run:
+            root, experiment = rows[0].store
+            shared = [f"tracking.root={root}", f"tracking.experiment={experiment}"]
+            shared += [f"tracking.parent={run.run_id}"]
+
+            def finished(row: Row, code: int, seconds: float) -> None:
+                records[row.folder] = write_record(row, code, seconds)
+                # The analysis could read its own run's name, so that names no twin while it runs.
+                if "mlflow_run" in records[row.folder]:
+                    run.rename(records[row.folder]["mlflow_run"], str(row))
+                told = finished_line(records[row.folder])
+                place = f"[{len(records)}/{len(rows)}]"
+                text = f"{place} {row}  {told}  {seconds:.0f} s"
+                CONSOLE.print(text, markup=False, soft_wrap=True)
+
+            run_rows(waiting, request.jobs, lambda row: [*shared, f"output={row.folder}"], finished)
+            ended = [records[row.folder] for row in rows]
+            _conclude(ended, output, run)
+    return OUR_FAILURE if any(record["problem"] for record in ended) else DONE
+
+
+def _conclude(records: Sequence[Record], output: Path, run: Tracker) -> None:
+    """Write the tables, log them, and print them."""
+    summaries = summarise(records)
+    grids, said = [rows_grid(records), summary_grid(summaries)], notes(records)
+    write_json_atomic(output / "table.json", {"rows": records, "summary": summaries})
+    partial = output / ".table.md.partial"
+    partial.write_text(to_markdown(grids, said), encoding="utf-8")
+    partial.replace(output / "table.md")
+    run.log_metrics(as_metrics(summaries), 0)
+    run.set_tags({"git commit": ", ".join(commits(records))})
+    for name in ("table.md", "table.json"):
+        run.log_file(output / name)
+    console = CONSOLE if CONSOLE.is_terminal else Console(width=WIDE, highlight=False)
+    for grid in grids:
+        console.print(to_rich(grid))
+    for line in [*said, f"Tables: {output / 'table.md'}", f"MLflow store: {run.uri}"]:
+        console.print(line, markup=False, soft_wrap=True)
+
+
+@contextmanager
+def _parent_run(output: Path, store: tuple[str, str], rows: Sequence[Row]) -> Iterator[Tracker]:
+    """Open the run that the rows are nested below: one for each output folder, gone on with."""
+    root, experiment = store
+    file = output / "bench.json"
+    earlier = _earlier_run(file, root, experiment)
+    name = f"bench {', '.join(dict.fromkeys(row.name for row in rows))}"
+    opened = (
+        Tracker.reopen(root, experiment, earlier)
+        if earlier
+        else Tracker.open(root, experiment, name)
+    )
+    with opened as run:
+        write_json_atomic(file, {"root": root, "experiment": experiment, "run": run.run_id})
+        yield run
+
+
+def _earlier_run(file: Path, root: str, experiment: str) -> str | None:
+    try:
+        known = json.loads(file.read_text(encoding="utf-8"))
+        if (known["root"], known["experiment"]) != (root, experiment):
+            return None
+        return find_run(open_store(root, experiment), known["run"])
+    except (OSError, ValueError, TypeError, KeyError, InputError):
+        return None
+
+
+@contextmanager
+def _alone_in(output: Path) -> Iterator[None]:
+    try:
+        with FileLock(output / ".bench.lock", timeout=0):
+            yield
+    except Timeout:
+        raise InputError(
+            "another bench is running in this folder",
+            where=str(output),
+            hint="wait for it, or choose another: output=DIR",
+        ) from None
+
+
+@contextmanager
+def _sigterm_as_interrupt() -> Iterator[None]:
+    """Let a plain ``kill`` end the rows too, as Ctrl-C does."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

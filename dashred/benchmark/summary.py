@@ -1,0 +1,83 @@
+"""How the rows of one system and one noise went, in numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from statistics import median
+from typing import Any
+
+from dashred.benchmark.record import RATIOS, Record
+
+Summary = dict[str, Any]
+
+
+def summarise(records: Sequence[Record]) -> list[Summary]:
+    """Return one summary for each (system, noise), in the order in which they first come."""
+    groups: dict[tuple[str, float], list[Record]] = {}
+    for record in records:
+        groups.setdefault((record["system"], record["noise"]), []).append(record)
+    return [
+        {"system": system, "noise": noise, **_numbers(group)}
+        for (system, noise), group in groups.items()
+    ]
+
+
+def _numbers(records: Sequence[Record]) -> Summary:
+    ended = [record for record in records if record["problem"] is None]
+    exact = [record for record in ended if record["exact_support"] is True]
+    wrong = [record for record in ended if record["exact_support"] is False]
+    # Where nothing is hidden there is no coefficient to miss and no error to bring down: such rows
+    # are counted, but their trivial 0 and 1 stay out of the medians.
+    hiding = [record for record in ended if not record["null"]]
+    return {
+        "rows": len(records),
+        "failed": len(records) - len(ended),
+        "exact": len(exact),
+        "exact_unflagged": sum(not record["flagged"] for record in exact),
+        "wrong_unflagged": sum(not record["flagged"] for record in wrong),
+        "right_flagged": sum(record["flagged"] for record in exact),
+        "not_converged": sum(record["verdict"] == "not-converged" for record in ended),
+        "unanswered": len(ended) - len(exact) - len(wrong),
+        "coefficient_error": spread(r["coefficient_error"] for r in exact if not r["null"]),
+        "ratios": {name: spread(record["ratios"][name] for record in hiding) for name in RATIOS},
+        "seconds": spread(record["seconds"].get("in all") for record in ended),
+    }
+
+
+def spread(values: Iterable[float | None]) -> dict[str, float | None]:
+    """Return the median and the largest of the values that are known."""
+    known = [value for value in values if value is not None]
+    if not known:
+        return {"median": None, "worst": None}
+    return {"median": median(known), "worst": max(known)}
+
+
+def commits(records: Iterable[Record]) -> list[str]:
+    """Return the commits of the code that made the rows, each once."""
+    return sorted({str(record["git_commit"]) for record in records if record.get("git_commit")})
+
+
+def as_metrics(summaries: Iterable[Summary]) -> dict[str, float]:
+    """Return the summaries' known numbers by name: ``rde/noise 0.05/exact``."""
+    flat: dict[str, float] = {}
+    for summary in summaries:
+        _flatten(
+            f"{_plain(summary['system'])}/noise {summary['noise']:g}",
+            {key: value for key, value in summary.items() if key not in ("system", "noise")},
+            flat,
+        )
+    return flat
+
+
+def _flatten(prefix: str, tree: dict[str, Any], flat: dict[str, float]) -> None:
+    for key, value in tree.items():
+        name = f"{prefix}/{key.replace('/', ' over ')}"
+        if isinstance(value, dict):
+            _flatten(name, value, flat)
+        elif value is not None:
+            flat[name] = float(value)
+
+
+def _plain(name: str) -> str:
+    """Return a file's name with what MLflow does not take in a metric's name put out."""
+    return "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in name)

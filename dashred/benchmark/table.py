@@ -1,0 +1,178 @@
+"""The tables of a bench: a line a row, and the summaries, on the terminal and as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from dashred.benchmark.record import RATIOS, Record
+from dashred.benchmark.summary import Summary, commits
+
+if TYPE_CHECKING:
+    from rich.table import Table as RichTable
+
+SAME, REFIT, SHRED = RATIOS
+ROWS = (
+    *("system", "twin", "noise", "seed", "verdict", "found", "exact", "coefficient error"),
+    *("RMSE DA-SHRED", "RMSE corrected", "corrected / same start", "corrected / refit"),
+    *("corrected SHRED / DA-SHRED", "forecast", "seconds"),
+)
+COUNTS = {
+    "rows": "rows",
+    "failed": "failed",
+    "exact": "exact law",
+    "exact_unflagged": "exact and unflagged",
+    "wrong_unflagged": "wrong and unflagged",
+    "right_flagged": "right but flagged",
+    "not_converged": "not converged",
+    "unanswered": "no law looked for",
+}
+RATIO_NAMES = {
+    SAME: "RMSE corrected / simulation, same start",
+    REFIT: "RMSE corrected / simulation, best start",
+    SHRED: "RMSE SHRED on the corrected / DA-SHRED",
+}
+NOTE = (
+    "RMSE: of the whole field over the fit window, in standard deviations; forecast: of the "
+    "corrected simulation, beyond the recording. Exact: the terms found are the true ones and no "
+    "others (for a twin that hides nothing: none). Flagged: ambiguous, not-converged, "
+    "outside-library or unresolved-numerics. Twins that hide nothing stay out of the summary's "
+    "coefficient errors and ratios. Median, and worst in brackets."
+)
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A table of texts."""
+
+    title: str
+    header: Sequence[str]
+    lines: Sequence[Sequence[str]]
+
+
+def rows_grid(records: Sequence[Record]) -> Grid:
+    """Return the table with a line for each row."""
+    return Grid("Rows", ROWS, [_line(record) for record in records])
+
+
+def summary_grid(summaries: Sequence[Summary]) -> Grid:
+    """Return the table with a column for each system and noise."""
+    header = ["", *(f"{s['system']}, noise {s['noise']:g}" for s in summaries)]
+    lines = [[name, *(str(s[key]) for s in summaries)] for key, name in COUNTS.items()]
+    lines.append(["coefficient error", *(_both(s["coefficient_error"], _share) for s in summaries)])
+    for ratio, name in RATIO_NAMES.items():
+        lines.append([name, *(_both(s["ratios"][ratio], _number) for s in summaries)])
+    lines.append(["seconds", *(_both(s["seconds"], _seconds) for s in summaries)])
+    return Grid("Summary", header, lines)
+
+
+def to_rich(grid: Grid) -> RichTable:
+    """Return the table for a terminal."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=grid.title, title_justify="left")
+    for name in grid.header:
+        table.add_column(Text(name), overflow="fold")
+    for line in grid.lines:
+        table.add_row(*map(Text, line))
+    return table
+
+
+def to_markdown(grids: Sequence[Grid], notes: Sequence[str]) -> str:
+    """Return the whole page."""
+    parts = ["# Bench"]
+    for grid in grids:
+        lines = [grid.header, ["---"] * len(grid.header), *map(_escaped, grid.lines)]
+        parts += [f"## {grid.title}", "\n".join(f"| {' | '.join(line)} |" for line in lines)]
+    return "\n\n".join([*parts, *notes]) + "\n"
+
+
+def notes(records: Sequence[Record]) -> list[str]:
+    """Return what has to be said of the tables."""
+    known = commits(records)
+    said = [NOTE]
+    if len(known) > 1:
+        said.append(
+            f"Warning: these rows were made by {len(known)} versions of the code: "
+            f"{', '.join(known)}. A fresh output=DIR runs them all again."
+        )
+    elif known:
+        said.append(f"Code: {known[0]}.")
+    if any(commit.endswith("+") for commit in known):
+        said.append("A commit with + had changes that were not committed.")
+    return said
+
+
+def found_text(record: Record) -> str:
+    """Return the law found, or what a row died of, on one line."""
+    if record["problem"] is not None:
+        return str(record["problem"])
+    if record["terms"] is None:
+        return "no law looked for"
+    return "; ".join(map(_term, record["terms"])) or "nothing"
+
+
+def finished_line(record: Record) -> str:
+    """Return what is said of a row as it ends."""
+    if record["problem"] is not None:
+        return f"failed with exit code {record['exit_code']}: {record['problem']}"
+    parts = [record["verdict"] or "no verdict", found_text(record)]
+    if record["exact_support"] is not None:
+        error = _share(record["coefficient_error"])
+        within = f" within {error}" if record["coefficient_error"] else ""
+        parts.append(f"exact{within}" if record["exact_support"] else "not the true law")
+    ratio = record["ratios"][REFIT]
+    return "  ".join([*parts, *([f"RMSE × {_number(ratio)}"] if ratio is not None else [])])
+
+
+def _line(record: Record) -> list[str]:
+    head = [record["system"], record["twin"], f"{record['noise']:g}", str(record["seed"])]
+    if record["problem"] is not None:
+        blank = [""] * (len(ROWS) - len(head) - 2)
+        return [*head, f"failed ({record['exit_code']})", found_text(record), *blank]
+    exact = {True: "yes", False: "no", None: ""}[record["exact_support"]]
+    return [
+        *head,
+        record["verdict"] or "",
+        found_text(record),
+        exact,
+        _share(record["coefficient_error"]),
+        _number(record["field_rmse"].get("dashred")),
+        _number(record["field_rmse"].get("corrected")),
+        *(_number(record["ratios"][name]) for name in RATIOS),
+        _number(record["forecast"].get("after")),
+        _seconds(record["seconds"].get("in all")),
+    ]
+
+
+def _term(term: dict[str, Any]) -> str:
+    if term["equation"] is None:
+        return f"{term['parameter']}: {_number(term['from'])} → {_number(term['to'])}"
+    std = f" ± {term['std']:.1g}" if term["std"] is not None else ""
+    where = " in a region" if term["region"] is not None else ""
+    return f"{term['equation']}: {term['coefficient']:+.4g}{std} · {term['term']}{where}"
+
+
+def _both(spread: dict[str, float | None], text: Any) -> str:
+    if spread["median"] is None:
+        return ""
+    return f"{text(spread['median'])} ({text(spread['worst'])})"
+
+
+def _share(value: float | None) -> str:
+    return "" if value is None else f"{100 * value:.2g} %"
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.3g}"
+
+
+def _seconds(value: float | None) -> str:
+    return "" if value is None else f"{value:.0f}"
+
+
+def _escaped(line: Sequence[str]) -> list[str]:
+    """Keep what Markdown would read as emphasis, or as the end of a cell."""
+    return [cell.replace("|", "\\|").replace("*", "\\*").replace("_", "\\_") for cell in line]

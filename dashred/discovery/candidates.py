@@ -1,0 +1,148 @@
+"""What may be wrong with a simulator: missing library terms and mis-stated parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from dashred.physics.differentiate import parameter_tendency
+from dashred.physics.forcing import Forcing
+from dashred.physics.library import COLLINEAR, evaluate_terms, resolve
+from dashred.physics.linear import is_linear, symbol
+from dashred.physics.spectral import Spectral
+from dashred.physics.system import System, Term
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One unknown coefficient ξ of the model error ``Σ ξ θ(u)``.
+
+    Attributes:
+        name: what ξ multiplies, in the user's words: ``u**3``; or the parameter it is added to.
+        equation: the equation it belongs to; None for a parameter, which may touch several.
+        terms: its tendency per unit of ξ: the term itself, or ``∂N/∂p`` by equation; resolved.
+        scale: ξ at which its tendency would have the rms of the equation's own.
+        limit: largest |ξ| that an explicit or anti-diffusive step bears; inf for most.
+        aliases: parameters whose change has the same effect to first order.
+        replaces: library terms, ``equation: term``, that a parameter stands for.
+    """
+
+    name: str
+    equation: str | None
+    terms: tuple[Term, ...]
+    scale: float
+    limit: float = math.inf
+    aliases: tuple[str, ...] = ()
+    replaces: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        """``u: u**3``, or ``parameter nu``."""
+        return f"{self.equation}: {self.name}" if self.equation else f"parameter {self.name}"
+
+
+def build_candidates(
+    system: System, library: Sequence[Term], nominal: Tensor, t: float
+) -> list[Candidate]:
+    """Return the simulator's parameters, then the library's terms, none like another.
+
+    Two candidates are alike if their tendencies are proportional over the nominal simulation.
+    Of parameters that are alike the first stays and carries the others' names; a term that is
+    like a parameter gives way to it.
+
+    Args:
+        system: the simulator.
+        library: the candidate terms.
+        nominal: states of the simulator, ``(time, field, *grid)``.
+        t: time at which terms that read it are compared.
+    """
+    parameters = [_parameter(system, name) for name in system.config.parameters]
+    resolved = resolve(system, library)
+    terms = [
+        Candidate(str(term), term.equation, (ready,), 1.0)
+        for term, ready in zip(library, resolved, strict=True)
+    ]
+    found = [c for c in parameters if c.terms] + terms
+    columns = torch.stack([_column(system, c, nominal, t) for c in found])
+    sizes = columns.norm(dim=1)
+    kept: list[int] = []
+    aliases: dict[int, list[str]] = {}
+    replaced: dict[int, list[str]] = {}
+    for j, candidate in enumerate(found):
+        if not torch.isfinite(sizes[j]) or sizes[j] == 0:
+            continue
+        cosines = (columns[kept] @ columns[j]).abs() / (sizes[kept] * sizes[j])
+        alike = torch.nonzero(cosines > 1 - COLLINEAR).flatten().tolist()
+        if not alike:
+            kept.append(j)
+            continue
+        first = kept[alike[0]]
+        if candidate.equation is None:
+            aliases.setdefault(first, []).append(candidate.name)
+        else:
+            replaced.setdefault(first, []).append(str(candidate))
+    size = math.sqrt(columns.shape[1])
+    return [
+        replace(
+            found[j],
+            scale=size / float(sizes[j]),
+            limit=_limit(system, found[j]),
+            aliases=tuple(aliases.get(j, ())),
+            replaces=tuple(replaced.get(j, ())),
+        )
+        for j in kept
+    ]
+
+
+def indices_by_name(candidates: Sequence[Candidate]) -> dict[str, int]:
+    """Return the index of the candidate that stands for each library term, ``equation: term``."""
+    return {name: j for j, found in enumerate(candidates) for name in (str(found), *found.replaces)}
+
+
+def forcing_of(candidates: Sequence[Candidate], coefficients: Tensor) -> Forcing:
+    """Return the model error of coefficients ``(batch, candidate)``, in the user's units."""
+    terms = tuple(term for candidate in candidates for term in candidate.terms)
+    owner = [j for j, candidate in enumerate(candidates) for _ in candidate.terms]
+    return Forcing(terms, coefficients[:, owner])
+
+
+def _parameter(system: System, name: str) -> Candidate:
+    tendencies = parameter_tendency(system, name)
+    terms = tuple(Term(equation, expr) for equation, expr in tendencies.items())
+    return Candidate(name, None, terms, 1.0)
+
+
+def _column(system: System, candidate: Candidate, states: Tensor, t: float) -> Tensor:
+    """Return the candidate's tendency in units of each equation's own rms, over all fields."""
+    own = [Term(f, system.equations[f]) for f in system.fields]
+    rms = evaluate_terms(system, own, states, t).flatten(1).square().mean(dim=1).sqrt()
+    columns = torch.zeros((len(system.fields), states[:, 0].numel()), dtype=torch.float64)
+    found = evaluate_terms(system, candidate.terms, states, t).flatten(1)
+    for term, column in zip(candidate.terms, found, strict=True):
+        index = system.fields.index(term.equation)
+        columns[index] += column / rms[index].clamp(min=1e-12)
+    return columns.flatten()
+
+
+def _limit(system: System, candidate: Candidate) -> float:
+    """Return the |ξ| at which the fastest mode grows e-fold within a step.
+
+    Only of linear terms: at fourth order the natural scale lies far above it, and the first
+    trial would blow up (design §4.2.3).
+    """
+    if not isinstance(system.operators, Spectral):
+        return math.inf
+    fastest = 0.0
+    for term in candidate.terms:
+        for field in system.fields:
+            if is_linear(term.expression, field):
+                own = field == term.equation
+                found = torch.as_tensor(
+                    symbol(term.expression, system.operators, torch.device("cpu"))
+                )
+                grows = found.real if own and found.is_complex() else found
+                fastest = max(fastest, float(grows.abs().max()))
+    return 1.0 / (fastest * system.dt) if fastest else math.inf

@@ -1,0 +1,42 @@
+"""The simulator with a law put in: missing terms as text, mis-stated parameters as new values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from dashred.discovery.law import Law
+from dashred.physics.differentiate import parameter_tendency
+from dashred.physics.system import System, Term
+
+
+def correct(system: System, law: Law) -> System:
+    """Return the system that the law says is real.
+
+    Its tendency is ``N + Σ ξ θ`` exactly for terms and for parameters that enter linearly; for
+    the others (``alpha`` in ``exp(u/alpha)``) the law is their tangent, so the two agree to first
+    order in the change.
+    """
+    changed: dict[str, float] = {}
+    terms: list[tuple[Term, float]] = []
+    for candidate, value in zip(law.candidates, law.coefficients.tolist(), strict=True):
+        if candidate.equation is None:
+            changed[candidate.name] = system.config.parameters[candidate.name] + value
+        else:
+            key = f"library.{candidate.equation}"
+            expression = system.parse(candidate.name, key, equation=candidate.equation)
+            terms.append((Term(candidate.equation, expression), value))
+    return with_parameters(system, changed).with_terms(terms)
+
+
+def with_parameters(system: System, values: Mapping[str, float]) -> System:
+    """Return the system with other values of some parameters."""
+    parameters = system.config.parameters | dict(values)
+    return System(replace(system.config, parameters=parameters), system.where)
+
+
+def enters_linearly(system: System, parameter: str) -> bool:
+    """Return whether ``∂N/∂p`` is the same at another value of p."""
+    value = system.config.parameters[parameter]
+    moved = with_parameters(system, {parameter: 1.25 * value if value else 1.0})
+    return parameter_tendency(moved, parameter) == parameter_tendency(system, parameter)

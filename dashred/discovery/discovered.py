@@ -1,0 +1,81 @@
+"""What discovery found: the law, its rivals, and how sure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from torch import Tensor
+
+from dashred.discovery.law import Law
+from dashred.discovery.noise_model import NoiseModel
+
+# A rival within this of the best is as good as the best (design §4.2.6).
+AMBIGUOUS = 6.0
+
+
+@dataclass(frozen=True)
+class Discovered:
+    """The findings of the refinement, before anything held out was looked at.
+
+    Attributes:
+        laws: the best law and its rivals, the best first; each fitted to the end.
+        nothing: the simulator as it is, with its own best start.
+        noise: what the best law's residuals speak for.
+        seeds: RMSE on the validation sensors in σ after the first window, by seed.
+        seed: the one that was used.
+        levels: ``(samples, χ²/n)`` along the growing horizon.
+        reached: whether the horizon grew to the whole fit window.
+        free_chi2: χ²/n of the fit of all candidates together, under the same noise.
+        exhausted: whether the swap search ran to its end.
+        path: ``(candidates, score of the best set of that size)``.
+        tried: how many sets were refitted.
+    """
+
+    laws: list[Law]
+    nothing: Law
+    noise: NoiseModel
+    seeds: dict[str, float]
+    seed: str
+    levels: list[tuple[int, float]]
+    reached: bool
+    free_chi2: float
+    exhausted: bool
+    path: list[tuple[int, float]]
+    tried: int
+
+    @property
+    def best(self) -> Law:
+        """The law with the lowest score."""
+        return self.laws[0]
+
+    @property
+    def rivals(self) -> list[Law]:
+        """The laws within ΔBIC 6 of the best that it does not contain, nor they it.
+
+        A superset counts, too, unless the search ran to its end.
+        """
+        mine = {str(candidate) for candidate in self.best.candidates}
+        found = []
+        for law in self.laws[1:]:
+            theirs = {str(candidate) for candidate in law.candidates}
+            nested = theirs < mine or (self.exhausted and theirs > mine)
+            if law.score < self.best.score + AMBIGUOUS and not nested:
+                found.append(law)
+        return found
+
+
+@dataclass(frozen=True)
+class Trajectories:
+    """Free runs over the recording's clock and beyond: of three starts and two laws.
+
+    Attributes:
+        times: the recording's samples, ``(time,)``; then half as many again.
+        same_start: the uncorrected simulator from the best law's start, ``(time, field, *grid)``.
+        refit: the uncorrected simulator from its own best start.
+        corrected: the best law from its start.
+    """
+
+    times: Tensor
+    same_start: Tensor
+    refit: Tensor
+    corrected: Tensor

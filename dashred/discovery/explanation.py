@@ -1,0 +1,120 @@
+"""The law that was found, in plain words, with error bars and probabilities."""
+
+from __future__ import annotations
+
+from dashred.discovery.correction import enters_linearly
+from dashred.discovery.discovered import AMBIGUOUS, Discovered
+from dashred.discovery.law import Law
+from dashred.discovery.plausibility import inclusion
+from dashred.discovery.wording import words
+from dashred.findings_schema import Alternative, ParameterChange, TermFound, TermTried
+from dashred.physics.system import System
+from dashred.typeset import number, rounded
+
+MOST_ALTERNATIVES = 3
+
+
+def explain(system: System, discovered: Discovered) -> list[TermFound | ParameterChange]:
+    """Return ``findings["terms"]``: one entry for each candidate of the best law."""
+    law = discovered.best
+    found: list[TermFound | ParameterChange] = []
+    for index, candidate in enumerate(law.candidates):
+        included = inclusion(discovered, candidate)
+        if candidate.equation is None:
+            found.append(_parameter(system, law, index, included))
+        else:
+            found.append(_term(system, law, index, included))
+    return found
+
+
+def alternatives(discovered: Discovered) -> list[Alternative]:
+    """Return at most three other laws: rivals first, then by score."""
+    best, rivals = discovered.best, discovered.rivals
+    # Laws hold tensors, which do not compare to one truth: identity decides.
+    decided = {id(law) for law in rivals}
+    others = [law for law in discovered.laws[1:] if id(law) not in decided]
+    return [
+        Alternative(
+            terms=_tried(law),
+            delta_bic=law.score - best.score,
+            rival=index < len(rivals),
+            same_as_best=_reads_the_same(discovered, law),
+        )
+        for index, law in enumerate([*rivals, *others][:MOST_ALTERNATIVES])
+    ]
+
+
+def law_in_words(law: Law, system: System) -> str:
+    """Return the law in one sentence for what is missing and one for what is mis-stated."""
+    every = range(len(law.candidates))
+    missing = [_says(system, law, i) for i in every if law.candidates[i].equation is not None]
+    changed = [_says(system, law, i) for i in every if law.candidates[i].equation is None]
+    sentences = []
+    if missing:
+        sentences.append(f"The simulation leaves out {'; and '.join(missing)}.")
+    if changed:
+        sentences.append(f"A parameter is mis-stated: {'; and '.join(changed)}.")
+    return " ".join(sentences) or "The simulation leaves out nothing that the recording shows."
+
+
+def _term(system: System, law: Law, index: int, included: float) -> TermFound:
+    candidate = law.candidates[index]
+    assert candidate.equation is not None
+    return TermFound(
+        equation=candidate.equation,
+        term=candidate.name,
+        coefficient=float(law.coefficients[index]),
+        std=float(law.std[index]),
+        ci95=list(law.interval(index)),
+        inclusion=included,
+        region=None,
+        says=_says(system, law, index),
+    )
+
+
+def _parameter(system: System, law: Law, index: int, included: float) -> ParameterChange:
+    candidate = law.candidates[index]
+    old, change = system.config.parameters[candidate.name], float(law.coefficients[index])
+    return {
+        "equation": None,
+        "parameter": candidate.name,
+        "term": candidate.name,
+        "from": old,
+        "to": old + change,
+        "coefficient": change,
+        "std": float(law.std[index]),
+        "ci95": [old + end for end in law.interval(index)],
+        "aliases": list(candidate.aliases),
+        "inclusion": included,
+        "region": None,
+        "says": _says(system, law, index),
+    }
+
+
+def _says(system: System, law: Law, index: int) -> str:
+    candidate = law.candidates[index]
+    value, std = float(law.coefficients[index]), float(law.std[index])
+    if candidate.equation is not None:
+        key = f"library.{candidate.equation}"
+        expression = system.parse(candidate.name, key, equation=candidate.equation)
+        return words(system, candidate.equation, expression, value, std)
+    old = system.config.parameters[candidate.name]
+    new, error = rounded(old + value, std)
+    about = "" if enters_linearly(system, candidate.name) else ", to first order in the change"
+    says = f"{candidate.name} is {new}, not {number(old)} (± {error}{about})"
+    if candidate.aliases:
+        says += f"; a change of {' or '.join(candidate.aliases)} would do the same"
+    return says
+
+
+def _tried(law: Law) -> list[TermTried]:
+    return [
+        TermTried(equation=candidate.equation, term=candidate.name, coefficient=value)
+        for candidate, value in zip(law.candidates, law.coefficients.tolist(), strict=True)
+    ]
+
+
+def _reads_the_same(discovered: Discovered, law: Law) -> bool:
+    """Whether the two laws' readings differ by less, in χ², than what tells rivals apart."""
+    difference = discovered.noise.whiten(law.residuals - discovered.best.residuals)
+    return float(difference.square().sum()) < AMBIGUOUS

@@ -1,0 +1,27 @@
+"""Posterior probabilities of the laws that were tried: ``P(law) ∝ exp(-score/2)``."""
+
+from __future__ import annotations
+
+import math
+
+from dashred.discovery.candidates import Candidate
+from dashred.discovery.discovered import Discovered
+from dashred.discovery.law import Law
+
+
+def plausibility(discovered: Discovered) -> list[tuple[Law, float]]:
+    """Return each law with its probability among all tried; the simulator as it is is one."""
+    laws = list(discovered.laws)
+    if all(law.candidates for law in laws):
+        laws.append(discovered.nothing)
+    lowest = min(law.score for law in laws)
+    weights = [math.exp((lowest - law.score) / 2) for law in laws]
+    total = math.fsum(weights)
+    return [(law, weight / total) for law, weight in zip(laws, weights, strict=True)]
+
+
+def inclusion(discovered: Discovered, candidate: Candidate) -> float:
+    """Return the probability that a candidate belongs to the law, with whatever others."""
+    name = str(candidate)
+    found = (p for law, p in plausibility(discovered) if name in {str(c) for c in law.candidates})
+    return min(1.0, math.fsum(found))

@@ -1,0 +1,201 @@
+"""Select the law: refit the promising sets through the simulator, and swap until none wins."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from dashred.discovery.gauss_newton import Normal, Objective, chord_refits, minimise
+from dashred.discovery.subsets import Eliminated, backward_path, small_sets
+
+Set = tuple[int, ...]
+Report = Callable[[float, str], None]
+
+LARGEST = 3
+LARGEST_ON_PATH = 6
+# Sets refitted at first, by size; the backward path and the proposals come on top.
+REFITTED = {1: 8, 2: 8, 3: 8}
+NEIGHBOURS = 16
+ROUNDS = 6
+CHORD_STEPS = 6
+# A row that gains less than this in F has come to its minimum, as far as ranking needs it.
+SETTLED = 0.3
+POLISH_STEPS = 6
+POLISHED = 1e-5
+# Sets whose score lies farther than this from the best are not refitted when σ has changed.
+HOPELESS = 30.0
+
+
+@dataclass(frozen=True)
+class Tried:
+    """One set of candidates, refitted.
+
+    Attributes:
+        members: indices of its candidates, sorted.
+        phi: the fit, ``(unknown,)``.
+        cost: F.
+        score: ``F + k (ln n + 2 ln p)``, lower is better.
+    """
+
+    members: Set
+    phi: Tensor
+    cost: float
+    score: float
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What the search has found.
+
+    Attributes:
+        objective: F with the noise that the best law's residuals speak for.
+        tried: every set that was refitted, the best first.
+        exhausted: no swap, addition or omission wins any more.
+    """
+
+    objective: Objective
+    tried: list[Tried]
+    exhausted: bool
+
+
+def select(
+    objective: Objective, phi: Tensor, proposals: Iterable[Set], report: Report
+) -> Selection:
+    """Find the set of candidates with the best score.
+
+    Args:
+        objective: F over the whole record with a weak prior on ξ.
+        phi: a fit of all candidates, about which the first search is linearised.
+        proposals: sets to refit beside those that the search finds.
+        report: progress.
+    """
+    search = _Search(objective)
+    problem = search.linearise(phi)
+    first = [(), *_promising(problem, search.penalty), *proposals]
+    search.refit(first)
+    report(0.4, f"{len(search.tried)} sets refitted")
+    exhausted = False
+    for turn in range(ROUNDS):
+        best = search.best
+        search.adopt_noise(best)
+        problem = search.linearise(best.phi)
+        search.refit(search.contenders())
+        search.refit(_neighbours(problem, search.best.members, search.tried, search.penalty))
+        report(0.4 + 0.6 * (turn + 1) / ROUNDS, f"{len(search.tried)} sets refitted")
+        if search.best.members == best.members:
+            exhausted = True
+            break
+    ranked = sorted(search.tried.values(), key=lambda found: found.score)
+    return Selection(search.objective, ranked, exhausted)
+
+
+def polish(objective: Objective, tried: Tried) -> Tried:
+    """Return the fit of one set with fresh Jacobians to the end."""
+    mine = objective.only(tried.members)
+    begin = tried.phi[objective.places(tried.members)]
+    fitted = minimise(mine, begin, POLISH_STEPS, POLISHED)
+    score = tried.score + fitted.cost - tried.cost
+    return Tried(tried.members, objective.embed(fitted.phi, tried.members), fitted.cost, score)
+
+
+class _Search:
+    """All sets tried so far, under one noise model and one linearisation."""
+
+    def __init__(self, objective: Objective) -> None:
+        self.objective = objective
+        self.tried: dict[Set, Tried] = {}
+
+    @property
+    def penalty(self) -> float:
+        """Cost of one candidate more: ``ln n + 2 ln p`` (design §4.2.5)."""
+        candidates = len(self.objective.prior_std)
+        return math.log(self.objective.noise.effective_count) + 2 * math.log(candidates)
+
+    @property
+    def best(self) -> Tried:
+        """The set with the lowest score."""
+        return min(self.tried.values(), key=lambda found: found.score)
+
+    def linearise(self, phi: Tensor) -> Eliminated:
+        """Move the linearisation to ``phi``."""
+        point = self.objective.shooting.linearise(*self.objective.split(phi))
+        self.normal = Normal.of(self.objective, point)
+        residuals = self.objective.residuals(point.readings)
+        self.target = self.normal.jacobian @ phi - residuals
+        return Eliminated.of(self.normal, self.objective.modes, residuals, phi)
+
+    def adopt_noise(self, best: Tried) -> None:
+        """Estimate σ and its correlation from the residuals of the best set."""
+        objective = self.objective
+        z, xi = objective.split(best.phi[None])
+        left = objective.shooting.readings(z, xi)[0] - objective.recorded
+        groups = [sensor.reads for sensor in objective.shooting.operator.sensors]
+        spent = objective.modes + len(best.members)
+        noise = objective.noise.estimated(left, groups, spent)
+        self.objective = replace(objective, noise=noise)
+
+    def contenders(self) -> list[Set]:
+        """Return the sets that may still win."""
+        bound = self.best.score + HOPELESS
+        return [found.members for found in self.tried.values() if found.score < bound]
+
+    def refit(self, sets: Sequence[Set]) -> None:
+        """Refit sets, each from its own last fit or from the linear prediction."""
+        sets = list(dict.fromkeys(tuple(sorted(members)) for members in sets))
+        if not sets:
+            return
+        free = _free(self.objective, sets)
+        begin = torch.stack([self._begin(members) for members in sets])
+        found = chord_refits(self.objective, self.normal, begin, free, CHORD_STEPS, SETTLED)
+        for row, members in enumerate(sets):
+            cost = float(found.cost[row])
+            score = cost + self.penalty * len(members)
+            self.tried[members] = Tried(members, found.phi[row], cost, score)
+
+    def _begin(self, members: Set) -> Tensor:
+        if members in self.tried and math.isfinite(self.tried[members].cost):
+            return self.tried[members].phi
+        index = self.objective.places(members)
+        hessian = self.normal.hessian[index][:, index]
+        goal = (self.normal.jacobian.T @ self.target)[index]
+        return self.objective.embed(torch.linalg.solve(hessian, goal), members)
+
+
+def _promising(problem: Eliminated, penalty: float) -> list[Set]:
+    count = len(problem.target)
+    found: list[Set] = []
+    for sets in small_sets(count, min(LARGEST, count)):
+        size = len(sets[0])
+        if size:
+            order = problem.costs(sets).argsort()[: REFITTED[size]]
+            found += [sets[i] for i in order.tolist()]
+    path = backward_path(problem, LARGEST_ON_PATH)
+    return found + [members for members in path if len(members) > LARGEST]
+
+
+def _neighbours(
+    problem: Eliminated, members: Set, tried: dict[Set, Tried], penalty: float
+) -> list[Set]:
+    """Return the best untried sets that one swap, one addition or one omission makes."""
+    others = [j for j in range(len(problem.target)) if j not in members]
+    drops = [tuple(j for j in members if j != out) for out in members]
+    swaps = [tuple(sorted((*kept, other))) for kept in drops for other in others]
+    adds = [tuple(sorted((*members, other))) for other in others]
+    found = [move for move in drops if move not in tried]
+    for moves in (swaps, adds):
+        new = [move for move in moves if move not in tried]
+        if new:
+            order = problem.costs(new).argsort()[: NEIGHBOURS // 2]
+            found += [new[i] for i in order.tolist()]
+    return found
+
+
+def _free(objective: Objective, sets: Sequence[Set]) -> Tensor:
+    free = torch.zeros((len(sets), objective.modes + len(objective.prior_std)), dtype=torch.bool)
+    for row, members in enumerate(sets):
+        free[row, objective.places(members)] = True
+    return free

@@ -1,0 +1,148 @@
+"""Shooting: from a start and a model error, through the simulator, to what the sensors read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from dashred.discovery.candidates import Candidate, forcing_of
+from dashred.discovery.starts import StartModel
+from dashred.physics.simulator import Run, compiled
+from dashred.physics.system import System
+from dashred.physics.tangent_linear import supports, tangent_linear
+from dashred.sensing.observation import ObservationOperator
+
+DIFFERENCE = 1e-5
+
+
+class Simulator:
+    """The simulator with every candidate in reach, compiled once for all fits.
+
+    Attributes:
+        system: the simulator.
+        tangent: the same with the step that its derivative is good enough with.
+
+    Args:
+        system: the simulator.
+        tangent_dt: longest step of the derivative; a percent of error in it costs nothing, for
+            residuals are always those of the system itself.
+        candidates: whatever may be added to it.
+    """
+
+    def __init__(self, system: System, tangent_dt: float, candidates: Sequence[Candidate]) -> None:
+        self.system = system
+        self.tangent = system.with_step(max(tangent_dt, system.dt))
+        self.terms = forcing_of(candidates, torch.zeros((1, len(candidates)))).terms
+        self._columns: dict[str, list[int]] = {}
+        first = 0
+        for candidate in candidates:
+            self._columns[str(candidate)] = [*range(first, first + len(candidate.terms))]
+            first += len(candidate.terms)
+        self._run: Run = compiled(system, self.terms)
+        self.has_tangents = supports(system, self.terms)
+
+    def run(
+        self, start: Tensor, times: Tensor, candidates: Sequence[Candidate], xi: Tensor
+    ) -> Tensor:
+        """Return trajectories ``(batch, time, field, *grid)`` with coefficients of some."""
+        weights = torch.zeros((len(start), len(self.terms)), dtype=torch.float64)
+        for j, candidate in enumerate(candidates):
+            weights[:, self._columns[str(candidate)]] = xi[:, j, None]
+        return self._run(start, times, weights)
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """Readings about one point: ``H S(z, ξ) ≈ readings + J_z δz + J_ξ δξ``.
+
+    Attributes:
+        readings: ``(time, sensor)``.
+        by_start: J_z, ``(time, sensor, mode)``.
+        by_error: J_ξ in the user's units, ``(time, sensor, candidate)``.
+    """
+
+    readings: Tensor
+    by_start: Tensor
+    by_error: Tensor
+
+
+@dataclass(frozen=True)
+class Shooting:
+    """``(z, ξ) → H S(u₀(z); N + Σ ξ θ)`` and its derivative (design §4.2).
+
+    Attributes:
+        simulator: S and N.
+        start: u₀(z), z ~ N(0, 1).
+        candidates: what ξ multiplies.
+        operator: H of the fit sensors.
+        times: clock of the recording's part that is fitted, ``(time,)``.
+    """
+
+    simulator: Simulator
+    start: StartModel
+    candidates: Sequence[Candidate]
+    operator: ObservationOperator
+    times: Tensor
+
+    def until(self, samples: int) -> Shooting:
+        """Return the same over the first samples alone."""
+        return replace(self, times=self.times[:samples])
+
+    def states(
+        self, z: Float[Tensor, "batch mode"], xi: Float[Tensor, "batch candidate"]
+    ) -> Tensor:
+        """Return the trajectories ``(batch, time, field, *grid)``."""
+        return self.simulator.run(self.start.start(z), self.times, self.candidates, xi)
+
+    def readings(self, z: Tensor, xi: Tensor) -> Float[Tensor, "batch time sensor"]:
+        """Return what the sensors read; not finite from where a trajectory blows up."""
+        return self.operator(self.states(z, xi))
+
+    def linearise(
+        self, z: Float[Tensor, " mode"], xi: Float[Tensor, " candidate"]
+    ) -> Linearisation:
+        """Return readings and Jacobian about one point, by tangents, or else by differences."""
+        if not self.simulator.has_tangents:
+            return self._difference(z, xi)
+        carried = torch.nonzero(xi).flatten().tolist()
+        forcing = forcing_of([self.candidates[j] for j in carried], xi[None, carried])
+        sources = [candidate.terms for candidate in self.candidates]
+        eye = torch.eye(len(z), dtype=torch.float64)
+        base = self.start.start(z[None])
+        directions = (self.start.start(z + DIFFERENCE * eye) - base) / DIFFERENCE
+        columns = [
+            self._observe(state, tangents.double())
+            for state, tangents in tangent_linear(
+                self.simulator.tangent,
+                base[0],
+                directions,
+                self.times,
+                forcing,
+                sources,
+                torch.float32,
+            )
+        ]
+        jacobian = torch.stack(columns)
+        [readings] = self.readings(z[None], xi[None])
+        return Linearisation(readings, jacobian[..., : len(z)], jacobian[..., len(z) :])
+
+    def _observe(self, state: Tensor, tangents: Tensor) -> Tensor:
+        """Return H' w of tangents ``(column, field, *grid)``: ``(sensor, column)``."""
+        largest = tangents.abs().flatten(1).amax(dim=1).clamp(min=1e-300)
+        size = DIFFERENCE * state.abs().max() / largest
+        moved = state + size.reshape(-1, *(1,) * state.dim()) * tangents
+        return ((self.operator(moved) - self.operator(state)) / size[:, None]).T
+
+    def _difference(self, z: Tensor, xi: Tensor) -> Linearisation:
+        scales = torch.tensor([c.scale for c in self.candidates], dtype=torch.float64)
+        steps = DIFFERENCE * torch.cat([torch.ones(len(z), dtype=torch.float64), scales])
+        base = torch.cat([z, xi])
+        moved = torch.cat([base + torch.diag(steps), base - torch.diag(steps), base[None]])
+        found = self.readings(moved[:, : len(z)], moved[:, len(z) :])
+        ahead, behind = found[:-1].split(len(steps))
+        jacobian = ((ahead - behind) / (2 * steps[:, None, None])).permute(1, 2, 0)
+        return Linearisation(found[-1], jacobian[..., : len(z)], jacobian[..., len(z) :])

@@ -1,0 +1,53 @@
+"""What is known of the state at a recording's first sample, as a map of standard normals z."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+
+class StartModel(Protocol):
+    """A prior on starts: ``u₀ = start(z)`` with z ~ N(0, I) (design §4.2).
+
+    Shooting looks for z, so the model is both the seed (z = 0) and its scale.
+    :class:`dashred.physics.prior.StartPrior` is one, and it is not affine.
+    """
+
+    @property
+    def size(self) -> int:
+        """Number of independent standard normals z."""
+
+    def start(self, z: Tensor) -> Tensor:
+        """Return the starts ``(batch, field, *grid)`` of ``z``, ``(batch, size)``."""
+
+
+@dataclass(frozen=True)
+class LinearStart:
+    """``u₀ = m + B z``: the mean and the modes of an estimate, the modes prior-scaled.
+
+    Attributes:
+        mean: m, ``(field, *grid)``.
+        modes: B, ``(mode, field, *grid)``; ``Σ_k B_k ⊗ B_k`` is the covariance of u₀.
+    """
+
+    mean: Float[Tensor, "field ..."]
+    modes: Float[Tensor, "mode field ..."]
+
+    def __post_init__(self) -> None:
+        """Hold modes and mean to one state's shape."""
+        if self.modes.shape[1:] != self.mean.shape:
+            shapes = f"{tuple(self.modes.shape)} do not fit the mean {tuple(self.mean.shape)}"
+            raise ValueError(f"modes {shapes}")
+
+    @property
+    def size(self) -> int:
+        """Number of independent standard normals z."""
+        return len(self.modes)
+
+    def start(self, z: Tensor) -> Tensor:
+        """Return the starts ``(batch, field, *grid)`` of ``z``, ``(batch, size)``."""
+        return self.mean + torch.tensordot(z, self.modes, dims=1)

@@ -1,0 +1,125 @@
+"""Which sets of candidates explain the residual, on the linearised problem: only algebra.
+
+The start is eliminated first: a column counts only for what no change of the start can imitate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import torch
+from jaxtyping import Float
+from scipy.linalg import qr
+from torch import Tensor
+
+from dashred.discovery.gauss_newton import Normal
+
+CHUNK = 20000
+
+
+@dataclass(frozen=True)
+class Eliminated:
+    """The reduced problem ``F(ξ) = c - 2 gᵀξ + ξᵀ G ξ``, the start at its best for every ξ.
+
+    Attributes:
+        gram: G, the Schur complement, without the prior of ξ, ``(candidate, candidate)``.
+        target: g, ``(candidate,)``.
+        constant: c, the cost of the empty set.
+        precision: of ξ's prior, ``(candidate,)``.
+    """
+
+    gram: Float[Tensor, "candidate candidate"]
+    target: Float[Tensor, " candidate"]
+    constant: float
+    precision: Float[Tensor, " candidate"]
+
+    @classmethod
+    def of(cls, normal: Normal, modes: int, residuals: Tensor, phi: Tensor) -> Eliminated:
+        """Eliminate the start.
+
+        Args:
+            normal: normal equations about the point ``phi``.
+            modes: unknowns of the start, which come first.
+            residuals: whitened, at ``phi``, ``(sample,)``.
+            phi: the point, ``(unknown,)``.
+        """
+        # What the model would have to produce, were it linear: r = J φ - b.
+        target = normal.jacobian @ phi - residuals
+        start, error = normal.jacobian[:, :modes], normal.jacobian[:, modes:]
+        eye = torch.eye(modes, dtype=start.dtype)
+        # ‖b - J_z z‖² + ‖z‖² as one least-squares problem, whose complement is kept.
+        q, _ = torch.linalg.qr(torch.cat([start, eye]))
+        stacked = torch.cat([error, torch.zeros(modes, error.shape[1], dtype=error.dtype)])
+        goal = torch.cat([target, torch.zeros(modes, dtype=target.dtype)])
+        columns = stacked - q @ (q.T @ stacked)
+        rest = goal - q @ (q.T @ goal)
+        return cls(
+            columns.T @ columns,
+            columns.T @ rest,
+            float(rest.square().sum()),
+            normal.precision[modes:],
+        )
+
+    def costs(self, sets: Sequence[tuple[int, ...]]) -> Tensor:
+        """Return F of sets of one size, each with its best coefficients: ``(set,)``."""
+        if not sets[0]:
+            return torch.tensor([self.constant], dtype=torch.float64)
+        chosen = torch.tensor(sets)
+        gram = self.gram + torch.diag(self.precision)
+        gains = []
+        for part in chosen.split(CHUNK):
+            matrix = gram[part[:, :, None], part[:, None, :]]
+            right = self.target[part]
+            size = matrix.diagonal(dim1=1, dim2=2).sqrt()
+            scaled = matrix / size[:, :, None] / size[:, None, :]
+            scaled = scaled + 1e-10 * torch.eye(part.shape[1], dtype=torch.float64)
+            solved = torch.linalg.solve(scaled, (right / size)[..., None])[..., 0]
+            gains.append((solved * right / size).sum(dim=1))
+        return self.constant - torch.cat(gains)
+
+    def coefficients(self, chosen: tuple[int, ...]) -> Tensor:
+        """Return the best ξ of one set, ``(len(chosen),)``."""
+        index = list(chosen)
+        matrix = (self.gram + torch.diag(self.precision))[index][:, index]
+        return torch.linalg.solve(matrix, self.target[index])
+
+    def most_telling(self, count: int) -> tuple[int, ...]:
+        """Return the candidates whose effects, per prior std, span the most: QR with pivoting.
+
+        The Gram matrix has the pivots of the columns themselves, and is small.
+        """
+        scaled = self.gram / self.precision.sqrt()[:, None] / self.precision.sqrt()
+        values, vectors = torch.linalg.eigh(scaled)
+        root = vectors * values.clamp(min=0).sqrt()
+        _, pivots = qr(root.T.numpy(), mode="r", pivoting=True)
+        return tuple(sorted(pivots[:count].tolist()))
+
+
+def small_sets(count: int, largest: int) -> Iterator[list[tuple[int, ...]]]:
+    """Yield all sets of up to ``largest`` of ``count`` candidates, size by size."""
+    for size in range(largest + 1):
+        yield list(combinations(range(count), size))
+
+
+def backward_path(problem: Eliminated, largest: int) -> list[tuple[int, ...]]:
+    """Return the sets met when candidates are dropped one by one, the least needed first.
+
+    The path finds sets that are too large to enumerate; those of up to ``largest`` are returned.
+    """
+    gram = problem.gram + torch.diag(problem.precision)
+    size = gram.diagonal().sqrt()
+    kept = list(range(len(size)))
+    path = []
+    while kept:
+        if len(kept) <= largest:
+            path.append(tuple(kept))
+        scaled = gram[kept][:, kept] / size[kept, None] / size[kept]
+        scaled = scaled + 1e-10 * torch.eye(len(kept), dtype=torch.float64)
+        inverse = torch.linalg.inv(scaled)
+        solved = inverse @ (problem.target[kept] / size[kept])
+        # What F rises by when one is left out: ξⱼ²/(G⁻¹)ⱼⱼ.
+        rise = solved.square() / inverse.diagonal()
+        del kept[int(rise.argmin())]
+    return path

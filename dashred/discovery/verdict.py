@@ -1,0 +1,92 @@
+"""The verdict: what kind of explanation the recording speaks for, and how clearly."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from torch import Tensor
+
+from dashred.discovery.discovered import Discovered
+from dashred.discovery.law import Law
+from dashred.discovery.noise_model import NoiseModel
+from dashred.discovery.plausibility import plausibility
+from dashred.findings_schema import Verdict
+
+# Misfit, relative to the fit of all candidates, at which a law has not been fitted to the end.
+STUCK = 1.5
+
+
+def verdict(discovered: Discovered) -> tuple[Verdict, list[dict[str, Any]]]:
+    """Return the verdict, and its causes by falling probability.
+
+    A cause is ``{kind, probability, where, terms | parameter, says}``: the kind of a class of
+    laws, its share of ``Σ exp(-score/2)``, and of its best law the equations and what it changes.
+    A search that has not converged has one cause, which says why; its best law says nothing.
+    """
+    if reason := _not_converged(discovered):
+        cause = {"kind": "not-converged", "probability": 1.0, "where": None, "says": reason}
+        return "not-converged", [cause]
+    causes = _causes(discovered)
+    return ("ambiguous" if discovered.rivals else _kind(discovered.best)), causes
+
+
+def unexplained(stated: Tensor | None, found: NoiseModel) -> float | None:
+    """Return the share of the best law's misfit that is not the recording's own noise.
+
+    ``max(0, 1 - n / Σ (σ_found/σ_stated)²)`` over the n samples there are: 0 if the residuals are
+    as small as the noise, 0.75 if they are twice as large. Null where no σ is known.
+
+    Args:
+        stated: σ of each fit sensor, stated by the user or estimated from the traces alone.
+        found: the noise that the best law's residuals speak for.
+    """
+    if stated is None:
+        return None
+    seen = found.seen.sum(dim=0)
+    excess = float(((found.std / stated).square() * seen).sum() / seen.sum())
+    return max(0.0, 1.0 - 1.0 / excess) if excess > 0 else 0.0
+
+
+def _not_converged(discovered: Discovered) -> str | None:
+    if not discovered.reached:
+        samples, level = discovered.levels[-1] if discovered.levels else (0, float("nan"))
+        return (
+            f"the simulation could be fitted to the first {samples} of "
+            f"{len(discovered.noise.seen)} samples (misfit {level:.3g}), and no further"
+        )
+    if discovered.best.chi2 > STUCK * discovered.free_chi2:
+        return (
+            f"the best law's misfit is {discovered.best.chi2:.3g} where all candidates together "
+            f"reach {discovered.free_chi2:.3g}: no sparse law was fitted to the end"
+        )
+    return None
+
+
+def _causes(discovered: Discovered) -> list[dict[str, Any]]:
+    probabilities: dict[Verdict, float] = {}
+    best: dict[Verdict, Law] = {}
+    for law, p in sorted(plausibility(discovered), key=lambda pair: pair[0].score):
+        kind = _kind(law)
+        best.setdefault(kind, law)
+        probabilities[kind] = probabilities.get(kind, 0.0) + p
+    ranked = sorted(probabilities, key=lambda kind: -probabilities[kind])
+    return [
+        {"kind": kind, "probability": min(1.0, probabilities[kind])} | _details(best[kind])
+        for kind in ranked
+    ]
+
+
+def _kind(law: Law) -> Verdict:
+    if not law.candidates:
+        return "nothing-missing"
+    if all(candidate.equation is None for candidate in law.candidates):
+        return "parameter"
+    return "missing-term"
+
+
+def _details(law: Law) -> dict[str, Any]:
+    touched = {term.equation for candidate in law.candidates for term in candidate.terms}
+    where = {"where": {"equations": sorted(touched)} if touched else None}
+    if _kind(law) == "parameter":
+        return where | {"parameter": [candidate.name for candidate in law.candidates]}
+    return where | {"terms": [str(candidate) for candidate in law.candidates]}

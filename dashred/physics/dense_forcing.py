@@ -1,0 +1,55 @@
+"""A forcing of which most trajectories carry most terms: every term once, on all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor
+
+from dashred.physics.forcing import Forcing, RowwiseForcing
+from dashred.physics.operators import Operators
+from dashred.physics.program import Program
+from dashred.physics.value import Value
+
+# Measured on 192 trajectories of 256 points with 48 terms: gathering and scattering the carriers
+# of a term costs about four times its evaluation on every trajectory.
+WORTH_FROM = 0.25
+
+
+class DenseForcing:
+    """Evaluates all terms together on all trajectories, common parts once.
+
+    Same values as :class:`RowwiseForcing`, up to rounding.
+    """
+
+    def __init__(self, forcing: Forcing, fields: tuple[str, ...], operators: Operators) -> None:
+        self.fields, self.operators = fields, operators
+        self.program = Program([term.expression for term in forcing.terms])
+        self.equations = [fields.index(term.equation) for term in forcing.terms]
+        shape = (-1, *(1,) * len(operators.grid.shape))
+        self.weights = [column.reshape(shape) for column in forcing.coefficients.T]
+        self.zero = forcing.coefficients.new_zeros(())
+
+    def __call__(self, values: Mapping[str, Value]) -> list[Value]:
+        """Return the forcing of every field; ``values`` as :meth:`System.values` gives them."""
+        sums: list[Tensor] = [self.zero for _ in self.fields]
+        found = self.program(values, self.operators)
+        for equation, weight, value in zip(self.equations, self.weights, found, strict=True):
+            points = torch.as_tensor(self.operators.on_grid(value)).to(weight)
+            sums[equation] = torch.addcmul(sums[equation], weight, points)
+        shape = (len(self.weights[0]), *self.operators.grid.shape)
+        return [Value(each.expand(shape)) for each in sums]
+
+
+TermwiseForcing = RowwiseForcing | DenseForcing
+
+
+def forcing_evaluator(
+    forcing: Forcing, fields: tuple[str, ...], operators: Operators
+) -> TermwiseForcing:
+    """Return whichever of the two is cheaper for these coefficients."""
+    carried = (forcing.coefficients != 0).double()
+    if len(forcing.terms) and float(carried.mean()) >= WORTH_FROM:
+        return DenseForcing(forcing, fields, operators)
+    return RowwiseForcing(forcing, fields, operators)

@@ -1,0 +1,132 @@
+"""Partial derivatives of an expression's tree, in normal form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from dashred.physics.algebra import (
+    ONE,
+    ZERO,
+    Call,
+    Derivative,
+    Expr,
+    Flux,
+    Name,
+    Number,
+    Power,
+    Product,
+    Sum,
+    add,
+    call,
+    derivative,
+    multiply,
+    power,
+    scale,
+    substitute,
+)
+from dashred.physics.system import System
+
+
+class NotDifferentiableError(Exception):
+    """The derivative cannot be written in the equation language."""
+
+
+def differentiate(expr: Expr, name: str) -> Expr:
+    """Return ``∂expr/∂name``.
+
+    Spatial operators are passed as if the name were the same everywhere, as a parameter is:
+    ``∂/∂c lap(c*u) = lap(u)``. A jump's derivative is zero: ``sign`` and ``step`` are flat.
+
+    Raises:
+        NotDifferentiableError: the name is the field that a flux transports.
+        ArithmeticError: a constant is not a finite real number.
+    """
+    match expr:
+        case Name(id):
+            return ONE if id == name else ZERO
+        case Sum(terms):
+            return add(differentiate(term, name) for term in terms)
+        case Product(factors):
+            return _of_product(factors, name)
+        case Power(base, exponent):
+            return _of_power(base, exponent, name)
+        case Call("lap" | "inv_lap" as operator, operand):
+            return call(operator, differentiate(operand, name))
+        case Call("grad2", operand):
+            return _of_squared_gradient(operand, differentiate(operand, name))
+        case Call(function, operand):
+            return multiply((SLOPES[function](operand), differentiate(operand, name)))
+        case Derivative(operand, axis, order):
+            return derivative(differentiate(operand, name), axis, order)
+        case Flux(operand, axis, transported):
+            if name == transported:
+                raise NotDifferentiableError(
+                    f"a flux depends on {name!r} through its upwind side too"
+                )
+            slope = differentiate(operand, name)
+            return slope if slope == ZERO else Flux(slope, axis, transported)
+        case Number():
+            return ZERO
+
+
+def parameter_tendency(system: System, parameter: str) -> dict[str, Expr]:
+    """Return ``∂N/∂p`` of every equation that the parameter enters, all values put in.
+
+    Lets are opened first, so that a parameter is found inside them: with ``rate: k*exp(u)``,
+    ``∂(q*rate)/∂k`` is ``q*exp(u)``.
+
+    Raises:
+        KeyError: the system has no such parameter.
+        NotDifferentiableError: see :func:`differentiate`.
+        InputError: the parameters make a constant infinite.
+    """
+    if parameter not in system.config.parameters:
+        raise KeyError(parameter)
+    lets: dict[str, Expr] = {}
+    for let, expr in system.lets.items():
+        lets[let] = substitute(expr, lets)
+    found = {}
+    for equation, expr in system.equations.items():
+        slope = differentiate(substitute(expr, lets), parameter)
+        found[equation] = system.resolve(slope, f"system.equations.{equation}")
+    return {equation: slope for equation, slope in found.items() if slope != ZERO}
+
+
+def _of_product(factors: tuple[Expr, ...], name: str) -> Expr:
+    slopes = ((i, differentiate(factor, name)) for i, factor in enumerate(factors))
+    return add(multiply((*factors[:i], s, *factors[i + 1 :])) for i, s in slopes if s != ZERO)
+
+
+def _of_power(base: Expr, exponent: Expr, name: str) -> Expr:
+    of_base, of_exponent = differentiate(base, name), differentiate(exponent, name)
+    found = []
+    # The logarithm of a negative base must not enter where the exponent is constant.
+    if of_base != ZERO:
+        lowered = power(base, add((exponent, Number(-1.0))))
+        found.append(multiply((exponent, lowered, of_base)))
+    if of_exponent != ZERO:
+        found.append(multiply((power(base, exponent), call("log", base), of_exponent)))
+    return add(found)
+
+
+def _of_squared_gradient(operand: Expr, slope: Expr) -> Expr:
+    """Return ``2∇f·∇g`` by polarisation: the language has no product of gradients."""
+    ahead, behind = add((operand, slope)), add((operand, scale(-1.0, slope)))
+    halves = (scale(0.5, call("grad2", ahead)), scale(-0.5, call("grad2", behind)))
+    return ZERO if slope == ZERO else add(halves)
+
+
+SLOPES: dict[str, Callable[[Expr], Expr]] = {
+    "sin": lambda f: call("cos", f),
+    "cos": lambda f: scale(-1.0, call("sin", f)),
+    "tan": lambda f: add((ONE, power(call("tan", f), Number(2.0)))),
+    "exp": lambda f: call("exp", f),
+    "log": lambda f: power(f, Number(-1.0)),
+    "sqrt": lambda f: scale(0.5, power(call("sqrt", f), Number(-1.0))),
+    "tanh": lambda f: add((ONE, scale(-1.0, power(call("tanh", f), Number(2.0))))),
+    "sech": lambda f: scale(-1.0, multiply((call("sech", f), call("tanh", f)))),
+    "abs": lambda f: call("sign", f),
+    "sign": lambda f: ZERO,
+    "step": lambda f: ZERO,
+}
+"""The derivatives of the language's functions."""

@@ -1,0 +1,32 @@
+"""Which steps lead from one output time to the next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+from dashred.physics.integrators.ode import round_up
+
+
+class Step(NamedTuple):
+    """One step from ``t`` to ``t + h``.
+
+    Attributes:
+        begins, ends: whether an output time lies at its begin, at its end.
+    """
+
+    t: float
+    h: float
+    begins: bool
+    ends: bool
+
+
+def schedule(times: Sequence[float], dt: float) -> Iterator[Step]:
+    """Yield equal steps of at most ``dt`` between output times."""
+    for begin, end in pairwise(times):
+        count = max(1, round_up((end - begin) / dt))
+        # Intervals that differ by rounding alone share their step's coefficients.
+        h = float(f"{(end - begin) / count:.12g}")
+        for i in range(count):
+            yield Step(begin + i * h, h, i == 0, i == count - 1)

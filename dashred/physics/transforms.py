@@ -1,0 +1,39 @@
+"""Real Fourier transforms of NumPy arrays over their last axes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy import fft
+
+# Below this many numbers SciPy's transform is cheaper to call, above it torch's computes faster.
+SMALL = 3000
+
+
+def to_modes(points: NDArray[np.float64], rank: int) -> NDArray[np.complex128]:
+    """Return the modes ``(…, *modes)`` of ``(…, *grid)`` with ``rank`` axes."""
+    found: Any
+    if points.size >= SMALL:
+        dims = tuple(range(-rank, 0))
+        found = torch.fft.rfftn(torch.from_numpy(points), dim=dims).numpy()
+    elif rank == 1:
+        found = fft.rfft(points)
+    else:
+        found = fft.rfftn(points, axes=tuple(range(-rank, 0)))
+    return found
+
+
+def from_modes(modes: NDArray[np.complex128], shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Return ``(…, *grid)`` of modes on a grid of that shape."""
+    found: Any
+    if 2 * modes.size >= SMALL:
+        dims = tuple(range(-len(shape), 0))
+        found = torch.fft.irfftn(torch.from_numpy(modes), s=shape, dim=dims).numpy()
+    elif len(shape) == 1:
+        found = fft.irfft(modes, shape[0])
+    else:
+        found = fft.irfftn(modes, s=shape, axes=tuple(range(-len(shape), 0)))
+    return found

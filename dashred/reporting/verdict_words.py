@@ -1,0 +1,139 @@
+"""The findings in a few plain sentences: what is left out, how sure, where, and its worth."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from dashred.typeset import number, percent, pretty, probability
+
+VERDICTS = {
+    "missing-term": "a term is missing from the simulation",
+    "nothing-missing": "nothing is missing from the simulation",
+    "parameter": "a parameter of the simulation has another value",
+    "initial-condition": "the simulation starts from the wrong state",
+    "sensor-fault": "a sensor is at fault, not the simulation",
+    "unresolved-numerics": "the simulation is not resolved, so nothing can be said of its physics",
+    "outside-library": "something is missing that the library of terms cannot express",
+    "ambiguous": "several explanations fit about equally well",
+    "not-converged": "the search did not converge",
+}
+PROOFS = {"test_sensors": "At the test sensors", "heldout_time": "In the held-out time"}
+# A p below this is no chance event, whatever its size.
+CERTAIN = 1e-12
+
+
+def verdict_lines(findings: Mapping[str, Any]) -> list[str]:
+    """The verdict and what follows from it, a sentence or two a line; empty without a verdict."""
+    verdict = findings["verdict"]
+    if verdict is None:
+        return []
+    head = f"Verdict: {verdict}: {VERDICTS.get(verdict, 'see findings.json')}."
+    body = [
+        *(sentence(cause["says"]) for cause in findings["causes"] or [] if "says" in cause),
+        *_law(findings),
+        *_certainty(findings),
+        *_where(findings["where"] if findings["terms"] else None),
+        *_worth(findings["fit"]),
+    ]
+    return [head, *(f"  {line}" for line in body)]
+
+
+def alternative_in_words(alternative: Mapping[str, Any]) -> str:
+    """``u: 0.0249·u, −0.0251·u³``; ``nu +0.015``; ``nothing``."""
+    return ", ".join(_tried(term) for term in alternative["terms"]) or "nothing"
+
+
+def sentence(text: str) -> str:
+    """The text with a capital and a full stop."""
+    return f"{text[:1].upper()}{text[1:].rstrip('.')}."
+
+
+def _law(findings: Mapping[str, Any]) -> list[str]:
+    terms = findings["terms"] or []
+    guess = "As the best guess, " if findings["verdict"] == "ambiguous" and terms else ""
+    missing = [term["says"] for term in terms if term["equation"] is not None]
+    changed = [term["says"] for term in terms if term["equation"] is None]
+    lines = []
+    if missing:
+        lines.append(f"the simulation leaves out {'; and '.join(missing)}")
+    if changed:
+        noun = "a parameter is" if len(changed) == 1 else "parameters are"
+        lines.append(f"{noun} mis-stated: {'; and '.join(changed)}")
+    return [sentence(f"{guess if not index else ''}{line}") for index, line in enumerate(lines)]
+
+
+def _certainty(findings: Mapping[str, Any]) -> list[str]:
+    """How sure: the chance that noise alone would do it, and what else fits."""
+    lines = []
+    p = (findings["where"] or {}).get("significance")
+    if findings["terms"] and p is not None:
+        lines.append(f"The chance that noise alone looks like this: p {_p(p)}.")
+    others = findings["alternatives"] or []
+    rivals = [other for other in others if other["rival"]]
+    if rivals:
+        fits = "fits" if len(rivals) == 1 else "fit"
+        told = "; ".join(
+            f"{alternative_in_words(r)} (ΔBIC {_difference(r)}"
+            f"{', the same at these sensors' if r['same_as_best'] else ''})"
+            for r in rivals
+        )
+        lines.append(f"The recording does not decide: {told} {fits} about as well.")
+    elif others:
+        nearest = min(others, key=lambda other: other["delta_bic"])
+        lines.append(
+            f"The next best explanation, {alternative_in_words(nearest)}, "
+            f"is worse by ΔBIC {_difference(nearest)}."
+        )
+    return lines
+
+
+def _where(where: Mapping[str, Any] | None) -> list[str]:
+    if where is None:
+        return []
+    shares = sorted(where["equation"].items(), key=lambda item: -item[1])
+    told = [f"{percent(share)} in the equation of {field}" for field, share in shares if share]
+    if len(shares) == 1:
+        told = [f"in the equation of {shares[0][0]}"]
+    acts = f"where {where['regime']}" if where["regime"] else "everywhere"
+    return [f"It acts {', '.join(told)}; {acts}."]
+
+
+def _worth(fit: Mapping[str, Any]) -> list[str]:
+    """How much the fit improves, against both uncorrected simulations."""
+    lines = []
+    for key, place in PROOFS.items():
+        errors = fit[key]
+        before, refit, after = (errors.get(k) for k in ("before", "before_refit", "after"))
+        if refit is None or after is None:
+            continue
+        path = [f"{refit:.3g} with the simulation's own best start", f"{after:.3g} after"]
+        if before is not None:
+            path.insert(0, f"{before:.3g} before")
+        lines.append(f"{place} the error is {', '.join(path)}: {_factor(refit, after)}.")
+    return lines
+
+
+def _factor(before: float, after: float) -> str:
+    if after <= 0 or before <= 0:
+        return "no factor can be given"
+    ratio = before / after
+    if 0.95 < ratio < 1.05:
+        return "no difference"
+    size = f"{max(ratio, 1 / ratio):.2g}"
+    return f"{size} times {'smaller' if ratio > 1 else 'larger'}"
+
+
+def _tried(term: Mapping[str, Any]) -> str:
+    value = number(float(f"{term['coefficient']:.3g}"))
+    if term["equation"] is None:
+        sign = "+" if term["coefficient"] > 0 else ""
+        return f"{term['term']} {sign}{value}"
+    return f"{term['equation']}: {value}·{pretty(term['term'])}"
+
+
+def _difference(alternative: Mapping[str, Any]) -> str:
+    return number(float(f"{alternative['delta_bic']:.2g}"))
+
+
+def _p(p: float) -> str:
+    text = probability(p)
+    return text if p < CERTAIN else f"= {text}"

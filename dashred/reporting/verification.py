@@ -1,0 +1,111 @@
+"""What the law is worth where nothing was fitted: test sensors and held-out time."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from dashred.reporting.style import (
+    BLACK,
+    METHODS,
+    method_look,
+    method_name,
+    new_figure,
+    shade_held_out,
+    style,
+)
+
+MOST = 3
+COMPARED = ("before", "before_refit", "after")
+WHERE = {"test_sensors": "test sensors", "heldout_time": "held-out time"}
+
+Traces = Float[np.ndarray, "time sensor"]
+
+
+def verification_figure(
+    times: Float[np.ndarray, " time"],
+    recorded: Traces,
+    names: Sequence[str],
+    traces: Mapping[str, Traces],
+    time_end: float,
+    errors: Mapping[str, Mapping[str, float | None]],
+) -> Figure:
+    """Draw up to three test sensors before and after, and the errors in stds beside them.
+
+    Args:
+        times: the recording's clock.
+        recorded: readings of the test sensors; NaN where missing.
+        names: of the test sensors.
+        traces: what they would read in `before`, `before_refit` and `after`.
+        time_end: end of the fitted time.
+        errors: `test_sensors` and `heldout_time` of the findings.
+    """
+    shown = min(len(names), MOST)
+    with style():
+        figure = new_figure(9.6 if shown else 4.6, 1.1 + 1.75 * max(shown, 1.4))
+        if shown:
+            left, right = figure.subfigures(
+                1, 2, squeeze=False, width_ratios=(2.5, 1), wspace=0.03
+            )[0]
+            column = left.subplots(shown, 1, sharex=True, squeeze=False)[:, 0]
+            for index, axes in enumerate(column):
+                cut = {method: trace[:, index] for method, trace in traces.items()}
+                _draw_sensor(axes, times, recorded[:, index], cut)
+                axes.set_title(names[index], fontsize=9, fontweight="bold")
+                shade_held_out(axes, time_end, float(times[-1]), label=index == 0)
+                axes.set(ylabel="reading", xlim=(times[0], times[-1]))
+            column[0].set_title("test sensors, never looked at before", loc="center", fontsize=9)
+            column[-1].set_xlabel("time")
+            handles, labels = column[0].get_legend_handles_labels()
+            left.legend(handles, labels, loc="outside upper left", ncols=2)
+            _draw_errors(right.subplots(), errors)
+        else:
+            axes = figure.subplots()
+            _draw_errors(axes, errors)
+            handles, labels = axes.get_legend_handles_labels()
+            figure.legend(handles, labels, loc="outside lower left")
+    return figure
+
+
+def _draw_sensor(
+    axes: Axes,
+    times: Float[np.ndarray, " time"],
+    values: Float[np.ndarray, " time"],
+    traces: Mapping[str, Float[np.ndarray, " time"]],
+) -> None:
+    size = float(np.clip(24 / np.sqrt(max(len(times), 1) / 10), 1.6, 7))
+    axes.plot(times, values, ".", color=BLACK, markersize=size, alpha=0.45, label="recorded")
+    for index, (method, trace) in enumerate(traces.items()):
+        axes.plot(times, trace, label=method_name(method), **method_look(method, index))
+    # A simulation that runs away must not flatten the others.
+    seen = values[np.isfinite(values)]
+    if seen.size:
+        low, high = seen.min(), seen.max()
+        room = 0.6 * (high - low) or 1.0
+        axes.set_ylim(low - room, high + room)
+
+
+def _draw_errors(axes: Axes, errors: Mapping[str, Mapping[str, float | None]]) -> None:
+    """Draw the errors as bars, each with its number, in groups of one kind of proof."""
+    axes.grid(False)
+    groups = [key for key in WHERE if any(errors[key].get(m) is not None for m in COMPARED)]
+    largest = max((errors[g].get(m) or 0.0 for g in groups for m in COMPARED), default=1.0) or 1.0
+    ticks = []
+    for place, group in enumerate(groups):
+        for slot, method in enumerate(COMPARED):
+            value = errors[group].get(method)
+            if value is None:
+                continue
+            at = place + (slot - 1) * 0.27
+            label = None if place else method_name(method)
+            axes.bar(at, value, width=0.24, color=METHODS[method][1], label=label)
+            axes.text(at, value + 0.015 * largest, f"{value:.2g}", ha="center", fontsize=8)
+        ticks.append(WHERE[group])
+    axes.set_xticks(range(len(groups)), ticks, fontsize=9)
+    axes.tick_params(axis="x", length=0)
+    axes.set_yticks([])
+    axes.spines["left"].set_visible(False)
+    axes.set_ylim(0, 1.12 * largest)
+    axes.set_title("RMSE / standard deviation", fontsize=9)

@@ -1,0 +1,120 @@
+"""`corrected.yaml`: the user's own configuration with the law put in, ready to run."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from textwrap import wrap
+from typing import Any
+
+import yaml
+
+from dashred.config import Config, read_file
+from dashred.config.commandline import PLACE
+from dashred.discovery.correction import correct
+from dashred.discovery.explanation import law_in_words
+from dashred.discovery.law import Law
+from dashred.physics.system import System
+
+NAME = "corrected.yaml"
+# Where results go and which recording is read are of one run: the corrected system is of any.
+OF_ONE_RUN = ("output", "tracking")
+OF_ONE_RECORDING = ("twin", "path", "sensors", "noise", "duration", "reads")
+WIDTH = 96
+
+
+def write_corrected(
+    path: Path, config: Config, system: System, law: Law, recording_sha256: str
+) -> None:
+    """Write the configuration of the corrected simulator, whole or not at all.
+
+    It holds what the user's file and command line hold, with the equations and parameters of
+    :func:`dashred.discovery.correction.correct`; the defaults stay with ``conf/base.yaml``. No
+    path is in it, so it runs from wherever it lies.
+    """
+    values = _layer(config)
+    corrected = correct(system, law).config
+    values["system"]["equations"] = _Block(corrected.equations)
+    if corrected.parameters:
+        # 0.035 + 0.01 shall not be written 0.045000000000000005.
+        tidy = {name: float(f"{value:.12g}") for name, value in corrected.parameters.items()}
+        values["system"]["parameters"] = _Block(tidy)
+    body = yaml.dump(values, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=WIDTH)
+    partial = path.with_name(f".{path.name}.partial")
+    partial.write_text(f"{_header(config, system, law, recording_sha256)}\n{body}", "utf-8")
+    partial.replace(path)
+
+
+def _layer(config: Config) -> dict[str, Any]:
+    """Return the values of the user's file, the command line's over them, as they were written."""
+    values = read_file(config.source, label=config.source.name).values
+    settled = asdict(config)
+    for key, line in config.lines.items():
+        if key and line == PLACE and "[" not in key:
+            _put(values, key.split("."), _get(settled, key.split(".")))
+    for key in OF_ONE_RUN:
+        values.pop(key, None)
+    recording = values.get("recording", {})
+    for key in OF_ONE_RECORDING:
+        recording.pop(key, None)
+    if not recording:
+        values.pop("recording", None)
+    # Its own name is no system's: without this, every corrected run would be of "corrected".
+    values["tracking"] = {"experiment": config.tracking.experiment or config.name}
+    return values
+
+
+def _header(config: Config, system: System, law: Law, recording_sha256: str) -> str:
+    lines = [
+        f"{system.title}, corrected: the simulation with what dashred found that it leaves out.",
+        "",
+        law_in_words(law, system),
+        "",
+        f"Found from the recording with sha256 {recording_sha256[:16]}…, seed {config.seed}; "
+        f"± is one standard deviation. The configuration was {config.source.name}.",
+        "",
+        "The start and its spin-up are the configuration's own, so the spin-up now runs under the "
+        "corrected equations; the start that was fitted to the recording is in estimates.nc.",
+        "",
+        "python -m dashred.train conf=OUTPUT/corrected.yaml recording.path=RECORDING",
+    ]
+    if isinstance(config.recording.sensors, str):
+        lines[-1] += " recording.sensors=TABLE"
+    wrapped = [part for line in lines for part in wrap(line, WIDTH - 2) or [""]]
+    return "\n".join(f"# {line}".rstrip() for line in wrapped)
+
+
+def _get(values: Any, parts: list[str]) -> Any:
+    for part in parts:
+        values = values[part]
+    return values
+
+
+def _put(values: dict[str, Any], parts: list[str], value: Any) -> None:
+    *sections, name = parts
+    for section in sections:
+        values = values.setdefault(section, {})
+    values[name] = value
+
+
+class _Block(dict[str, Any]):
+    """A mapping to be written one entry a line: equations are long."""
+
+
+class _Dumper(yaml.SafeDumper):
+    """Short mappings in one line, as the bundled configurations have them."""
+
+    def __init__(self, *words: Any, **settings: Any) -> None:
+        super().__init__(*words, **settings | {"default_flow_style": None})
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """Write a value twice rather than refer to it: the reader takes no aliases."""
+        return True
+
+
+_Dumper.add_representer(
+    _Block,
+    lambda dumper, block: dumper.represent_mapping(
+        "tag:yaml.org,2002:map", block.items(), flow_style=False
+    ),
+)

@@ -1,0 +1,261 @@
+"""Discover: fit the start and a sparse law together, through the simulator, to the sensors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from dashred.discovery.candidates import Candidate, build_candidates, indices_by_name
+from dashred.discovery.discovered import Discovered
+from dashred.discovery.gauss_newton import Normal, Objective
+from dashred.discovery.horizon import Walk, first_samples, fit_first_window, walk
+from dashred.discovery.law import Law, posterior
+from dashred.discovery.noise_model import NoiseModel
+from dashred.discovery.seeds import NetworkEstimate, Readings, SeedSettings, make_seeds
+from dashred.discovery.selection import Selection, Tried, polish, select
+from dashred.discovery.shooting import Shooting, Simulator
+from dashred.discovery.starts import StartModel
+from dashred.discovery.subsets import Eliminated
+from dashred.physics.ensemble import Ensemble
+from dashred.physics.library import resolve
+from dashred.progress import Report, stage
+from dashred.stages.assimilation import Assimilated
+from dashred.stages.learning import Learned
+from dashred.stages.problem import Problem
+from dashred.stages.simulation import Nominal
+from dashred.tracking import Tracker
+
+# Rivals that are kept, with their distance from the best.
+KEPT = 6
+NEAR = 12.0
+
+
+@dataclass(frozen=True)
+class Seed:
+    """A seed that was fitted to the first window.
+
+    Attributes:
+        name: of the seed.
+        start: u₀(z).
+        z: its fit, ``(mode,)``.
+        error: RMSE on the validation sensors in σ; of the fit sensors, where none validates.
+    """
+
+    name: str
+    start: StartModel
+    z: Tensor
+    error: float
+
+
+@torch.no_grad()
+def discover(
+    problem: Problem,
+    nominal: Nominal,
+    ensemble: Ensemble,
+    learned: Learned,
+    found: Assimilated,
+    run: Tracker,
+    seconds: dict[str, float],
+) -> Discovered:
+    """Seed, walk the horizon, select, and fit to the end (design §4.2)."""
+    begin = float(problem.times[0])
+    candidates = build_candidates(problem.system, problem.library, nominal.states, begin)
+    proposals = _proposals(problem, candidates, found)
+    with run.child("discover") as child:
+        with stage("seed the start", seconds) as report:
+            simulator = _simulator(problem, candidates)
+            seeds = _fit_seeds(problem, simulator, nominal, ensemble, learned, found, report)
+            report(1.0, ", ".join(f"{s.name} {s.error:.2f}" for s in seeds) + " σ on validation")
+        child.log_metrics({f"seed/{s.name}": s.error for s in seeds if math.isfinite(s.error)}, 0)
+        with stage("grow the horizon", seconds) as report:
+            seed, walked, phi = _walk(problem, simulator, candidates, seeds, report)
+            child.set_tags({"seed of the start": seed.name})
+        for samples, level in walked.levels:
+            child.log_metrics({"horizon/chi2": level}, samples)
+        weak = problem.config.discovery.weak
+        objective = _objective(problem, simulator, seed.start, candidates, weak)
+        objective = objective.until(walked.samples)
+        with stage("select the law", seconds) as report:
+            selection = select(objective, phi, proposals, report)
+            report(1.0, f"{len(selection.tried)} sets refitted")
+        with stage("fit the law to the end", seconds) as report:
+            laws, nothing = _finish(selection)
+            report(1.0, str(laws[0]))
+        for size, score in _path(selection):
+            child.log_metrics({"evidence/score": score}, size)
+    noise = selection.objective.noise
+    free = noise.whiten(walked.fitted.readings - objective.recorded).square().sum()
+    return Discovered(
+        laws=laws,
+        nothing=nothing,
+        noise=noise,
+        seeds={s.name: s.error for s in seeds},
+        seed=seed.name,
+        levels=walked.levels,
+        reached=walked.reached,
+        free_chi2=float(free) / noise.count,
+        exhausted=selection.exhausted,
+        path=_path(selection),
+        tried=len(selection.tried),
+    )
+
+
+def _simulator(problem: Problem, candidates: Sequence[Candidate]) -> Simulator:
+    dt = problem.config.simulation.dt or problem.system.dt
+    return Simulator(problem.system, dt, candidates)
+
+
+def _objective(
+    problem: Problem,
+    simulator: Simulator,
+    start: StartModel,
+    candidates: Sequence[Candidate],
+    prior: float,
+) -> Objective:
+    fit = problem.split.fit
+    operator = problem.operator(fit)
+    times = problem.times[: len(fit.times)]
+    recorded = torch.from_numpy(fit.values)
+    noise = NoiseModel(problem.noise_of(fit.names), 0.0, ~torch.isnan(recorded))
+    scales = torch.tensor([c.scale for c in candidates], dtype=torch.float64)
+    shooting = Shooting(simulator, start, candidates, operator, times)
+    return Objective(shooting, recorded, noise, prior * scales)
+
+
+def _proposals(
+    problem: Problem, candidates: Sequence[Candidate], found: Assimilated
+) -> list[tuple[int, ...]]:
+    """Return the sets that Algorithms 1 and 2 propose, as candidates."""
+    index = indices_by_name(candidates)
+    names = [f"{term.equation}: {term}" for term in problem.library]
+    sets = []
+    for fit in found.proposals.values():
+        chosen = {index[name] for name, value in zip(names, fit.coefficients, strict=True) if value}
+        sets.append(tuple(sorted(chosen)))
+    return [members for members in sets if members]
+
+
+def _fit_seeds(
+    problem: Problem,
+    simulator: Simulator,
+    nominal: Nominal,
+    ensemble: Ensemble,
+    learned: Learned,
+    found: Assimilated,
+    report: Report,
+) -> list[Seed]:
+    """Fit every seed to the first window and return them, the best on validation first."""
+    fit = problem.split.fit
+    readings = Readings(
+        problem.times[: len(fit.times)],
+        torch.from_numpy(fit.values),
+        problem.operator(fit),
+        problem.noise_of(fit.names),
+    )
+    error = torch.tensor([learned.test_rmse[f] for f in problem.system.fields]) * learned.scale
+    settings = problem.config.simulation
+    system = problem.system if settings.dt is None else problem.system.with_step(settings.dt)
+    models = make_seeds(
+        system,
+        nominal.prior,
+        ensemble,
+        resolve(problem.system, problem.library),
+        readings,
+        NetworkEstimate(found.dashred[0], error),
+        SeedSettings(),
+    )
+    fitted = []
+    for i, (name, model) in enumerate(models.items(), start=1):
+        fitted.append(_fit_seed(problem, simulator, name, model))
+        report(i / len(models), f"{name} {fitted[-1].error:.2f} σ")
+    return sorted(fitted, key=lambda seed: seed.error)
+
+
+def _fit_seed(problem: Problem, simulator: Simulator, name: str, model: StartModel) -> Seed:
+    objective = _objective(problem, simulator, model, [], 1.0)
+    values = objective.recorded
+    spread = (values - values.nanmean(dim=0)).square().nanmean(dim=0).sqrt()
+    fitted = fit_first_window(objective, spread)
+    samples = first_samples(objective)
+    nothing = torch.zeros((1, 0), dtype=torch.float64)
+    validation = problem.split.validation
+    sensors = validation if problem.split.validate else problem.split.fit
+    shooting = replace(objective.shooting.until(samples), operator=problem.operator(sensors))
+    error = shooting.readings(fitted.phi[None], nothing)[0] - torch.from_numpy(
+        sensors.values[:samples]
+    )
+    scaled = error / problem.noise_of(sensors.names)
+    rmse = float(scaled.square().nanmean().sqrt())
+    return Seed(name, model, fitted.phi, rmse if math.isfinite(rmse) else math.inf)
+
+
+def _walk(
+    problem: Problem,
+    simulator: Simulator,
+    candidates: Sequence[Candidate],
+    seeds: Sequence[Seed],
+    report: Report,
+) -> tuple[Seed, Walk, Tensor]:
+    """Walk from the best seed; where it gets lost, from the next; keep who came farthest."""
+    best: tuple[Seed, Walk, Tensor] | None = None
+    for seed in seeds:
+        walked, phi = _walk_from(problem, simulator, candidates, seed, report)
+        if best is None or walked.samples > best[1].samples:
+            best = seed, walked, phi
+        if walked.reached:
+            break
+    assert best is not None
+    return best
+
+
+def _walk_from(
+    problem: Problem,
+    simulator: Simulator,
+    candidates: Sequence[Candidate],
+    seed: Seed,
+    report: Report,
+) -> tuple[Walk, Tensor]:
+    """Walk with the candidates whose effects differ most; the others' place they can take."""
+    settings = problem.config.discovery
+    whole = _objective(problem, simulator, seed.start, candidates, settings.tight)
+    limits = torch.tensor([c.limit for c in candidates], dtype=torch.float64)
+    whole = replace(whole, prior_std=torch.minimum(whole.prior_std, limits))
+    phi = whole.embed(seed.z, [])
+    window = whole.until(min(len(whole.recorded), 3 * first_samples(whole)))
+    point = window.shooting.linearise(*window.split(phi))
+    residuals = window.residuals(point.readings)
+    effects = Eliminated.of(Normal.of(window, point), whole.modes, residuals, phi)
+    members = effects.most_telling(settings.walking)
+    walked = walk(whole.only(members), phi[whole.places(members)], report)
+    return walked, whole.embed(walked.fitted.phi, members)
+
+
+def _finish(selection: Selection) -> tuple[list[Law], Law]:
+    """Fit the best law and the empty one to the end; rivals stay as the search left them."""
+    objective = selection.objective
+    best = polish(objective, selection.tried[0])
+    point = objective.shooting.linearise(*objective.split(best.phi))
+    normal = Normal.of(objective, point)
+    near = [t for t in selection.tried[1:] if t.score < best.score + NEAR][:KEPT]
+    empty = next(t for t in selection.tried if not t.members)
+    nothing = best if not best.members else polish(objective, empty)
+
+    def law(tried: Tried) -> Law:
+        [readings] = objective.shooting.readings(*objective.split(tried.phi[None]))
+        return posterior(objective, normal, tried.phi, tried.members, readings, tried.score)
+
+    ranked = sorted([best, *near], key=lambda tried: tried.score)
+    return [law(tried) for tried in ranked], law(nothing)
+
+
+def _path(selection: Selection) -> list[tuple[int, float]]:
+    """Return the best score by the number of candidates."""
+    best: dict[int, float] = {}
+    for tried in selection.tried:
+        size = len(tried.members)
+        best[size] = min(best.get(size, math.inf), tried.score)
+    return sorted((size, score) for size, score in best.items() if math.isfinite(score))

@@ -1,0 +1,62 @@
+"""Free runs of the uncorrected and the corrected simulator, over the recording and beyond."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from dashred.discovery.correction import correct
+from dashred.discovery.discovered import Discovered
+from dashred.physics.simulate import simulate
+from dashred.progress import stage
+from dashred.stages.problem import Problem
+
+# How long the forecast is, in lengths of the recording.
+FORECAST = 0.5
+
+
+@dataclass(frozen=True)
+class Trajectories:
+    """Free runs from the first sample on; nothing after the fit window has a part in them.
+
+    Attributes:
+        times: the recording's clock, and as many samples beyond it as the forecast takes.
+        recorded: how many of them are the recording's.
+        states: by method, ``(time, field, *grid)``: the uncorrected simulator from the law's
+            start (``simulation_same_start``) and from its own best one (``simulation_refit``),
+            and the corrected simulator (``corrected``).
+    """
+
+    times: Tensor
+    recorded: int
+    states: dict[str, Tensor]
+
+    def over(self, samples: slice) -> dict[str, Tensor]:
+        """Return the states over some samples."""
+        return {name: states[samples] for name, states in self.states.items()}
+
+
+@torch.no_grad()
+def run_free(problem: Problem, discovered: Discovered, seconds: dict[str, float]) -> Trajectories:
+    """Run all three; a run that blows up is not finite from then on."""
+    times = problem.times
+    step = float((times[1:] - times[:-1]).median())
+    ahead = round(FORECAST * float(times[-1] - times[0]) / step)
+    beyond = times[-1] + step * torch.arange(1, ahead + 1, dtype=torch.float64)
+    clock = torch.cat([times, beyond])
+    best, nothing = discovered.best, discovered.nothing
+    with stage("run free", seconds):
+        starts = torch.stack([best.start, nothing.start])
+        same_start, refit = simulate(problem.system, starts, clock)
+        corrected = same_start
+        if best.candidates:
+            real = correct(problem.system, best)
+            [corrected] = simulate(real, best.start[None], clock)
+    states = {
+        "simulation_same_start": same_start,
+        "simulation_refit": refit,
+        "corrected": corrected,
+    }
+    return Trajectories(clock, len(times), states)

@@ -1,0 +1,96 @@
+"""The law with its error bars, its probability, and the laws that it was preferred to."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from dashred.discovery.explanation import alternatives, explain, law_in_words
+from dashred.discovery.plausibility import plausibility
+from dashred.physics.system import System
+from tests import laws
+
+
+@pytest.fixture(scope="module")
+def flow(tmp_path_factory: pytest.TempPathFactory) -> System:
+    return laws.declared(tmp_path_factory.mktemp("flow"))
+
+
+def test_a_term_carries_its_interval_and_its_words(flow: System) -> None:
+    best = laws.law([laws.term(flow, "u", "u")], [-0.04], std=0.002)
+    [found] = explain(flow, laws.discovery(best))
+    told: dict[str, Any] = dict(found)
+    assert (told["equation"], told["term"], told["region"]) == ("u", "u", None)
+    assert told["coefficient"] == pytest.approx(-0.04) and told["std"] == pytest.approx(0.002)
+    assert told["ci95"] == pytest.approx([-0.04392, -0.03608], rel=1e-3)
+    assert told["says"] == "linear damping of internal energy, −0.040 ± 0.002 per unit time"
+
+
+def test_a_parameter_is_given_by_its_new_value(flow: System) -> None:
+    best = laws.law([laws.parameter(flow, "nu", aliases=("mu", "kappa"))], [-0.04], std=0.003)
+    told: dict[str, Any] = dict(explain(flow, laws.discovery(best))[0])
+    assert (told["equation"], told["parameter"], told["term"]) == (None, "nu", "nu")
+    assert (told["from"], told["to"]) == (0.1, pytest.approx(0.06))
+    assert told["coefficient"] == pytest.approx(-0.04)
+    assert told["ci95"] == pytest.approx([0.06 - 0.00588, 0.06 + 0.00588], rel=1e-3)
+    assert told["says"] == (
+        "nu is 0.060, not 0.1 (± 0.003); a change of mu or kappa would do the same"
+    )
+
+
+def test_a_parameter_that_does_not_enter_linearly_is_said_to_be_approximate(flow: System) -> None:
+    best = laws.law([laws.parameter(flow, "alpha")], [0.03], std=0.002)
+    assert "to first order" in str(explain(flow, laws.discovery(best))[0]["says"])
+
+
+def test_inclusion_sums_over_all_laws_that_hold_the_term(flow: System) -> None:
+    u, cubic, lam = (laws.term(flow, "u", text) for text in ("u", "u**3", "lam"))
+    both = laws.law([u, cubic], [0.1, -0.1], score=0.0)
+    tried = laws.discovery(both, laws.law([u], [0.1], score=2.0), laws.law([lam], [1.0], score=4.0))
+    first, second = explain(flow, tried)
+    total = 1 + 0.36788 + 0.13534
+    assert first["inclusion"] == pytest.approx(1.36788 / total, rel=1e-4)
+    assert second["inclusion"] == pytest.approx(1 / total, rel=1e-4)
+
+
+def test_the_simulator_as_it_is_counts_among_the_laws_once(flow: System) -> None:
+    u = laws.term(flow, "u", "u")
+    nothing = laws.law(score=1.0)
+    best = laws.law([u], [0.1])
+    for tried in (
+        laws.discovery(best, nothing=nothing),
+        laws.discovery(best, nothing, nothing=nothing),
+    ):
+        shares = [p for _, p in plausibility(tried)]
+        assert shares == pytest.approx([0.62246, 0.37754], rel=1e-4)
+
+
+def test_alternatives_are_rivals_first_and_three_at_most(flow: System) -> None:
+    u, cubic, lam = (laws.term(flow, "u", text) for text in ("u", "u**3", "lam"))
+    best = laws.law([u], [0.1])
+    nested = laws.law([u, cubic], [0.1, 0.0], score=1.0)
+    rival = laws.law([lam], [0.2], score=3.0, misfit=1.2)
+    twin = laws.law([cubic], [0.3], score=4.0, misfit=1.001)
+    others = [laws.law([laws.parameter(flow, "q")], [0.3], score=s) for s in (9.0, 8.0)]
+    found = alternatives(laws.discovery(best, nested, rival, twin, *others))
+    assert [other["delta_bic"] for other in found] == [3.0, 4.0, 1.0]
+    assert [other["rival"] for other in found] == [True, True, False]
+    assert found[0]["terms"] == [{"equation": "u", "term": "lam", "coefficient": 0.2}]
+
+
+def test_laws_read_the_same_if_their_readings_differ_by_less_than_six(flow: System) -> None:
+    # In χ², over 120 samples: 120·0.2² = 4.8 and 120·0.25² = 7.5.
+    u, lam = laws.term(flow, "u", "u"), laws.term(flow, "u", "lam")
+    for misfit, same in ((1.2, True), (1.25, False)):
+        rival = laws.law([lam], [0.2], score=3.0, misfit=misfit)
+        [other] = alternatives(laws.discovery(laws.law([u], [0.1]), rival))
+        assert other["same_as_best"] is same
+
+
+def test_a_law_in_words_tells_terms_from_parameters(flow: System) -> None:
+    law = laws.law([laws.term(flow, "u", "u"), laws.parameter(flow, "nu")], [-0.04, 0.01])
+    text = law_in_words(law, flow)
+    assert text.startswith("The simulation leaves out linear damping of internal energy, −0.0400")
+    assert text.endswith("A parameter is mis-stated: nu is 0.1100, not 0.1 (± 0.0010).")
+    assert "nothing" in law_in_words(laws.law(), flow)

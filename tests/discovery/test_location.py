@@ -1,0 +1,143 @@
+"""Where the law acts: shares, regimes, times and sensors of laws whose place is known."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from torch import Tensor
+
+from dashred.discovery.discovered import Discovered
+from dashred.discovery.law import Law
+from dashred.discovery.location import law_tendency, locate
+from dashred.discovery.regime import regime
+from dashred.findings_schema import Where
+from dashred.physics.library import evaluate_terms
+from dashred.physics.system import System, Term
+from tests import laws
+
+TIMES = 0.1 * torch.arange(laws.SAMPLES, dtype=torch.float64)
+NAMES = ["a", "b", "c"]
+
+
+@pytest.fixture(scope="module")
+def flow(tmp_path_factory: pytest.TempPathFactory) -> System:
+    return laws.declared(tmp_path_factory.mktemp("flow"))
+
+
+def bump(system: System) -> Tensor:
+    """A narrow pulse of u that runs, on a background of 1; lam is smooth."""
+    x = system.grid.coordinates["x"]
+    shift = (x - TIMES[:, None] - torch.pi).remainder(2 * torch.pi) - torch.pi
+    u = 1 + torch.exp(-((shift / 0.4) ** 2))
+    return torch.stack([u, 0.5 + 0.1 * torch.cos(shift)], dim=1)
+
+
+def found(system: System, discovered: Discovered) -> Where:
+    return locate(system, discovered, bump(system), TIMES, NAMES)
+
+
+def rms(system: System, equation: str, states: Tensor) -> float:
+    own = [Term(equation, system.equations[equation])]
+    return float(evaluate_terms(system, own, states, 0.0).square().mean().sqrt())
+
+
+def test_equation_shares_are_rms_relative_to_each_equations_own(flow: System) -> None:
+    states = bump(flow)
+    law = laws.law([laws.term(flow, "u", "u"), laws.term(flow, "lam", "1")], [-0.04, 0.01])
+    u = 0.04 * float(states[:, 0].square().mean().sqrt()) / rms(flow, "u", states)
+    lam = 0.01 / rms(flow, "lam", states)
+    where = found(flow, laws.discovery(law))
+    assert where["equation"] == pytest.approx({"u": u / (u + lam), "lam": lam / (u + lam)})
+    alone = found(flow, laws.discovery(laws.law(law.candidates[:1], [-0.04])))
+    assert alone["equation"] == {"u": 1.0, "lam": 0.0}
+
+
+def test_a_parameter_has_its_share_in_every_equation_it_enters(flow: System) -> None:
+    law = laws.law([laws.parameter(flow, "nu")], [0.02])
+    shares = found(flow, laws.discovery(law))["equation"]
+    assert min(shares.values()) > 0.01 and sum(shares.values()) == pytest.approx(1.0)
+
+
+def test_terms_that_read_the_clock_are_taken_at_their_own_times(flow: System) -> None:
+    states = bump(flow)
+    law = laws.law([laws.term(flow, "u", "t*u")], [1.0])
+    size = law_tendency(flow, law, states, TIMES)[:, 0] * rms(flow, "u", states)
+    torch.testing.assert_close(size, TIMES[:, None] * states[:, 0])
+
+
+@pytest.mark.parametrize(
+    ("term", "acts"), [("(u - 1)**3", "u > "), ("(u - 2)**2", None), ("u", None)]
+)
+def test_a_regime_is_named_only_where_the_law_does_not_act_everywhere(
+    flow: System, term: str, acts: str | None
+) -> None:
+    where = found(flow, laws.discovery(laws.law([laws.term(flow, "u", term)], [0.1])))
+    if acts is None:
+        assert where["regime"] is None
+        return
+    assert where["regime"] is not None and where["regime"].startswith(acts)
+    threshold = float(where["regime"].split()[2])
+    power = (bump(flow)[:, 0] - 1) ** 6
+    inside = bump(flow)[:, 0] >= threshold
+    assert float(power[inside].sum() / power.sum()) == pytest.approx(0.8, abs=0.05)
+    share = float(inside.double().mean())
+    assert f"({share:.0%} of space and time".replace("%", " %") in where["regime"]
+
+
+def test_a_regime_of_either_sign_is_a_regime_of_the_size(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    system = laws.declared(tmp_path_factory.mktemp("pendulum"), laws.PENDULUM)
+    phase = torch.linspace(0, 20, 400, dtype=torch.float64)
+    states = torch.stack([torch.sin(phase), torch.cos(phase)], dim=1)
+    told = regime(system, states, torch.cos(phase) ** 10, ["omega"])
+    assert told is not None and told.startswith("|omega| > ") and "of the time" in told
+    # The same moments, by the field that the law reads.
+    told = regime(system, states, torch.cos(phase) ** 10, ["theta"])
+    assert told is not None and told.startswith("|theta| < ")
+    assert regime(system, states, torch.zeros(400), []) is None
+
+
+def seen_at(first: float, then: float) -> Law:
+    """A law of one term whose residuals differ from 1 at the first sensor alone."""
+    law = laws.law([], [])
+    law.residuals[:, 0] = first
+    law.residuals[20:, 0] = then
+    return law
+
+
+def test_a_law_shows_at_the_sensors_where_the_misfit_falls(flow: System) -> None:
+    best = laws.law([laws.term(flow, "u", "u")], [0.1])
+    where = found(flow, laws.discovery(best, nothing=seen_at(3.0, 3.0)))
+    first, second, _ = where["sensors"]
+    assert first["name"] == "a" and first["gain"] == pytest.approx(8.0)
+    assert first["before"] == pytest.approx(9.0) and first["after"] == pytest.approx(1.0)
+    assert first["p"] is not None and first["p"] < 1e-12
+    assert second["gain"] == pytest.approx(0.0) and second["p"] == pytest.approx(1.0)
+
+
+def test_the_profile_says_when(flow: System) -> None:
+    best = laws.law([laws.term(flow, "u", "u")], [0.1])
+    seen = torch.ones(laws.SAMPLES, laws.SENSORS, dtype=torch.bool)
+    seen[5] = False
+    discovered = laws.discovery(best, nothing=seen_at(1.0, 4.0), seen=seen)
+    profile = found(flow, discovered)["profile"]
+    assert profile["times"] == pytest.approx(TIMES.tolist())
+    assert profile["before"][4] == pytest.approx(1.0) and profile["before"][5] is None
+    assert profile["before"][30] == pytest.approx(((16 + 1 + 1) / 3) ** 0.5)
+
+
+def test_significance_pays_for_the_search(flow: System) -> None:
+    u = laws.term(flow, "u", "u")
+    # χ² falls from 120·1.1² to 120, by 25.2: p of one coefficient 5.2e-7, fifty tries.
+    close = laws.discovery(laws.law([u], [0.1]), nothing=laws.law(misfit=1.1))
+    assert found(flow, close)["significance"] == pytest.approx(50 * 5.18e-7, rel=0.01)
+    useless = laws.discovery(laws.law([u], [0.1]), nothing=laws.law(misfit=1.0))
+    assert found(flow, useless)["significance"] == 1.0
+
+
+def test_an_empty_law_acts_nowhere(flow: System) -> None:
+    where = found(flow, laws.discovery(laws.law(), nothing=laws.law()))
+    assert where["equation"] == {"u": 0.0, "lam": 0.0}
+    assert where["regime"] is None and where["significance"] is None
+    assert where["time"] == pytest.approx([0.0, 3.9])

@@ -1,0 +1,126 @@
+"""The seeds: each is a usable start, and those made from data find a phase nobody told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from dashred.discovery.seeds import NetworkEstimate, Readings, SeedSettings, make_seeds
+from dashred.discovery.starts import LinearStart, StartModel
+from dashred.physics.ensemble import Ensemble
+from dashred.physics.prior import StartPrior, field_rms, nominal_start
+from dashred.physics.simulate import simulate
+from dashred.physics.system import System, Term
+from dashred.sensing.observation import ObservationOperator
+from dashred.sensing.sensors import Sensor
+from tests.ring import SENSORS, TIMES, ensemble, linear_system
+
+SETTINGS = SeedSettings(analogs=40, filtered=8, modes=20)
+
+
+def test_seeds_find_a_moved_start_on_a_ring(tmp_path: Path) -> None:
+    system = linear_system(tmp_path)
+    members = ensemble(system, 40)
+    truth = torch.roll(ensemble(system, 1, seed=7).states[0], 13, dims=-1)
+    readings = record(system, truth, SENSORS, 0.02)
+    network = NetworkEstimate(truth[0] + 0.1, torch.tensor([0.1], dtype=torch.float64))
+    seeds = make_seeds(system, prior(system), members, (), readings, network, SETTINGS)
+    assert list(seeds) == ["prior", "blue", "filter", "dashred"]
+    wrong = rms(seeds["prior"], truth[0])
+    for name in ("blue", "filter"):
+        assert rms(seeds[name], truth[0]) < min(0.05, 0.1 * wrong)
+        assert unreached(seeds[name], truth[0]) < 0.02
+
+
+def test_network_seed_has_its_state_and_the_size_of_its_error(tmp_path: Path) -> None:
+    system = linear_system(tmp_path)
+    truth = ensemble(system, 1, seed=7).states[0]
+    network = NetworkEstimate(truth[0], torch.tensor([0.3], dtype=torch.float64))
+    readings = record(system, truth, SENSORS, 0.02)
+    found = make_seeds(
+        system, prior(system), ensemble(system, 40), (), readings, network, SETTINGS
+    )["dashred"]
+    assert isinstance(found, LinearStart)
+    assert torch.equal(found.mean, truth[0])
+    assert float(found.modes.square().sum(dim=0).mean().sqrt()) == pytest.approx(0.3)
+
+
+def test_an_ode_without_space_is_seeded_too(make_oscillator: Callable[[], System]) -> None:
+    system = make_oscillator()
+    damping = Term("p", system.parse("p", "library.p", equation="p"))
+    start = prior(system)
+    draws = start.draw(30, np.random.default_rng(0))
+    states = simulate(system, draws, TIMES)
+    members = Ensemble(TIMES, states, torch.zeros(30, 1, dtype=torch.float64))
+    truth = simulate(system, torch.tensor([[-0.9, 0.6]], dtype=torch.float64), TIMES)[0]
+    readings = record(system, truth, (Sensor("s", "x"),), 0.02)
+    seeds = make_seeds(system, start, members, (damping,), readings, None, SETTINGS)
+    assert "dashred" not in seeds
+    for name in ("blue", "filter"):
+        assert seeds[name].size == 2
+        assert rms(seeds[name], truth[0]) < 0.1 < rms(seeds["prior"], truth[0])
+
+
+def test_a_linear_start_is_affine_and_holds_its_shapes() -> None:
+    start = LinearStart(torch.ones(2, 3), torch.arange(12.0).reshape(2, 2, 3))
+    z = torch.tensor([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0]])
+    found = start.start(z)
+    assert found.shape == (3, 2, 3)
+    assert torch.equal(found[0], start.mean)
+    assert torch.equal(found[2] - found[1], 2 * start.modes[1])
+    with pytest.raises(ValueError, match="do not fit"):
+        replace(start, mean=torch.ones(3))
+
+
+@pytest.fixture
+def make_oscillator(tmp_path: Path) -> Callable[[], System]:
+    """A damped oscillator."""
+    from dashred.config import load_config
+
+    path = tmp_path / "oscillator.yaml"
+    path.write_text("""
+system:
+  title: a damped oscillator
+  fields: {x: place, p: momentum}
+  parameters: {k: 2.0}
+  equations: {x: p, p: -k*x - 0.1*p}
+  start: {x: 1, p: 0}
+  spread: {x: 0.1, p: 0.1}
+  integrator: {method: rk4, dt: 0.05}
+recording: {twin: a, sensors: 1, noise: 0, duration: 4, every: 0.1}
+""")
+    config = load_config([f"conf={path}"], entry="test")
+    return lambda: System(config.system, config.where)
+
+
+def prior(system: System) -> StartPrior:
+    start = nominal_start(system)
+    return StartPrior(system, start[0], field_rms(start), None)
+
+
+def record(system: System, truth: Tensor, sensors: tuple[Sensor, ...], noise: float) -> Readings:
+    operator = ObservationOperator(sensors, system)
+    generator = torch.Generator().manual_seed(1)
+    values = operator(truth)
+    values = values + noise * torch.randn(values.shape, generator=generator, dtype=torch.float64)
+    return Readings(TIMES, values, operator, torch.full((len(sensors),), noise).double())
+
+
+def rms(seed: StartModel, truth: Tensor) -> float:
+    """Return the error of the seed's centre."""
+    centre = seed.start(torch.zeros(1, seed.size, dtype=torch.float64))[0]
+    return float((centre - truth).square().mean().sqrt())
+
+
+def unreached(seed: StartModel, truth: Tensor) -> float:
+    """Return what no z reaches of the truth, rms."""
+    assert isinstance(seed, LinearStart)
+    basis, gap = seed.modes.flatten(1).T, (truth - seed.mean).flatten()
+    z = torch.linalg.lstsq(basis, gap[:, None]).solution[:, 0]
+    return float((gap - basis @ z).square().mean().sqrt())

@@ -1,0 +1,84 @@
+"""The verdict: each kind where it belongs, and no law where nothing was fitted to the end."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from dashred.discovery.noise_model import NoiseModel
+from dashred.discovery.verdict import unexplained, verdict
+from dashred.physics.system import System
+from tests import laws
+
+
+@pytest.fixture(scope="module")
+def flow(tmp_path_factory: pytest.TempPathFactory) -> System:
+    return laws.declared(tmp_path_factory.mktemp("flow"))
+
+
+def test_each_kind_of_law_has_its_verdict(flow: System) -> None:
+    u, nu = laws.term(flow, "u", "u"), laws.parameter(flow, "nu")
+    expected = {
+        "nothing-missing": laws.law(),
+        "missing-term": laws.law([u, nu], [0.1, 0.1]),
+        "parameter": laws.law([nu], [0.1]),
+    }
+    for kind, best in expected.items():
+        found, causes = verdict(laws.discovery(best))
+        assert found == causes[0]["kind"] == kind
+        assert causes[0]["probability"] == pytest.approx(1.0)
+    [cause, *_] = verdict(laws.discovery(expected["parameter"]))[1]
+    assert cause["parameter"] == ["nu"] and cause["where"] == {"equations": ["lam", "u"]}
+
+
+def test_a_rival_makes_it_ambiguous_and_the_classes_share_the_probability(flow: System) -> None:
+    u, cubic, nu = (
+        laws.term(flow, "u", "u"),
+        laws.term(flow, "u", "u**3"),
+        laws.parameter(flow, "nu"),
+    )
+    best, other = laws.law([u], [0.1]), laws.law([cubic], [0.1], score=5.0)
+    rival = laws.law([nu], [0.1], score=4.0)
+    found, causes = verdict(laws.discovery(best, rival, other))
+    assert found == "ambiguous"
+    assert [cause["kind"] for cause in causes] == ["missing-term", "parameter", "nothing-missing"]
+    weights = (1 + 0.082085, 0.135335)
+    assert causes[0]["probability"] == pytest.approx(weights[0] / sum(weights), rel=1e-4)
+    assert causes[0]["terms"] == ["u: u"] and causes[0]["where"] == {"equations": ["u"]}
+    assert sum(cause["probability"] for cause in causes) == pytest.approx(1.0)
+
+
+def test_a_larger_law_that_was_searched_to_the_end_is_no_rival(flow: System) -> None:
+    u, cubic = laws.term(flow, "u", "u"), laws.term(flow, "u", "u**3")
+    both = laws.law([u, cubic], [0.1, 0.0], score=2.0)
+    best = laws.law([u], [0.1])
+    assert verdict(laws.discovery(best, both))[0] == "missing-term"
+    assert verdict(laws.discovery(best, both, exhausted=False))[0] == "ambiguous"
+
+
+def test_a_walk_that_stopped_half_way_says_so_and_names_no_law(flow: System) -> None:
+    best = laws.law([laws.term(flow, "u", "u")], [0.1])
+    found, causes = verdict(laws.discovery(best, reached=False))
+    assert found == "not-converged"
+    [cause] = causes
+    assert "the first 40 of 40 samples" in cause["says"] and "terms" not in cause
+
+
+@pytest.mark.parametrize(("chi2", "kind"), [(1.4, "missing-term"), (1.6, "not-converged")])
+def test_a_misfit_that_all_candidates_together_would_not_leave_is_no_law(
+    flow: System, chi2: float, kind: str
+) -> None:
+    best = laws.law([laws.term(flow, "u", "u")], [0.1], chi2=chi2)
+    assert verdict(laws.discovery(best, free_chi2=1.0))[0] == kind
+
+
+def test_unexplained_is_the_share_beyond_the_noise_that_was_stated() -> None:
+    seen = torch.ones(10, 2, dtype=torch.bool)
+    found = NoiseModel(torch.tensor([0.2, 0.2], dtype=torch.float64), 0.0, seen)
+    assert unexplained(torch.tensor([0.1, 0.1]), found) == pytest.approx(0.75)
+    assert unexplained(torch.tensor([0.2, 0.2]), found) == pytest.approx(0.0)
+    assert unexplained(torch.tensor([0.4, 0.4]), found) == 0.0
+    assert unexplained(None, found) is None
+    seen[:, 1] = False
+    half = NoiseModel(found.std, 0.0, seen)
+    assert unexplained(torch.tensor([0.2, 0.01]), half) == pytest.approx(0.0)

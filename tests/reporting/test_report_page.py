@@ -1,0 +1,202 @@
+"""The plain words of a verdict, and the page: everything told, nothing referred to outside."""
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dashred.findings import Fit, Input, misfit, new_findings
+from dashred.reporting.html import write_html
+from dashred.reporting.summary import summary
+from dashred.reporting.verdict_words import verdict_lines
+
+SOURCE = Input(
+    config={"system": {"title": "Front <in> a ring & more"}},
+    config_sha256="c0ffee",
+    recording_sha256="facade",
+    seed=7,
+    versions={"torch": "2.13"},
+    library_size={"u": 29},
+    splits=None,
+)
+TERM: Any = {
+    "equation": "u",
+    "term": "u**3",
+    "coefficient": -0.0251,
+    "std": 0.0004,
+    "ci95": [-0.0259, -0.0243],
+    "inclusion": 0.98,
+    "region": None,
+    "says": "cubic damping of internal energy (saturation), (−0.0251 ± 0.0004)·u³ per unit time",
+}
+CHANGE: Any = {
+    "equation": None,
+    "parameter": "nu",
+    "term": "nu",
+    "from": 0.035,
+    "to": 0.05,
+    "coefficient": 0.015,
+    "std": 0.0004,
+    "ci95": [0.0492, 0.0508],
+    "aliases": [],
+    "inclusion": 1.0,
+    "region": None,
+    "says": "nu is 0.0500, not 0.035 (± 0.0004)",
+}
+WHERE: Any = {
+    "equation": {"u": 0.97, "lam": 0.03},
+    "region": None,
+    "time": [0, 8],
+    "regime": "u > 1.2 (39 % of space and time carries 80 % of it)",
+    "sensors": [],
+    "significance": 1e-40,
+    "profile": {"times": [], "before": [], "after": []},
+}
+NEXT: Any = {
+    "terms": [{"equation": "u", "term": "u**2", "coefficient": -0.03123}],
+    "delta_bic": 34.2,
+    "rival": False,
+    "same_as_best": False,
+}
+
+
+def found(**changed: Any) -> Any:
+    fit = Fit(
+        noise_std=None,
+        noise_correlation=None,
+        chi2=1.02,
+        unexplained=0.04,
+        test_sensors=misfit(before=0.61, before_refit=0.4, after=0.05, shred=0.3),
+        heldout_time=misfit(before_refit=0.2, after=0.3),
+    )
+    given = {
+        "fit": fit,
+        "verdict": "missing-term",
+        "causes": [{"kind": "missing-term", "probability": 0.98}],
+        "where": WHERE,
+        "terms": [TERM, CHANGE],
+        "alternatives": [NEXT],
+        "corrected": "corrected.yaml",
+    }
+    return new_findings(SOURCE, **given | changed)
+
+
+def test_the_summary_begins_with_what_matters_most() -> None:
+    lines = summary(found(), None, {}).splitlines()
+    assert lines[:6] == [
+        "Verdict: missing-term: a term is missing from the simulation.",
+        f"  The simulation leaves out {TERM['says']}.",
+        "  A parameter is mis-stated: nu is 0.0500, not 0.035 (± 0.0004).",
+        "  The chance that noise alone looks like this: p < 1e−12.",
+        "  The next best explanation, u: −0.0312·u², is worse by ΔBIC 34.",
+        "  It acts 97 % in the equation of u, 3 % in the equation of lam; where u > 1.2 "
+        "(39 % of space and time carries 80 % of it).",
+    ]
+    assert (
+        "At the test sensors the error is 0.61 before, 0.4 with the simulation's own best"
+        in (lines[6])
+    )
+    assert lines[6].endswith("0.05 after: 8 times smaller.")
+    assert lines[7].endswith("0.3 after: 1.5 times larger.")
+    assert lines[9].startswith("Front <in> a ring & more: the simulation against")
+
+
+def test_an_ambiguous_verdict_names_the_rivals_and_calls_the_best_a_guess() -> None:
+    same = NEXT | {"rival": True, "same_as_best": True, "delta_bic": 1.23}
+    text = "\n".join(verdict_lines(found(verdict="ambiguous", alternatives=[same])))
+    assert "As the best guess, the simulation leaves out cubic damping" in text
+    assert "u: −0.0312·u² (ΔBIC 1.2, the same at these sensors) fits about as well." in text
+    assert "next best" not in text
+
+
+@pytest.mark.parametrize(
+    ("p", "told"), [(1e-40, "p < 1e−12"), (3.4e-5, "p = 3e−05"), (1.0, "= 1.00")]
+)
+def test_a_chance_is_never_told_as_none(p: float, told: str) -> None:
+    assert told in "\n".join(verdict_lines(found(where=WHERE | {"significance": p})))
+
+
+def test_where_nothing_converged_only_the_reason_is_told() -> None:
+    cause = {"kind": "not-converged", "probability": 1.0, "says": "the fit stopped half-way"}
+    lost = found(verdict="not-converged", causes=[cause], where=None, terms=None, alternatives=None)
+    text = "\n".join(verdict_lines(lost)[:3])
+    assert "The fit stopped half-way." in text and "leaves out" not in text and "acts" not in text
+
+
+def test_without_a_verdict_there_are_no_words() -> None:
+    assert verdict_lines(new_findings(SOURCE)) == []
+
+
+class Page(HTMLParser):
+    """What a browser would make of the page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.words: list[str] = []
+        self.sources: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Remember what is open, and what is referred to."""
+        if tag not in ("meta", "img"):
+            self.open.append(tag)
+        self.sources += [value or "" for name, value in attrs if name in ("src", "href")]
+
+    def handle_endtag(self, tag: str) -> None:
+        """Close what was opened last."""
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        """Keep what a reader sees."""
+        if not {"style", "script"} & set(self.open):
+            self.words.append(data)
+
+
+@pytest.fixture
+def page(tmp_path: Path) -> Page:
+    image = tmp_path / "where.png"
+    image.write_bytes(b"\x89PNG")
+    write_html(tmp_path / "report.html", found(), {"Where <it> acts": image}, "printed <text>")
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["report.html", "where.png"]
+    return Page((tmp_path / "report.html").read_text(encoding="utf-8"))
+
+
+def test_the_page_refers_to_nothing_outside_itself(page: Page, tmp_path: Path) -> None:
+    assert page.sources == ["data:image/png;base64,iVBORw=="] and not page.open
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert not re.search(r"https?://|@import|url\(|<script", text)
+    assert str(tmp_path) not in text
+
+
+def test_the_page_tells_the_law_its_rivals_the_proof_and_where_it_comes_from(page: Page) -> None:
+    words = page.words
+    assert "Front <in> a ring & more: what the simulation leaves out" in words
+    assert words.index("A term is missing from the simulation.") < words.index("The law")
+    for told in ("u³", "−0.0251", "−0.0259 … −0.0243", "98 %", "0.035 → 0.0500"):
+        assert told in words, told
+    for told in (
+        "u: −0.0312·u²",
+        "34.2",
+        "0.61",
+        "Where <it> acts",
+        "c0ffee",
+        "facade",
+        "29 terms for u",
+    ):
+        assert told in words, told
+    assert "printed <text>" in words and "None" not in " ".join(words)
+
+
+def test_a_page_of_findings_that_found_nothing_is_short_but_whole(tmp_path: Path) -> None:
+    write_html(tmp_path / "report.html", new_findings(SOURCE), {}, "")
+    page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert not page.open and "The law" not in page.words and "Provenance" in page.words
+
+
+def test_the_same_findings_give_the_same_page(tmp_path: Path) -> None:
+    for name in ("a.html", "b.html"):
+        write_html(tmp_path / name, found(), {}, "")
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()

@@ -1,0 +1,150 @@
+"""The corrected configuration: it loads, and its equations are the simulator's plus the law."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import torch
+from torch import Tensor
+
+from dashred.config import Config, load_config
+from dashred.discovery.correction import correct, enters_linearly
+from dashred.discovery.law import Law
+from dashred.physics.library import evaluate_terms
+from dashred.physics.system import System, Term
+from dashred.stages.corrected import write_corrected
+from tests import laws
+
+
+def load(path: Path, *words: str) -> tuple[Config, System]:
+    if path.name == "corrected.yaml":
+        words = (f"recording.path={path.with_name('my.csv')}", *words)
+    config = load_config([f"conf={path}", *words], entry="train")
+    return config, System(config.system, config.where)
+
+
+def tendency(system: System, states: Tensor) -> Tensor:
+    own = [Term(field, system.equations[field]) for field in system.fields]
+    return evaluate_terms(system, own, states, 0.0)
+
+
+def states(system: System) -> Tensor:
+    generator = torch.Generator().manual_seed(0)
+    shape = (3, len(system.fields), *system.grid.shape)
+    return 1 + 0.1 * torch.randn(shape, generator=generator, dtype=torch.float64)
+
+
+def added(system: System, law: Law, where: Tensor) -> Tensor:
+    expected = tendency(system, where)
+    for candidate, value in zip(law.candidates, law.coefficients.tolist(), strict=True):
+        columns = evaluate_terms(system, candidate.terms, where, 0.0)
+        for term, column in zip(candidate.terms, columns, strict=True):
+            expected[system.fields.index(term.equation)] += value * column
+    return expected
+
+
+def example(system: System) -> Law:
+    found = [
+        laws.term(system, "u", "u**3"),
+        laws.term(system, "lam", "lam*d(u, x)"),
+        laws.parameter(system, "nu"),
+    ]
+    return laws.law(found, [-0.0251, 1e-7, 0.0152])
+
+
+@pytest.fixture
+def mine(tmp_path: Path) -> Path:
+    path = tmp_path / "mine.yaml"
+    path.write_text(laws.TEXT + "seed: 4\n")
+    return path
+
+
+def test_it_loads_from_another_folder_and_is_the_simulator_plus_the_law(
+    mine: Path, tmp_path: Path
+) -> None:
+    config, system = load(mine)
+    law = example(system)
+    folder = tmp_path / "elsewhere" / "deep"
+    folder.mkdir(parents=True)
+    write_corrected(folder / "corrected.yaml", config, system, law, "abc")
+    again, corrected = load(folder / "corrected.yaml")
+    where = states(system)
+    torch.testing.assert_close(tendency(corrected, where), added(system, law, where))
+    assert not torch.allclose(tendency(corrected, where), tendency(system, where))
+    assert again.recording.twin is None and again.seed == 4
+    assert again.system.start == config.system.start
+    assert again.system.spin_up == config.system.spin_up == 1
+    assert again.tracking.root == config.tracking.root
+    assert again.tracking.experiment == "mine"
+    assert [file.name for file in folder.iterdir()] == ["corrected.yaml"]
+
+
+def test_what_the_command_line_changed_is_kept_but_nothing_of_one_run(
+    mine: Path, tmp_path: Path
+) -> None:
+    words = ["seed=7", "system.parameters.q=1.5", "shred.decoder=[32, 16]", "splits.time.test=0.3"]
+    places = [f"output={tmp_path / 'out'}", f"tracking.root={tmp_path / 'runs'}", "tracking.run=x"]
+    recording = [f"recording.path={tmp_path / 'r.nc'}", "recording.every=0.2"]
+    config, system = load(mine, *words, *places, *recording)
+    path = tmp_path / "corrected.yaml"
+    write_corrected(path, config, system, example(system), "abc")
+    text = path.read_text()
+    assert str(tmp_path) not in text
+    again, _ = load(path)
+    assert (again.seed, again.shred.decoder, again.splits.time.test) == (7, [32, 16], 0.3)
+    assert again.system.parameters == {"nu": pytest.approx(0.1152), "q": 1.5, "alpha": 0.3}
+    assert again.recording.every == 0.2
+    assert again.output is None and again.tracking.run is None
+
+
+def test_the_header_says_what_was_added_and_from_what(mine: Path, tmp_path: Path) -> None:
+    config, system = load(mine)
+    path = tmp_path / "corrected.yaml"
+    write_corrected(path, config, system, example(system), "0123456789abcdef0123")
+    lines = path.read_text().splitlines()
+    header = " ".join(line.removeprefix("# ") for line in lines if line.startswith("#"))
+    assert "cubic damping of internal energy (saturation), (−0.0251 ± 0.0010)·u³" in header
+    assert "nu is 0.1152, not 0.1 (± 0.0010)" in header
+    assert "0123456789abcdef… " not in header and "0123456789abcdef…, seed 4" in header
+    assert "estimates.nc" in header
+    assert max(map(len, lines)) <= 100
+
+
+def test_an_empty_law_is_the_simulator_itself(mine: Path, tmp_path: Path) -> None:
+    config, system = load(mine)
+    path = tmp_path / "corrected.yaml"
+    write_corrected(path, config, system, laws.law(), "abc")
+    assert load(path)[0].system.equations == config.system.equations
+
+
+@pytest.mark.parametrize("name", ["rde", "pendulum"])
+def test_the_bundled_systems_can_be_corrected(name: str, tmp_path: Path) -> None:
+    config = load_config([f"conf={name}"], entry="train")
+    system = System(config.system, config.where)
+    field = system.fields[-1]
+    law = laws.law([laws.term(system, field, field)], [-0.08])
+    path = tmp_path / "corrected.yaml"
+    write_corrected(path, config, system, law, "abc")
+    again, corrected = load(path)
+    where = states(system)
+    torch.testing.assert_close(tendency(corrected, where), added(system, law, where))
+    assert system.lets.keys() == corrected.lets.keys()
+    assert again.system.spread == config.system.spread
+    assert again.simulation == config.simulation
+    assert again.recording.every == config.recording.every
+    assert again.recording.twin is None
+
+
+def test_a_parameter_inside_an_exponential_is_corrected_to_first_order(tmp_path: Path) -> None:
+    system = laws.declared(tmp_path)
+    assert enters_linearly(system, "nu") and enters_linearly(system, "q")
+    assert not enters_linearly(system, "alpha")
+    where = states(system)
+
+    def error(change: float) -> float:
+        law = laws.law([laws.parameter(system, "alpha")], [change])
+        exact = tendency(correct(system, law), where)
+        return float((exact - added(system, law, where)).abs().max())
+
+    assert error(0.01) < error(0.02) / 3

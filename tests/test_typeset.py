@@ -1,0 +1,46 @@
+"""Numbers as they are printed: no digit that is not known, none left out that is."""
+
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dashred.typeset import number, percent, probability, rounded, with_error
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "printed"),
+    [
+        (-0.0397123, 0.00031, "−0.0397 ± 0.0003"),
+        (0.025, 0.0012, "0.0250 ± 0.0012"),
+        (1234.5, 20.0, "1230 ± 20"),
+        (0.1, 0.003, "0.100 ± 0.003"),
+        (3.21e-7, 2e-8, "3.2e−07 ± 2e−08"),
+        (-0.0, 0.2, "0.0 ± 0.2"),
+        (0.035, 0.0, "0.035 ± 0"),
+        (0.035, float("nan"), "0.035 ± nan"),
+    ],
+)
+def test_a_value_is_rounded_to_its_uncertainty(value: float, std: float, printed: str) -> None:
+    assert with_error(value, std) == printed
+
+
+@given(
+    st.floats(min_value=-1e4, max_value=1e4),
+    st.floats(min_value=1e-4, max_value=1e3),
+)
+def test_what_is_rounded_away_is_less_than_the_uncertainty(value: float, std: float) -> None:
+    first, second = (float(text.replace("−", "-")) for text in rounded(value, std))
+    assert abs(first - value) <= 0.51 * std
+    assert second == pytest.approx(std, rel=0.26)
+
+
+@given(st.floats(min_value=1e-300, max_value=1.0))
+def test_a_small_probability_is_never_printed_as_zero(p: float) -> None:
+    assert re.fullmatch(r"< 1e−12|0\.\d\d|1\.00|\de−\d\d", probability(p))
+    assert probability(p) != "0.00"
+
+
+def test_numbers_alone_have_four_digits_and_a_true_minus() -> None:
+    assert (number(-0.0351234), number(1e-7), percent(0.394)) == ("−0.03512", "1e−07", "39 %")
