@@ -7,7 +7,15 @@ from pathlib import Path
 from dashred.errors import InputError
 
 # What one run leaves and the next may not write again: it would pass for part of that one.
-OF_ONE_RUN = ("freeze.json", "findings.json", "estimates.nc", "forecast.nc", "score.json")
+OF_ONE_RUN = (
+    "freeze.json",
+    "findings.json",
+    "estimates.nc",
+    "forecast.nc",
+    "corrected.yaml",
+    "report.html",
+    "score.json",
+)
 
 
 def make_output(path: str) -> Path:

@@ -39,8 +39,19 @@ def analyse(config: Config) -> Path:
         InputError: the input is wrong; nothing is written then, though the folder may be made.
     """
     from dashred.output import clear_output, make_output
-    from dashred.stages import assimilation, learning, problem, provenance, report, simulation
+    from dashred.stages import (
+        assimilation,
+        discovery,
+        learning,
+        problem,
+        provenance,
+        report,
+        simulation,
+        surrogate,
+        trajectories,
+    )
     from dashred.stages import verification as verify
+    from dashred.stages.analysis import Analysis
     from dashred.tracking import Tracker, flatten
 
     provenance.prepare_torch(config)
@@ -68,16 +79,21 @@ def analyse(config: Config) -> Path:
             findings = verify.refuse_unresolved(posed, resolution)
             verify.freeze_findings(output, findings, [])
         else:
-            learned = learning.train_shred(posed, ensemble, run, seconds)
+            learned = learning.train_shred(posed, ensemble, run, seconds, "SHRED")
             found = assimilation.assimilate(posed, nominal, learned.shred, run, seconds)
-            findings = verify.verify(posed, nominal, found)
-            count = len(posed.split.fit.times)
-            fields = verify.estimates(nominal, found, count)
-            verify.write_estimates(
-                output / "estimates.nc", posed.system, posed.times[:count], fields
+            discovered = discovery.discover(
+                posed, nominal, resolution, ensemble, learned, found, run, seconds
             )
-            verify.freeze_findings(output, findings, ["estimates.nc"])
-            report.report(posed, nominal, learned, found, output, seconds)
+            free = trajectories.run_free(posed, discovered, seconds)
+            relearned, corrected_shred = surrogate.retrain(
+                posed, nominal, discovered.best, free, run, seconds
+            )
+            analysis = Analysis(
+                nominal, learned, found, discovered, free, relearned, corrected_shred
+            )
+            findings = verify.verify(posed, analysis)
+            verify.write_findings(posed, analysis, findings, output)
+            report.report(posed, analysis, findings, output, seconds)
 
         seconds["in all"] = time.perf_counter() - began
         provenance.finish(run, output, findings, seconds, config_sha256(config))

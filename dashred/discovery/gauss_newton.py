@@ -23,6 +23,8 @@ from dashred.discovery.shooting import Linearisation, Shooting
 
 # One run tries all of these; in units of the curvature of each unknown.
 LADDER = (0.0, 0.03, 0.3, 3.0, 30.0)
+# A chord fit that needs more than this goes nowhere.
+MOST_DAMPED = 10.0
 
 
 class Trials(NamedTuple):
@@ -231,6 +233,7 @@ def chord_refits(
     free: Bool[Tensor, "set unknown"],
     steps: int,
     tolerance: float,
+    hopeless: float,
 ) -> Refits:
     """Minimise F over many sets of unknowns at once, with one Jacobian for all.
 
@@ -243,6 +246,8 @@ def chord_refits(
         free: which unknowns each may move.
         steps: runs at most.
         tolerance: a row that gains less than this in F is done, absolutely.
+        hopeless: a row that would not come this near to the best, did it gain as much again, is
+            given up.
     """
     damping = torch.zeros(len(phi), dtype=torch.float64)
     cost, (_, residuals) = objective.values(phi)
@@ -261,8 +266,9 @@ def chord_refits(
         residuals[rows[better]] = found[better]
         # After a damped step a small gain says nothing about the next.
         done[rows] = better & (gain < tolerance) & (damping[rows] < 1)
-        done[rows] |= damping[rows] > 1e4
+        done[rows] |= damping[rows] > MOST_DAMPED
+        done[rows] |= better & (cost[rows] - gain > cost.min() + hopeless)
         damping[rows] = torch.where(
-            better, damping[rows] / 10, torch.clamp(damping[rows] * 10, min=0.01)
+            better, damping[rows] / 10, torch.clamp(damping[rows] * 10, min=0.1)
         )
     return Refits(phi, cost, residuals.square().sum(dim=-1), done)

@@ -23,11 +23,12 @@ NEIGHBOURS = 16
 ROUNDS = 6
 CHORD_STEPS = 6
 # A row that gains less than this in F has come to its minimum, as far as ranking needs it.
-SETTLED = 0.3
+SETTLED = 0.5
 POLISH_STEPS = 6
-POLISHED = 1e-5
-# Sets whose score lies farther than this from the best are not refitted when σ has changed.
-HOPELESS = 30.0
+# Sets whose score lies farther than this from the best are given up.
+HOPELESS = 40.0
+# A smaller change of σ, or of its correlation, changes no choice.
+NOTICEABLE = 0.02
 
 
 @dataclass(frozen=True)
@@ -75,16 +76,17 @@ def select(
     """
     search = _Search(objective)
     problem = search.linearise(phi)
-    first = [(), *_promising(problem, search.penalty), *proposals]
+    first = [(), *_promising(problem), *proposals]
     search.refit(first)
     report(0.4, f"{len(search.tried)} sets refitted")
     exhausted = False
     for turn in range(ROUNDS):
         best = search.best
-        search.adopt_noise(best)
+        if search.adopt_noise(best):
+            search.rescore()
+            best = search.best
         problem = search.linearise(best.phi)
-        search.refit(search.contenders())
-        search.refit(_neighbours(problem, search.best.members, search.tried, search.penalty))
+        search.refit(_neighbours(problem, best.members, search.tried))
         report(0.4 + 0.6 * (turn + 1) / ROUNDS, f"{len(search.tried)} sets refitted")
         if search.best.members == best.members:
             exhausted = True
@@ -93,13 +95,19 @@ def select(
     return Selection(search.objective, ranked, exhausted)
 
 
-def polish(objective: Objective, tried: Tried) -> Tried:
-    """Return the fit of one set with fresh Jacobians to the end."""
+def polish(objective: Objective, tried: Tried, tolerance: float) -> Tried:
+    """Return the fit of one set with fresh Jacobians, until a step gains less than a share of F."""
     mine = objective.only(tried.members)
     begin = tried.phi[objective.places(tried.members)]
-    fitted = minimise(mine, begin, POLISH_STEPS, POLISHED)
-    score = tried.score + fitted.cost - tried.cost
+    fitted = minimise(mine, begin, POLISH_STEPS, tolerance)
+    score = fitted.cost + penalty(objective) * len(tried.members)
     return Tried(tried.members, objective.embed(fitted.phi, tried.members), fitted.cost, score)
+
+
+def penalty(objective: Objective) -> float:
+    """Return the cost of one candidate more: ``ln n + 2 ln p`` (design §4.2.5)."""
+    candidates = len(objective.prior_std)
+    return math.log(objective.noise.effective_count) + 2 * math.log(candidates)
 
 
 class _Search:
@@ -108,12 +116,6 @@ class _Search:
     def __init__(self, objective: Objective) -> None:
         self.objective = objective
         self.tried: dict[Set, Tried] = {}
-
-    @property
-    def penalty(self) -> float:
-        """Cost of one candidate more: ``ln n + 2 ln p`` (design §4.2.5)."""
-        candidates = len(self.objective.prior_std)
-        return math.log(self.objective.noise.effective_count) + 2 * math.log(candidates)
 
     @property
     def best(self) -> Tried:
@@ -128,20 +130,31 @@ class _Search:
         self.target = self.normal.jacobian @ phi - residuals
         return Eliminated.of(self.normal, self.objective.modes, residuals, phi)
 
-    def adopt_noise(self, best: Tried) -> None:
-        """Estimate σ and its correlation from the residuals of the best set."""
+    def adopt_noise(self, best: Tried) -> bool:
+        """Estimate σ and its correlation from the residuals of the best set; tell if they moved."""
         objective = self.objective
         z, xi = objective.split(best.phi[None])
         left = objective.shooting.readings(z, xi)[0] - objective.recorded
         groups = [sensor.reads for sensor in objective.shooting.operator.sensors]
         spent = objective.modes + len(best.members)
         noise = objective.noise.estimated(left, groups, spent)
+        resized = float((noise.std / objective.noise.std - 1).abs().max())
+        recorrelated = abs(noise.correlation - objective.noise.correlation)
+        if max(resized, recorrelated) < NOTICEABLE:
+            return False
         self.objective = replace(objective, noise=noise)
+        return True
 
-    def contenders(self) -> list[Set]:
-        """Return the sets that may still win."""
+    def rescore(self) -> None:
+        """Score the sets that may still win under the present noise; forget the others' scores."""
         bound = self.best.score + HOPELESS
-        return [found.members for found in self.tried.values() if found.score < bound]
+        near = [found for found in self.tried.values() if found.score < bound]
+        costs, _ = self.objective.values(torch.stack([found.phi for found in near]))
+        for members, found in self.tried.items():
+            self.tried[members] = replace(found, score=math.inf)
+        for found, cost in zip(near, costs.tolist(), strict=True):
+            score = cost + penalty(self.objective) * len(found.members)
+            self.tried[found.members] = replace(found, cost=cost, score=score)
 
     def refit(self, sets: Sequence[Set]) -> None:
         """Refit sets, each from its own last fit or from the linear prediction."""
@@ -150,10 +163,12 @@ class _Search:
             return
         free = _free(self.objective, sets)
         begin = torch.stack([self._begin(members) for members in sets])
-        found = chord_refits(self.objective, self.normal, begin, free, CHORD_STEPS, SETTLED)
+        found = chord_refits(
+            self.objective, self.normal, begin, free, CHORD_STEPS, SETTLED, HOPELESS
+        )
         for row, members in enumerate(sets):
             cost = float(found.cost[row])
-            score = cost + self.penalty * len(members)
+            score = cost + penalty(self.objective) * len(members)
             self.tried[members] = Tried(members, found.phi[row], cost, score)
 
     def _begin(self, members: Set) -> Tensor:
@@ -165,7 +180,7 @@ class _Search:
         return self.objective.embed(torch.linalg.solve(hessian, goal), members)
 
 
-def _promising(problem: Eliminated, penalty: float) -> list[Set]:
+def _promising(problem: Eliminated) -> list[Set]:
     count = len(problem.target)
     found: list[Set] = []
     for sets in small_sets(count, min(LARGEST, count)):
@@ -177,9 +192,7 @@ def _promising(problem: Eliminated, penalty: float) -> list[Set]:
     return found + [members for members in path if len(members) > LARGEST]
 
 
-def _neighbours(
-    problem: Eliminated, members: Set, tried: dict[Set, Tried], penalty: float
-) -> list[Set]:
+def _neighbours(problem: Eliminated, members: Set, tried: dict[Set, Tried]) -> list[Set]:
     """Return the best untried sets that one swap, one addition or one omission makes."""
     others = [j for j in range(len(problem.target)) if j not in members]
     drops = [tuple(j for j in members if j != out) for out in members]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -44,6 +45,13 @@ class Simulator:
             first += len(candidate.terms)
         self._run: Run = compiled(system, self.terms)
         self.has_tangents = supports(system, self.terms)
+
+    def coarse(self) -> Simulator:
+        """Return the simulator that takes the derivative's steps itself."""
+        other = copy.copy(self)
+        other.system = self.tangent
+        other._run = self._run.with_step(self.tangent.dt)
+        return other
 
     def run(
         self, start: Tensor, times: Tensor, candidates: Sequence[Candidate], xi: Tensor

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import torch
@@ -32,6 +34,12 @@ class CompiledMarch:
     def __init__(self, system: System, terms: Sequence[Term]) -> None:
         self.system = system
         self.tendency = CompiledTendency(system, terms)
+
+    def with_step(self, dt: float) -> CompiledMarch:
+        """Return the same with another time step, nothing compiled again."""
+        other = copy.copy(self)
+        other.system = self.system.with_step(dt)
+        return other
 
     def __call__(self, start: Tensor, times: Tensor, weights: Tensor) -> Tensor:
         """Return trajectories ``(batch, time, field, *grid)``.
@@ -106,14 +114,14 @@ class _Step:
         found += n_c
         return self.unview(found)
 
-    def rate(self, modes: Modes, t: float) -> NDArray[np.float64]:
+    def rate(self, modes: Modes, t: float) -> NDArray[Any]:
         """Return N."""
         return self.view(self.batch(modes, t))
 
-    def view(self, modes: Modes) -> NDArray[np.float64]:
+    def view(self, modes: Modes) -> NDArray[Any]:
         """Return the modes as they are combined."""
         return modes.view(np.float64) if self.real else modes
 
-    def unview(self, values: NDArray[np.float64]) -> Modes:
+    def unview(self, values: NDArray[Any]) -> Modes:
         """Return them as modes again."""
         return values.view(np.complex128) if self.real else values

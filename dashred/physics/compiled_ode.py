@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
+from typing import Any
 
 import numba
 import numpy as np
@@ -11,7 +13,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from dashred.physics.integrators.schedule import schedule
-from dashred.physics.kernel import Array, Body, Kernel, compile_kernel
+from dashred.physics.kernel import Array, Body, compile_kernel
 from dashred.physics.system import System, Term
 
 
@@ -31,6 +33,12 @@ class CompiledOde:
         bodies = [Body(channel[f], expr, None) for f, expr in system.resolved.items()]
         bodies += [Body(channel[t.equation], t.expression, j) for j, t in enumerate(terms)]
         self.kernel = compile_kernel(bodies, list(system.fields), [])
+
+    def with_step(self, dt: float) -> CompiledOde:
+        """Return the same with another time step, nothing compiled again."""
+        other = copy.copy(self)
+        other.system = self.system.with_step(dt)
+        return other
 
     def __call__(self, start: Tensor, times: Tensor, weights: Tensor) -> Tensor:
         """Return trajectories ``(batch, time, field)``.
@@ -56,7 +64,7 @@ class CompiledOde:
 
 @numba.njit
 def _integrate(
-    kernel: Kernel,
+    kernel: Any,
     saved: NDArray[np.float64],
     times: Array,
     steps: Array,

@@ -52,13 +52,11 @@ class Channel:
         equation: the field whose tendency it is part of.
         operator: D, an expression of :data:`OPERAND`.
         body: G, reading inputs, coordinates and ``t``.
-        slopes: ``∂G/∂v`` by the input's name, zeros left out.
     """
 
     equation: str
     operator: Expr
     body: Expr
-    slopes: Mapping[str, Expr]
 
 
 @dataclass(frozen=True)
@@ -85,6 +83,16 @@ class Separated:
     channels: tuple[Channel, ...]
     inputs: dict[str, Input]
 
+    def slopes(self, channel: Channel) -> dict[str, Expr]:
+        """Return ``∂G/∂v`` by the input's name, zeros left out.
+
+        Raises:
+            ArithmeticError: a constant in a derivative is not a finite real number.
+        """
+        read = names(channel.body)
+        slopes = {name: differentiate(channel.body, name) for name in self.inputs if name in read}
+        return {name: slope for name, slope in slopes.items() if slope != ZERO}
+
 
 def separate(equations: Mapping[str, Expr], axes: Sequence[str]) -> Separated:
     """Take equations apart.
@@ -95,9 +103,9 @@ def separate(equations: Mapping[str, Expr], axes: Sequence[str]) -> Separated:
 
     Raises:
         NotSeparableError: an equation does not have the form.
-        ArithmeticError: a constant in a derivative is not a finite real number.
+        ArithmeticError: a constant is not a finite real number.
     """
-    separator = _Separator(frozenset(equations), tuple(axes))
+    separator = Separator(frozenset(equations), tuple(axes))
     split = {field: split_linear(expr, field) for field, expr in equations.items()}
     parts = {field: separator.equation(field, rest) for field, (_, rest) in split.items()}
     channels = [found for _, found in parts.values()]
@@ -109,8 +117,12 @@ def separate(equations: Mapping[str, Expr], axes: Sequence[str]) -> Separated:
     )
 
 
-class _Separator:
-    """Collects the inputs of all equations as it takes them apart."""
+class Separator:
+    """Collects the inputs of all equations as it takes them apart.
+
+    Attributes:
+        inputs: by the name that bodies read.
+    """
 
     def __init__(self, fields: frozenset[str], axes: tuple[str, ...]) -> None:
         self.fields, self.axes = fields, axes
@@ -128,14 +140,7 @@ class _Separator:
                 bodies.setdefault(operator, []).append(self.pointwise(body))
         added = {name: add(operators) for name, operators in couplings.items()}
         summed = {operator: add(parts) for operator, parts in bodies.items()} or {OPERAND: ZERO}
-        return added, [self.channel(field, operator, body) for operator, body in summed.items()]
-
-    def channel(self, field: str, operator: Expr, body: Expr) -> Channel:
-        """Return the channel with its derivatives."""
-        read = [name for name in self.inputs if name in names(body)]
-        slopes = {name: differentiate(body, name) for name in read}
-        kept = {input: slope for input, slope in slopes.items() if slope != ZERO}
-        return Channel(field, operator, body, kept)
+        return added, [Channel(field, operator, body) for operator, body in summed.items()]
 
     def outside_in(self, expr: Expr) -> Iterator[tuple[Expr, Expr]]:
         """Yield ``(D, G)`` with ``Σ D[G]`` the expression, operators taken outside of sums."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
-from operator import mul
+from operator import add, mul
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,26 +42,39 @@ class Pointwise:
         self._slots: dict[Expr, int] = {}
         self._steps: list[Step] = []
         split = [[split_coefficient(term) for term in summands(expr)] for expr in functions]
-        basis = dict.fromkeys(rest for terms in split for _, rest in terms)
+        self._count = len(functions)
+        self._sums = [m for m, terms in enumerate(split) if len(terms) > 1]
+        basis = dict.fromkeys(rest for m in self._sums for _, rest in split[m])
         column = {expr: j for j, expr in enumerate(basis)}
-        self._weights = np.zeros((len(functions), len(basis)))
-        for weights, terms in zip(self._weights, split, strict=True):
-            for value, rest in terms:
+        self._weights = np.zeros((len(self._sums), len(basis)))
+        for weights, m in zip(self._weights, self._sums, strict=True):
+            for value, rest in split[m]:
                 weights[column[rest]] = value
         self._rows = [self._compile(expr) for expr in basis]
+        # A matrix product would cost a function of one summand as much as one of all.
+        self._single = [
+            (m, terms[0][0], self._compile(terms[0][1]))
+            for m, terms in enumerate(split)
+            if len(terms) == 1
+        ]
 
     def __call__(self, values: Mapping[str, Array], shape: tuple[int, ...]) -> Array:
         """Return the functions, ``(function, *shape)``; ``values`` broadcast to ``shape``."""
         memory: list[Points] = []
         rows = np.empty((len(self._rows), *shape))
+        found = np.empty((self._count, *shape))
         # A trajectory that blows up is told by its values, as torch does.
         with np.errstate(all="ignore"):
             for step in self._steps:
                 memory.append(step(memory, values))
             for row, slot in zip(rows, self._rows, strict=True):
                 row[...] = memory[slot]
-            found: Array = self._weights @ rows.reshape(len(rows), math.prod(shape))
-        return found.reshape(len(found), *shape)
+            for m, value, slot in self._single:
+                np.multiply(memory[slot], value, out=found[m])
+            if self._sums:
+                flat = rows.reshape(len(rows), math.prod(shape))
+                found[self._sums] = (self._weights @ flat).reshape(-1, *shape)
+        return found
 
     def _compile(self, expr: Expr) -> int:
         if expr not in self._slots:
@@ -76,17 +89,16 @@ class Pointwise:
         if isinstance(expr, Sum) or split_coefficient(expr)[0] != 1.0:
             split = [split_coefficient(term) for term in summands(expr)]
             terms = [(value, self._compile(rest)) for value, rest in split]
-            return lambda m, v: sum(m[s] if c == 1.0 else c * m[s] for c, s in terms)
+            return lambda m, v: reduce(add, [m[s] if c == 1.0 else c * m[s] for c, s in terms])
         slots = [self._compile(child) for child in children(expr)]
         match expr:
             case Name(id):
                 return lambda m, v: v[id]
             case Product():
                 return lambda m, v: reduce(mul, [m[slot] for slot in slots])
-            case Power(_, Number(2.0)):
-                return lambda m, v: m[slots[0]] * m[slots[0]]
-            case Power(_, Number(3.0)):
-                return lambda m, v: m[slots[0]] * m[slots[0]] * m[slots[0]]
+            case Power(_, Number(exponent)) if exponent in PRODUCTS:
+                multiplied = PRODUCTS[exponent]
+                return lambda m, v: multiplied(m[slots[0]])
             case Power():
                 return lambda m, v: np.power(m[slots[0]], m[slots[1]])
             case Call(function, _) if function in FUNCTIONS:
@@ -108,3 +120,12 @@ FUNCTIONS: dict[str, Callable[[Points], Array]] = {
     "sign": np.sign,
     "step": lambda x: np.heaviside(x, 0.0),
 }
+PRODUCTS: dict[float, Callable[[Points], Points]] = {
+    -2.0: lambda x: 1 / (x * x),
+    -1.0: lambda x: 1 / x,
+    0.5: np.sqrt,
+    2.0: lambda x: x * x,
+    3.0: lambda x: x * x * x,
+    4.0: lambda x: (x * x) * (x * x),
+}
+"""Powers that need no logarithm."""

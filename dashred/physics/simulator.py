@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol, Self
 
 from torch import Tensor
 
@@ -13,14 +15,35 @@ from dashred.physics.linearisation import NotSeparableError
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term
 
-Run = Callable[[Tensor, Tensor, Tensor], Tensor]
+
+class Run(Protocol):
+    """Many runs of one system with terms of which each trajectory carries its own share."""
+
+    def __call__(self, start: Tensor, times: Tensor, weights: Tensor) -> Tensor:
+        """Return ``(batch, time, field, *grid)`` for weights ``(batch, term)``."""
+
+    def with_step(self, dt: float) -> Self:
+        """Return the same with another time step."""
+
+
+@dataclass(frozen=True)
+class Interpreted:
+    """What cannot be compiled goes through :func:`simulate` itself."""
+
+    system: System
+    terms: tuple[Term, ...]
+
+    def __call__(self, start: Tensor, times: Tensor, weights: Tensor) -> Tensor:
+        """Return ``(batch, time, field, *grid)`` for weights ``(batch, term)``."""
+        return simulate(self.system, start, times, Forcing(self.terms, weights))
+
+    def with_step(self, dt: float) -> Interpreted:
+        """Return the same with another time step."""
+        return replace(self, system=self.system.with_step(dt))
 
 
 def compiled(system: System, terms: Sequence[Term]) -> Run:
-    """Return ``run(start, times, weights)``: :func:`simulate` with weights ``(batch, term)``.
-
-    Spectral systems and ODE systems with ``rk4`` run compiled, on the CPU; what cannot be
-    compiled goes through :func:`simulate` itself.
+    """Return the system compiled: spectral systems and ODE systems by ``rk4``, on the CPU.
 
     Args:
         system: the simulator.
@@ -33,8 +56,4 @@ def compiled(system: System, terms: Sequence[Term]) -> Run:
             return CompiledMarch(system, terms)
         except (NotSeparableError, ArithmeticError):
             pass
-
-    def run(start: Tensor, times: Tensor, weights: Tensor) -> Tensor:
-        return simulate(system, start, times, Forcing(tuple(terms), weights))
-
-    return run
+    return Interpreted(system, tuple(terms))

@@ -3,27 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any
 
+import numpy as np
 import torch
-from torch import Tensor
 
-from dashred.physics.algebra import Expr, add
+from dashred.physics.algebra import ZERO, Expr, add
+from dashred.physics.linear import split_linear
+from dashred.physics.linearisation import NotSeparableError, Separator
+from dashred.physics.pointwise import Array
 from dashred.physics.program import Program
+from dashred.physics.separated_tendency import Inputs, Modes, mask_of, symbol_of
 from dashred.physics.system import System, Term
+from dashred.physics.transforms import to_modes
 from dashred.physics.value import Value, on_whole_grid
 
-
-class Run(NamedTuple):
-    """Neighbouring columns that terms drive in one equation, and the rows of those terms."""
-
-    equation: int
-    columns: slice
-    rows: slice
+Places = list[tuple[int, int, int]]
 
 
 class Sources:
-    """``Σ_{θ in sources[k]} θ(u)`` of every equation; what drives nothing is left out.
+    """``Σ_{θ in sources[k]} θ(u)`` of every equation.
+
+    A term linear in its own field shifts L, as it does where it is part of the equations. The
+    others drive N, and a term that drives several equations is evaluated once.
+
+    Attributes:
+        shifts: ``(equation, column, i)`` for the i-th of the symbols.
+        symbols: of the linear terms, ``(shift, *modes)``.
+        drives: ``(equation, column, row)`` for a row of what is called.
+        bodies: the pointwise functions of the rows, to be evaluated by the caller.
+        inputs: what the bodies read.
 
     Args:
         system: names the fields.
@@ -32,39 +41,97 @@ class Sources:
     """
 
     def __init__(self, system: System, sources: Sequence[tuple[Term, ...]], first: int) -> None:
-        driven: dict[tuple[int, int], list[Expr]] = {}
-        for column, terms in enumerate(sources, first):
-            for term in terms:
-                place = system.fields.index(term.equation), column
-                driven.setdefault(place, []).append(term.expression)
-        self.operators = system.operators
-        self._places = sorted(driven)
-        self._program = Program([add(driven[place]) for place in self._places])
+        self.system = system
+        self.shifts: Places = []
+        self.drives: Places = []
+        symbols: list[Modes] = []
+        rows: dict[Expr, int] = {}
+        for (equation, column), expr in _by_place(sources, first).items():
+            place = system.fields.index(equation), column
+            linear, rest = split_linear(expr, equation)
+            if linear:
+                self.shifts.append((*place, len(symbols)))
+                symbols.append(symbol_of(system, add(linear)))
+            if rest != ZERO:
+                self.drives.append((*place, rows.setdefault(rest, len(rows))))
+        mask = mask_of(system)
+        self.symbols = np.array(symbols).reshape(-1, *mask.shape)
+        self.rows, self._mask = len(rows), mask
+        self._take_apart(rows)
 
-    def __call__(self, values: Mapping[str, Value], instants: int) -> Tensor:
-        """Return the terms on the grid, ``(instant, row, *grid)``, float64.
+    def __call__(
+        self, values: Array, modes: Modes, times: Array, dtype: type[np.floating[Any]]
+    ) -> Modes:
+        """Return the rows in modes, ``(row, instant, *modes)``.
 
         Args:
-            values: of fields, ``(instant, *grid)``, coordinates and time.
-            instants: how many there are.
+            values: of the bodies on the grid, ``(body, instant, *grid)``.
+            modes: of the fields, ``(field, instant, *modes)``.
+            times: ``(instant, 1, …)`` with a 1 for every axis.
+            dtype: precision of the result.
         """
-        shape = (instants, *self.operators.grid.shape)
-        if not self._places:
-            return torch.zeros((instants, 0, *shape[1:]), dtype=torch.float64)
-        found = (self.operators.on_grid(v) for v in self._program(values, self.operators))
-        rows = [on_whole_grid(f, self.operators.grid).expand(shape) for f in found]
-        return torch.stack(rows, dim=1)
-
-    def runs(self, columns: range) -> list[Run]:
-        """Return what drives these columns, which are counted from the first of them."""
-        found: list[Run] = []
-        for row, (equation, column) in enumerate(self._places):
-            if column not in columns:
-                continue
-            at = column - columns.start
-            begin, top = at, row
-            if found and (found[-1].equation, found[-1].columns.stop) == (equation, at):
-                last = found.pop()
-                begin, top = last.columns.start, last.rows.start
-            found.append(Run(equation, slice(begin, at + 1), slice(top, row + 1)))
+        hats = self._transformed(values, modes, times, dtype)
+        modes = modes.astype(np.result_type(dtype, np.complex64))
+        found = np.zeros((self.rows, *modes.shape[1:]), dtype=modes.dtype)
+        for row, body, symbol in self._channels:
+            found[row] += hats[body] * symbol.astype(modes.dtype)
+        for row, field, symbol in self._couplings:
+            found[row] += modes[field] * symbol.astype(modes.dtype)
         return found
+
+    def _transformed(
+        self, values: Array, modes: Modes, times: Array, dtype: type[np.floating[Any]]
+    ) -> Modes:
+        points = values.astype(dtype)
+        if self._others:
+            points = np.concatenate((points, self._evaluated(modes, times).astype(dtype)))
+        return to_modes(points, len(self.system.grid.shape)) if len(points) else points
+
+    def _take_apart(self, rows: Mapping[Expr, int]) -> None:
+        fields, axes = self.system.fields, [axis.name for axis in self.system.axes]
+        separator = Separator(frozenset(fields), tuple(axes))
+        bodies: dict[Expr, int] = {}
+        others: dict[Expr, int] = {}
+        self._channels: list[tuple[int, int, Modes]] = []
+        self._couplings: list[tuple[int, int, Modes]] = []
+        for expr, row in rows.items():
+            try:
+                couplings, channels = separator.equation("", expr)
+            except NotSeparableError:
+                others[expr] = row
+                continue
+            for field, operator in couplings.items():
+                self._couplings.append((row, fields.index(field), self._symbol(operator)))
+            for channel in channels:
+                if channel.body != ZERO:
+                    body = bodies.setdefault(channel.body, len(bodies))
+                    self._channels.append((row, body, self._symbol(channel.operator)))
+        for body, row in enumerate(others.values(), len(bodies)):
+            self._channels.append((row, body, self._mask.astype(complex)))
+        self.bodies, self.inputs = list(bodies), Inputs(self.system, separator.inputs)
+        self._others = Program(list(others)) if others else None
+
+    def _symbol(self, operator: Expr) -> Modes:
+        found: Modes = self._mask * symbol_of(self.system, operator)
+        return found
+
+    def _evaluated(self, modes: Modes, times: Array) -> Array:
+        """Return terms that are no pointwise functions of inputs, ``(term, instant, *grid)``."""
+        assert self._others is not None
+        system = self.system
+        hats = torch.from_numpy(modes)
+        points = torch.fft.irfftn(hats, s=system.grid.shape, dim=system.grid.dims)
+        values = {**system.surroundings(0.0, hats.device), "t": Value(torch.from_numpy(times))}
+        values |= dict(zip(system.fields, map(Value, points, hats), strict=True))
+        found = (system.operators.on_grid(v) for v in self._others(values, system.operators))
+        shape = (modes.shape[1], *system.grid.shape)
+        rows = [on_whole_grid(f, system.grid).expand(shape) for f in found]
+        return torch.stack(rows).numpy()
+
+
+def _by_place(sources: Sequence[tuple[Term, ...]], first: int) -> dict[tuple[str, int], Expr]:
+    found: dict[tuple[str, int], list[Expr]] = {}
+    for column, terms in enumerate(sources, first):
+        for term in terms:
+            found.setdefault((term.equation, column), []).append(term.expression)
+    return {place: add(terms) for place, terms in found.items()}

@@ -22,6 +22,7 @@ from dashred.discovery.starts import StartModel
 from dashred.discovery.subsets import Eliminated
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.library import resolve
+from dashred.physics.resolution import Resolution
 from dashred.progress import Report, stage
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.learning import Learned
@@ -29,6 +30,9 @@ from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal
 from dashred.tracking import Tracker
 
+# A step that gains a smaller share of F ends a fit: of the law, and of the simulator as it is,
+# whose misfit is so large that more would be spent for nothing.
+POLISHED, SETTLED = 1e-5, 1e-3
 # Rivals that are kept, with their distance from the best.
 KEPT = 6
 NEAR = 12.0
@@ -55,6 +59,7 @@ class Seed:
 def discover(
     problem: Problem,
     nominal: Nominal,
+    resolution: Resolution,
     ensemble: Ensemble,
     learned: Learned,
     found: Assimilated,
@@ -68,11 +73,12 @@ def discover(
     with run.child("discover") as child:
         with stage("seed the start", seconds) as report:
             simulator = _simulator(problem, candidates)
-            seeds = _fit_seeds(problem, simulator, nominal, ensemble, learned, found, report)
+            rough = _rough(problem, simulator, resolution)
+            seeds = _fit_seeds(problem, rough, nominal, ensemble, learned, found, report)
             report(1.0, ", ".join(f"{s.name} {s.error:.2f}" for s in seeds) + " σ on validation")
         child.log_metrics({f"seed/{s.name}": s.error for s in seeds if math.isfinite(s.error)}, 0)
         with stage("grow the horizon", seconds) as report:
-            seed, walked, phi = _walk(problem, simulator, candidates, seeds, report)
+            seed, walked, phi = _walk(problem, rough, candidates, seeds, report)
             child.set_tags({"seed of the start": seed.name})
         for samples, level in walked.levels:
             child.log_metrics({"horizon/chi2": level}, samples)
@@ -107,6 +113,19 @@ def discover(
 def _simulator(problem: Problem, candidates: Sequence[Candidate]) -> Simulator:
     dt = problem.config.simulation.dt or problem.system.dt
     return Simulator(problem.system, dt, candidates)
+
+
+def _rough(problem: Problem, simulator: Simulator, resolution: Resolution) -> Simulator:
+    """Return the simulator that is good enough while the horizon grows.
+
+    With the derivative's longer steps, if their error, of fourth order, stays far below the noise.
+    """
+    fit = problem.split.fit
+    spread = torch.from_numpy(fit.values)
+    spread = (spread - spread.nanmean(dim=0)).square().nanmean(dim=0).sqrt()
+    noise = float((problem.noise_of(fit.names) / spread.clamp(min=1e-300)).median())
+    longer = simulator.tangent.dt / simulator.system.dt
+    return simulator.coarse() if resolution.error * longer**4 < noise / 3 else simulator
 
 
 def _objective(
@@ -237,12 +256,12 @@ def _walk_from(
 def _finish(selection: Selection) -> tuple[list[Law], Law]:
     """Fit the best law and the empty one to the end; rivals stay as the search left them."""
     objective = selection.objective
-    best = polish(objective, selection.tried[0])
+    best = polish(objective, selection.tried[0], POLISHED)
     point = objective.shooting.linearise(*objective.split(best.phi))
     normal = Normal.of(objective, point)
     near = [t for t in selection.tried[1:] if t.score < best.score + NEAR][:KEPT]
     empty = next(t for t in selection.tried if not t.members)
-    nothing = best if not best.members else polish(objective, empty)
+    nothing = best if not best.members else polish(objective, empty, SETTLED)
 
     def law(tried: Tried) -> Law:
         [readings] = objective.shooting.readings(*objective.split(tried.phi[None]))

@@ -2,47 +2,115 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Literal, cast
 
 import numpy as np
 
+from dashred.discovery.location import law_tendency
 from dashred.discovery.regression import SparseFit
+from dashred.findings import Findings, Where
 from dashred.physics.system import Term
 from dashred.progress import stage
 from dashred.reporting.figures import (
+    LawMap,
     coefficients_against_epoch,
+    evidence_figure,
     learning_curves,
     save_figure,
     sensor_traces,
     space_time_panels,
     sparsity_path,
+    verification_figure,
+    where_figure,
 )
+from dashred.reporting.html import write_html
+from dashred.reporting.summary import summary
 from dashred.sensing.recording import Recording
+from dashred.stages.analysis import Analysis
 from dashred.stages.assimilation import Assimilated
-from dashred.stages.learning import Learned
 from dashred.stages.problem import Problem
-from dashred.stages.simulation import Nominal
-from dashred.stages.verification import estimates
+from dashred.stages.verification import MISFITS
+
+Errors = Mapping[str, float | None]
+HELD_OUT: tuple[Literal["test_sensors"], Literal["heldout_time"]] = ("test_sensors", "heldout_time")
+PANELS = ("simulation", "dashred", "corrected")
+FIGURES = {
+    "What was left out, and how sure that is": "evidence.png",
+    "Where the law acts, and at which sensors it shows": "where.png",
+    "What the law is worth on data that no fit has seen": "verification.png",
+    "The reconstructed field": "space_time.png",
+    "All sensors": "sensor_traces.png",
+    "What latent SINDy proposes, by epoch": "coefficients.png",
+    "Latent SINDy: error against sparsity": "sparsity.png",
+    "Learning": "learning.png",
+}
 
 
 def report(
     problem: Problem,
-    nominal: Nominal,
-    learned: Learned,
-    found: Assimilated,
+    analysis: Analysis,
+    findings: Findings,
     output: Path,
     seconds: dict[str, float],
 ) -> None:
-    """Save every figure of the analysis in ``output``."""
+    """Save every figure of the analysis in ``output``, and the page that holds them."""
     with stage("draw figures", seconds):
-        _traces(problem, nominal, found, output)
-        _coefficients(problem, found, output)
-        _curves(learned, found, output)
+        _traces(problem, analysis, output)
+        _coefficients(problem, analysis.found, output)
+        _curves(analysis, output)
+        _verification(problem, analysis, findings, output)
+        if findings["where"] is not None:
+            path = analysis.discovered.path
+            save_figure(evidence_figure(path, findings["terms"] or []), output / "evidence.png")
+            _where(problem, analysis, findings["where"], output)
         if len(problem.system.axes) == 1:
-            _space_time(problem, nominal, found, output)
+            _space_time(problem, analysis, output)
+        figures = {
+            caption: output / name for caption, name in FIGURES.items() if (output / name).is_file()
+        }
+        write_html(output / "report.html", findings, figures, summary(findings, None, {}))
 
 
-def _traces(problem: Problem, nominal: Nominal, found: Assimilated, output: Path) -> None:
+def _verification(problem: Problem, analysis: Analysis, findings: Findings, output: Path) -> None:
+    tested = problem.split.tested
+    operator, total = problem.operator(tested), len(problem.times)
+    traces = {
+        MISFITS[name]: operator(states[:total]).numpy()
+        for name, states in analysis.free.states.items()
+    }
+    fit = findings["fit"]
+    errors = {name: cast(Errors, fit[name]) for name in HELD_OUT}
+    figure = verification_figure(
+        problem.times.numpy(),
+        tested.values,
+        list(tested.names),
+        traces,
+        problem.split.time_end,
+        errors,
+    )
+    save_figure(figure, output / "verification.png")
+
+
+def _where(problem: Problem, analysis: Analysis, where: Where, output: Path) -> None:
+    system, fit = problem.system, problem.split.fit
+    count, law_map = len(fit.times), None
+    if len(system.axes) == 1:
+        [axis] = system.axes
+        states = analysis.free.states["corrected"][:count]
+        tendency = law_tendency(system, analysis.discovered.best, states, problem.times[:count])
+        law_map = LawMap(
+            axis.name,
+            system.grid.coordinates[axis.name].numpy().ravel(),
+            problem.times[:count].numpy(),
+            tendency.square().sum(dim=1).sqrt().numpy(),
+            {sensor.name: sensor.position[0] for sensor in fit.sensors},
+        )
+    save_figure(where_figure(where, law_map), output / "where.png")
+
+
+def _traces(problem: Problem, analysis: Analysis, output: Path) -> None:
     split = problem.split
     parts = [split.fit, split.validation, split.tested]
     sensors = {s.name: s for part in parts for s in part.sensors}
@@ -51,9 +119,11 @@ def _traces(problem: Problem, nominal: Nominal, found: Assimilated, output: Path
     recorded = _recorded(problem, list(sensors))
     operator = problem.operator(Recording(tuple(sensors.values()), problem.times.numpy(), recorded))
     total, count = len(problem.times), len(split.fit.times)
-    traces = {"simulation": operator(nominal.states).numpy()}
+    states = analysis.free.states["corrected"][:total]
+    traces = {"simulation": operator(analysis.nominal.states).numpy()}
+    traces["corrected"] = operator(states).numpy()
     for name in ("shred", "dashred"):
-        known = operator(estimates(nominal, found, count)[name]).numpy()
+        known = operator(analysis.estimates(count)[name]).numpy()
         traces[name] = np.full((total, len(sensors)), np.nan)
         traces[name][:count] = known
     figure = sensor_traces(
@@ -104,11 +174,12 @@ def _path(fit: SparseFit) -> tuple[np.ndarray, np.ndarray, int]:
     return np.array(sizes), np.array(errors), int(np.count_nonzero(fit.coefficients))
 
 
-def _curves(learned: Learned, found: Assimilated, output: Path) -> None:
+def _curves(analysis: Analysis, output: Path) -> None:
     named = {
-        "SHRED, unseen simulations": learned.curves["rmse/field_members"],
-        "DA-SHRED, fitted": found.curves["rmse/sensors_fit"],
-        "DA-SHRED, validation": found.curves["rmse/sensors_validate"],
+        "SHRED, unseen simulations": analysis.learned.curves["rmse/field_members"],
+        "DA-SHRED, fitted": analysis.found.curves["rmse/sensors_fit"],
+        "DA-SHRED, validation": analysis.found.curves["rmse/sensors_validate"],
+        "SHRED on the corrected": analysis.relearned.curves["rmse/field_members"],
     }
     curves = {
         name: (np.array([epoch for epoch, _ in points]), np.array([value for _, value in points]))
@@ -117,12 +188,14 @@ def _curves(learned: Learned, found: Assimilated, output: Path) -> None:
     save_figure(learning_curves(curves, "RMSE / standard deviation"), output / "learning.png")
 
 
-def _space_time(problem: Problem, nominal: Nominal, found: Assimilated, output: Path) -> None:
+def _space_time(problem: Problem, analysis: Analysis, output: Path) -> None:
     system, split = problem.system, problem.split
     count = len(split.fit.times)
     fields = {
         field: {
-            name: states[:, i].numpy() for name, states in estimates(nominal, found, count).items()
+            name: states[:, i].numpy()
+            for name, states in analysis.estimates(count).items()
+            if name in PANELS
         }
         for i, field in enumerate(system.fields)
     }

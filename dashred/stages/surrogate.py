@@ -14,6 +14,7 @@ from dashred.progress import stage
 from dashred.stages.learning import Learned, train_shred
 from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal
+from dashred.stages.trajectories import Trajectories
 from dashred.tracking import Tracker
 from datamodules import RecordingDataModule
 
@@ -22,7 +23,7 @@ def retrain(
     problem: Problem,
     nominal: Nominal,
     law: Law,
-    states: Tensor,
+    free: Trajectories,
     run: Tracker,
     seconds: dict[str, float],
 ) -> tuple[Learned, Tensor]:
@@ -35,7 +36,7 @@ def retrain(
         problem: the simulator and the recording.
         nominal: gives the prior's rms.
         law: the correction.
-        states: the corrected trajectory over the fit window, for ranges, ``(time, field, *grid)``.
+        free: gives the corrected trajectory, for ranges.
         run: to log to.
         seconds: to note the time in.
 
@@ -54,7 +55,7 @@ def retrain(
             system,
             problem.times[: len(fit.times)],
             about,
-            states,
+            free.states["corrected"][: len(fit.times)],
             settings.members,
             None,
             problem.rng("corrected ensemble"),

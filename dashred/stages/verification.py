@@ -1,4 +1,4 @@
-"""Verify on what no fit has seen, and freeze the findings."""
+"""Verify on what was held out, and freeze the findings."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ import xarray as xr
 from torch import Tensor
 
 from dashred.config import config_sha256, frozen_input
+from dashred.discovery.explanation import alternatives, explain
+from dashred.discovery.location import locate
 from dashred.discovery.regression import SparseFit
+from dashred.discovery.verdict import unexplained, verdict
 from dashred.findings import (
     Findings,
     Fit,
@@ -31,33 +34,57 @@ from dashred.findings import (
 from dashred.physics.resolution import Resolution
 from dashred.physics.system import System
 from dashred.sensing.recording import Recording
-from dashred.stages.assimilation import Assimilated
+from dashred.stages.analysis import Analysis
+from dashred.stages.corrected import NAME as CORRECTED
+from dashred.stages.corrected import write_corrected
 from dashred.stages.problem import Problem
-from dashred.stages.simulation import Nominal
+
+# What the findings call the methods.
+MISFITS = {
+    "simulation": "simulation",
+    "simulation_same_start": "before",
+    "simulation_refit": "before_refit",
+    "shred": "shred",
+    "dashred": "dashred",
+    "corrected": "after",
+}
 
 
-def verify(problem: Problem, nominal: Nominal, found: Assimilated) -> Findings:
-    """Compare every method with the test sensors, for the first and only time."""
-    split = problem.split
-    tested = split.tested.between(float(problem.times[0]), split.time_end)
-    errors = {}
-    if tested.sensors:
-        operator = problem.operator(tested)
-        count = len(tested.times)
-        scale = np.array(list(_trace_std(tested).values()))
-        for name, states in estimates(nominal, found, count).items():
-            errors[name] = _relative_rmse(operator(states).numpy(), tested.values, scale)
+def verify(problem: Problem, analysis: Analysis) -> Findings:
+    """Compare every method with the test sensors and the held-out time, for the first time."""
+    discovered = analysis.discovered
+    kind, causes = verdict(discovered)
+    names = problem.split.fit.names
     fit = Fit(
-        noise_std=problem.noise,
-        noise_correlation=None,
-        chi2=None,
-        unexplained=None,
-        test_sensors=misfit(**errors),
-        heldout_time=misfit(simulation=_heldout_error(problem, nominal)),
+        noise_std=problem.noise | dict(zip(names, discovered.noise.std.tolist(), strict=True)),
+        noise_correlation=discovered.noise.correlation,
+        chi2=discovered.best.chi2,
+        unexplained=unexplained(problem.noise_of(names), discovered.noise),
+        test_sensors=misfit(**_test_errors(problem, analysis)),
+        heldout_time=misfit(**_heldout_errors(problem, analysis)),
     )
-    proposals = {name: _proposals(problem, fit_) for name, fit_ in found.proposals.items()}
+    proposals = {n: _proposals(problem, f) for n, f in analysis.found.proposals.items()}
     latent = Latent(alg1=proposals["alg1"], alg2=proposals["alg2"])
-    return new_findings(source_of(problem), fit=fit, latent=latent)
+    if kind == "not-converged":
+        return new_findings(source_of(problem), fit=fit, latent=latent, verdict=kind, causes=causes)
+    count = len(problem.split.fit.times)
+    return new_findings(
+        source_of(problem),
+        fit=fit,
+        latent=latent,
+        verdict=kind,
+        causes=causes,
+        where=locate(
+            problem.system,
+            discovered,
+            analysis.free.states["corrected"][:count],
+            problem.times[:count],
+            names,
+        ),
+        terms=explain(problem.system, discovered),
+        alternatives=alternatives(discovered),
+        corrected=CORRECTED,
+    )
 
 
 def refuse_unresolved(problem: Problem, resolution: Resolution) -> Findings:
@@ -83,17 +110,8 @@ def refuse_unresolved(problem: Problem, resolution: Resolution) -> Findings:
     return new_findings(source_of(problem), verdict="unresolved-numerics", causes=[cause])
 
 
-def estimates(nominal: Nominal, found: Assimilated, count: int) -> dict[str, Tensor]:
-    """Return the field by method, ``(time, field, *grid)``, over the first ``count`` samples."""
-    return {
-        "simulation": nominal.states[:count],
-        "shred": found.shred[:count],
-        "dashred": found.dashred[:count],
-    }
-
-
 def write_estimates(path: Path, system: System, times: Tensor, fields: dict[str, Tensor]) -> None:
-    """Write the reconstructed fields, dims ``(method, time, *axes)``, one variable a field."""
+    """Write fields by method, dims ``(method, time, *axes)``, one variable a field."""
     axes = [axis.name for axis in system.axes]
     stacked = torch.stack(list(fields.values())).numpy()
     data = {
@@ -105,6 +123,23 @@ def write_estimates(path: Path, system: System, times: Tensor, fields: dict[str,
     partial = path.with_name(f".{path.name}.partial")
     xr.Dataset(data, coordinates).to_netcdf(partial, engine="h5netcdf")
     partial.replace(path)
+
+
+def write_findings(problem: Problem, analysis: Analysis, findings: Findings, output: Path) -> None:
+    """Write the fields, the forecast, the corrected configuration and the findings; freeze all."""
+    system, free = problem.system, analysis.free
+    count = len(problem.split.fit.times)
+    fields = analysis.estimates(count)
+    write_estimates(output / "estimates.nc", system, problem.times[:count], fields)
+    beyond = slice(free.recorded, len(free.times))
+    write_estimates(output / "forecast.nc", system, free.times[beyond], free.over(beyond))
+    others = ["estimates.nc", "forecast.nc"]
+    if findings["corrected"] is not None:
+        law = analysis.discovered.best
+        sha256 = problem.recording_sha256
+        write_corrected(output / CORRECTED, problem.config, system, law, sha256)
+        others.append(CORRECTED)
+    freeze_findings(output, findings, others)
 
 
 def freeze_findings(output: Path, findings: Findings, others: list[str]) -> None:
@@ -138,12 +173,32 @@ def source_of(problem: Problem) -> Input:
     )
 
 
-def _heldout_error(problem: Problem, nominal: Nominal) -> float:
+def _test_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
+    split = problem.split
+    tested = split.tested.between(float(problem.times[0]), split.time_end)
+    if not tested.sensors:
+        return {}
+    operator, scale = problem.operator(tested), np.array(list(_trace_std(tested).values()))
+    return {
+        MISFITS[name]: _relative_rmse(operator(states).numpy(), tested.values, scale)
+        for name, states in analysis.estimates(len(tested.times)).items()
+        if name in MISFITS
+    }
+
+
+def _heldout_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
     heldout = problem.split.heldout
-    states = nominal.states[len(problem.times) - len(heldout.times) :]
+    total = len(problem.times)
     earlier = {**_trace_std(problem.split.validation), **_trace_std(problem.split.fit)}
     scale = np.array([earlier[name] for name in heldout.names])
-    return _relative_rmse(problem.operator(heldout)(states).numpy(), heldout.values, scale)
+    operator = problem.operator(heldout)
+    ends = {"simulation": analysis.nominal.states, **analysis.free.states}
+    return {
+        MISFITS[name]: _relative_rmse(
+            operator(states[total - len(heldout.times) : total]).numpy(), heldout.values, scale
+        )
+        for name, states in ends.items()
+    }
 
 
 def _trace_std(recording: Recording) -> dict[str, float]:

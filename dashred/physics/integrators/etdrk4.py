@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 CONTOUR_POINTS = 32
 STEPPERS_KEPT = 8
+
+
+class Coefficients(NamedTuple):
+    """What a step multiplies by: ``full = exp(hL)``, ``half = exp(hL/2)``; q and on multiply N."""
+
+    full: Tensor
+    half: Tensor
+    q: Tensor
+    first: Tensor
+    middle: Tensor
+    last: Tensor
 
 
 class ETDRK4:
@@ -29,19 +40,9 @@ class ETDRK4:
         self, linear: Tensor, nonlinear: Callable[[Tensor, float], Tensor], h: float
     ) -> None:
         self.nonlinear, self.h = nonlinear, h
-        # Complex even where L is real: a real factor of the modes is converted at every use.
-        z = (h * linear).to(torch.complex128)
-        self.full, self.half = torch.exp(z), torch.exp(z / 2)
-        self.q, self.first, self.middle, self.last = _coefficients(z, h)
-
-    def carrying(self, nonlinear: Callable[[Tensor, float], Tensor], like: Tensor) -> ETDRK4:
-        """Return the step of another N about the same L, for modes of another kind or place."""
-        other = copy.copy(self)
-        other.nonlinear = nonlinear
-        other.full, other.half = self.full.to(like), self.half.to(like)
-        other.q, other.first = self.q.to(like), self.first.to(like)
-        other.middle, other.last = self.middle.to(like), self.last.to(like)
-        return other
+        found = coefficients(linear, h)
+        self.full, self.half, self.q = found.full, found.half, found.q
+        self.first, self.middle, self.last = found.first, found.middle, found.last
 
     def step(self, modes: Tensor, t: float) -> Tensor:
         """Return the modes at ``t + h``."""
@@ -75,7 +76,21 @@ class Steppers:
         return self._kept[h]
 
 
-def _coefficients(z: Tensor, h: float) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+def coefficients(linear: Tensor, h: float) -> Coefficients:
+    """Return the coefficients of a step of length ``h``, complex, shaped as L is."""
+    # Complex even where L is real: a real factor of the modes is converted at every use.
+    z = (h * linear).to(torch.complex128)
+    return Coefficients(torch.exp(z), torch.exp(z / 2), *_contour_integrals(z, h))
+
+
+def coefficient_slopes(linear: Tensor, h: float) -> Coefficients:
+    """Return the derivative of every coefficient with respect to L, shaped as L is."""
+    z = (h * linear).to(torch.complex128)
+    full, half = h * torch.exp(z), h / 2 * torch.exp(z / 2)
+    return Coefficients(full, half, *(h * found for found in _contour_integrals(z, h, order=1)))
+
+
+def _contour_integrals(z: Tensor, h: float, order: int = 0) -> tuple[Tensor, ...]:
     angles = (torch.arange(CONTOUR_POINTS, dtype=torch.float64) + 0.5) / CONTOUR_POINTS
     roots = torch.exp(2j * math.pi * angles).to(z.device)
     half = torch.exp(z / 2)
@@ -84,9 +99,10 @@ def _coefficients(z: Tensor, h: float) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         r = z + root
         e_half = half * torch.exp(root / 2)
         e = e_half**2
-        sums[0] = sums[0] + (e_half - 1) / r
-        sums[1] = sums[1] + (-4 - r + e * (4 - 3 * r + r**2)) / r**3
-        sums[2] = sums[2] + (4 + 2 * r + e * (-4 + 2 * r)) / r**3
-        sums[3] = sums[3] + (-4 - 3 * r - r**2 + e * (4 - r)) / r**3
-    q, first, middle, last = (h * s / CONTOUR_POINTS for s in sums)
-    return q, first, middle, last
+        # Cauchy: the same integral with one more root below is the derivative.
+        weight = root**-order
+        sums[0] = sums[0] + weight * (e_half - 1) / r
+        sums[1] = sums[1] + weight * (-4 - r + e * (4 - 3 * r + r**2)) / r**3
+        sums[2] = sums[2] + weight * (4 + 2 * r + e * (-4 + 2 * r)) / r**3
+        sums[3] = sums[3] + weight * (-4 - 3 * r - r**2 + e * (4 - r)) / r**3
+    return tuple(h * s / CONTOUR_POINTS for s in sums)

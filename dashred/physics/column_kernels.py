@@ -1,0 +1,134 @@
+"""Passes over the columns of a sensitivity, compiled: each touches a row while it is in the cache.
+
+Columns are ``(field, column, mode)`` with all axes of a mode flattened; complex64 or complex128.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Real = NDArray[Any]
+Modes = NDArray[Any]
+Places = NDArray[np.int64]
+
+# Sums may be fused and reordered, but values that are not finite stay what they are.
+compiled = numba.njit(cache=True, fastmath={"contract", "reassoc", "nsz"}, error_model="numpy")
+
+
+@compiled
+def apply_slopes(inputs: Real, slopes: Real, reads: Places, writes: Places, out: Real) -> None:
+    """Set ``δG_m = Σ_i ∂G_m/∂v_i δv_i``.
+
+    Args:
+        inputs: δv, ``(input, column, point)``.
+        slopes: ∂G/∂v, ``(slope, point)``.
+        reads: input of every slope.
+        writes: channel of every slope, in order.
+        out: δG, ``(channel, column, point)``.
+    """
+    for column in range(out.shape[1]):
+        for s in range(len(reads)):
+            v, g, slope = inputs[reads[s], column], out[writes[s], column], slopes[s]
+            if s == 0 or writes[s] != writes[s - 1]:
+                for i in range(len(g)):
+                    g[i] = slope[i] * v[i]
+            else:
+                for i in range(len(g)):
+                    g[i] += slope[i] * v[i]
+
+
+@compiled
+def add_products(factors: Modes, terms: Modes, reads: Places, writes: Places, out: Modes) -> None:
+    """Add ``factors[s] terms[reads[s]]`` to ``out[writes[s]]``, for every s and column."""
+    for column in range(out.shape[1]):
+        for s in range(len(reads)):
+            factor, term, total = factors[s], terms[reads[s], column], out[writes[s], column]
+            for k in range(len(total)):
+                total[k] += factor[k] * term[k]
+
+
+@compiled
+def spread(modes: Modes, factors: Modes, reads: Places, out: Modes) -> None:
+    """Set ``out[s] = factors[s] modes[reads[s]]``, for every s and column."""
+    for s in range(len(reads)):
+        for column in range(out.shape[1]):
+            factor, mode, found = factors[s], modes[reads[s], column], out[s, column]
+            for k in range(len(found)):
+                found[k] = factor[k] * mode[k]
+
+
+@compiled
+def add_rows(rows: Modes, places: Places, out: Modes) -> None:
+    """Add ``rows[row]`` to ``out[equation, column]`` for every ``(equation, column, row)``."""
+    for p in range(len(places)):
+        row, total = rows[places[p, 2]], out[places[p, 0], places[p, 1]]
+        for k in range(len(total)):
+            total[k] += row[k]
+
+
+@compiled
+def add_shifts(symbols: Modes, shift: Modes, places: Places, out: Modes) -> None:
+    """Add ``symbols[p] shift[equation]`` to ``out[equation, column]`` for every place p."""
+    for p in range(len(places)):
+        equation = places[p, 0]
+        factor, change, total = symbols[p], shift[equation], out[equation, places[p, 1]]
+        for k in range(len(total)):
+            total[k] += factor[k] * change[k]
+
+
+@compiled
+def first_stage(
+    u: Modes, n: Modes, step: Modes, linear: Modes, rest: Modes, end: Modes, a: Modes
+) -> None:
+    """Begin a step: set a, and what the later stages add their own N to.
+
+    Args:
+        u: at the begin of the step.
+        n: N(u).
+        step: the coefficients in their order, ``(coefficient, field, mode)``.
+        linear: ``exp(hL/2) u``, for b.
+        rest: ``exp(hL/2) a - q N(u)``, for c.
+        end: ``exp(hL) u + first N(u)``, for the end of the step.
+        a: the next stage.
+    """
+    for field in range(u.shape[0]):
+        full, half, q, first = step[0, field], step[1, field], step[2, field], step[3, field]
+        for column in range(u.shape[1]):
+            at, rate = u[field, column], n[field, column]
+            to_b, to_c, to_end = linear[field, column], rest[field, column], end[field, column]
+            to_a = a[field, column]
+            for k in range(len(at)):
+                driven = q[k] * rate[k]
+                damped = half[k] * at[k]
+                to_b[k] = damped
+                to_a[k] = damped + driven
+                to_c[k] = half[k] * (damped + driven) - driven
+                to_end[k] = full[k] * at[k] + first[k] * rate[k]
+
+
+@compiled
+def middle_stage(base: Modes, n: Modes, q: Modes, middle: Modes, end: Modes, found: Modes) -> None:
+    """Set ``found = base + q n`` and add ``middle n`` to the end of the step."""
+    for field in range(base.shape[0]):
+        factor, weight = q[field], middle[field]
+        for column in range(base.shape[1]):
+            known, rate = base[field, column], n[field, column]
+            total, out = end[field, column], found[field, column]
+            for k in range(len(out)):
+                out[k] = known[k] + factor[k] * rate[k]
+                total[k] += weight[k] * rate[k]
+
+
+@compiled
+def last_stage(end: Modes, n: Modes, last: Modes, found: Modes) -> None:
+    """Set ``found = end + last n``."""
+    for field in range(end.shape[0]):
+        weight = last[field]
+        for column in range(end.shape[1]):
+            total, rate, out = end[field, column], n[field, column], found[field, column]
+            for k in range(len(out)):
+                out[k] = total[k] + weight[k] * rate[k]

@@ -1,0 +1,183 @@
+"""The columns of a sensitivity, many side by side, through the steps of their base trajectory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dashred.physics import column_kernels as kernels
+from dashred.physics.algebra import Expr
+from dashred.physics.base_march import STAGES, BaseMarch
+from dashred.physics.integrators.schedule import Step
+from dashred.physics.separated_tendency import Modes
+from dashred.physics.sources import Sources
+from dashred.physics.transforms import from_modes, to_modes
+
+Real = NDArray[Any]
+
+
+class Block(NamedTuple):
+    """What the columns need of the stages of some steps; all axes of a grid flattened.
+
+    Attributes:
+        slopes: ∂G/∂v, ``(stage, slope, point)``.
+        rows: what drives N, ``(stage, row, mode)``.
+        shifts: what drives the next stage with L, ``(stage, field, mode)``.
+    """
+
+    slopes: Real
+    rows: Modes
+    shifts: Modes
+
+
+class ColumnMarch:
+    """Steps ``δu' = Lδu + N'(u)δu + θ``. ETDRK4 is linear in its stages: so is its derivative.
+
+    Attributes:
+        slopes: the ∂G/∂v that a block must hold, in its order.
+
+    Args:
+        base: what is differentiated.
+        sources: θ.
+        dtype: precision, float32 or float64.
+    """
+
+    def __init__(self, base: BaseMarch, sources: Sources, dtype: type[np.floating[Any]]) -> None:
+        tendency = base.tendency
+        self.base, self.sources = base, sources
+        self.dtype = np.result_type(dtype, np.complex64)
+        self.shape = tendency.inputs.shape
+        found = [
+            (channel, tendency.inputs.names.index(name), slope)
+            for channel, part in enumerate(tendency.parts.channels)
+            for name, slope in tendency.parts.slopes(part).items()
+        ]
+        self.slopes: list[Expr] = [slope for _, _, slope in found]
+        # Neither FFTs of inputs without a slope nor of channels without one.
+        channels, self._writes = _numbered([channel for channel, _, _ in found])
+        inputs, self._reads = _numbered([place for _, place, _ in found])
+        self._fields = tendency.inputs.fields[inputs]
+        self._multipliers = self._flat(tendency.inputs.multipliers[inputs])
+        self._outside = self._flat(tendency.outside[channels])
+        self._places = np.array(tendency.places, dtype=int)[channels]
+        couplings = [symbol for _, _, symbol in tendency.couplings]
+        self._couplings = self._flat(np.array(couplings).reshape(-1, *tendency.mask.shape))
+        pairs = [(equation, field) for equation, field, _ in tendency.couplings]
+        self._coupled = np.array(pairs, dtype=int).reshape(-1, 2).T.copy()
+        self._coefficients = cache(
+            lambda h: np.array([self._flat(c) for c in base.coefficients(h)])
+        )
+
+    def carry(
+        self, steps: Sequence[Step], modes: Modes, chunk: range, block: Block
+    ) -> tuple[Modes, list[Real]]:
+        """Step some columns.
+
+        Args:
+            steps: the steps of the block.
+            modes: ``(field, column, *modes)``.
+            chunk: which columns these are.
+            block: of the base trajectory.
+
+        Returns:
+            The last modes and the columns at output times, ``(field, column, *grid)``.
+        """
+        work = _Chunk(self, modes.shape, chunk)
+        outputs = []
+        for i, step in enumerate(steps):
+            if step.begins:
+                modes = self.in_modes(from_modes(modes, self.shape))
+            modes = work.step(modes, self._coefficients(step.h), block, STAGES * i)
+            if step.ends:
+                outputs.append(from_modes(modes, self.shape))
+        return modes, outputs
+
+    def in_modes(self, points: Real) -> Modes:
+        """Return the modes of columns ``(field, column, *grid)``."""
+        mask = self.base.tendency.mask.astype(points.dtype)
+        found: Modes = to_modes(points, len(self.shape)) * mask
+        return found
+
+    def _flat(self, symbols: Modes) -> Modes:
+        """Return symbols ``(…, *modes)`` of one thing each as ``(thing, mode)``."""
+        return symbols.reshape(len(symbols), self.base.tendency.mask.size).astype(self.dtype)
+
+
+class _Chunk:
+    """Columns that are stepped together, and the memory that this takes."""
+
+    def __init__(self, march: ColumnMarch, shape: tuple[int, ...], chunk: range) -> None:
+        self.march, self.shape = march, shape
+        sources = march.sources
+        symbols = sources.symbols.reshape(len(sources.symbols), march.base.tendency.mask.size)
+        self.shifts = _within(sources.shifts, chunk)
+        self.symbols = symbols[self.shifts[:, 2]].astype(march.dtype)
+        self.drives = _within(sources.drives, chunk)
+        fields, columns, size = shape[0], shape[1], march.base.tendency.mask.size
+        memory = np.empty((5, fields, columns, size), dtype=march.dtype)
+        self.n, self.linear, self.rest, self.end, self.stage = memory
+        self.spectra = np.empty((len(march._fields), columns, size), dtype=march.dtype)
+        real = np.empty(0, dtype=march.dtype).real.dtype
+        points = int(np.prod(march.shape))
+        self.channels = np.empty((len(march._places), columns, points), dtype=real)
+
+    def step(self, modes: Modes, step: Modes, block: Block, at: int) -> Modes:
+        """Return the columns after a step whose first stage is the block's stage ``at``."""
+        u = np.ascontiguousarray(modes).reshape(self.n.shape)
+        _, _, q, _, middle, last = step
+        self._tendency(u, block, at)
+        kernels.first_stage(u, self.n, step, self.linear, self.rest, self.end, self.stage)
+        self._shift(self.stage, block, at)
+        self._tendency(self.stage, block, at + 1)
+        kernels.middle_stage(self.linear, self.n, q, middle, self.end, self.stage)
+        self._shift(self.stage, block, at + 1)
+        self._tendency(self.stage, block, at + 2)
+        kernels.middle_stage(self.rest, self.n, 2 * q, middle, self.end, self.stage)
+        self._shift(self.stage, block, at + 2)
+        self._tendency(self.stage, block, at + 3)
+        found = np.empty_like(u)
+        kernels.last_stage(self.end, self.n, last, found)
+        self._shift(found, block, at + 3)
+        return found.reshape(self.shape)
+
+    def _shift(self, modes: Modes, block: Block, at: int) -> None:
+        kernels.add_shifts(self.symbols, block.shifts[at], self.shifts, modes)
+
+    def _tendency(self, modes: Modes, block: Block, at: int) -> None:
+        """Set ``n`` to ``N'δu + θ``."""
+        march = self.march
+        self.n[...] = 0
+        if len(march.slopes):
+            hats = self._channels(modes, block.slopes[at])
+            order = np.arange(len(hats))
+            kernels.add_products(march._outside, hats, order, march._places, self.n)
+        equations, fields = march._coupled
+        kernels.add_products(march._couplings, modes, fields, equations, self.n)
+        kernels.add_rows(block.rows[at], self.drives, self.n)
+
+    def _channels(self, modes: Modes, slopes: Real) -> Modes:
+        """Return δG in modes, ``(channel, column, mode)``."""
+        march = self.march
+        kernels.spread(modes, march._multipliers, march._fields, self.spectra)
+        inputs = from_modes(self.spectra.reshape(-1, *self.shape[1:]), march.shape)
+        flat = inputs.reshape(*inputs.shape[:2], -1)
+        kernels.apply_slopes(flat, slopes, march._reads, march._writes, self.channels)
+        channels = self.channels.reshape(*self.channels.shape[:2], *march.shape)
+        hats = to_modes(channels, len(march.shape))
+        return hats.reshape(*hats.shape[:2], -1)
+
+
+def _numbered(places: list[int]) -> tuple[list[int], NDArray[np.int64]]:
+    """Return the different places, in order, and the number among them of each."""
+    different = sorted(set(places))
+    return different, np.array([different.index(place) for place in places], dtype=np.int64)
+
+
+def _within(places: Sequence[tuple[int, int, int]], chunk: range) -> NDArray[np.int64]:
+    """Return the places in some columns, counted from the first of these."""
+    found = [(e, column - chunk.start, i) for e, column, i in places if column in chunk]
+    return np.array(found, dtype=np.int64).reshape(-1, 3)

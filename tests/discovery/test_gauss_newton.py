@@ -1,0 +1,182 @@
+"""Fits of a linear problem are exact at once; a fit that blows up troubles no other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pytest
+import torch
+from torch import Tensor
+
+from dashred.discovery.gauss_newton import Normal, Objective, Refits, chord_refits, minimise
+from tests.swing import DRIVES, TIMES, Swing, noisy, ridge
+
+SIGMA, PRIOR = 0.05, (0.5, 0.02, 1.0, 0.3)
+Z, XI = (0.8, -0.6), (0.2, 0.01, -0.3, 0.1)
+
+
+@pytest.fixture(scope="module")
+def linear(swing: Swing) -> Objective:
+    """Forces of time alone, some samples missing, correlated noise of two sizes."""
+    recorded = noisy(swing.clean(Z, DRIVES, XI), SIGMA, seed=0)
+    recorded[7:12, 1] = torch.nan
+    found = swing.objective(DRIVES, recorded, SIGMA, PRIOR)
+    std = torch.tensor([SIGMA, 2 * SIGMA], dtype=torch.float64)
+    noise = type(found.noise)(std, 0.4, found.noise.seen)
+    return Objective(found.shooting, recorded, noise, found.prior_std)
+
+
+@pytest.fixture(scope="module")
+def bent(swing: Swing) -> Objective:
+    """Two candidates that the swing is not linear in; x³ with a plus runs away."""
+    recorded = noisy(swing.clean(Z, ("p**3", "x**3"), (-0.2, -0.3)), SIGMA, seed=1)
+    return swing.objective(("p**3", "x**3"), recorded, SIGMA, 1.0)
+
+
+def normal(objective: Objective, phi: Tensor) -> Normal:
+    return Normal.of(objective, objective.shooting.linearise(*objective.split(phi)))
+
+
+def nothing(objective: Objective) -> Tensor:
+    return torch.zeros(objective.modes + len(objective.prior_std), dtype=torch.float64)
+
+
+def freedom(objective: Objective, sets: Sequence[tuple[int, ...]]) -> Tensor:
+    free = torch.zeros((len(sets), len(nothing(objective))), dtype=torch.bool)
+    for row, members in enumerate(sets):
+        free[row, objective.places(members)] = True
+    return free
+
+
+def refits(
+    objective: Objective, begin: Tensor, free: Tensor, steps: int, hopeless: float = torch.inf
+) -> Refits:
+    equations = normal(objective, nothing(objective))
+    return chord_refits(objective, equations, begin, free, steps, 1e-9, hopeless)
+
+
+def test_one_step_reaches_the_exact_solution(linear: Objective) -> None:
+    phi, cost, _ = ridge(linear, range(4))
+    found = minimise(linear, nothing(linear), 1, 1e-6)
+    torch.testing.assert_close(found.phi, phi, rtol=1e-7, atol=1e-8)
+    assert found.cost == pytest.approx(cost, rel=1e-9)
+    residuals = linear.residuals(found.readings)
+    assert found.chi2 == pytest.approx(float(residuals.square().sum()), rel=1e-12)
+    assert found.cost - found.chi2 == pytest.approx(float(linear.penalty(found.phi)), rel=1e-9)
+    assert not found.converged
+    assert minimise(linear, nothing(linear), 2, 1e-6).converged
+
+
+def test_the_solution_is_that_of_a_kalman_update(linear: Objective) -> None:
+    """The gain form needs neither J'J nor the precision: other algebra, the same estimate."""
+    equations = normal(linear, nothing(linear))
+    prior = torch.diag(1 / equations.precision)
+    jacobian = equations.jacobian
+    [goal] = -linear.residuals(linear.shooting.readings(*linear.split(nothing(linear)[None])))
+    spread = jacobian @ prior @ jacobian.T + torch.eye(len(goal), dtype=torch.float64)
+    expected = prior @ jacobian.T @ torch.linalg.solve(spread, goal)
+    found = minimise(linear, nothing(linear), 1, 1e-6)
+    torch.testing.assert_close(found.phi, expected, rtol=1e-6, atol=1e-7)
+
+
+def test_it_is_near_the_truth_and_missing_samples_do_not_matter(linear: Objective) -> None:
+    found = minimise(linear, nothing(linear), 2, 1e-6)
+    _, _, covariance = ridge(linear, range(4))
+    truth = torch.tensor([*Z, *XI], dtype=torch.float64)
+    assert float(((found.phi - truth) / covariance.diagonal().sqrt()).abs().max()) < 3.5
+    other = linear.recorded.clone()
+    other[7:12, 1] = 1e6
+    same = Objective(linear.shooting, other, linear.noise, linear.prior_std)
+    torch.testing.assert_close(minimise(same, nothing(linear), 2, 1e-6).phi, found.phi)
+
+
+def test_a_part_of_the_candidates_and_of_the_record(linear: Objective) -> None:
+    part = linear.only([2, 0]).until(30)
+    assert len(part.shooting.times) == 30 < len(TIMES)
+    found = minimise(part, nothing(part), 1, 1e-6)
+    torch.testing.assert_close(found.phi, ridge(part, range(2))[0], rtol=1e-7, atol=1e-7)
+    whole = linear.embed(found.phi, [2, 0])
+    assert whole[[4, 2]].tolist() == found.phi[2:].tolist() and not whole[[3, 5]].any()
+    assert torch.equal(whole[linear.places([2, 0])], found.phi)
+
+
+def test_chord_refits_of_several_sets_equal_separate_exact_solutions(linear: Objective) -> None:
+    sets: list[tuple[int, ...]] = [(), (0,), (2,), (1, 3), (0, 2, 3), (0, 1, 2, 3)]
+    begin = nothing(linear).expand(len(sets), -1)
+    found = refits(linear, begin, freedom(linear, sets), 3)
+    assert found.converged.all()
+    for row, members in enumerate(sets):
+        phi, cost, _ = ridge(linear, members)
+        torch.testing.assert_close(found.phi[row], phi, rtol=1e-6, atol=1e-7)
+        assert float(found.cost[row]) == pytest.approx(cost, rel=1e-9)
+        assert float(found.cost[row] - found.chi2[row]) == pytest.approx(
+            float(linear.penalty(found.phi[row])), rel=1e-8
+        )
+
+
+def test_the_chord_comes_to_the_minimum_of_a_bent_problem(bent: Objective) -> None:
+    exact = minimise(bent, nothing(bent), 20, 1e-12)
+    equations = normal(bent, exact.phi)
+    begin = (exact.phi + torch.tensor([0.2, -0.2, 0.03, -0.03]).double())[None]
+    free = freedom(bent, [(0, 1)])
+    found = chord_refits(bent, equations, begin, free, 20, 1e-9, torch.inf)
+    torch.testing.assert_close(found.phi[0], exact.phi, rtol=1e-4, atol=1e-5)
+    assert float(found.cost[0]) == pytest.approx(exact.cost, rel=1e-7)
+
+
+def test_a_row_that_blows_up_spoils_no_other(bent: Objective) -> None:
+    sets: list[tuple[int, ...]] = [(0,), (0, 1), (1,)]
+    begin = nothing(bent).repeat(3, 1)
+    alone = refits(bent, begin, freedom(bent, sets), 8)
+    assert torch.isfinite(alone.cost).all()
+    runaway = nothing(bent)[None].clone()
+    runaway[0, 3] = 50.0
+    mixed = torch.cat([begin[:1], runaway, begin[1:]])
+    assert torch.isinf(bent.values(runaway)[0]).all()
+    found = refits(bent, mixed, freedom(bent, [(0,), (0, 1), (0, 1), (1,)]), 8)
+    kept = [0, 2, 3]
+    torch.testing.assert_close(found.phi[kept], alone.phi, rtol=1e-12, atol=1e-12)
+    torch.testing.assert_close(found.cost[kept], alone.cost, rtol=1e-12, atol=0)
+    assert found.converged[kept].tolist() == alone.converged.tolist()
+
+
+def test_a_step_into_a_blow_up_is_damped_until_it_gains(bent: Objective) -> None:
+    """From a wrong Jacobian the full step runs away; what is kept never costs more."""
+    begin = nothing(bent).repeat(2, 1)
+    equations = normal(bent, nothing(bent))
+    wild = Normal(equations.jacobian * torch.tensor([1.0, 1.0, 0.02, 0.02]).double(), 
+                  equations.precision)
+    free = freedom(bent, [(0, 1), ()])
+    before, _ = bent.values(begin)
+    step = wild.steps(begin, bent.values(begin)[1].residuals, torch.zeros(2).double(), free)
+    assert torch.isinf(bent.values(begin + step)[0][0])
+    found = chord_refits(bent, wild, begin, free, 8, 1e-9, torch.inf)
+    assert (found.cost <= before).all() and float(found.cost[1]) < float(before[1])
+    assert not found.phi[1, 2:].any()
+
+
+def test_hopeless_rows_are_given_up_early(bent: Objective) -> None:
+    sets: list[tuple[int, ...]] = [(0, 1), ()]
+    begin = nothing(bent).repeat(2, 1)
+    far, near = (refits(bent, begin, freedom(bent, sets), 12, h) for h in (torch.inf, 1.0))
+    assert float(near.cost[0]) == pytest.approx(float(far.cost[0]), rel=1e-9)
+    assert float(near.cost[1]) >= float(far.cost[1]) > 2 * float(far.cost[0])
+    assert near.converged.all()
+
+
+def test_minimise_goes_down_where_the_full_step_does_not(bent: Objective) -> None:
+    phi = nothing(bent)
+    phi[:2] = torch.tensor([5.0, -5.0])
+    [before] = bent.values(phi[None])[0]
+    found = minimise(bent, phi, 15, 1e-8)
+    assert found.converged and found.cost < 0.01 * float(before)
+    count = bent.noise.count
+    assert 0.7 < found.chi2 / count < 1.3
+
+
+def test_a_start_that_blows_up_is_returned_with_an_infinite_cost(bent: Objective) -> None:
+    phi = nothing(bent)
+    phi[3] = 50.0
+    found = minimise(bent, phi, 3, 1e-3)
+    assert found.cost == torch.inf and not found.converged
+    assert torch.equal(found.phi, phi)

@@ -1,0 +1,156 @@
+"""Whitening is the inverse covariance's root, and estimates find what was put in."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+from torch import Tensor
+
+from dashred.discovery.noise_model import LARGEST_CORRELATION, NoiseModel
+
+RHO = 0.6
+
+
+def model(std: list[float], rho: float, seen: Tensor) -> NoiseModel:
+    return NoiseModel(torch.tensor(std, dtype=torch.float64), rho, seen)
+
+
+def everywhere(samples: int, sensors: int) -> Tensor:
+    return torch.ones(samples, sensors, dtype=torch.bool)
+
+
+def white(*shape: int, seed: int = 0) -> Tensor:
+    generator = torch.Generator().manual_seed(seed)
+    return torch.randn(*shape, generator=generator, dtype=torch.float64)
+
+
+def coloured(samples: int, std: list[float], rho: float, seed: int = 0) -> Tensor:
+    """Draw stationary noise by the recursion that defines it."""
+    drawn = white(samples, len(std), seed=seed)
+    rows = [drawn[0]]
+    for shock in drawn[1:]:
+        rows.append(rho * rows[-1] + math.sqrt(1 - rho**2) * shock)
+    return torch.stack(rows) * torch.tensor(std, dtype=torch.float64)
+
+
+def covariance(seen: Tensor, std: float, rho: float) -> Tensor:
+    """Return σ² ρ^|i-j| of one sensor; a gap between two samples makes them independent."""
+    pieces = torch.cumsum(~seen, dim=0)
+    steps = torch.arange(len(seen))
+    together = pieces[:, None] == pieces[None, :]
+    found = std**2 * rho ** (steps[:, None] - steps[None, :]).abs().double()
+    return torch.where(together, found, 0.0)[seen][:, seen]
+
+
+def whitening(noise: NoiseModel, sensor: int) -> Tensor:
+    """Return the linear map that whitening one sensor's samples is, column by column."""
+    samples, sensors = noise.seen.shape
+    units = torch.zeros(samples, samples, sensors, dtype=torch.float64)
+    units[:, :, sensor] = torch.eye(samples)
+    found = noise.whiten(units)
+    assert not found[..., [s for s in range(sensors) if s != sensor]].any()
+    return found[..., sensor].T
+
+
+@pytest.mark.parametrize("rho", [0.0, RHO])
+@pytest.mark.parametrize("gap", [False, True])
+def test_whitening_is_a_root_of_the_inverse_covariance(rho: float, gap: bool) -> None:
+    seen = everywhere(9, 2)
+    if gap:
+        seen[[3, 6, 7], 0] = False
+    noise = model([0.3, 2.0], rho, seen)
+    for sensor, std in enumerate((0.3, 2.0)):
+        known = seen[:, sensor]
+        matrix, dense = whitening(noise, sensor), covariance(known, std, rho)
+        assert not matrix[:, ~known].any() and not matrix[~known].any()
+        root = matrix[known][:, known]
+        torch.testing.assert_close(root.T @ root, torch.linalg.inv(dense))
+        assert float(root.logdet()) == pytest.approx(-float(dense.logdet()) / 2)
+
+
+def test_the_quadratic_form_is_that_of_the_dense_covariance() -> None:
+    noise = model([0.3, 2.0], RHO, everywhere(30, 2))
+    values = white(30, 2)
+    expected = 0.0
+    for sensor, std in enumerate((0.3, 2.0)):
+        dense, mine = covariance(everywhere(30, 1)[:, 0], std, RHO), values[:, sensor]
+        expected += float(mine @ torch.linalg.solve(dense, mine))
+    assert float(noise.whiten(values).square().sum()) == pytest.approx(expected, rel=1e-10)
+
+
+def test_whitened_noise_is_white_and_of_unit_variance() -> None:
+    noise = model([0.3, 2.0], RHO, everywhere(20000, 2))
+    found = noise.whiten(coloured(20000, [0.3, 2.0], RHO))
+    torch.testing.assert_close(found.var(dim=0), torch.ones(2).double(), rtol=0.03, atol=0)
+    for lag in (1, 2, 5):
+        assert float((found[lag:] * found[:-lag]).mean().abs()) < 0.02
+    assert float((found[:, 0] * found[:, 1]).mean().abs()) < 0.02
+
+
+def test_missing_values_count_for_nothing_and_batches_are_rows() -> None:
+    seen = everywhere(6, 2)
+    seen[2, 1] = False
+    noise = model([0.5, 0.5], RHO, seen)
+    values = white(3, 6, 2)
+    values[:, 2, 1] = torch.nan
+    found = noise.whiten(values)
+    assert torch.isfinite(found).all() and not found[:, 2, 1].any()
+    for row, alone in zip(found, values, strict=True):
+        torch.testing.assert_close(row, noise.whiten(alone))
+    assert noise.count == 11 and noise.first(3).count == 5
+    torch.testing.assert_close(noise.first(3).whiten(values[:, :3]), found[:, :3])
+
+
+def test_fewer_samples_count_when_neighbours_resemble_each_other() -> None:
+    noise = model([1.0], 0.5, everywhere(300, 1))
+    assert noise.effective_count == pytest.approx(100.0)
+    # The variance of a long mean is that of as many independent samples.
+    total = float(covariance(noise.seen[:, 0], 1.0, 0.5).sum()) / 300**2
+    assert 1 / total == pytest.approx(noise.effective_count, rel=0.01)
+    assert model([1.0], 0.0, noise.seen).effective_count == 300
+
+
+@pytest.mark.parametrize("rho", [0.0, RHO, 0.9])
+def test_estimates_find_sigma_and_rho(rho: float) -> None:
+    residuals = coloured(6000, [0.1, 0.2, 5.0], rho)
+    residuals[100:180, 1] = torch.nan
+    seen = ~residuals.isnan()
+    # Each group has its level wrong, the ratio within the first right.
+    found = model([0.3, 0.6, 1.0], 0.0, seen).estimated(residuals, ["u", "u", "v"], 0)
+    expected = torch.tensor([0.1, 0.2, 5.0], dtype=torch.float64)
+    tolerance = 4 * math.sqrt((1 + rho**2) / (1 - rho**2) / 12000)
+    torch.testing.assert_close(found.std[:2], expected[:2], rtol=tolerance, atol=0)
+    torch.testing.assert_close(found.std[2:], expected[2:], rtol=1.5 * tolerance, atol=0)
+    assert float(found.std[1] / found.std[0]) == pytest.approx(2.0, rel=1e-12)
+    assert found.correlation == pytest.approx(rho, abs=4 * math.sqrt((1 - rho**2) / 18000) + 1e-9)
+
+
+def test_what_a_fit_has_spent_is_given_back() -> None:
+    residuals = white(400, 2)
+    noise = model([1.0, 1.0], 0.0, everywhere(400, 2))
+    plain, spent = (noise.estimated(residuals, ["u", "u"], k) for k in (0.0, 200.0))
+    torch.testing.assert_close(plain.std.square(), residuals.square().mean().expand(2))
+    torch.testing.assert_close(spent.std.square(), plain.std.square() / 0.75)
+    everything = noise.estimated(residuals, ["u", "u"], 800.0)
+    torch.testing.assert_close(everything.std.square(), plain.std.square() / 0.1)
+
+
+def test_a_correlation_must_be_significant_and_positive() -> None:
+    turns = torch.tensor([1.0, -1.0]).double().repeat(100)[:, None]
+    noise = model([1.0], 0.5, everywhere(200, 1))
+    assert noise.estimated(turns, ["u"], 0).correlation == 0.0
+    drift = torch.ones(200, 1, dtype=torch.float64)
+    assert noise.estimated(drift, ["u"], 0).correlation == LARGEST_CORRELATION
+    few = coloured(20, [1.0], 0.4)
+    assert model([1.0], 0.0, everywhere(20, 1)).estimated(few, ["u"], 0).correlation == 0.0
+    apart = everywhere(200, 1)
+    apart[::2] = False
+    assert model([1.0], 0.0, apart).estimated(drift, ["u"], 0).correlation == 0.0
+
+
+def test_scaling_scales_the_noise_alone() -> None:
+    noise = model([0.5, 2.0], RHO, everywhere(5, 2))
+    values = white(5, 2)
+    torch.testing.assert_close(noise.scaled(4.0).whiten(values), noise.whiten(values) / 4)

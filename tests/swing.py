@@ -1,0 +1,129 @@
+"""A swing with its sensors, candidates and objective, compiled once: fits of it take moments.
+
+Linear but for its candidates; with forces of time alone, readings are linear in all unknowns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from dashred.discovery.candidates import Candidate
+from dashred.discovery.gauss_newton import Objective
+from dashred.discovery.noise_model import NoiseModel
+from dashred.discovery.shooting import Shooting, Simulator
+from dashred.discovery.starts import LinearStart
+from dashred.physics.simulate import simulate
+from dashred.physics.system import System, Term
+from dashred.sensing.observation import ObservationOperator
+from dashred.sensing.sensors import Sensor
+from tests import laws
+
+TEXT = """
+system:
+  title: a swing
+  fields: {x: place, p: momentum}
+  parameters: {k: 2.0, c: 0.05}
+  equations: {x: p, p: -k*x - c*p}
+  start: {x: 1, p: 0}
+  integrator: {method: rk4, dt: 0.05}
+recording: {twin: a, sensors: 2, noise: 0, duration: 12, every: 0.1}
+"""
+# Of the momentum's equation.
+FORCES = ("x**2", "x**3", "p**3", "abs(p)*p", "sign(p)", "x*p", "x**2*p", "sin(3*x)", "1")
+# Of time alone: linear in everything that is fitted.
+DRIVES = ("1", "t", "sin(t)", "cos(2*t)")
+SENSORS = (Sensor("place", "x"), Sensor("momentum", "p"))
+TIMES = 0.15 * torch.arange(81, dtype=torch.float64)
+# Where the start is looked for: truth is drawn from it, or lies well within.
+MEAN, SPREAD = (0.9, 0.2), 0.3
+
+
+@dataclass(frozen=True)
+class Swing:
+    """The compiled swing."""
+
+    system: System
+    simulator: Simulator
+    everything: dict[str, Candidate]
+
+    @classmethod
+    def declared(cls, folder: Path) -> Swing:
+        """Return it with all candidates in reach."""
+        system = laws.declared(folder, TEXT)
+        terms = [laws.term(system, "p", text) for text in dict.fromkeys((*FORCES, *DRIVES))]
+        parameters = [laws.parameter(system, name) for name in system.config.parameters]
+        everything = [*parameters, *terms]
+        simulator = Simulator(system, system.dt, everything)
+        return cls(system, simulator, {found.name: found for found in everything})
+
+    @cached_property
+    def operator(self) -> ObservationOperator:
+        """Reads place and momentum."""
+        return ObservationOperator(SENSORS, self.system)
+
+    @cached_property
+    def start(self) -> LinearStart:
+        """Where the start is looked for: ``m + 0.3 z``."""
+        mean = torch.tensor(MEAN, dtype=torch.float64)
+        return LinearStart(mean, SPREAD * torch.eye(2, dtype=torch.float64))
+
+    def clean(self, z: Sequence[float], names: Sequence[str], xi: Sequence[float]) -> Tensor:
+        """Return what the sensors would read without noise, ``(time, sensor)``."""
+        candidates = [self.everything[name] for name in names]
+        shooting = Shooting(self.simulator, self.start, candidates, self.operator, TIMES)
+        unknowns = (torch.tensor([u], dtype=torch.float64) for u in (z, xi))
+        return shooting.readings(*unknowns)[0]
+
+    def foreign(self, z: Sequence[float], text: str, value: float) -> Tensor:
+        """Return readings under a force that is no candidate."""
+        term = Term("p", self.system.parse(text, "test", equation="p"))
+        other = self.system.with_terms([(term, value)])
+        start = self.start.start(torch.tensor([z], dtype=torch.float64))
+        return self.operator(simulate(other, start, TIMES))[0]
+
+    def objective(
+        self, names: Sequence[str], recorded: Tensor, sigma: float, prior: Sequence[float] | float
+    ) -> Objective:
+        """Return F with candidates by name."""
+        candidates = [self.everything[name] for name in names]
+        shooting = Shooting(self.simulator, self.start, candidates, self.operator, TIMES)
+        noise = NoiseModel(
+            torch.full((len(SENSORS),), sigma, dtype=torch.float64), 0.0, ~recorded.isnan()
+        )
+        stds = torch.as_tensor(prior, dtype=torch.float64).expand(len(names)).clone()
+        return Objective(shooting, recorded, noise, stds)
+
+
+def noisy(values: Tensor, sigma: float, seed: int) -> Tensor:
+    """Return values with white noise."""
+    generator = torch.Generator().manual_seed(seed)
+    return values + sigma * torch.randn(values.shape, generator=generator, dtype=torch.float64)
+
+
+def line(objective: Objective) -> tuple[Tensor, Tensor]:
+    """Return A and b of whitened residuals ``A φ - b``, by runs along every unknown."""
+    count = objective.modes + len(objective.prior_std)
+    unknowns = torch.cat([torch.zeros(1, count), torch.eye(count)]).double()
+    readings = objective.shooting.readings(*objective.split(unknowns))
+    columns = objective.noise.whiten(readings[1:] - readings[0]).flatten(1).T
+    return columns, -objective.residuals(readings[0])
+
+
+def ridge(objective: Objective, members: Sequence[int]) -> tuple[Tensor, float, Tensor]:
+    """Return the exact φ, F and covariance where readings are linear in φ, by plain algebra."""
+    columns, target = line(objective)
+    index = [*range(objective.modes), *(objective.modes + j for j in members)]
+    stds = torch.cat([torch.ones(objective.modes).double(), objective.prior_std])
+    a, p = columns[:, index], torch.diag(stds[index] ** -2)
+    covariance = torch.linalg.inv(a.T @ a + p)
+    best = covariance @ (a.T @ target)
+    cost = float((a @ best - target).square().sum() + best @ p @ best)
+    phi = torch.zeros(len(stds), dtype=torch.float64)
+    phi[index] = best
+    return phi, cost, covariance
