@@ -276,6 +276,17 @@ class Discovery:
 
 
 @dataclass
+class Surrogate:
+    """SHRED retrained on the corrected simulator."""
+
+    members: Annotated[int, Limit(at_least=2)]
+    """Trajectories in all, simulation.held_out of them not trained on."""
+
+    spread: Positive
+    """How far they start from the fitted start, as a share of the start prior's own spread."""
+
+
+@dataclass
 class Tracking:
     """Where MLflow keeps the run."""
 
@@ -307,6 +318,7 @@ class Settings:
     assimilation: Assimilation
     latent_sindy: LatentSindy
     discovery: Discovery
+    surrogate: Surrogate
 
     resolution_limit: Positive
     """How far doubling the resolution may move a sensor trace, as a fraction of its std."""

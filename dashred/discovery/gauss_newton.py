@@ -22,7 +22,7 @@ from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.shooting import Linearisation, Shooting
 
 # One run tries all of these; in units of the curvature of each unknown.
-LADDER = (0.0, 0.03, 0.3, 3.0, 30.0)
+LADDER = (0.0, 0.1, 3.0)
 # A chord fit that needs more than this goes nowhere.
 MOST_DAMPED = 10.0
 

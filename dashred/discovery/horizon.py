@@ -64,7 +64,9 @@ def fit_first_window(objective: Objective, trace_std: Tensor) -> Fitted:
     """
     window = objective.only([]).until(first_samples(objective))
     noise = window.noise
-    coarse = [replace(noise, std=torch.maximum(a * trace_std, noise.std)) for a in ANNEALING]
+    ratio = float((noise.std / trace_std.clamp(min=1e-300)).median())
+    rough = [a for a in ANNEALING if a > FINAL_ANNEALING[0] * ratio]
+    coarse = [replace(noise, std=torch.maximum(a * trace_std, noise.std)) for a in rough]
     fine = [noise.scaled(a) for a in FINAL_ANNEALING]
     phi = torch.zeros(objective.modes, dtype=torch.float64)
     for annealed in (*coarse, *fine):

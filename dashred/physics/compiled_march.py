@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from dashred.physics.compiled_tendency import CompiledTendency, Modes, Weighted
+from dashred.physics.forcing import Forcing
 from dashred.physics.integrators.etdrk4 import ETDRK4
 from dashred.physics.integrators.schedule import schedule
 from dashred.physics.system import System, Term
 from dashred.physics.transforms import from_modes, to_modes
+
+Progress = Callable[[float], None]
 
 
 class CompiledMarch:
@@ -41,13 +44,16 @@ class CompiledMarch:
         other.system = self.system.with_step(dt)
         return other
 
-    def __call__(self, start: Tensor, times: Tensor, weights: Tensor) -> Tensor:
+    def __call__(
+        self, start: Tensor, times: Tensor, weights: Tensor, progress: Progress | None = None
+    ) -> Tensor:
         """Return trajectories ``(batch, time, field, *grid)``.
 
         Args:
             start: ``(batch, field, *grid)`` at ``times[0]``.
             times: output times, ``(time,)``.
             weights: coefficient of every term, ``(batch, term)``.
+            progress: called with the fraction done after every output time.
         """
         batch = self.tendency.of(weights.numpy())
         steppers: dict[float, _Step] = {}
@@ -68,7 +74,27 @@ class CompiledMarch:
                 if step.ends:
                     points = from_modes(modes, shape)
                     saved.append(torch.from_numpy(points))
+                    if progress is not None:
+                        progress((len(saved) - 1) / (len(times) - 1))
         return torch.stack(saved, dim=1)
+
+
+def march_compiled(
+    system: System,
+    start: Tensor,
+    times: Tensor,
+    forcing: Forcing | None,
+    progress: Progress | None,
+) -> Tensor:
+    """Return what :func:`dashred.physics.simulate.simulate` returns, compiled for this run.
+
+    Raises:
+        NotSeparableError, ArithmeticError: the equations cannot be taken apart.
+    """
+    if forcing is None:
+        forcing = Forcing((), torch.zeros((len(start), 0), dtype=torch.float64))
+    march = CompiledMarch(system, forcing.terms)
+    return march(start, times, forcing.coefficients, progress)
 
 
 class _Step:

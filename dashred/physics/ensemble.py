@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import torch
@@ -12,11 +13,17 @@ from torch import Tensor
 from dashred.errors import InputError
 from dashred.physics.forcing import Forcing
 from dashred.physics.library import evaluate_terms, resolve
-from dashred.physics.prior import StartPrior
 from dashred.physics.simulate import Progress, simulate
 from dashred.physics.system import System, Term
 
 MOST_ROUNDS = 20
+
+
+class Starts(Protocol):
+    """Where members start, at random; :class:`dashred.physics.prior.StartPrior` is one."""
+
+    def draw(self, count: int, rng: np.random.Generator) -> Tensor:
+        """Return ``count`` random starts, ``(count, field, *grid)``."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +70,7 @@ def term_scales(system: System, library: Sequence[Term], nominal: Tensor, t: flo
 def draw_ensemble(
     system: System,
     times: Tensor,
-    prior: StartPrior,
+    prior: Starts,
     nominal: Tensor,
     members: int,
     discrepancies: Discrepancies | None,

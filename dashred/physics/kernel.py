@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numba
@@ -68,8 +69,14 @@ def compile_kernel(
     for weight, group in terms.items():
         lines += [f"        a = w[r, {weight}]", "        if a != 0.0:"]
         lines += _loop(group, known, indent=12)
+    return _compile("\n".join(lines))
+
+
+@cache
+def _compile(source: str) -> Kernel:
+    """Compile a kernel once, on whatever grids it is used."""
     scope: dict[str, Any] = {"math": math}
-    exec("\n".join(lines), scope)
+    exec(source, scope)
     compiled: Kernel = numba.njit(fastmath=MATHEMATICS, error_model="numpy")(scope["kernel"])
     return compiled
 

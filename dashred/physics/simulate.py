@@ -23,6 +23,8 @@ from dashred.physics.integrators.ssprk3 import SSPRK3
 from dashred.physics.system import System
 from dashred.physics.tendency import GridTendency, SpectralTendency
 
+# From these sizes on compiled code wins back the seconds of its compilation.
+MANY_STEPS, MUCH_WORK, MOST_COMPILED = 500, 4e5, 8
 Progress = Callable[[float], None]
 OVERRUN_STEPS = 200
 
@@ -50,6 +52,10 @@ def simulate(
     """
     if not system.axes:
         return _integrate_ode(system, start, times, forcing)
+    if _long(system, start, times, forcing):
+        from dashred.physics.compiled_march import march_compiled
+
+        return march_compiled(system, start, times, forcing, progress)
     march = _spectral_march if system.spectral else _grid_march
     saved = []
     for index, state in enumerate(march(system, start, times.tolist(), forcing)):
@@ -57,6 +63,17 @@ def simulate(
         if progress is not None:
             progress(index / max(1, len(times) - 1))
     return torch.stack(saved, dim=1)
+
+
+def _long(system: System, start: Tensor, times: Tensor, forcing: Forcing | None) -> bool:
+    """Tell whether a run of few trajectories is so long that compiling it pays."""
+    if not system.spectral or start.device.type != "cpu":
+        return False
+    if start.requires_grad or (forcing is not None and forcing.coefficients.requires_grad):
+        return False
+    steps = float(times[-1] - times[0]) / system.dt
+    few = len(start) <= MOST_COMPILED and (forcing is None or len(forcing.terms) <= MOST_COMPILED)
+    return few and steps > MANY_STEPS and steps * start.numel() > MUCH_WORK
 
 
 def check_finite(trajectories: Tensor, times: Tensor, system: System) -> None:

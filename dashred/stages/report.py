@@ -81,7 +81,7 @@ def _verification(problem: Problem, analysis: Analysis, findings: Findings, outp
         for name, states in analysis.free.states.items()
     }
     fit = findings["fit"]
-    errors = {name: cast(Errors, fit[name]) for name in HELD_OUT}
+    errors: dict[str, Errors] = {name: cast(Errors, fit[name]) for name in HELD_OUT}
     figure = verification_figure(
         problem.times.numpy(),
         tested.values,

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -19,6 +22,19 @@ from dashred.tracking import Tracker
 from datamodules import RecordingDataModule
 
 
+@dataclass(frozen=True)
+class Narrowed:
+    """A prior on starts with a share of its spread."""
+
+    prior: StartPrior
+    share: float
+
+    def draw(self, count: int, rng: np.random.Generator) -> Tensor:
+        """Return ``count`` random starts."""
+        z = self.share * torch.from_numpy(rng.standard_normal((count, self.prior.size)))
+        return self.prior.start(z)
+
+
 def retrain(
     problem: Problem,
     nominal: Nominal,
@@ -29,8 +45,8 @@ def retrain(
 ) -> tuple[Learned, Tensor]:
     """Train SHRED on the corrected simulator and read the recording with it.
 
-    The members start about the fitted start, as far apart as the prior has them: the surrogate
-    is for this system, whose established state is now known.
+    The members start about the fitted start, nearer to it than the prior's are to theirs: the
+    surrogate is for this system, whose state is now known far better.
 
     Args:
         problem: the simulator and the recording.
@@ -43,12 +59,13 @@ def retrain(
     Returns:
         The network, and the field that it reads, ``(time, field, *grid)``, over the fit window.
     """
-    settings = problem.config.simulation
+    settings = problem.config.surrogate
     system = correct(problem.system, law)
-    if settings.dt is not None:
-        system = system.with_step(settings.dt)
+    dt = problem.config.simulation.dt
+    if dt is not None:
+        system = system.with_step(dt)
     prior = nominal.prior
-    about = StartPrior(system, law.start, prior.rms, prior.kept)
+    about = Narrowed(StartPrior(system, law.start, prior.rms, prior.kept), settings.spread)
     fit = problem.split.fit
     with torch.no_grad(), stage("simulate the corrected", seconds) as report:
         ensemble = draw_ensemble(

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from dashred.discovery.correction import correct
+from dashred.discovery.candidates import forcing_of
+from dashred.discovery.correction import correct, enters_linearly
 from dashred.discovery.discovered import Discovered
 from dashred.physics.simulate import simulate
 from dashred.progress import stage
@@ -48,12 +49,15 @@ def run_free(problem: Problem, discovered: Discovered, seconds: dict[str, float]
     clock = torch.cat([times, beyond])
     best, nothing = discovered.best, discovered.nothing
     with stage("run free", seconds):
-        starts = torch.stack([best.start, nothing.start])
-        same_start, refit = simulate(problem.system, starts, clock)
-        corrected = same_start
-        if best.candidates:
-            real = correct(problem.system, best)
-            [corrected] = simulate(real, best.start[None], clock)
+        starts = torch.stack([best.start, nothing.start, best.start])
+        none = torch.zeros((1, len(best.candidates)), dtype=torch.float64)
+        coefficients = torch.cat([none, none, best.coefficients[None]])
+        forcing = forcing_of(best.candidates, coefficients)
+        same_start, refit, corrected = simulate(problem.system, starts, clock, forcing)
+        changed = [c.name for c in best.candidates if c.equation is None]
+        if not all(enters_linearly(problem.system, name) for name in changed):
+            # Their law is a tangent; what is reported and written is the new value itself.
+            [corrected] = simulate(correct(problem.system, best), best.start[None], clock)
     states = {
         "simulation_same_start": same_start,
         "simulation_refit": refit,
