@@ -35,7 +35,7 @@ system:
 recording: {twin: a, sensors: 2, noise: 0, duration: 12, every: 0.1}
 """
 # Of the momentum's equation.
-FORCES = ("x**2", "x**3", "p**3", "abs(p)*p", "sign(p)", "x*p", "x**2*p", "sin(3*x)", "1")
+FORCES = ("x**2", "x**3", "p**3", "abs(p)*p", "sign(p)", "x*p", "sin(3*x)", "1")
 # Of time alone: linear in everything that is fitted.
 DRIVES = ("1", "t", "sin(t)", "cos(2*t)")
 SENSORS = (Sensor("place", "x"), Sensor("momentum", "p"))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from statistics import median
 
 import torch
 from torch import Tensor
@@ -23,10 +24,10 @@ LOST = 1.3
 # σ of the first window, in the traces' std, then in the noise's own.
 ANNEALING = (1.0, 0.3, 0.1, 0.03)
 FINAL_ANNEALING = (2.0, 1.0)
-STAGE_STEPS = 4
+STAGE_STEPS = 6
 ANNEALING_STEPS = 2
 # A step that gains less ends a stage: the next stage moves everything anyway.
-TOLERANCE = 0.05
+TOLERANCE = 0.02
 
 Report = Callable[[float, str], None]
 
@@ -75,16 +76,16 @@ def fit_first_window(objective: Objective, trace_std: Tensor) -> Fitted:
     return fitted
 
 
-def walk(objective: Objective, phi: Tensor, report: Report) -> Walk:
+def walk(objective: Objective, phi: Tensor, samples: int, report: Report) -> Walk:
     """Extend the horizon while the misfit stays near its level so far.
 
     Args:
         objective: F over the whole record, with a tight prior on ξ.
-        phi: the fit of the first window, ``(unknown,)``.
+        phi: a fit of the first samples, ``(unknown,)``.
+        samples: how many these are.
         report: progress.
     """
     total = len(objective.recorded)
-    samples = first_samples(objective)
     fitted = minimise(objective.until(samples), phi, STAGE_STEPS, TOLERANCE)
     levels = [(samples, _level(objective, fitted, samples))]
     growth = GROWTH
@@ -93,7 +94,7 @@ def walk(objective: Objective, phi: Tensor, report: Report) -> Walk:
         steps = STAGE_STEPS if growth == GROWTH else 2 * STAGE_STEPS
         tried = minimise(objective.until(further), fitted.phi, steps, TOLERANCE)
         level = _level(objective, tried, further)
-        usual = max(1.0, *(past for _, past in levels))
+        usual = max(1.0, median(past for _, past in levels))
         if level <= LOST * usual:
             fitted, samples = tried, further
             levels.append((samples, level))

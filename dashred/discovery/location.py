@@ -38,7 +38,7 @@ def locate(
     """
     law = discovered.best
     ratios = law_tendency(system, law, states, times)
-    shares = ratios.flatten(2).square().mean(dim=(0, 2)).sqrt()
+    shares = ratios.transpose(0, 1).flatten(1).square().mean(dim=1).sqrt()
     total = float(shares.sum())
     power = ratios.square().sum(dim=1)
     before = discovered.noise.whiten(discovered.nothing.residuals)

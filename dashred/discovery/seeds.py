@@ -32,7 +32,8 @@ class SeedSettings:
         window: samples that choose the analogs and make the linear estimate.
         filtered: samples that the filter assimilates.
         modes: of each seed, at most.
-        inflation: of the modes.
+        inflation: of the modes. The first samples, which made the estimate, are fitted once more:
+            an estimate that is believed too much would leave its errors to the law.
         filter: localisation and inflation of the filter.
     """
 
@@ -40,7 +41,7 @@ class SeedSettings:
     window: int = 5
     filtered: int = 15
     modes: int = 60
-    inflation: float = 1.1
+    inflation: float = 2.0
     filter: FilterSettings = field(default_factory=FilterSettings)
 
 
@@ -172,6 +173,6 @@ def network_seed(network: NetworkEstimate, analogs: Analogs, settings: SeedSetti
     anomalies = analogs.states - analogs.states.mean(dim=0)
     spread = field_rms(anomalies)
     modes = leading_modes(Estimate(network.state, anomalies), spread, settings.modes, 1.0).modes
-    left = modes.square().sum(dim=0).flatten(1).mean(dim=1).sqrt()
+    left = modes.square().sum(dim=0).reshape(len(network.state), -1).mean(dim=1).sqrt()
     factor = (network.error / left).reshape(-1, *(1,) * (network.state.dim() - 1))
     return LinearStart(network.state, factor * modes)

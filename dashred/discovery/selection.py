@@ -18,7 +18,7 @@ Report = Callable[[float, str], None]
 LARGEST = 3
 LARGEST_ON_PATH = 6
 # Sets refitted at first, by size; the backward path and the proposals come on top.
-REFITTED = {1: 8, 2: 8, 3: 8}
+REFITTED = {1: 6, 2: 8, 3: 8}
 NEIGHBOURS = 16
 ROUNDS = 6
 CHORD_STEPS = 6
@@ -27,6 +27,8 @@ SETTLED = 0.5
 POLISH_STEPS = 6
 # Sets whose score lies farther than this from the best are given up.
 HOPELESS = 40.0
+# A fit that the linearisation about a better one undercuts by this has got stuck.
+STUCK = 2.0
 # A smaller change of σ, or of its correlation, changes no choice.
 NOTICEABLE = 0.02
 
@@ -151,13 +153,13 @@ class _Search:
         near = [found for found in self.tried.values() if found.score < bound]
         costs, _ = self.objective.values(torch.stack([found.phi for found in near]))
         for members, found in self.tried.items():
-            self.tried[members] = replace(found, score=math.inf)
+            self.tried[members] = replace(found, cost=math.inf, score=math.inf)
         for found, cost in zip(near, costs.tolist(), strict=True):
             score = cost + penalty(self.objective) * len(found.members)
             self.tried[found.members] = replace(found, cost=cost, score=score)
 
     def refit(self, sets: Sequence[Set]) -> None:
-        """Refit sets, each from its own last fit or from the linear prediction."""
+        """Refit sets, each from the linear prediction; an earlier, better fit stands."""
         sets = list(dict.fromkeys(tuple(sorted(members)) for members in sets))
         if not sets:
             return
@@ -169,11 +171,11 @@ class _Search:
         for row, members in enumerate(sets):
             cost = float(found.cost[row])
             score = cost + penalty(self.objective) * len(members)
-            self.tried[members] = Tried(members, found.phi[row], cost, score)
+            if members not in self.tried or score < self.tried[members].score:
+                self.tried[members] = Tried(members, found.phi[row], cost, score)
 
     def _begin(self, members: Set) -> Tensor:
-        if members in self.tried and math.isfinite(self.tried[members].cost):
-            return self.tried[members].phi
+        """Return the best unknowns of the linearised problem."""
         index = self.objective.places(members)
         hessian = self.normal.hessian[index][:, index]
         goal = (self.normal.jacobian.T @ self.target)[index]
@@ -193,18 +195,30 @@ def _promising(problem: Eliminated) -> list[Set]:
 
 
 def _neighbours(problem: Eliminated, members: Set, tried: dict[Set, Tried]) -> list[Set]:
-    """Return the best untried sets that one swap, one addition or one omission makes."""
+    """Return the best sets that one swap, one addition or one omission makes of a set.
+
+    And small ones that are promising from here. A set that was tried before stays out, unless
+    its fit falls short of what the linearisation promises: from afar a fit may have got stuck.
+    """
     others = [j for j in range(len(problem.target)) if j not in members]
     drops = [tuple(j for j in members if j != out) for out in members]
     swaps = [tuple(sorted((*kept, other))) for kept in drops for other in others]
     adds = [tuple(sorted((*members, other))) for other in others]
-    found = [move for move in drops if move not in tried]
-    for moves in (swaps, adds):
-        new = [move for move in moves if move not in tried]
-        if new:
-            order = problem.costs(new).argsort()[: NEIGHBOURS // 2]
-            found += [new[i] for i in order.tolist()]
+    found: list[Set] = _unreached(problem, _promising(problem), tried)
+    for moves, most in ((drops, len(drops)), (swaps, NEIGHBOURS // 2), (adds, NEIGHBOURS // 2)):
+        if moves:
+            order = problem.costs(moves).argsort().tolist()
+            found += _unreached(problem, [moves[i] for i in order], tried)[:most]
     return found
+
+
+def _unreached(problem: Eliminated, sets: Sequence[Set], tried: dict[Set, Tried]) -> list[Set]:
+    """Return the sets that were not tried, or whose fit falls short of the linearised one."""
+    return [
+        members
+        for members in sets
+        if members not in tried or float(problem.costs([members])) < tried[members].cost - STUCK
+    ]
 
 
 def _free(objective: Objective, sets: Sequence[Set]) -> Tensor:

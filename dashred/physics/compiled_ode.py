@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numba
@@ -12,9 +12,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from dashred.physics.forcing import Forcing
 from dashred.physics.integrators.schedule import schedule
 from dashred.physics.kernel import Array, Body, compile_kernel
 from dashred.physics.system import System, Term
+
+Progress = Callable[[float], None]
 
 
 class CompiledOde:
@@ -60,6 +63,22 @@ class CompiledOde:
             np.ascontiguousarray(weights.numpy()),
         )
         return torch.from_numpy(saved[..., 0]).permute(2, 0, 1).contiguous()
+
+
+def integrate_compiled(
+    system: System,
+    start: Tensor,
+    times: Tensor,
+    forcing: Forcing | None,
+    progress: Progress | None,
+) -> Tensor:
+    """Return what :func:`dashred.physics.simulate.simulate` returns, compiled for this run."""
+    if forcing is None:
+        forcing = Forcing((), torch.zeros((len(start), 0), dtype=torch.float64))
+    found = CompiledOde(system, forcing.terms)(start, times, forcing.coefficients)
+    if progress is not None:
+        progress(1.0)
+    return found
 
 
 @numba.njit

@@ -28,7 +28,7 @@ def build_library(system: System, listed: Mapping[str, Sequence[str]] | None) ->
         InputError: an equation is unknown, a term is not in the language, or two terms of
             one equation are proportional.
     """
-    chosen = listed or {field: default_terms(system) for field in system.fields}
+    chosen = listed or {field: default_terms(system) for field in _open_equations(system)}
     library: list[Term] = []
     for equation, texts in chosen.items():
         seen: dict[algebra.Expr, str] = {}
@@ -44,6 +44,23 @@ def build_library(system: System, listed: Mapping[str, Sequence[str]] | None) ->
             seen[expr] = text
             library.append(Term(equation, expr))
     return library
+
+
+def _open_equations(system: System) -> list[str]:
+    """Return the fields whose equations something may be missing from.
+
+    ``θ' = ω`` only says what ω is: a term that were missing there would make another quantity
+    of ω, with which the equations read the same. Readings of θ cannot tell it from the term in
+    ω's own equation that it stands for, and only that one is physics.
+    """
+    fields = system.fields
+    named = {field: system.resolved[field] for field in fields}
+    others = {
+        field: expr
+        for field, expr in named.items()
+        if not (isinstance(expr, algebra.Name) and expr.id in fields and expr.id != field)
+    }
+    return list(others) or list(fields)
 
 
 def default_terms(system: System) -> list[str]:

@@ -50,12 +50,14 @@ def simulate(
         Trajectories do not touch each other, up to rounding; adaptive methods (ODEs) choose
         their steps for the whole batch, so there up to the tolerance.
     """
-    if not system.axes:
-        return _integrate_ode(system, start, times, forcing)
     if _long(system, start, times, forcing):
         from dashred.physics.compiled_march import march_compiled
+        from dashred.physics.compiled_ode import integrate_compiled
 
-        return march_compiled(system, start, times, forcing, progress)
+        run = march_compiled if system.axes else integrate_compiled
+        return run(system, start, times, forcing, progress)
+    if not system.axes:
+        return _integrate_ode(system, start, times, forcing)
     march = _spectral_march if system.spectral else _grid_march
     saved = []
     for index, state in enumerate(march(system, start, times.tolist(), forcing)):
@@ -66,12 +68,14 @@ def simulate(
 
 
 def _long(system: System, start: Tensor, times: Tensor, forcing: Forcing | None) -> bool:
-    """Tell whether a run of few trajectories is so long that compiling it pays."""
-    if not system.spectral or start.device.type != "cpu":
+    """Tell whether a run is so long that compiling it pays."""
+    if start.device.type != "cpu" or not (system.spectral or system.method == "rk4"):
         return False
     if start.requires_grad or (forcing is not None and forcing.coefficients.requires_grad):
         return False
     steps = float(times[-1] - times[0]) / system.dt
+    if not system.axes:
+        return steps > MANY_STEPS
     few = len(start) <= MOST_COMPILED and (forcing is None or len(forcing.terms) <= MOST_COMPILED)
     return few and steps > MANY_STEPS and steps * start.numel() > MUCH_WORK
 

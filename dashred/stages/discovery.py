@@ -30,6 +30,13 @@ from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal
 from dashred.tracking import Tracker
 
+# σ is taken for at least this share of a trace's std until residuals tell it: a recording may be
+# finer than any law that could be found in it, and a search that believes it gets stuck.
+FLOOR = 0.01
+# How often further candidates join a walk that has got lost.
+REINFORCEMENTS = 2
+# How many standard errors a seed must validate better than the prior to go before it.
+CHANCE = 2.0
 # A step that gains a smaller share of F ends a fit: of the law, and of the simulator as it is,
 # whose misfit is so large that more would be spent for nothing.
 POLISHED, SETTLED = 1e-5, 1e-3
@@ -47,12 +54,14 @@ class Seed:
         start: u₀(z).
         z: its fit, ``(mode,)``.
         error: RMSE on the validation sensors in σ; of the fit sensors, where none validates.
+        count: how many values that is over.
     """
 
     name: str
     start: StartModel
     z: Tensor
     error: float
+    count: int
 
 
 @torch.no_grad()
@@ -84,9 +93,11 @@ def discover(
             child.log_metrics({"horizon/chi2": level}, samples)
         weak = problem.config.discovery.weak
         objective = _objective(problem, simulator, seed.start, candidates, weak)
-        objective = objective.until(walked.samples)
+        objective = replace(objective, noise=_noise_after(objective, walked))
         with stage("select the law", seconds) as report:
-            selection = select(objective, phi, proposals, report)
+            selection = select(objective.until(walked.samples), phi, proposals, report)
+            if not walked.reached:
+                walked, selection = _walk_on(objective, walked, selection, proposals, report)
             report(1.0, f"{len(selection.tried)} sets refitted")
         with stage("fit the law to the end", seconds) as report:
             laws, nothing = _finish(selection)
@@ -94,7 +105,8 @@ def discover(
         for size, score in _path(selection):
             child.log_metrics({"evidence/score": score}, size)
     noise = selection.objective.noise
-    free = noise.whiten(walked.fitted.readings - objective.recorded).square().sum()
+    recorded = selection.objective.recorded
+    free = noise.whiten(walked.fitted.readings - recorded).square().sum()
     return Discovered(
         laws=laws,
         nothing=nothing,
@@ -120,12 +132,16 @@ def _rough(problem: Problem, simulator: Simulator, resolution: Resolution) -> Si
 
     With the derivative's longer steps, if their error, of fourth order, stays far below the noise.
     """
-    fit = problem.split.fit
-    spread = torch.from_numpy(fit.values)
-    spread = (spread - spread.nanmean(dim=0)).square().nanmean(dim=0).sqrt()
-    noise = float((problem.noise_of(fit.names) / spread.clamp(min=1e-300)).median())
+    names = problem.split.fit.names
+    noise = float((problem.noise_of(names) / _spread(problem).clamp(min=1e-300)).median())
     longer = simulator.tangent.dt / simulator.system.dt
     return simulator.coarse() if resolution.error * longer**4 < noise / 3 else simulator
+
+
+def _spread(problem: Problem) -> Tensor:
+    """Return the std of each fit sensor's trace, ``(sensor,)``."""
+    values = torch.from_numpy(problem.split.fit.values)
+    return (values - values.nanmean(dim=0)).square().nanmean(dim=0).sqrt()
 
 
 def _objective(
@@ -139,7 +155,8 @@ def _objective(
     operator = problem.operator(fit)
     times = problem.times[: len(fit.times)]
     recorded = torch.from_numpy(fit.values)
-    noise = NoiseModel(problem.noise_of(fit.names), 0.0, ~torch.isnan(recorded))
+    std = torch.maximum(problem.noise_of(fit.names), FLOOR * _spread(problem))
+    noise = NoiseModel(std, 0.0, ~torch.isnan(recorded))
     scales = torch.tensor([c.scale for c in candidates], dtype=torch.float64)
     shooting = Shooting(simulator, start, candidates, operator, times)
     return Objective(shooting, recorded, noise, prior * scales)
@@ -191,14 +208,23 @@ def _fit_seeds(
     for i, (name, model) in enumerate(models.items(), start=1):
         fitted.append(_fit_seed(problem, simulator, name, model))
         report(i / len(models), f"{name} {fitted[-1].error:.2f} σ")
-    return sorted(fitted, key=lambda seed: seed.error)
+    return _ranked(fitted)
+
+
+def _ranked(seeds: Sequence[Seed]) -> list[Seed]:
+    """Return the best on validation first; the prior, where chance may have put others before it.
+
+    The rms of n values is uncertain by ``1/√(2n)``, and of all seeds the prior alone uses no data
+    twice.
+    """
+    ranked = sorted(seeds, key=lambda seed: seed.error)
+    best = ranked[0].error * (1 + CHANCE / math.sqrt(2 * ranked[0].count))
+    return sorted(ranked, key=lambda seed: not (seed.name == "prior" and seed.error <= best))
 
 
 def _fit_seed(problem: Problem, simulator: Simulator, name: str, model: StartModel) -> Seed:
     objective = _objective(problem, simulator, model, [], 1.0)
-    values = objective.recorded
-    spread = (values - values.nanmean(dim=0)).square().nanmean(dim=0).sqrt()
-    fitted = fit_first_window(objective, spread)
+    fitted = fit_first_window(objective, _spread(problem))
     samples = first_samples(objective)
     nothing = torch.zeros((1, 0), dtype=torch.float64)
     validation = problem.split.validation
@@ -209,7 +235,8 @@ def _fit_seed(problem: Problem, simulator: Simulator, name: str, model: StartMod
     )
     scaled = error / problem.noise_of(sensors.names)
     rmse = float(scaled.square().nanmean().sqrt())
-    return Seed(name, model, fitted.phi, rmse if math.isfinite(rmse) else math.inf)
+    count = int(torch.isfinite(scaled).sum())
+    return Seed(name, model, fitted.phi, rmse if math.isfinite(rmse) else math.inf, max(count, 1))
 
 
 def _walk(
@@ -238,19 +265,60 @@ def _walk_from(
     seed: Seed,
     report: Report,
 ) -> tuple[Walk, Tensor]:
-    """Walk with the candidates whose effects differ most; the others' place they can take."""
+    """Walk with the candidates whose effects differ most; the others' place they can take.
+
+    Where the walk gets lost, those that differ most there join in.
+    """
     settings = problem.config.discovery
     whole = _objective(problem, simulator, seed.start, candidates, settings.tight)
     limits = torch.tensor([c.limit for c in candidates], dtype=torch.float64)
     whole = replace(whole, prior_std=torch.minimum(whole.prior_std, limits))
-    phi = whole.embed(seed.z, [])
-    window = whole.until(min(len(whole.recorded), 3 * first_samples(whole)))
-    point = window.shooting.linearise(*window.split(phi))
-    residuals = window.residuals(point.readings)
-    effects = Eliminated.of(Normal.of(window, point), whole.modes, residuals, phi)
-    members = effects.most_telling(settings.walking)
-    walked = walk(whole.only(members), phi[whole.places(members)], report)
-    return walked, whole.embed(walked.fitted.phi, members)
+    phi, samples = whole.embed(seed.z, []), first_samples(whole)
+    members: tuple[int, ...] = ()
+    for _ in range(REINFORCEMENTS + 1):
+        window = whole.until(min(len(whole.recorded), 3 * samples))
+        point = window.shooting.linearise(*window.split(phi))
+        residuals = window.residuals(point.readings)
+        effects = Eliminated.of(Normal.of(window, point), whole.modes, residuals, phi)
+        members = tuple(sorted({*members, *effects.most_telling(settings.walking)}))
+        walked = walk(whole.only(members), phi[whole.places(members)], samples, report)
+        phi, samples = whole.embed(walked.fitted.phi, members), walked.samples
+        if walked.reached:
+            break
+    return walked, phi
+
+
+def _noise_after(objective: Objective, walked: Walk) -> NoiseModel:
+    """Return the noise that the residuals of the walk speak for: its size and its correlation."""
+    part = objective.until(walked.samples)
+    groups = [sensor.reads for sensor in objective.shooting.operator.sensors]
+    left = walked.fitted.readings - part.recorded
+    found = part.noise.estimated(left, groups, len(walked.fitted.phi))
+    return replace(found, seen=objective.noise.seen)
+
+
+def _walk_on(
+    objective: Objective,
+    walked: Walk,
+    selection: Selection,
+    proposals: list[tuple[int, ...]],
+    report: Report,
+) -> tuple[Walk, Selection]:
+    """Walk on with the law that was found so far, and select once more where that leads.
+
+    All candidates together may have lost a trajectory that the right few can follow.
+    """
+    best = selection.tried[0]
+    mine = objective.only(best.members)
+    begin = best.phi[objective.places(best.members)]
+    further = walk(mine, begin, walked.samples, report)
+    if further.samples == walked.samples:
+        return walked, selection
+    phi = objective.embed(further.fitted.phi, best.members)
+    sets = [*proposals, *(tried.members for tried in selection.tried[:KEPT])]
+    levels = [*walked.levels, *further.levels[1:]]
+    found = select(objective.until(further.samples), phi, sets, report)
+    return replace(further, levels=levels), found
 
 
 def _finish(selection: Selection) -> tuple[list[Law], Law]:

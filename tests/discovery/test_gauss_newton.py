@@ -52,7 +52,7 @@ def refits(
     objective: Objective, begin: Tensor, free: Tensor, steps: int, hopeless: float = torch.inf
 ) -> Refits:
     equations = normal(objective, nothing(objective))
-    return chord_refits(objective, equations, begin, free, steps, 1e-9, hopeless)
+    return chord_refits(objective, equations, begin, free, steps, 1e-6, hopeless)
 
 
 def test_one_step_reaches_the_exact_solution(linear: Objective) -> None:
@@ -103,7 +103,7 @@ def test_a_part_of_the_candidates_and_of_the_record(linear: Objective) -> None:
 def test_chord_refits_of_several_sets_equal_separate_exact_solutions(linear: Objective) -> None:
     sets: list[tuple[int, ...]] = [(), (0,), (2,), (1, 3), (0, 2, 3), (0, 1, 2, 3)]
     begin = nothing(linear).expand(len(sets), -1)
-    found = refits(linear, begin, freedom(linear, sets), 3)
+    found = refits(linear, begin, freedom(linear, sets), 8)
     assert found.converged.all()
     for row, members in enumerate(sets):
         phi, cost, _ = ridge(linear, members)
@@ -140,28 +140,29 @@ def test_a_row_that_blows_up_spoils_no_other(bent: Objective) -> None:
     assert found.converged[kept].tolist() == alone.converged.tolist()
 
 
-def test_a_step_into_a_blow_up_is_damped_until_it_gains(bent: Objective) -> None:
-    """From a wrong Jacobian the full step runs away; what is kept never costs more."""
-    begin = nothing(bent).repeat(2, 1)
-    equations = normal(bent, nothing(bent))
-    wild = Normal(equations.jacobian * torch.tensor([1.0, 1.0, 0.02, 0.02]).double(), 
-                  equations.precision)
-    free = freedom(bent, [(0, 1), ()])
-    before, _ = bent.values(begin)
-    step = wild.steps(begin, bent.values(begin)[1].residuals, torch.zeros(2).double(), free)
-    assert torch.isinf(bent.values(begin + step)[0][0])
-    found = chord_refits(bent, wild, begin, free, 8, 1e-9, torch.inf)
-    assert (found.cost <= before).all() and float(found.cost[1]) < float(before[1])
+def test_a_step_that_overshoots_is_damped_until_it_gains(bent: Objective) -> None:
+    """The Jacobian is fifty times too flat; the other row, without candidates, never sees it."""
+    begin, free = nothing(bent).repeat(2, 1), freedom(bent, [(0, 1), ()])
+    flat = torch.tensor([1.0, 1.0, 0.02, 0.02], dtype=torch.float64)
+    precision = torch.tensor([1.0, 1.0, 1e-6, 1e-6], dtype=torch.float64)
+    wild = Normal(normal(bent, nothing(bent)).jacobian * flat, precision)
+    before, (_, residuals) = bent.values(begin)
+    step = wild.steps(begin, residuals, torch.zeros(2).double(), free)
+    assert float(bent.values(begin + step)[0][0]) > 2 * float(before[0])
+    found = chord_refits(bent, wild, begin, free, 8, 1e-6, torch.inf)
+    assert float(found.cost[0]) < 0.5 * float(before[0])
+    alone = chord_refits(bent, wild, begin[1:], free[1:], 8, 1e-6, torch.inf)
+    torch.testing.assert_close(found.phi[1:], alone.phi, rtol=1e-12, atol=1e-12)
     assert not found.phi[1, 2:].any()
 
 
 def test_hopeless_rows_are_given_up_early(bent: Objective) -> None:
-    sets: list[tuple[int, ...]] = [(0, 1), ()]
+    free = freedom(bent, [(0, 1), (0,)])
     begin = nothing(bent).repeat(2, 1)
-    far, near = (refits(bent, begin, freedom(bent, sets), 12, h) for h in (torch.inf, 1.0))
-    assert float(near.cost[0]) == pytest.approx(float(far.cost[0]), rel=1e-9)
-    assert float(near.cost[1]) >= float(far.cost[1]) > 2 * float(far.cost[0])
-    assert near.converged.all()
+    far, near = (refits(bent, begin, free, 12, hopeless) for hopeless in (torch.inf, 1.0))
+    torch.testing.assert_close(near.phi[0], far.phi[0], rtol=1e-9, atol=1e-12)
+    assert near.converged[1] and float(near.cost[1]) > float(far.cost[1]) + 1e-3
+    assert float(far.cost[1]) > 2 * float(far.cost[0])
 
 
 def test_minimise_goes_down_where_the_full_step_does_not(bent: Objective) -> None:
