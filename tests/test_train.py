@@ -12,17 +12,28 @@ import pytest
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 PENDULUM = CHECKOUT.parent / "shared" / "data" / "pendulum_single" / "recording.csv"
-FIGURES = {"coefficients.png", "learning.png", "sensor_traces.png", "sparsity.png"}
+FIGURES = {
+    "coefficients.png",
+    "evidence.png",
+    "learning.png",
+    "sensor_traces.png",
+    "sparsity.png",
+    "verification.png",
+    "where.png",
+}
 COARSE = ("system.parameters.nu=0.04", "system.axes.x.points=24", "system.integrator.dt=0.02")
 
 
 def test_a_twin_experiment_leaves_all_its_files(twin_run) -> None:
     left = {path.name for path in twin_run.output.iterdir()}
     assert left == FIGURES | {
+        "corrected.yaml",
         "estimates.nc",
         "findings.json",
+        "forecast.nc",
         "freeze.json",
         "recording.nc",
+        "report.html",
         "rmse_against_time.png",
         "run.json",
         "score.json",
@@ -57,6 +68,8 @@ def test_the_store_holds_one_finished_run_with_its_stages(twin_run) -> None:
     parent = json.loads(twin_run.read("run.json"))["mlflow_run"]
     assert sorted(runs) == [
         ("assimilate", "FINISHED", parent),
+        ("corrected_shred", "FINISHED", parent),
+        ("discover", "FINISHED", parent),
         ("quick seed 0", "FINISHED", None),
         ("shred", "FINISHED", parent),
     ]

@@ -84,7 +84,7 @@ def build_candidates(
             aliases.setdefault(first, []).append(candidate.name)
         else:
             replaced.setdefault(first, []).append(str(candidate))
-    size = math.sqrt(columns.shape[1])
+    size = math.sqrt(nominal[:, 0].numel())
     return [
         replace(
             found[j],

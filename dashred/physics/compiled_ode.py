@@ -81,7 +81,17 @@ def integrate_compiled(
     return found
 
 
-@numba.njit
+# Told by its type alone, a kernel is called and not compiled again into every integration.
+REAL = numba.float64
+KERNEL = numba.types.FunctionType(
+    numba.void(REAL[:, :, ::1], REAL[:, ::1], REAL, REAL[:, ::1], REAL[:, :, ::1])
+)
+
+
+@numba.njit(
+    numba.void(KERNEL, REAL[:, :, :, ::1], REAL[::1], REAL[::1], numba.boolean[::1], REAL[:, ::1]),
+    cache=True,
+)
 def _integrate(
     kernel: Any,
     saved: NDArray[np.float64],

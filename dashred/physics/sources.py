@@ -82,7 +82,9 @@ class Sources:
     def _transformed(
         self, values: Array, modes: Modes, times: Array, dtype: type[np.floating[Any]]
     ) -> Modes:
-        points = values.astype(dtype)
+        # A trajectory that blows up is told by its values.
+        with np.errstate(over="ignore"):
+            points = values.astype(dtype)
         if self._others:
             points = np.concatenate((points, self._evaluated(modes, times).astype(dtype)))
         return to_modes(points, len(self.system.grid.shape)) if len(points) else points
