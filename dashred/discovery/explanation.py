@@ -28,19 +28,26 @@ def explain(system: System, discovered: Discovered) -> list[TermFound | Paramete
 
 
 def alternatives(discovered: Discovered) -> list[Alternative]:
-    """Return at most three other laws: rivals first, then by score."""
+    """Return at most three other laws: rivals first, then by score.
+
+    Of a law of several terms the best one-term law is among them, for comparison.
+    """
     best, rivals = discovered.best, discovered.rivals
     # Laws hold tensors, which do not compare to one truth: identity decides.
     decided = {id(law) for law in rivals}
     others = [law for law in discovered.laws[1:] if id(law) not in decided]
+    chosen = [*rivals, *others][:MOST_ALTERNATIVES]
+    single = [law for law in discovered.laws[1:] if len(law.candidates) == 1]
+    if single and len(best.candidates) > 1 and id(single[0]) not in map(id, chosen):
+        chosen[-1] = single[0]
     return [
         Alternative(
             terms=_tried(law),
             delta_bic=law.score - best.score,
-            rival=index < len(rivals),
+            rival=id(law) in decided,
             same_as_best=_reads_the_same(discovered, law),
         )
-        for index, law in enumerate([*rivals, *others][:MOST_ALTERNATIVES])
+        for law in chosen
     ]
 
 

@@ -127,8 +127,10 @@ class _Search:
     def linearise(self, phi: Tensor) -> Eliminated:
         """Move the linearisation to ``phi``."""
         point = self.objective.shooting.linearise(*self.objective.split(phi))
-        self.normal = Normal.of(self.objective, point)
-        residuals = self.objective.residuals(point.readings)
+        normal = Normal.of(self.objective, point)
+        # What blows up has no derivative: it says nothing, here, and its fits will not be chosen.
+        self.normal = replace(normal, jacobian=torch.nan_to_num(normal.jacobian, 0.0, 0.0, 0.0))
+        residuals = torch.nan_to_num(self.objective.residuals(point.readings), 0.0, 0.0, 0.0)
         self.target = self.normal.jacobian @ phi - residuals
         return Eliminated.of(self.normal, self.objective.modes, residuals, phi)
 

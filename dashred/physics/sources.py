@@ -82,9 +82,7 @@ class Sources:
     def _transformed(
         self, values: Array, modes: Modes, times: Array, dtype: type[np.floating[Any]]
     ) -> Modes:
-        # A trajectory that blows up is told by its values.
-        with np.errstate(over="ignore"):
-            points = values.astype(dtype)
+        points = values.astype(dtype)
         if self._others:
             points = np.concatenate((points, self._evaluated(modes, times).astype(dtype)))
         return to_modes(points, len(self.system.grid.shape)) if len(points) else points

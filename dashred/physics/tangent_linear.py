@@ -100,13 +100,15 @@ def tangent_linear(
     columns = [model.columns.in_modes(by_field[:, c.start : c.stop]) for c in chunks]
     steps_at_once = max(1, POINTS_AT_ONCE // (STAGES * start[0].numel()))
     for steps in _blocks(schedule(times.tolist(), system.dt), steps_at_once):
-        modes, states, stages = model.base.follow(steps, modes)
-        block = model.along(stages)
-        found = torch.zeros((len(states), *tangents.shape), dtype=dtype)
-        for i, chunk in enumerate(chunks):
-            columns[i], outputs = model.columns.carry(steps, columns[i], chunk, block)
-            for out, points in zip(found, outputs, strict=True):
-                out[chunk.start : chunk.stop] = torch.from_numpy(points).transpose(0, 1)
+        # A trajectory that blows up is told by its values.
+        with np.errstate(all="ignore"):
+            modes, states, stages = model.base.follow(steps, modes)
+            block = model.along(stages)
+            found = torch.zeros((len(states), *tangents.shape), dtype=dtype)
+            for i, chunk in enumerate(chunks):
+                columns[i], outputs = model.columns.carry(steps, columns[i], chunk, block)
+                for out, points in zip(found, outputs, strict=True):
+                    out[chunk.start : chunk.stop] = torch.from_numpy(points).transpose(0, 1)
         for state, out in zip(states, found, strict=True):
             yield torch.from_numpy(state[:, 0]).to(start.device), out.to(start.device)
 

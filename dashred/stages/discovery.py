@@ -276,16 +276,27 @@ def _walk_from(
     phi, samples = whole.embed(seed.z, []), first_samples(whole)
     members: tuple[int, ...] = ()
     for _ in range(REINFORCEMENTS + 1):
-        window = whole.until(min(len(whole.recorded), 3 * samples))
-        point = window.shooting.linearise(*window.split(phi))
-        residuals = window.residuals(point.readings)
-        effects = Eliminated.of(Normal.of(window, point), whole.modes, residuals, phi)
-        members = tuple(sorted({*members, *effects.most_telling(settings.walking)}))
+        members = tuple(sorted({*members, *_most_telling(whole, phi, samples, settings.walking)}))
         walked = walk(whole.only(members), phi[whole.places(members)], samples, report)
         phi, samples = whole.embed(walked.fitted.phi, members), walked.samples
         if walked.reached:
             break
     return walked, phi
+
+
+def _most_telling(whole: Objective, phi: Tensor, samples: int, count: int) -> tuple[int, ...]:
+    """Return the candidates whose effects differ most, a while beyond the samples fitted so far.
+
+    None at all, where the fit blows up even within them.
+    """
+    for reach in (3 * samples, samples):
+        window = whole.until(min(len(whole.recorded), reach))
+        point = window.shooting.linearise(*window.split(phi))
+        residuals = window.residuals(point.readings)
+        normal = Normal.of(window, point)
+        if torch.isfinite(residuals).all() and torch.isfinite(normal.jacobian).all():
+            return Eliminated.of(normal, whole.modes, residuals, phi).most_telling(count)
+    return ()
 
 
 def _noise_after(objective: Objective, walked: Walk) -> NoiseModel:
@@ -328,6 +339,9 @@ def _finish(selection: Selection) -> tuple[list[Law], Law]:
     point = objective.shooting.linearise(*objective.split(best.phi))
     normal = Normal.of(objective, point)
     near = [t for t in selection.tried[1:] if t.score < best.score + NEAR][:KEPT]
+    single = next((t for t in selection.tried if len(t.members) == 1), None)
+    if single is not None and len(best.members) > 1 and all(t is not single for t in near):
+        near.append(single)
     empty = next(t for t in selection.tried if not t.members)
     nothing = best if not best.members else polish(objective, empty, SETTLED)
 
