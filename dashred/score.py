@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from dashred.findings_schema import Score
     from dashred.sealing import Truth
 
+# More than these could not be told apart on one page.
+PANELS = ("simulation", "simulation_refit", "shred", "corrected")
 KEYS = ("findings", "sealed", "root", "experiment", "run")
 # Clocks that differ by more than this are not the same, in the unit of time.
 CLOCK = 1e-9
@@ -143,7 +145,7 @@ def _draw(
     panels = {
         field: {
             "truth": real[:, i],
-            **{m: estimates[field].sel({"method": m}).values for m in errors},
+            **{m: estimates[field].sel({"method": m}).values for m in PANELS if m in errors},
         }
         for i, field in enumerate(fields)
     }

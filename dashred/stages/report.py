@@ -179,7 +179,7 @@ def _curves(analysis: Analysis, output: Path) -> None:
         "SHRED, unseen simulations": analysis.learned.curves["rmse/field_members"],
         "DA-SHRED, fitted": analysis.found.curves["rmse/sensors_fit"],
         "DA-SHRED, validation": analysis.found.curves["rmse/sensors_validate"],
-        "SHRED on the corrected": analysis.relearned.curves["rmse/field_members"],
+        "corrected SHRED": analysis.relearned.curves["rmse/field_members"],
     }
     curves = {
         name: (np.array([epoch for epoch, _ in points]), np.array([value for _, value in points]))
