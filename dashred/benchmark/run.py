@@ -38,7 +38,7 @@ WIDE = 240
 def run_bench(request: Request, rows: Sequence[Row]) -> int:
     """Run what is not done, write and print the tables; 1 when a row failed."""
     output = make_output(str(request.output))
-    with _alone_in(output), _sigterm_as_interrupt():
+    with _alone_in(output), _signals_as_interrupt():
         records = {row.folder: done for row in rows if (done := read_done(row))}
         waiting = [row for row in rows if row.folder not in records]
         CONSOLE.print(f"{len(rows)} rows, {len(records)} of them done already; in {output}")
@@ -123,10 +123,13 @@ def _alone_in(output: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _sigterm_as_interrupt() -> Iterator[None]:
-    """Let a plain ``kill`` end the rows too, as Ctrl-C does."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+def _signals_as_interrupt() -> Iterator[None]:
+    """Let a plain ``kill`` end the rows, too, and Ctrl-C where a shell had it ignored."""
+    before = {how: signal.getsignal(how) for how in (signal.SIGINT, signal.SIGTERM)}
+    for how in before:
+        signal.signal(how, signal.default_int_handler)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for how, handler in before.items():
+            signal.signal(how, handler)
