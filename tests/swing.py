@@ -14,8 +14,8 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.candidates import Candidate
-from dashred.discovery.gauss_newton import Objective
 from dashred.discovery.noise_model import NoiseModel
+from dashred.discovery.objective import Objective
 from dashred.discovery.shooting import Shooting, Simulator
 from dashred.discovery.starts import LinearStart
 from dashred.physics.simulate import simulate

@@ -1,8 +1,4 @@
-"""Regularised least squares through the simulator, by Levenberg–Marquardt steps in batches.
-
-The objective of every fit (design §4.2), in the unknowns ``φ = (z, ξ)``::
-
-    F(φ) = ‖W(H S(φ) - y)‖² + ‖z‖² + ‖ξ/d‖²
+"""Levenberg–Marquardt Gauss–Newton steps in batches.
 
 A run of several trajectories costs little more than one, so a step tries a whole ladder of
 dampings at once, and the fits of many sets of candidates share one Jacobian (chord steps).
@@ -10,146 +6,18 @@ dampings at once, and the fits of many sets of candidates share one Jacobian (ch
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from dashred.discovery.noise_model import NoiseModel
-from dashred.discovery.shooting import Linearisation, Shooting
+from dashred.discovery.objective import Normal, Objective
 
-# One run tries all of these; in units of the curvature of each unknown.
-LADDER = (0.0, 0.1, 3.0)
+# One run tries all of a rung; the next, where none of it lowers F. In units of each curvature.
+LADDER = ((0.0, 0.1, 3.0), (30.0, 300.0, 3000.0))
 # A chord fit that needs more than this goes nowhere.
 MOST_DAMPED = 10.0
-
-
-class Trials(NamedTuple):
-    """Runs of a batch.
-
-    Attributes:
-        readings: ``(batch, time, sensor)``.
-        residuals: whitened, ``(batch, time·sensor)``.
-    """
-
-    readings: Tensor
-    residuals: Tensor
-
-
-@dataclass(frozen=True)
-class Objective:
-    """What a fit minimises.
-
-    Attributes:
-        shooting: from unknowns to readings.
-        recorded: y, ``(time, sensor)``; NaN where missing.
-        noise: W, whitening.
-        prior_std: d of every candidate, ``(candidate,)``, in the user's units.
-    """
-
-    shooting: Shooting
-    recorded: Tensor
-    noise: NoiseModel
-    prior_std: Tensor
-
-    @property
-    def modes(self) -> int:
-        """Unknowns of the start."""
-        return self.shooting.start.size
-
-    def only(self, members: Sequence[int]) -> Objective:
-        """Return F with some of the candidates alone."""
-        candidates = [self.shooting.candidates[j] for j in members]
-        shooting = replace(self.shooting, candidates=candidates)
-        return replace(self, shooting=shooting, prior_std=self.prior_std[list(members)])
-
-    def until(self, samples: int) -> Objective:
-        """Return F over the first samples alone."""
-        return replace(
-            self,
-            shooting=self.shooting.until(samples),
-            recorded=self.recorded[:samples],
-            noise=self.noise.first(samples),
-        )
-
-    def embed(self, phi: Tensor, members: Sequence[int]) -> Tensor:
-        """Return unknowns of :meth:`only` some candidates among those of all."""
-        whole = torch.zeros(self.modes + len(self.prior_std), dtype=torch.float64)
-        whole[self.places(members)] = phi
-        return whole
-
-    def places(self, members: Sequence[int]) -> list[int]:
-        """Return the indices of the start and of some candidates among the unknowns."""
-        return [*range(self.modes), *(self.modes + j for j in members)]
-
-    def split(self, phi: Tensor) -> tuple[Tensor, Tensor]:
-        """Return z and ξ of unknowns ``(…, mode + candidate)``."""
-        return phi[..., : self.modes], phi[..., self.modes :]
-
-    def residuals(self, readings: Tensor) -> Tensor:
-        """Return ``W(H S - y)``, ``(…, time·sensor)``."""
-        return self.noise.whiten(readings - self.recorded).flatten(-2)
-
-    def penalty(self, phi: Tensor) -> Tensor:
-        """Return ``‖z‖² + ‖ξ/d‖²``, ``(…)``."""
-        z, xi = self.split(phi)
-        return z.square().sum(dim=-1) + (xi / self.prior_std).square().sum(dim=-1)
-
-    def values(self, phi: Float[Tensor, "batch unknown"]) -> tuple[Tensor, Trials]:
-        """Return F ``(batch,)``, infinite where a trajectory blows up, and what it is made of."""
-        readings = self.shooting.readings(*self.split(phi))
-        residuals = self.residuals(readings)
-        cost = residuals.square().sum(dim=-1) + self.penalty(phi)
-        return torch.where(torch.isfinite(cost), cost, torch.inf), Trials(readings, residuals)
-
-
-@dataclass(frozen=True)
-class Normal:
-    """The normal equations about one point: ``(JᵀWᵀWJ + P) δ = -(JᵀWᵀ r + P φ)``.
-
-    Attributes:
-        jacobian: whitened, ``(time·sensor, unknown)``.
-        precision: diagonal of P, ``(unknown,)``.
-    """
-
-    jacobian: Tensor
-    precision: Tensor
-
-    @classmethod
-    def of(cls, objective: Objective, point: Linearisation) -> Normal:
-        """Whiten the Jacobian of a linearisation."""
-        columns = torch.cat([point.by_start, point.by_error], dim=-1).movedim(-1, 0)
-        jacobian = objective.noise.whiten(columns).flatten(1).T
-        ones = torch.ones(objective.modes, dtype=torch.float64)
-        precision = torch.cat([ones, objective.prior_std.double() ** -2])
-        return cls(jacobian, precision)
-
-    @property
-    def hessian(self) -> Tensor:
-        """``JᵀWᵀWJ + P``, ``(unknown, unknown)``."""
-        return self.jacobian.T @ self.jacobian + torch.diag(self.precision)
-
-    def steps(
-        self,
-        phi: Float[Tensor, "batch unknown"],
-        residuals: Float[Tensor, "batch sample"],
-        damping: Float[Tensor, " batch"],
-        free: Bool[Tensor, "batch unknown"],
-    ) -> Tensor:
-        """Return δ of each row, in the unknowns that it may move."""
-        gradient = residuals @ self.jacobian + self.precision * phi
-        hessian = self.hessian
-        size = hessian.diagonal().sqrt()
-        scaled = hessian / size[:, None] / size
-        moved = free.to(phi.dtype)
-        eye = torch.eye(len(size), dtype=phi.dtype)
-        system = scaled * moved[:, :, None] * moved[:, None, :]
-        system = system + eye * ((1 - moved) + damping[:, None])[:, None, :]
-        right = -(gradient / size * moved)
-        return torch.linalg.solve(system, right[..., None])[..., 0] / size
 
 
 @dataclass(frozen=True)
@@ -162,6 +30,7 @@ class Fitted:
         chi2: its part ``‖W(H S - y)‖²``.
         readings: ``(time, sensor)``.
         converged: the last step lowered F by less than was asked for.
+        jacobians: how many it took.
     """
 
     phi: Tensor
@@ -169,6 +38,7 @@ class Fitted:
     chi2: float
     readings: Tensor
     converged: bool
+    jacobians: int
 
 
 def minimise(
@@ -182,30 +52,37 @@ def minimise(
         steps: Jacobians at most.
         tolerance: a step that lowers F by less than this, relatively, is the last.
     """
-    damping = torch.tensor(LADDER, dtype=torch.float64)
-    free = torch.ones((len(LADDER), len(phi)), dtype=torch.bool)
-    fitted = Fitted(phi, torch.inf, torch.inf, torch.empty(0), False)
-    for _ in range(steps):
-        point = objective.shooting.linearise(*objective.split(phi))
-        if not torch.isfinite(point.by_start).all() or not torch.isfinite(point.by_error).all():
-            return fitted
-        residuals = objective.residuals(point.readings)
-        chi2 = float(residuals.square().sum())
-        cost = chi2 + float(objective.penalty(phi))
-        rows = phi.expand(len(LADDER), -1)
-        step = Normal.of(objective, point).steps(
-            rows, residuals.expand(len(LADDER), -1), damping, free
-        )
-        costs, trials = objective.values(rows + step)
-        best = int(costs.argmin())
-        gain = cost - float(costs[best])
-        fitted = Fitted(phi, cost, chi2, point.readings, gain < tolerance * cost)
-        if gain > 0:
-            phi, chi2 = rows[best] + step[best], float(trials.residuals[best].square().sum())
-            readings = trials.readings[best]
-            fitted = Fitted(phi, float(costs[best]), chi2, readings, fitted.converged)
-        if fitted.converged:
+    [cost], (readings, [residuals]) = objective.values(phi[None])
+    fitted = Fitted(phi, float(cost), float(residuals.square().sum()), readings[0], False, 0)
+    while fitted.jacobians < steps and not fitted.converged:
+        normal = objective.linearise(fitted.phi, fitted.readings)
+        if not torch.isfinite(normal.jacobian).all():
             break
+        lower = _step(objective, normal, fitted)
+        converged = fitted.cost - lower.cost < tolerance * fitted.cost
+        fitted = replace(lower, converged=converged, jacobians=fitted.jacobians + 1)
+    return fitted
+
+
+def _step(objective: Objective, normal: Normal, fitted: Fitted) -> Fitted:
+    """Return where the best damping leads; the same place, if none lowers F."""
+    for rung in LADDER:
+        rows = fitted.phi.expand(len(rung), -1)
+        residuals = normal.residuals.expand(len(rung), -1)
+        damping = torch.tensor(rung, dtype=torch.float64)
+        free = torch.ones(rows.shape, dtype=torch.bool)
+        trial = rows + normal.steps(rows, residuals, damping, free)
+        costs, trials = objective.values(trial)
+        best = int(costs.argmin())
+        if float(costs[best]) < fitted.cost:
+            chi2 = float(trials.residuals[best].square().sum())
+            return replace(
+                fitted,
+                phi=trial[best],
+                cost=float(costs[best]),
+                chi2=chi2,
+                readings=trials.readings[best],
+            )
     return fitted
 
 
@@ -216,13 +93,11 @@ class Refits:
     Attributes:
         phi: ``(set, unknown)``; zero for candidates not in the set.
         cost: F, ``(set,)``.
-        chi2: ``(set,)``.
         converged: ``(set,)``.
     """
 
     phi: Tensor
     cost: Tensor
-    chi2: Tensor
     converged: Tensor
 
 
@@ -271,4 +146,4 @@ def chord_refits(
         damping[rows] = torch.where(
             better, damping[rows] / 10, torch.clamp(damping[rows] * 10, min=0.1)
         )
-    return Refits(phi, cost, residuals.square().sum(dim=-1), done)
+    return Refits(phi, cost, done)

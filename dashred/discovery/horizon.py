@@ -1,35 +1,36 @@
-"""Walk the fit from the first samples to the whole record: a growing horizon, with annealing.
+"""Walk the fit from the first samples to the whole record: a growing horizon.
 
 Over a long stretch the misfit of a wrong start has countless false minima; over a short one
-it has none, and its solution is a good beginning for a slightly longer one (design §4.2.2-4).
+it has none, and its solution is a good beginning for a slightly longer one (design §4.2.2-3).
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from statistics import median
 
 import torch
 from torch import Tensor
 
-from dashred.discovery.gauss_newton import Fitted, Objective, minimise
+from dashred.discovery.gauss_newton import Fitted, minimise
+from dashred.discovery.objective import Objective
+from dashred.discovery.subsets import Eliminated
+from dashred.progress import Report
 
 GROWTH = 1.3
 # A stage that fails is tried again with a shorter stretch.
 SMALLEST_GROWTH = 1.03
 # Misfit, relative to the level so far, at which a stage has lost the trajectory.
 LOST = 1.3
-# σ of the first window, in the traces' std, then in the noise's own.
-ANNEALING = (1.0, 0.3, 0.1, 0.03)
-FINAL_ANNEALING = (2.0, 1.0)
 STAGE_STEPS = 6
-ANNEALING_STEPS = 2
 # A step that gains less ends a stage: the next stage moves everything anyway.
 TOLERANCE = 0.02
-
-Report = Callable[[float, str], None]
+# The candidates are chosen again whenever the horizon has doubled and has to double once more.
+AHEAD = 2
+# How often further candidates join a walk that has got lost.
+REINFORCEMENTS = 2
+# A walk that has cost as much as this many Jacobians over the whole record is given up.
+EFFORT = 40
 
 
 @dataclass(frozen=True)
@@ -37,73 +38,122 @@ class Walk:
     """How far a walk came.
 
     Attributes:
-        fitted: the fit at the last horizon reached.
+        phi: the fit at the last horizon reached, ``(unknown,)``, among all candidates.
+        members: the candidates that it carried.
+        readings: of the fit, ``(time, sensor)``.
         samples: that horizon.
         reached: whether it is the whole record.
         levels: ``(samples, χ²/n)`` of each stage.
     """
 
-    fitted: Fitted
+    phi: Tensor
+    members: tuple[int, ...]
+    readings: Tensor
     samples: int
     reached: bool
     levels: list[tuple[int, float]]
 
 
-def first_samples(objective: Objective) -> int:
-    """Return how many samples determine the start: three readings for each of its modes."""
-    sensors = objective.recorded.shape[1]
-    total = len(objective.recorded)
-    return min(total, max(6, math.ceil(3 * objective.modes / sensors)))
-
-
-def fit_first_window(objective: Objective, trace_std: Tensor) -> Fitted:
-    """Fit the start alone to the first samples, from coarse to fine.
-
-    Args:
-        objective: F over the whole record.
-        trace_std: std of each sensor's trace, ``(sensor,)``.
-    """
-    window = objective.only([]).until(first_samples(objective))
-    noise = window.noise
-    ratio = float((noise.std / trace_std.clamp(min=1e-300)).median())
-    rough = [a for a in ANNEALING if a > FINAL_ANNEALING[0] * ratio]
-    coarse = [replace(noise, std=torch.maximum(a * trace_std, noise.std)) for a in rough]
-    fine = [noise.scaled(a) for a in FINAL_ANNEALING]
-    phi = torch.zeros(objective.modes, dtype=torch.float64)
-    for annealed in (*coarse, *fine):
-        fitted = minimise(replace(window, noise=annealed), phi, ANNEALING_STEPS, TOLERANCE)
-        phi = fitted.phi
-    return fitted
-
-
-def walk(objective: Objective, phi: Tensor, samples: int, report: Report) -> Walk:
+def walk(objective: Objective, phi: Tensor, samples: int, carried: int, report: Report) -> Walk:
     """Extend the horizon while the misfit stays near its level so far.
+
+    The walk carries the candidates whose effects differ most over the next stretch; the others'
+    place they can take. Where it gets lost, those that differ most there join in.
 
     Args:
         objective: F over the whole record, with a tight prior on ξ.
         phi: a fit of the first samples, ``(unknown,)``.
         samples: how many these are.
+        carried: how many candidates the walk carries.
         report: progress.
     """
     total = len(objective.recorded)
-    fitted = minimise(objective.until(samples), phi, STAGE_STEPS, TOLERANCE)
-    levels = [(samples, _level(objective, fitted, samples))]
-    growth = GROWTH
-    while samples < total and growth > SMALLEST_GROWTH:
-        further = min(total, max(samples + 1, round(samples * growth)))
-        steps = STAGE_STEPS if growth == GROWTH else 2 * STAGE_STEPS
-        tried = minimise(objective.until(further), fitted.phi, steps, TOLERANCE)
-        level = _level(objective, tried, further)
-        usual = max(1.0, median(past for _, past in levels))
-        if level <= LOST * usual:
-            fitted, samples = tried, further
-            levels.append((samples, level))
+    here = _Here(objective, phi, samples, _telling(objective, phi, samples, carried))
+    here.settle()
+    chosen, reinforced, growth = samples, 0, GROWTH
+    while here.samples < total and here.effort < EFFORT * total:
+        if AHEAD * chosen <= here.samples <= total / AHEAD and growth == GROWTH:
+            chosen = here.samples
+            here.exchange(_telling(objective, here.phi, chosen, carried))
+        further = min(total, max(here.samples + 1, round(here.samples * growth)))
+        if here.advance(further, STAGE_STEPS if growth == GROWTH else 2 * STAGE_STEPS):
             growth = GROWTH
-            report(samples / total, f"horizon {samples} of {total}, χ²/n {level:.2f}")
-        else:
-            growth = 1 + (growth - 1) / 2
-    return Walk(fitted, samples, samples == total, levels)
+            report(further / total, f"horizon {further} of {total}, χ²/n {here.levels[-1][1]:.2f}")
+            continue
+        growth = 1 + (growth - 1) / 2
+        if growth <= SMALLEST_GROWTH and reinforced < REINFORCEMENTS:
+            others = _telling(objective, here.phi, here.samples, carried)
+            here.exchange(tuple(sorted({*here.members, *others})))
+            reinforced, growth = reinforced + 1, GROWTH
+        elif growth <= SMALLEST_GROWTH:
+            break
+    reached = here.samples == total
+    return Walk(here.phi, here.members, here.readings, here.samples, reached, here.levels)
 
 
-def _level(objective: Objective, fitted: Fitted, samples: int) -> float:
-    return fitted.chi2 / max(1, objective.noise.first(samples).count)
+@dataclass
+class _Here:
+    """Where a walk is: its fit of the samples so far, with some of the candidates."""
+
+    objective: Objective
+    phi: Tensor
+    samples: int
+    members: tuple[int, ...]
+    readings: Tensor = field(default_factory=lambda: torch.empty(0))
+    levels: list[tuple[int, float]] = field(default_factory=list)
+    effort: int = 0
+
+    def settle(self) -> None:
+        """Fit the samples that the walk begins with."""
+        self._adopt(self._fit(self.members, self.samples, STAGE_STEPS), self.samples)
+
+    def advance(self, further: int, steps: int) -> bool:
+        """Fit more samples; tell whether the misfit stayed near its level."""
+        tried = self._fit(self.members, further, steps)
+        if self._level(tried, further) > LOST * self._usual:
+            return False
+        self._adopt(tried, further)
+        return True
+
+    def exchange(self, members: tuple[int, ...]) -> None:
+        """Carry other candidates from here on, if they fit what is fitted."""
+        tried = self._fit(members, self.samples, STAGE_STEPS)
+        if members and self._level(tried, self.samples) <= LOST * self._usual:
+            self.members = members
+            self.levels.pop()
+            self._adopt(tried, self.samples)
+
+    @property
+    def _usual(self) -> float:
+        return max(1.0, median(level for _, level in self.levels))
+
+    def _fit(self, members: tuple[int, ...], samples: int, steps: int) -> Fitted:
+        mine = self.objective.only(members).until(samples)
+        begin = self.phi[self.objective.places(members)]
+        fitted = minimise(mine, begin, steps, TOLERANCE)
+        self.effort += fitted.jacobians * samples
+        return fitted
+
+    def _level(self, fitted: Fitted, samples: int) -> float:
+        return fitted.chi2 / max(1, self.objective.noise.first(samples).count)
+
+    def _adopt(self, fitted: Fitted, samples: int) -> None:
+        self.phi = self.objective.embed(fitted.phi, self.members)
+        self.readings, self.samples = fitted.readings, samples
+        self.levels.append((samples, self._level(fitted, samples)))
+
+
+def _telling(objective: Objective, phi: Tensor, samples: int, count: int) -> tuple[int, ...]:
+    """Return the candidates whose effects differ most, a while beyond the samples fitted so far.
+
+    None at all, where the fit blows up even within them.
+    """
+    every = tuple(range(len(objective.prior_std)))
+    if count >= len(every):
+        return every
+    for reach in (AHEAD * samples, samples):
+        window = objective.until(min(len(objective.recorded), reach))
+        normal = window.linearise(phi)
+        if normal.finite:
+            return Eliminated.of(normal, objective.modes).most_telling(count)
+    return ()

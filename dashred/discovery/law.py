@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import torch
 from torch import Tensor
 
 from dashred.discovery.candidates import Candidate, forcing_of
-from dashred.discovery.gauss_newton import Normal, Objective
+from dashred.discovery.objective import Normal, Objective
 from dashred.physics.forcing import Forcing
 
 # Two-sided 95 % of a normal distribution.
@@ -84,15 +83,12 @@ def posterior(
     """
     shooting = objective.shooting
     z, xi = objective.split(phi)
-    index = objective.places(members)
-    hessian = normal.hessian[index][:, index]
-    size = hessian.diagonal().sqrt()
-    inverse = torch.linalg.inv(hessian / size[:, None] / size) / size[:, None] / size
+    covariance = normal.covariance(objective.places(members))
     chi2 = float(objective.residuals(readings).square().sum()) / objective.noise.count
     return Law(
         candidates=tuple(shooting.candidates[j] for j in members),
         coefficients=xi[list(members)],
-        covariance=inverse[objective.modes :, objective.modes :],
+        covariance=covariance[objective.modes :, objective.modes :],
         start=shooting.start.start(z[None])[0],
         score=score,
         chi2=chi2,

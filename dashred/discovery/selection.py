@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
-from dashred.discovery.gauss_newton import Normal, Objective, chord_refits, minimise
+from dashred.discovery.gauss_newton import chord_refits, minimise
+from dashred.discovery.objective import Objective
 from dashred.discovery.subsets import Eliminated, backward_path, small_sets
+from dashred.progress import Report
 
 Set = tuple[int, ...]
-Report = Callable[[float, str], None]
 
 LARGEST = 3
 LARGEST_ON_PATH = 6
@@ -126,22 +127,15 @@ class _Search:
 
     def linearise(self, phi: Tensor) -> Eliminated:
         """Move the linearisation to ``phi``."""
-        point = self.objective.shooting.linearise(*self.objective.split(phi))
-        normal = Normal.of(self.objective, point)
-        # What blows up has no derivative: it says nothing, here, and its fits will not be chosen.
-        self.normal = replace(normal, jacobian=torch.nan_to_num(normal.jacobian, 0.0, 0.0, 0.0))
-        residuals = torch.nan_to_num(self.objective.residuals(point.readings), 0.0, 0.0, 0.0)
-        self.target = self.normal.jacobian @ phi - residuals
-        return Eliminated.of(self.normal, self.objective.modes, residuals, phi)
+        # What blows up has no derivative, and its fits will not be chosen.
+        self.normal = self.objective.linearise(phi).without_blow_ups()
+        return Eliminated.of(self.normal, self.objective.modes)
 
     def adopt_noise(self, best: Tried) -> bool:
         """Estimate σ and its correlation from the residuals of the best set; tell if they moved."""
         objective = self.objective
-        z, xi = objective.split(best.phi[None])
-        left = objective.shooting.readings(z, xi)[0] - objective.recorded
-        groups = [sensor.reads for sensor in objective.shooting.operator.sensors]
-        spent = objective.modes + len(best.members)
-        noise = objective.noise.estimated(left, groups, spent)
+        [readings] = objective.shooting.readings(*objective.split(best.phi[None]))
+        noise = objective.noise_left(readings, objective.modes + len(best.members))
         resized = float((noise.std / objective.noise.std - 1).abs().max())
         recorrelated = abs(noise.correlation - objective.noise.correlation)
         if max(resized, recorrelated) < NOTICEABLE:
@@ -178,10 +172,8 @@ class _Search:
 
     def _begin(self, members: Set) -> Tensor:
         """Return the best unknowns of the linearised problem."""
-        index = self.objective.places(members)
-        hessian = self.normal.hessian[index][:, index]
-        goal = (self.normal.jacobian.T @ self.target)[index]
-        return self.objective.embed(torch.linalg.solve(hessian, goal), members)
+        solution = self.normal.solution(self.objective.places(members))
+        return self.objective.embed(solution, members)
 
 
 def _promising(problem: Eliminated) -> list[Set]:

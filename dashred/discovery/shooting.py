@@ -111,9 +111,18 @@ class Shooting:
         return self.operator(self.states(z, xi))
 
     def linearise(
-        self, z: Float[Tensor, " mode"], xi: Float[Tensor, " candidate"]
+        self,
+        z: Float[Tensor, " mode"],
+        xi: Float[Tensor, " candidate"],
+        readings: Float[Tensor, "time sensor"] | None = None,
     ) -> Linearisation:
-        """Return readings and Jacobian about one point, by tangents, or else by differences."""
+        """Return readings and Jacobian about one point, by tangents, or else by differences.
+
+        Args:
+            z: the start.
+            xi: the model error.
+            readings: there, where they are known already.
+        """
         if not self.simulator.has_tangents:
             return self._difference(z, xi)
         carried = torch.nonzero(xi).flatten().tolist()
@@ -135,7 +144,8 @@ class Shooting:
             )
         ]
         jacobian = torch.stack(columns)
-        [readings] = self.readings(z[None], xi[None])
+        if readings is None:
+            [readings] = self.readings(z[None], xi[None])
         return Linearisation(readings, jacobian[..., : len(z)], jacobian[..., len(z) :])
 
     def _observe(self, state: Tensor, tangents: Tensor) -> Tensor:

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from scipy.linalg import qr
 from torch import Tensor
 
-from dashred.discovery.gauss_newton import Normal
+from dashred.discovery.objective import Normal
 
 CHUNK = 20000
 
@@ -36,17 +36,14 @@ class Eliminated:
     precision: Float[Tensor, " candidate"]
 
     @classmethod
-    def of(cls, normal: Normal, modes: int, residuals: Tensor, phi: Tensor) -> Eliminated:
+    def of(cls, normal: Normal, modes: int) -> Eliminated:
         """Eliminate the start.
 
         Args:
-            normal: normal equations about the point ``phi``.
+            normal: normal equations about a point.
             modes: unknowns of the start, which come first.
-            residuals: whitened, at ``phi``, ``(sample,)``.
-            phi: the point, ``(unknown,)``.
         """
-        # What the model would have to produce, were it linear: r = J φ - b.
-        target = normal.jacobian @ phi - residuals
+        target = normal.target
         start, error = normal.jacobian[:, :modes], normal.jacobian[:, modes:]
         eye = torch.eye(modes, dtype=start.dtype)
         # ‖b - J_z z‖² + ‖z‖² as one least-squares problem, whose complement is kept.

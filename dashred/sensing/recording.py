@@ -55,6 +55,14 @@ class Recording:
         sensors = tuple(self.sensors[column] for column in chosen)
         return Recording(sensors, self.times, self.values[:, chosen])
 
+    def trace_std(self) -> NDArray[np.float64]:
+        """Return the std of each trace, ``(sensor,)``; zero where nothing changes or is seen."""
+        seen = ~np.isnan(self.values)
+        count = np.maximum(seen.sum(axis=0), 1)
+        mean = np.where(seen, self.values, 0.0).sum(axis=0) / count
+        squares = np.where(seen, self.values - mean, 0.0) ** 2
+        return np.sqrt(squares.sum(axis=0) / count)
+
     def between(self, first: float, last: float) -> Recording:
         """Return the samples with first <= time <= last."""
         inside = (self.times >= first) & (self.times <= last)

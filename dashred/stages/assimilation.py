@@ -50,26 +50,31 @@ class Assimilated:
     curves: dict[str, list[tuple[int, float]]]
 
 
+def sensor_data(problem: Problem) -> RecordingDataModule:
+    """Return the recording as SHRED reads it."""
+    return RecordingDataModule(
+        problem.split.fit,
+        problem.split.validation,
+        problem.split.inputs,
+        problem.config.shred.lags,
+        problem.config.assimilation.batch,
+        problem.config.seed,
+    )
+
+
 def assimilate(
     problem: Problem, nominal: Nominal, shred: SHRED, run: Tracker, seconds: dict[str, float]
 ) -> Assimilated:
     """Fit T to the fit sensors, stop by the validation sensors, propose terms at every epoch."""
     settings, split = problem.config.assimilation, problem.split
-    data = RecordingDataModule(
-        split.fit,
-        split.validation,
-        split.inputs,
-        problem.config.shred.lags,
-        settings.batch,
-        problem.config.seed,
-    )
+    data = sensor_data(problem)
     lightning.seed_everything(problem.config.seed + 1, verbose=False)
     module = Assimilation(
         copy.deepcopy(shred),
         problem.operator(split.fit),
         problem.operator(split.validation),
         problem.noise_of(split.fit.names),
-        (_trace_std(split.fit), _trace_std(split.validation)),
+        (_unit(split.fit), _unit(split.validation)),
         settings.width,
         settings.penalty,
         settings.rate,
@@ -124,8 +129,7 @@ def _latent_problem(problem: Problem, nominal: Nominal, data: RecordingDataModul
     )
 
 
-def _trace_std(recording: Recording) -> Tensor:
+def _unit(recording: Recording) -> Tensor:
     """Return the std of each sensor's trace, ``(sensor,)``; 1 where nothing changes."""
-    values = torch.from_numpy(recording.values)
-    std = (values - values.nanmean(dim=0)).square().nanmean(dim=0).sqrt()
+    std = torch.from_numpy(recording.trace_std())
     return torch.where(std > 0, std, 1.0)

@@ -43,6 +43,12 @@ class Problem:
     split: Split
     noise: dict[str, float]
 
+    @property
+    def ensemble_system(self) -> System:
+        """The simulator with the step that is good enough for an ensemble."""
+        dt = self.config.simulation.dt
+        return self.system if dt is None else self.system.with_step(dt)
+
     def operator(self, recording: Recording) -> ObservationOperator:
         """Return H of the sensors of a part of the recording."""
         return ObservationOperator(recording.sensors, self.system)

@@ -77,7 +77,7 @@ def check(problem: Problem, nominal: Nominal, seconds: dict[str, float]) -> Reso
 def simulate_ensemble(problem: Problem, nominal: Nominal, seconds: dict[str, float]) -> Ensemble:
     """Draw the members that SHRED learns from, over the fit window."""
     settings = problem.config.simulation
-    system = problem.system if settings.dt is None else problem.system.with_step(settings.dt)
+    system = problem.ensemble_system
     times = problem.times[: len(problem.split.fit.times)]
     discrepancies = None
     if settings.discrepancy:

@@ -14,12 +14,12 @@ from dashred.models.shred import reconstruct
 from dashred.physics.ensemble import draw_ensemble
 from dashred.physics.prior import StartPrior
 from dashred.progress import stage
+from dashred.stages.assimilation import sensor_data
 from dashred.stages.learning import Learned, train_shred
 from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal
 from dashred.stages.trajectories import Trajectories
 from dashred.tracking import Tracker
-from datamodules import RecordingDataModule
 
 
 @dataclass(frozen=True)
@@ -60,10 +60,7 @@ def retrain(
         The network, and the field that it reads, ``(time, field, *grid)``, over the fit window.
     """
     settings = problem.config.surrogate
-    system = correct(problem.system, law)
-    dt = problem.config.simulation.dt
-    if dt is not None:
-        system = system.with_step(dt)
+    system = correct(problem.ensemble_system, law)
     prior = nominal.prior
     about = Narrowed(StartPrior(system, law.start, prior.rms, prior.kept), settings.spread)
     fit = problem.split.fit
@@ -80,12 +77,5 @@ def retrain(
         )
         report(1.0, f"{settings.members} members")
     learned = train_shred(problem, ensemble, run, seconds, "corrected SHRED")
-    data = RecordingDataModule(
-        fit,
-        problem.split.validation,
-        problem.split.inputs,
-        problem.config.shred.lags,
-        problem.config.assimilation.batch,
-        problem.config.seed,
-    )
-    return learned, reconstruct(learned.shred.encode, learned.shred, data.windows)
+    windows = sensor_data(problem).windows
+    return learned, reconstruct(learned.shred.encode, learned.shred, windows)

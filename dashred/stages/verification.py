@@ -178,7 +178,7 @@ def _test_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
     tested = split.tested.between(float(problem.times[0]), split.time_end)
     if not tested.sensors:
         return {}
-    operator, scale = problem.operator(tested), np.array(list(_trace_std(tested).values()))
+    operator, scale = problem.operator(tested), _unit(tested)
     return {
         MISFITS[name]: _relative_rmse(operator(states).numpy(), tested.values, scale)
         for name, states in analysis.estimates(len(tested.times)).items()
@@ -189,7 +189,8 @@ def _test_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
 def _heldout_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
     heldout = problem.split.heldout
     total = len(problem.times)
-    earlier = {**_trace_std(problem.split.validation), **_trace_std(problem.split.fit)}
+    parts = (problem.split.validation, problem.split.fit)
+    earlier = {n: std for part in parts for n, std in zip(part.names, _unit(part), strict=True)}
     scale = np.array([earlier[name] for name in heldout.names])
     operator = problem.operator(heldout)
     ends = {"simulation": analysis.nominal.states, **analysis.free.states}
@@ -201,9 +202,10 @@ def _heldout_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
     }
 
 
-def _trace_std(recording: Recording) -> dict[str, float]:
-    std = np.nanstd(recording.values, axis=0)
-    return dict(zip(recording.names, np.where(std > 0, std, 1.0).tolist(), strict=True))
+def _unit(recording: Recording) -> np.ndarray:
+    """Return the std of each sensor's trace, ``(sensor,)``; 1 where nothing changes."""
+    std = recording.trace_std()
+    return np.where(std > 0, std, 1.0)
 
 
 def _relative_rmse(read: np.ndarray, recorded: np.ndarray, scale: np.ndarray) -> float:

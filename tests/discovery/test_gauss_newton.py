@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import pytest
 import torch
 from torch import Tensor
 
-from dashred.discovery.gauss_newton import Normal, Objective, Refits, chord_refits, minimise
+from dashred.discovery.gauss_newton import Refits, chord_refits, minimise
+from dashred.discovery.objective import Normal, Objective
 from tests.swing import DRIVES, TIMES, Swing, noisy, ridge
 
 SIGMA, PRIOR = 0.05, (0.5, 0.02, 1.0, 0.3)
@@ -34,7 +36,7 @@ def bent(swing: Swing) -> Objective:
 
 
 def normal(objective: Objective, phi: Tensor) -> Normal:
-    return Normal.of(objective, objective.shooting.linearise(*objective.split(phi)))
+    return objective.linearise(phi)
 
 
 def nothing(objective: Objective) -> Tensor:
@@ -109,9 +111,6 @@ def test_chord_refits_of_several_sets_equal_separate_exact_solutions(linear: Obj
         phi, cost, _ = ridge(linear, members)
         torch.testing.assert_close(found.phi[row], phi, rtol=1e-6, atol=1e-7)
         assert float(found.cost[row]) == pytest.approx(cost, rel=1e-9)
-        assert float(found.cost[row] - found.chi2[row]) == pytest.approx(
-            float(linear.penalty(found.phi[row])), rel=1e-8
-        )
 
 
 def test_the_chord_comes_to_the_minimum_of_a_bent_problem(bent: Objective) -> None:
@@ -145,7 +144,8 @@ def test_a_step_that_overshoots_is_damped_until_it_gains(bent: Objective) -> Non
     begin, free = nothing(bent).repeat(2, 1), freedom(bent, [(0, 1), ()])
     flat = torch.tensor([1.0, 1.0, 0.02, 0.02], dtype=torch.float64)
     precision = torch.tensor([1.0, 1.0, 1e-6, 1e-6], dtype=torch.float64)
-    wild = Normal(normal(bent, nothing(bent)).jacobian * flat, precision)
+    about = normal(bent, nothing(bent))
+    wild = replace(about, jacobian=about.jacobian * flat, precision=precision)
     before, (_, residuals) = bent.values(begin)
     step = wild.steps(begin, residuals, torch.zeros(2).double(), free)
     assert float(bent.values(begin + step)[0][0]) > 2 * float(before[0])

@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
 from itertools import pairwise
 from statistics import median
 
 import pytest
-import torch
 from torch import Tensor
 
-from dashred.discovery.gauss_newton import Objective, minimise
-from dashred.discovery.horizon import (
-    GROWTH,
-    LOST,
-    Walk,
-    first_samples,
-    fit_first_window,
-    walk,
-)
-from dashred.discovery.starts import LinearStart
+from dashred.discovery.first_window import first_samples, fit_first_window
+from dashred.discovery.horizon import GROWTH, LOST, Walk, walk
+from dashred.discovery.objective import Objective
 from tests.swing import FORCES, TIMES, Swing, noisy
 
 SIGMA, TIGHT = 0.05, 0.05
@@ -40,7 +31,7 @@ def fitted(objective: Objective) -> Tensor:
 
 def walked(swing: Swing, recorded: Tensor) -> Walk:
     objective = swing.objective(NAMES, recorded, SIGMA, TIGHT)
-    return walk(objective, fitted(objective), first_samples(objective), silent)
+    return walk(objective, fitted(objective), first_samples(objective), len(NAMES), silent)
 
 
 @pytest.fixture(scope="module")
@@ -49,29 +40,9 @@ def missing(swing: Swing) -> Tensor:
     return noisy(swing.clean(Z, ("x**3",), (-0.3,)), SIGMA, seed=0)
 
 
-def test_the_first_window_holds_three_readings_a_mode(swing: Swing, missing: Tensor) -> None:
-    objective = swing.objective(NAMES, missing, SIGMA, TIGHT)
-    assert first_samples(objective) == 6  # never fewer
-    assert first_samples(objective.until(4)) == 4
-    wide = LinearStart(swing.start.mean, swing.start.modes.repeat(10, 1))
-    many = dataclasses.replace(objective.shooting, start=wide, candidates=[])
-    assert first_samples(Objective(many, missing, objective.noise, torch.empty(0))) == 30
-
-
-def test_the_first_window_is_fitted_from_a_start_far_off(swing: Swing) -> None:
-    z = (-5.0, 6.0)
-    recorded = noisy(swing.clean(z, (), ()), SIGMA, seed=1)
-    objective = swing.objective(NAMES, recorded, SIGMA, TIGHT)
-    window = objective.only([]).until(6)
-    found = fit_first_window(objective, recorded.std(dim=0))
-    exact = minimise(window, torch.tensor(z, dtype=torch.float64), 10, 1e-12)
-    assert len(found.readings) == 6 and len(found.phi) == 2
-    torch.testing.assert_close(found.phi, exact.phi, rtol=1e-3, atol=1e-3)
-
-
 def test_the_walk_reaches_the_end_of_what_candidates_explain(swing: Swing, missing: Tensor) -> None:
     found = walked(swing, missing)
-    assert found.reached and found.samples == len(TIMES) == len(found.fitted.readings)
+    assert found.reached and found.samples == len(TIMES) == len(found.readings)
     samples = [count for count, _ in found.levels]
     assert samples[0] == 6 and samples[-1] == len(TIMES)
     assert all(a < b <= max(a + 1, round(GROWTH * a)) for a, b in pairwise(samples))
@@ -79,12 +50,12 @@ def test_the_walk_reaches_the_end_of_what_candidates_explain(swing: Swing, missi
     assert found.levels[-1][1] == pytest.approx(1.0, abs=0.25)
     # With a tight prior the force is spread over what resembles it, its trajectory is right.
     clean = swing.clean(Z, ("x**3",), (-0.3,))
-    assert float((found.fitted.readings - clean).square().mean().sqrt()) < SIGMA / 2
+    assert float((found.readings - clean).square().mean().sqrt()) < SIGMA / 2
 
 
 def test_without_the_candidate_there_is_no_way_to_the_end(swing: Swing, missing: Tensor) -> None:
     objective = swing.objective(("1",), missing, SIGMA, TIGHT)
-    assert not walk(objective, fitted(objective), 6, silent).reached
+    assert not walk(objective, fitted(objective), 6, len(NAMES), silent).reached
 
 
 @pytest.mark.parametrize(("force", "value"), [("step(t - 6)", 3.0), ("step(t - 6)*sin(5*t)", 3.0)])
@@ -96,18 +67,39 @@ def test_the_walk_stops_where_another_law_takes_over(
     found = walked(swing, recorded)
     assert not found.reached
     assert LATE - 5 <= found.samples <= LATE + 5
-    assert len(found.fitted.readings) == found.samples == found.levels[-1][0]
+    assert len(found.readings) == found.samples == found.levels[-1][0]
     assert found.levels[-1][1] <= LOST * max(1.0, median(level for _, level in found.levels[:-1]))
     # Up to there the fit is that of the law that held.
     clean = swing.clean(Z, (), ())[: LATE - 5]
-    gap = found.fitted.readings[: LATE - 5] - clean
+    gap = found.readings[: LATE - 5] - clean
     assert float(gap.square().mean().sqrt()) < SIGMA
+
+
+def test_a_walk_that_carries_few_reaches_the_end_too(swing: Swing, missing: Tensor) -> None:
+    objective = swing.objective(NAMES, missing, SIGMA, TIGHT)
+    found = walk(objective, fitted(objective), 6, 2, silent)
+    assert found.reached and 2 <= len(found.members) < len(NAMES)
+    assert found.levels[-1][1] == pytest.approx(1.0, abs=0.25)
+    others = sorted(set(range(len(NAMES))) - set(found.members))
+    assert not found.phi[[2 + j for j in others]].any()
+
+
+def test_a_walk_that_costs_too_much_is_given_up(
+    swing: Swing, missing: Tensor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    objective = swing.objective(NAMES, missing, SIGMA, TIGHT)
+    monkeypatch.setattr("dashred.discovery.horizon.EFFORT", 1)
+    found = walk(objective, fitted(objective), 6, len(NAMES), silent)
+    assert not found.reached and 6 < found.samples < len(TIMES)
+    assert len(found.readings) == found.samples
 
 
 def test_progress_is_reported(swing: Swing, missing: Tensor) -> None:
     told: list[tuple[float, str]] = []
     objective = swing.objective(NAMES, missing, SIGMA, TIGHT)
-    found = walk(objective, fitted(objective), 6, lambda done, text: told.append((done, text)))
+    found = walk(
+        objective, fitted(objective), 6, len(NAMES), lambda done, text: told.append((done, text))
+    )
     assert [done for done, _ in told] == [count / 81 for count, _ in found.levels[1:]]
     assert told[-1][0] == 1.0 and told[-1][1].startswith("horizon 81 of 81, χ²/n ")
 
@@ -116,5 +108,5 @@ def test_a_record_no_longer_than_the_first_window_is_reached_at_once(
     swing: Swing, missing: Tensor
 ) -> None:
     objective = swing.objective(NAMES, missing, SIGMA, TIGHT).until(6)
-    found = walk(objective, fitted(objective), 6, silent)
+    found = walk(objective, fitted(objective), 6, len(NAMES), silent)
     assert found.reached and [count for count, _ in found.levels] == [6]

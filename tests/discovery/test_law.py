@@ -9,8 +9,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.discovery.gauss_newton import Normal, Objective, minimise
+from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import Law, posterior
+from dashred.discovery.objective import Objective
 from tests import laws
 from tests.swing import DRIVES, Swing, noisy, ridge
 
@@ -22,9 +23,9 @@ DRAWS = 30
 def fitted(objective: Objective, members: tuple[int, ...]) -> tuple[Law, Tensor]:
     """Return the law at the minimum, from normal equations of all candidates, and φ."""
     phi, cost, _ = ridge(objective, members)
-    point = objective.shooting.linearise(*objective.split(phi))
-    normal = Normal.of(objective, point)
-    return posterior(objective, normal, phi, members, point.readings, cost), phi
+    normal = objective.linearise(phi)
+    [readings] = objective.shooting.readings(*objective.split(phi[None]))
+    return posterior(objective, normal, phi, members, readings, cost), phi
 
 
 @pytest.fixture(scope="module")
@@ -86,8 +87,7 @@ def test_error_bars_are_honest_over_draws(swing: Swing) -> None:
         recorded = noisy(swing.clean(z.tolist(), DRIVES, xi.tolist()), SIGMA, 100 + seed)
         objective = swing.objective(DRIVES, recorded, SIGMA, PRIOR)
         found = minimise(objective, torch.zeros(6, dtype=torch.float64), 1, 1e-6)
-        point = objective.shooting.linearise(*objective.split(found.phi))
-        normal = Normal.of(objective, point)
+        normal = objective.linearise(found.phi)
         law = posterior(objective, normal, found.phi, (0, 1, 2, 3), found.readings, found.cost)
         scores.append((law.coefficients - xi) / law.std)
         chi2.append(law.chi2)

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import pytest
 import torch
 
-from dashred.discovery.gauss_newton import Normal, Objective, minimise
+from dashred.discovery.gauss_newton import minimise
+from dashred.discovery.objective import Objective
 from dashred.discovery.selection import Selection, Set, penalty, polish, select
 from tests.swing import FORCES, Swing, noisy
 
@@ -53,9 +54,8 @@ def test_the_true_set_is_found(swing: Swing, law: str, seed: int) -> None:
     found = searched(problem(swing, law, seed))
     best = found.tried[0]
     assert best.members == members(*names) and found.exhausted
-    point = found.objective.shooting.linearise(*found.objective.split(best.phi))
     index = found.objective.places(best.members)
-    hessian = Normal.of(found.objective, point).hessian[index][:, index]
+    hessian = found.objective.linearise(best.phi).hessian[index][:, index]
     std = torch.linalg.inv(hessian).diagonal().sqrt()
     truth = torch.zeros(2 + len(NAMES), dtype=torch.float64)
     truth[[2 + NAMES.index(name) for name in names]] = torch.tensor(values, dtype=torch.float64)

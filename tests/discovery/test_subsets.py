@@ -8,7 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.discovery.gauss_newton import Normal
+from dashred.discovery.objective import Normal
 from dashred.discovery.subsets import Eliminated, backward_path, small_sets
 
 MODES, CANDIDATES, SAMPLES = 4, 6, 50
@@ -19,9 +19,14 @@ def draw(*shape: int, seed: int) -> Tensor:
     return torch.randn(*shape, generator=generator, dtype=torch.float64)
 
 
-def normal(columns: Tensor, stds: Tensor) -> Normal:
+def normal(columns: Tensor, stds: Tensor, phi: Tensor, residuals: Tensor) -> Normal:
     precision = torch.cat([torch.ones(columns.shape[1] - len(stds)).double(), stds**-2])
-    return Normal(columns, precision)
+    return Normal(columns, precision, phi, residuals)
+
+
+def towards(goal: Tensor, columns: Tensor, stds: Tensor) -> Normal:
+    """Return equations about zero unknowns, whose target is ``goal``."""
+    return normal(columns, stds, torch.zeros(columns.shape[1], dtype=torch.float64), -goal)
 
 
 @pytest.fixture(scope="module")
@@ -31,10 +36,9 @@ def found() -> tuple[Normal, Tensor, Eliminated]:
     columns[:, MODES:] += columns[:, :1] + 0.5 * columns[:, MODES : MODES + 1]
     columns[:, MODES + 2] *= 1e3  # units differ
     stds = torch.tensor([0.5, 2.0, 1e-3, 1.0, 10.0, 0.1], dtype=torch.float64)
-    equations = normal(columns, stds)
     phi, residuals = draw(MODES + CANDIDATES, seed=1), 3 * draw(SAMPLES, seed=2)
-    reduced = Eliminated.of(equations, MODES, residuals, phi)
-    return equations, columns @ phi - residuals, reduced
+    equations = normal(columns, stds, phi, residuals)
+    return equations, columns @ phi - residuals, Eliminated.of(equations, MODES)
 
 
 def regression(equations: Normal, goal: Tensor, members: tuple[int, ...]) -> tuple[Tensor, float]:
@@ -76,8 +80,8 @@ def test_what_the_start_can_imitate_explains_nothing() -> None:
     columns[:, 2] = columns[:, :2] @ torch.tensor([1.0, -2.0], dtype=torch.float64)
     goal = 1e-3 * columns[:, 2]
     columns[:, :2] *= 1e4  # the prior of the start costs next to nothing
-    equations = normal(columns, torch.tensor([1.0], dtype=torch.float64))
-    problem = Eliminated.of(equations, 2, -goal, torch.zeros(3, dtype=torch.float64))
+    equations = towards(goal, columns, torch.tensor([1.0], dtype=torch.float64))
+    problem = Eliminated.of(equations, 2)
     empty, alone = float(problem.costs([()])), float(problem.costs([(0,)]))
     assert empty - alone < 1e-6 * float(goal.square().sum())
 
@@ -105,8 +109,7 @@ def orthogonal(effects: list[float], stds: list[float]) -> Eliminated:
     """Return a problem whose candidates are orthogonal to the start and to each other."""
     q, _ = torch.linalg.qr(draw(SAMPLES, MODES + len(effects), seed=4))
     goal = q[:, MODES:] @ torch.tensor(effects, dtype=torch.float64)
-    equations = normal(q, torch.tensor(stds, dtype=torch.float64))
-    return Eliminated.of(equations, MODES, -goal, torch.zeros(q.shape[1], dtype=torch.float64))
+    return Eliminated.of(towards(goal, q, torch.tensor(stds, dtype=torch.float64)), MODES)
 
 
 def test_on_orthogonal_columns_the_path_ends_with_the_best_single() -> None:
@@ -123,7 +126,6 @@ def test_the_most_telling_have_the_largest_effects_per_prior() -> None:
 def test_the_most_telling_are_no_twins() -> None:
     q, _ = torch.linalg.qr(draw(SAMPLES, MODES + 3, seed=5))
     q[:, MODES + 1] = q[:, MODES] + 1e-3 * q[:, MODES + 1]
-    equations = normal(q, torch.tensor([3.0, 2.9, 1.0], dtype=torch.float64))
-    zero = torch.zeros(MODES + 3, dtype=torch.float64)
-    problem = Eliminated.of(equations, MODES, torch.zeros(SAMPLES, dtype=torch.float64), zero)
+    stds, nothing = torch.tensor([3.0, 2.9, 1.0]).double(), torch.zeros(SAMPLES).double()
+    problem = Eliminated.of(towards(nothing, q, stds), MODES)
     assert problem.most_telling(2) == (0, 2)

@@ -1,0 +1,47 @@
+"""Fit a start to the first samples alone, from coarse to fine."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from dashred.discovery.gauss_newton import Fitted, minimise
+from dashred.discovery.objective import Objective
+
+# Over longer stretches a front that is a little off has many false minima.
+FEWEST = 6
+# σ of the first window, in the traces' std, then in the noise's own.
+ANNEALING = (1.0, 0.3, 0.1, 0.03)
+FINAL_ANNEALING = (2.0, 1.0)
+STEPS = 2
+# A step that gains less ends a stage: the next stage moves everything anyway.
+TOLERANCE = 0.02
+
+
+def first_samples(objective: Objective) -> int:
+    """Return how many samples make the first window: a reading for each of the start's modes."""
+    sensors = objective.recorded.shape[1]
+    return min(len(objective.recorded), max(FEWEST, math.ceil(objective.modes / sensors)))
+
+
+def fit_first_window(objective: Objective, trace_std: Tensor) -> Fitted:
+    """Fit the start alone to the first samples, from coarse to fine (design §4.2.4).
+
+    Args:
+        objective: F over the whole record.
+        trace_std: std of each sensor's trace, ``(sensor,)``.
+    """
+    window = objective.only([]).until(first_samples(objective))
+    noise = window.noise
+    ratio = float((noise.std / trace_std.clamp(min=1e-300)).median())
+    rough = [a for a in ANNEALING if a > FINAL_ANNEALING[0] * ratio]
+    coarse = [replace(noise, std=torch.maximum(a * trace_std, noise.std)) for a in rough]
+    fine = [noise.scaled(a) for a in FINAL_ANNEALING]
+    phi = torch.zeros(objective.modes, dtype=torch.float64)
+    for annealed in (*coarse, *fine):
+        fitted = minimise(replace(window, noise=annealed), phi, STEPS, TOLERANCE)
+        phi = fitted.phi
+    return fitted

@@ -1,0 +1,203 @@
+"""What every fit minimises, and its normal equations about a point.
+
+Regularised least squares through the simulator, in the unknowns ``φ = (z, ξ)`` (design §4.2)::
+
+    F(φ) = ‖W(H S(φ) - y)‖² + ‖z‖² + ‖ξ/d‖²
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from dashred.discovery.noise_model import NoiseModel
+from dashred.discovery.shooting import Shooting
+
+
+class Trials(NamedTuple):
+    """Runs of a batch.
+
+    Attributes:
+        readings: ``(batch, time, sensor)``.
+        residuals: whitened, ``(batch, time·sensor)``.
+    """
+
+    readings: Tensor
+    residuals: Tensor
+
+
+@dataclass(frozen=True)
+class Objective:
+    """What a fit minimises.
+
+    Attributes:
+        shooting: from unknowns to readings.
+        recorded: y, ``(time, sensor)``; NaN where missing.
+        noise: W, whitening.
+        prior_std: d of every candidate, ``(candidate,)``, in the user's units.
+    """
+
+    shooting: Shooting
+    recorded: Tensor
+    noise: NoiseModel
+    prior_std: Tensor
+
+    @property
+    def modes(self) -> int:
+        """Unknowns of the start."""
+        return self.shooting.start.size
+
+    def only(self, members: Sequence[int]) -> Objective:
+        """Return F with some of the candidates alone."""
+        candidates = [self.shooting.candidates[j] for j in members]
+        shooting = replace(self.shooting, candidates=candidates)
+        return replace(self, shooting=shooting, prior_std=self.prior_std[list(members)])
+
+    def until(self, samples: int) -> Objective:
+        """Return F over the first samples alone."""
+        return replace(
+            self,
+            shooting=self.shooting.until(samples),
+            recorded=self.recorded[:samples],
+            noise=self.noise.first(samples),
+        )
+
+    def embed(self, phi: Tensor, members: Sequence[int]) -> Tensor:
+        """Return unknowns of :meth:`only` some candidates among those of all."""
+        whole = torch.zeros(self.modes + len(self.prior_std), dtype=torch.float64)
+        whole[self.places(members)] = phi
+        return whole
+
+    def places(self, members: Sequence[int]) -> list[int]:
+        """Return the indices of the start and of some candidates among the unknowns."""
+        return [*range(self.modes), *(self.modes + j for j in members)]
+
+    def split(self, phi: Tensor) -> tuple[Tensor, Tensor]:
+        """Return z and ξ of unknowns ``(…, mode + candidate)``."""
+        return phi[..., : self.modes], phi[..., self.modes :]
+
+    def residuals(self, readings: Tensor) -> Tensor:
+        """Return ``W(H S - y)``, ``(…, time·sensor)``."""
+        return self.noise.whiten(readings - self.recorded).flatten(-2)
+
+    def noise_left(self, readings: Tensor, spent: int) -> NoiseModel:
+        """Return the noise that the residuals of a fit speak for: its size and correlation.
+
+        Args:
+            readings: of the fit, ``(time, sensor)``.
+            spent: how many unknowns it had.
+        """
+        groups = [sensor.reads for sensor in self.shooting.operator.sensors]
+        return self.noise.estimated(readings - self.recorded, groups, spent)
+
+    def penalty(self, phi: Tensor) -> Tensor:
+        """Return ``‖z‖² + ‖ξ/d‖²``, ``(…)``."""
+        z, xi = self.split(phi)
+        return z.square().sum(dim=-1) + (xi / self.prior_std).square().sum(dim=-1)
+
+    def linearise(self, phi: Tensor, readings: Tensor | None = None) -> Normal:
+        """Return the normal equations about unknowns ``(unknown,)``.
+
+        Args:
+            phi: the point.
+            readings: there, ``(time, sensor)``, where they are known already.
+        """
+        point = self.shooting.linearise(*self.split(phi), readings)
+        columns = torch.cat([point.by_start, point.by_error], dim=-1).movedim(-1, 0)
+        jacobian = self.noise.whiten(columns).flatten(1).T
+        ones = torch.ones(self.modes, dtype=torch.float64)
+        precision = torch.cat([ones, self.prior_std.double() ** -2])
+        return Normal(jacobian, precision, phi, self.residuals(point.readings))
+
+    def values(self, phi: Float[Tensor, "batch unknown"]) -> tuple[Tensor, Trials]:
+        """Return F ``(batch,)``, infinite where a trajectory blows up, and what it is made of."""
+        readings = self.shooting.readings(*self.split(phi))
+        residuals = self.residuals(readings)
+        cost = residuals.square().sum(dim=-1) + self.penalty(phi)
+        return torch.where(torch.isfinite(cost), cost, torch.inf), Trials(readings, residuals)
+
+
+@dataclass(frozen=True)
+class Normal:
+    """F linearised about one point: ``F(φ) ≈ ‖J φ - b‖² + φᵀP φ`` with ``b = J φ₀ - r``.
+
+    Attributes:
+        jacobian: J, whitened, ``(time·sensor, unknown)``.
+        precision: diagonal of P, ``(unknown,)``.
+        phi: the point φ₀, ``(unknown,)``.
+        residuals: r there, whitened, ``(time·sensor,)``.
+    """
+
+    jacobian: Tensor
+    precision: Tensor
+    phi: Tensor
+    residuals: Tensor
+
+    @cached_property
+    def hessian(self) -> Tensor:
+        """``JᵀJ + P``, ``(unknown, unknown)``."""
+        return self.jacobian.T @ self.jacobian + torch.diag(self.precision)
+
+    @cached_property
+    def target(self) -> Tensor:
+        """b, what the model would have to produce, were it linear, ``(time·sensor,)``."""
+        return self.jacobian @ self.phi - self.residuals
+
+    @cached_property
+    def finite(self) -> bool:
+        """Whether nothing blew up."""
+        return bool(torch.isfinite(self.residuals).all() and torch.isfinite(self.jacobian).all())
+
+    def without_blow_ups(self) -> Normal:
+        """Return the same with zeros for whatever is not finite, which then says nothing."""
+        jacobian = torch.nan_to_num(self.jacobian, 0.0, 0.0, 0.0)
+        return replace(
+            self, jacobian=jacobian, residuals=torch.nan_to_num(self.residuals, 0.0, 0.0, 0.0)
+        )
+
+    def solution(self, index: Sequence[int]) -> Tensor:
+        """Return the minimum over some of the unknowns, the others zero: ``(len(index),)``."""
+        chosen = list(index)
+        return torch.linalg.solve(self.hessian[chosen][:, chosen], self._goal[chosen])
+
+    def covariance(self, index: Sequence[int]) -> Tensor:
+        """Return the posterior covariance ``(JᵀJ + P)⁻¹`` of some unknowns, the others zero."""
+        chosen = list(index)
+        hessian = self.hessian[chosen][:, chosen]
+        size = hessian.diagonal().sqrt()
+        return torch.linalg.inv(hessian / size[:, None] / size) / size[:, None] / size
+
+    def steps(
+        self,
+        phi: Float[Tensor, "batch unknown"],
+        residuals: Float[Tensor, "batch sample"],
+        damping: Float[Tensor, " batch"],
+        free: Bool[Tensor, "batch unknown"],
+    ) -> Tensor:
+        """Return ``δ = -(JᵀJ + P)⁻¹(Jᵀr + Pφ)`` of each row, in the unknowns that it may move.
+
+        Args:
+            phi: where each row is.
+            residuals: r there.
+            damping: Levenberg-Marquardt's, in units of each unknown's curvature.
+            free: which unknowns each row may move.
+        """
+        gradient = residuals @ self.jacobian + self.precision * phi
+        size = self.hessian.diagonal().sqrt()
+        scaled = self.hessian / size[:, None] / size
+        moved = free.to(phi.dtype)
+        eye = torch.eye(len(size), dtype=phi.dtype)
+        system = scaled * moved[:, :, None] * moved[:, None, :]
+        system = system + eye * ((1 - moved) + damping[:, None])[:, None, :]
+        right = -(gradient / size * moved)
+        return torch.linalg.solve(system, right[..., None])[..., 0] / size
+
+    @cached_property
+    def _goal(self) -> Tensor:
+        return self.jacobian.T @ self.target

@@ -1,0 +1,123 @@
+"""Seeds of the start: each fitted to the first samples, and compared on validation sensors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from dashred.discovery.first_window import first_samples, fit_first_window
+from dashred.discovery.objective import Objective
+from dashred.discovery.seeds import NetworkEstimate, Readings, SeedSettings, make_seeds
+from dashred.discovery.shooting import Simulator
+from dashred.discovery.starts import StartModel
+from dashred.physics.ensemble import Ensemble
+from dashred.physics.library import resolve
+from dashred.progress import Report
+from dashred.sensing.recording import Recording
+from dashred.stages.assimilation import Assimilated
+from dashred.stages.learning import Learned
+from dashred.stages.objectives import pose_objective, trace_std
+from dashred.stages.problem import Problem
+from dashred.stages.simulation import Nominal
+
+# How many standard errors a seed must validate better than the prior to go before it.
+CHANCE = 2.0
+
+
+@dataclass(frozen=True)
+class Seed:
+    """A seed that was fitted to the first window.
+
+    Attributes:
+        name: of the seed.
+        start: u₀(z).
+        z: its fit, ``(mode,)``.
+        error: RMSE in σ over the first window, on the validation sensors or on the fit sensors,
+            whichever is worse: what cannot be fitted, a few quiet sensors may not notice.
+        count: how many values that is over.
+    """
+
+    name: str
+    start: StartModel
+    z: Tensor
+    error: float
+    count: int
+
+
+def fit_seeds(
+    problem: Problem,
+    simulator: Simulator,
+    nominal: Nominal,
+    ensemble: Ensemble,
+    learned: Learned,
+    found: Assimilated,
+    report: Report,
+) -> list[Seed]:
+    """Fit every seed to the first window and return them, the best on validation first."""
+    fit = problem.split.fit
+    readings = Readings(
+        problem.times[: len(fit.times)],
+        torch.from_numpy(fit.values),
+        problem.operator(fit),
+        problem.noise_of(fit.names),
+    )
+    error = torch.tensor([learned.test_rmse[f] for f in problem.system.fields]) * learned.scale
+    models = make_seeds(
+        problem.ensemble_system,
+        nominal.prior,
+        ensemble,
+        resolve(problem.system, problem.library),
+        readings,
+        NetworkEstimate(found.dashred[0], error),
+        SeedSettings(),
+    )
+    fitted = []
+    for i, (name, model) in enumerate(models.items(), start=1):
+        fitted.append(fit_seed(problem, simulator, name, model))
+        report(i / len(models), f"{name} {fitted[-1].error:.2f} σ")
+    return ranked(fitted)
+
+
+def ranked(seeds: Sequence[Seed]) -> list[Seed]:
+    """Return the best on validation first; the prior, where chance may have put others before it.
+
+    The rms of n values is uncertain by ``1/√(2n)``, and of all seeds the prior alone uses no data
+    twice.
+    """
+    best = min(seeds, key=lambda seed: seed.error)
+    bound = best.error * (1 + CHANCE / math.sqrt(2 * best.count))
+    ordered = sorted(seeds, key=lambda seed: seed.error)
+    return sorted(ordered, key=lambda seed: not (seed.name == "prior" and seed.error <= bound))
+
+
+def fit_seed(problem: Problem, simulator: Simulator, name: str, model: StartModel) -> Seed:
+    """Fit one seed to the first window and validate it there."""
+    objective = pose_objective(problem, simulator, model, [], 1.0)
+    fitted = fit_first_window(objective, trace_std(problem))
+    errors = [_rmse(problem, objective, fitted.phi, part) for part in _judges(problem)]
+    error, count = max(errors)
+    return Seed(name, model, fitted.phi, error, count)
+
+
+def _judges(problem: Problem) -> list[Recording]:
+    split = problem.split
+    return [split.fit, split.validation] if split.validate else [split.fit]
+
+
+def _rmse(
+    problem: Problem, objective: Objective, z: Tensor, sensors: Recording
+) -> tuple[float, int]:
+    """Return the RMSE in σ over the first window, infinite for none, and of how many values."""
+    samples = first_samples(objective)
+    shooting = replace(objective.shooting.until(samples), operator=problem.operator(sensors))
+    [readings] = shooting.readings(z[None], z.new_zeros((1, 0)))
+    scaled = (readings - torch.from_numpy(sensors.values[:samples])) / problem.noise_of(
+        sensors.names
+    )
+    rmse = float(scaled.square().nanmean().sqrt())
+    count = int(torch.isfinite(scaled).sum())
+    return rmse if math.isfinite(rmse) else math.inf, max(count, 1)
