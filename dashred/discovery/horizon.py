@@ -25,8 +25,9 @@ LOST = 1.3
 STAGE_STEPS = 6
 # A step that gains less ends a stage: the next stage moves everything anyway.
 TOLERANCE = 0.02
-# The candidates are chosen again whenever the horizon has doubled and has to double once more.
-AHEAD = 2
+# The candidates are chosen again whenever the horizon has grown, and has to grow, by one factor;
+# by their effects as far ahead as the other.
+DOUBLED, AHEAD = 2, 3
 # How often further candidates join a walk that has got lost.
 REINFORCEMENTS = 2
 # A walk that has cost as much as this many Jacobians over the whole record is given up.
@@ -72,7 +73,7 @@ def walk(objective: Objective, phi: Tensor, samples: int, carried: int, report: 
     here.settle()
     chosen, reinforced, growth = samples, 0, GROWTH
     while here.samples < total and here.effort < EFFORT * total:
-        if AHEAD * chosen <= here.samples <= total / AHEAD and growth == GROWTH:
+        if DOUBLED * chosen <= here.samples <= total / DOUBLED and growth == GROWTH:
             chosen = here.samples
             here.exchange(_telling(objective, here.phi, chosen, carried))
         further = min(total, max(here.samples + 1, round(here.samples * growth)))

@@ -174,8 +174,7 @@ def _finish(selection: Selection) -> tuple[list[Law], Law]:
     single = next((t for t in selection.tried if len(t.members) == 1), None)
     if single is not None and len(best.members) > 1 and all(t is not single for t in near):
         near.append(single)
-    empty = next(t for t in selection.tried if not t.members)
-    nothing = best if not best.members else polish(objective, empty, SETTLED)
+    nothing = polish(objective, _empty(selection, best), SETTLED) if best.members else best
 
     def law(tried: Tried) -> Law:
         [readings] = objective.shooting.readings(*objective.split(tried.phi[None]))
@@ -183,6 +182,16 @@ def _finish(selection: Selection) -> tuple[list[Law], Law]:
 
     ranked = sorted([best, *near], key=lambda tried: tried.score)
     return [law(tried) for tried in ranked], law(nothing)
+
+
+def _empty(selection: Selection, best: Tried) -> Tried:
+    """Return the better beginning for the empty law: as the search left it, or the best's start."""
+    objective = selection.objective
+    left = next(tried for tried in selection.tried if not tried.members)
+    begins = torch.stack([left.phi, objective.embed(best.phi[: objective.modes], [])])
+    costs, _ = objective.values(begins)
+    chosen = int(costs.argmin())
+    return Tried((), begins[chosen], float(costs[chosen]), float(costs[chosen]))
 
 
 def _path(selection: Selection) -> list[tuple[int, float]]:
