@@ -30,7 +30,10 @@ class Misfit(TypedDict):
 
 
 class Fit(TypedDict):
-    """How well the recording is met; `noise_std` is per sensor, in the sensor's own unit."""
+    """How well the recording is met; `noise_std` is per sensor, in the sensor's own unit.
+
+    `noise_correlation` is between neighbouring samples, of the quantity in which it is largest.
+    """
 
     noise_std: dict[str, float] | None
     noise_correlation: float | None

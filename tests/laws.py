@@ -96,7 +96,9 @@ def discovery(
     """Return a discovery with these laws, the best first, under noise of σ = 1."""
     everywhere = torch.ones(SAMPLES, SENSORS, dtype=torch.bool)
     noise = NoiseModel(
-        torch.ones(SENSORS, dtype=torch.float64), 0.0, everywhere if seen is None else seen
+        torch.ones(SENSORS, dtype=torch.float64),
+        torch.zeros(SENSORS, dtype=torch.float64),
+        everywhere if seen is None else seen,
     )
     return Discovered(
         laws=list(laws),

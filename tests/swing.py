@@ -93,9 +93,8 @@ class Swing:
         """Return F with candidates by name."""
         candidates = [self.everything[name] for name in names]
         shooting = Shooting(self.simulator, self.start, candidates, self.operator, TIMES)
-        noise = NoiseModel(
-            torch.full((len(SENSORS),), sigma, dtype=torch.float64), 0.0, ~recorded.isnan()
-        )
+        std = torch.full((len(SENSORS),), sigma, dtype=torch.float64)
+        noise = NoiseModel(std, torch.zeros_like(std), ~recorded.isnan())
         stds = torch.as_tensor(prior, dtype=torch.float64).expand(len(names)).clone()
         return Objective(shooting, recorded, noise, stds)
 

@@ -20,12 +20,12 @@ class NoiseModel:
 
     Attributes:
         std: σ of each sensor, ``(sensor,)``, in the sensor's unit.
-        correlation: ρ between neighbouring samples, of all sensors alike.
+        correlation: ρ of each sensor between neighbouring samples, ``(sensor,)``.
         seen: which samples there are, ``(time, sensor)``; a gap starts the sequence anew.
     """
 
     std: Tensor
-    correlation: float
+    correlation: Tensor
     seen: Tensor
 
     @property
@@ -35,8 +35,9 @@ class NoiseModel:
 
     @property
     def effective_count(self) -> float:
-        """Independent samples that say as much: ``n (1-ρ)/(1+ρ)``."""
-        return self.count * (1 - self.correlation) / (1 + self.correlation)
+        """Independent samples that say as much: ``Σ n (1-ρ)/(1+ρ)`` over the sensors."""
+        shares = (1 - self.correlation) / (1 + self.correlation)
+        return float(self.seen.sum(dim=0).double() @ shares)
 
     def first(self, samples: int) -> NoiseModel:
         """Return the model of the first samples alone."""
@@ -45,9 +46,9 @@ class NoiseModel:
     def whiten(self, values: Float[Tensor, "*batch time sensor"]) -> Tensor:
         """Return values in units of independent noise of variance 1; missing ones are zero."""
         scaled = torch.where(self.seen, values, 0.0) / self.std
-        if self.correlation == 0.0:
-            return scaled
         rho = self.correlation
+        if not rho.any():
+            return scaled
         follows = (self.seen[1:] & self.seen[:-1]).to(scaled.dtype)
         rest = scaled[..., 1:, :] - rho * scaled[..., :-1, :] * follows
         rest = rest / (1 - rho**2 * follows).sqrt()
@@ -62,29 +63,33 @@ class NoiseModel:
     ) -> NoiseModel:
         """Return the model that the residuals of a fit speak for.
 
-        σ keeps its ratios within what reads the same quantity, and takes its level from the
-        residuals; ρ is their pooled lag-one correlation, if it is significant.
+        Within what reads the same quantity σ keeps its ratios and takes its level from the
+        residuals, and ρ is their pooled lag-one correlation, if it is significant.
 
         Args:
             residuals: readings minus recording.
             groups: what each sensor reads.
             parameters: how many the fit has spent; divided by the number of samples.
         """
-        std = self.std.clone()
+        std, correlation = self.std.clone(), torch.zeros_like(self.std)
         left = max(1.0 - parameters / max(1, self.count), 0.1)
         squares = torch.where(self.seen, residuals / self.std, 0.0).square()
         for group in dict.fromkeys(groups):
             mine = torch.tensor([g == group for g in groups])
             mean = float(squares[:, mine].sum() / self.seen[:, mine].sum().clamp(min=1))
             std[mine] *= max(math.sqrt(mean / left), 1e-12)
-        return NoiseModel(std, self._correlation(residuals / std), self.seen)
+            scaled = residuals[:, mine] / std[mine]
+            correlation[mine] = _lag_one(scaled, self.seen[:, mine])
+        return NoiseModel(std, correlation, self.seen)
 
-    def _correlation(self, scaled: Tensor) -> float:
-        pairs = self.seen[1:] & self.seen[:-1]
-        if not pairs.any():
-            return 0.0
-        products = float((scaled[1:] * scaled[:-1])[pairs].sum())
-        power = float((scaled[1:].square() + scaled[:-1].square())[pairs].sum()) / 2
-        rho = products / max(power, 1e-300)
-        significant = abs(rho) > SIGNIFICANT / math.sqrt(float(pairs.sum()))
-        return min(max(rho, 0.0), LARGEST_CORRELATION) if significant else 0.0
+
+def _lag_one(scaled: Float[Tensor, "time sensor"], seen: Tensor) -> float:
+    """Return the correlation of neighbours; 0 where it is not significant, or negative."""
+    pairs = seen[1:] & seen[:-1]
+    if not pairs.any():
+        return 0.0
+    products = float((scaled[1:] * scaled[:-1])[pairs].sum())
+    power = float((scaled[1:].square() + scaled[:-1].square())[pairs].sum()) / 2
+    rho = products / max(power, 1e-300)
+    significant = abs(rho) > SIGNIFICANT / math.sqrt(float(pairs.sum()))
+    return min(max(rho, 0.0), LARGEST_CORRELATION) if significant else 0.0

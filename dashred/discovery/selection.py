@@ -137,7 +137,7 @@ class _Search:
         [readings] = objective.shooting.readings(*objective.split(best.phi[None]))
         noise = objective.noise_left(readings, objective.modes + len(best.members))
         resized = float((noise.std / objective.noise.std - 1).abs().max())
-        recorrelated = abs(noise.correlation - objective.noise.correlation)
+        recorrelated = float((noise.correlation - objective.noise.correlation).abs().max())
         if max(resized, recorrelated) < NOTICEABLE:
             return False
         self.objective = replace(objective, noise=noise)

@@ -62,7 +62,7 @@ def pose_objective(
     times = problem.times[: len(fit.times)]
     recorded = torch.from_numpy(fit.values)
     std = torch.maximum(problem.noise_of(fit.names), FLOOR * trace_std(problem))
-    noise = NoiseModel(std, 0.0, ~torch.isnan(recorded))
+    noise = NoiseModel(std, torch.zeros_like(std), ~torch.isnan(recorded))
     scales = torch.tensor([c.scale for c in candidates], dtype=torch.float64)
     shooting = Shooting(simulator, start, candidates, operator, times)
     return Objective(shooting, recorded, noise, prior * scales)

@@ -57,7 +57,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     names = problem.split.fit.names
     fit = Fit(
         noise_std=problem.noise | dict(zip(names, discovered.noise.std.tolist(), strict=True)),
-        noise_correlation=discovered.noise.correlation,
+        noise_correlation=float(discovered.noise.correlation.max()),
         chi2=discovered.best.chi2,
         unexplained=unexplained(problem.noise_of(names), discovered.noise),
         test_sensors=misfit(**_test_errors(problem, analysis)),

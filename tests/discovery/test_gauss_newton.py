@@ -24,7 +24,7 @@ def linear(swing: Swing) -> Objective:
     recorded[7:12, 1] = torch.nan
     found = swing.objective(DRIVES, recorded, SIGMA, PRIOR)
     std = torch.tensor([SIGMA, 2 * SIGMA], dtype=torch.float64)
-    noise = type(found.noise)(std, 0.4, found.noise.seen)
+    noise = type(found.noise)(std, torch.full_like(std, 0.4), found.noise.seen)
     return Objective(found.shooting, recorded, noise, found.prior_std)
 
 

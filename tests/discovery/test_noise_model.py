@@ -14,7 +14,8 @@ RHO = 0.6
 
 
 def model(std: list[float], rho: float, seen: Tensor) -> NoiseModel:
-    return NoiseModel(torch.tensor(std, dtype=torch.float64), rho, seen)
+    sizes = torch.tensor(std, dtype=torch.float64)
+    return NoiseModel(sizes, torch.full_like(sizes, rho), seen)
 
 
 def everywhere(samples: int, sensors: int) -> Tensor:
@@ -124,7 +125,14 @@ def test_estimates_find_sigma_and_rho(rho: float) -> None:
     torch.testing.assert_close(found.std[:2], expected[:2], rtol=tolerance, atol=0)
     torch.testing.assert_close(found.std[2:], expected[2:], rtol=1.5 * tolerance, atol=0)
     assert float(found.std[1] / found.std[0]) == pytest.approx(2.0, rel=1e-12)
-    assert found.correlation == pytest.approx(rho, abs=4 * math.sqrt((1 - rho**2) / 18000) + 1e-9)
+    for mine, samples in ((slice(0, 2), 12000), (slice(2, 3), 6000)):
+        error = 4 * math.sqrt((1 - rho**2) / samples) + 1e-9
+        torch.testing.assert_close(
+            found.correlation[mine],
+            torch.full_like(found.correlation[mine], rho),
+            rtol=0,
+            atol=error,
+        )
 
 
 def test_what_a_fit_has_spent_is_given_back() -> None:
@@ -140,14 +148,28 @@ def test_what_a_fit_has_spent_is_given_back() -> None:
 def test_a_correlation_must_be_significant_and_positive() -> None:
     turns = torch.tensor([1.0, -1.0]).double().repeat(100)[:, None]
     noise = model([1.0], 0.5, everywhere(200, 1))
-    assert noise.estimated(turns, ["u"], 0).correlation == 0.0
+    assert noise.estimated(turns, ["u"], 0).correlation.tolist() == [0.0]
     drift = torch.ones(200, 1, dtype=torch.float64)
-    assert noise.estimated(drift, ["u"], 0).correlation == LARGEST_CORRELATION
+    assert noise.estimated(drift, ["u"], 0).correlation.tolist() == [LARGEST_CORRELATION]
     few = coloured(20, [1.0], 0.4)
-    assert model([1.0], 0.0, everywhere(20, 1)).estimated(few, ["u"], 0).correlation == 0.0
+    assert model([1.0], 0.0, everywhere(20, 1)).estimated(few, ["u"], 0).correlation.tolist() == [
+        0.0
+    ]
     apart = everywhere(200, 1)
     apart[::2] = False
-    assert model([1.0], 0.0, apart).estimated(drift, ["u"], 0).correlation == 0.0
+    assert model([1.0], 0.0, apart).estimated(drift, ["u"], 0).correlation.tolist() == [0.0]
+
+
+def test_quantities_have_correlations_of_their_own() -> None:
+    residuals = torch.cat([coloured(3000, [1.0], 0.8), coloured(3000, [1.0], 0.0, seed=1)], dim=1)
+    noise = model([1.0, 1.0], 0.0, everywhere(3000, 2))
+    found = noise.estimated(residuals, ["theta", "omega"], 0)
+    assert found.correlation.tolist() == [pytest.approx(0.8, abs=0.05), 0.0]
+    assert found.effective_count == pytest.approx(3000 * (0.2 / 1.8 + 1), rel=0.03)
+    together = noise.estimated(residuals, ["u", "u"], 0).correlation
+    assert together.tolist() == [pytest.approx(0.4, abs=0.05)] * 2
+    white_again = found.whiten(residuals)
+    assert float((white_again[1:] * white_again[:-1]).mean(dim=0).abs().max()) < 0.06
 
 
 def test_scaling_scales_the_noise_alone() -> None:

@@ -74,11 +74,11 @@ def test_a_misfit_that_all_candidates_together_would_not_leave_is_no_law(
 
 def test_unexplained_is_the_share_beyond_the_noise_that_was_stated() -> None:
     seen = torch.ones(10, 2, dtype=torch.bool)
-    found = NoiseModel(torch.tensor([0.2, 0.2], dtype=torch.float64), 0.0, seen)
+    found = NoiseModel(torch.tensor([0.2, 0.2]).double(), torch.zeros(2).double(), seen)
     assert unexplained(torch.tensor([0.1, 0.1]), found) == pytest.approx(0.75)
     assert unexplained(torch.tensor([0.2, 0.2]), found) == pytest.approx(0.0)
     assert unexplained(torch.tensor([0.4, 0.4]), found) == 0.0
     assert unexplained(None, found) is None
     seen[:, 1] = False
-    half = NoiseModel(found.std, 0.0, seen)
+    half = NoiseModel(found.std, found.correlation, seen)
     assert unexplained(torch.tensor([0.2, 0.01]), half) == pytest.approx(0.0)
