@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
-from typing import Any
+import math
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import torch
+from numba.core.errors import NumbaExperimentalFeatureWarning
 from numpy.typing import NDArray
 from torch import Tensor
 
-from dashred.physics.compiled_tendency import CompiledTendency, Modes, Weighted
+from dashred.physics.compiled_step import Modes, Plan, march_rows
+from dashred.physics.compiled_tendency import CompiledTendency
 from dashred.physics.forcing import Forcing
-from dashred.physics.integrators.etdrk4 import ETDRK4
+from dashred.physics.integrators.etdrk4 import coefficients
 from dashred.physics.integrators.schedule import schedule
 from dashred.physics.system import System, Term
-from dashred.physics.transforms import from_modes, to_modes
 
 Progress = Callable[[float], None]
+
+# Trajectories that a thread runs at a time.
+PART = 1
 
 
 class CompiledMarch:
@@ -53,30 +59,36 @@ class CompiledMarch:
             start: ``(batch, field, *grid)`` at ``times[0]``.
             times: output times, ``(time,)``.
             weights: coefficient of every term, ``(batch, term)``.
-            progress: called with the fraction done after every output time.
+            progress: called with the fraction done.
         """
         batch = self.tendency.of(weights.numpy())
-        steppers: dict[float, _Step] = {}
-        shape = self.system.grid.shape
-        saved = [start]
-        points: NDArray[np.float64] = start.numpy()
-        modes: Modes = np.empty(0, dtype=np.complex128)
-        # A trajectory that blows up is told by its values.
-        with np.errstate(all="ignore"):
-            for step in schedule(times.tolist(), self.system.dt):
-                if step.begins:
-                    # Rounding makes modes that are no real field's, which the equations cannot
-                    # see and a linear instability would amplify without end.
-                    modes = batch.kept(to_modes(np.ascontiguousarray(points), len(shape)))
-                if step.h not in steppers:
-                    steppers[step.h] = _Step(batch, step.h)
-                modes = steppers[step.h](modes, step.t)
-                if step.ends:
-                    points = from_modes(modes, shape)
-                    saved.append(torch.from_numpy(points))
-                    if progress is not None:
-                        progress((len(saved) - 1) / (len(times) - 1))
-        return torch.stack(saved, dim=1)
+        plan = make_plan(times.tolist(), self.system.dt)
+        factors = _factors(batch.linear, plan.lengths)
+        fields, shape = start.shape[1], self.system.grid.shape
+        states = np.full((len(start), len(times), fields, math.prod(shape)), np.nan)
+        states[:, 0] = start.numpy().reshape(len(start), fields, -1)
+        axes = tuple(range(1, len(shape) + 1))
+
+        def run(rows: tuple[int, int]) -> None:
+            march_rows(
+                self.tendency.kernel,
+                rows,
+                batch.parts,
+                plan,
+                factors,
+                shape,
+                axes,
+                batch.counts,
+                states,
+            )
+
+        with warnings.catch_warnings():
+            # That a function may be handed to a function is new in numba.
+            warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
+            for done in in_threads(run, len(start)):
+                if progress is not None:
+                    progress(done)
+        return torch.from_numpy(states.reshape(*states.shape[:3], *shape))
 
 
 def march_compiled(
@@ -97,57 +109,33 @@ def march_compiled(
     return march(start, times, forcing.coefficients, progress)
 
 
-class _Step:
-    """One step of ETDRK4, as :class:`ETDRK4` takes it.
+def make_plan(times: Sequence[float], dt: float) -> Plan:
+    """Return equal steps of at most ``dt`` between output times."""
+    steps = list(schedule(times, dt))
+    lengths = list(dict.fromkeys(step.h for step in steps))
+    place = {h: i for i, h in enumerate(lengths)}
+    return Plan(
+        t=np.array([step.t for step in steps]),
+        h=np.array([place[step.h] for step in steps], dtype=np.int64),
+        lengths=np.array(lengths),
+        begins=np.array([step.begins for step in steps]),
+        ends=np.array([step.ends for step in steps]),
+    )
 
-    Where L is real the modes are combined as pairs of real numbers, at half the cost.
+
+def _factors(linear: Modes, lengths: NDArray[np.float64]) -> Modes:
+    """Return what ETDRK4 multiplies by, ``(length, 6, row, field, mode)``."""
+    rates = torch.from_numpy(linear)
+    found = [torch.stack(list(coefficients(rates, h))) for h in lengths.tolist()]
+    return torch.stack(found).flatten(4).contiguous().numpy()
+
+
+def in_threads(run: Callable[[tuple[int, int]], None], count: int) -> Iterator[float]:
+    """Run parts of ``count`` independent rows side by side, yielding the share that is done.
+
+    As many at a time as torch has threads; the parts do not depend on that number.
     """
-
-    def __init__(self, batch: Weighted, h: float) -> None:
-        self.batch, self.h = batch, h
-        linear = torch.from_numpy(batch.linear)
-        stepper = ETDRK4(linear, lambda modes, t: modes, h)
-        parts = stepper.full, stepper.half, stepper.q, stepper.first, stepper.middle, stepper.last
-        self.real = bool((linear.imag == 0).all())
-        found = [part.numpy() for part in parts]
-        if self.real:
-            found = [np.repeat(part.real, 2, axis=-1) for part in found]
-        self.full, self.half, self.q, self.first, self.middle, self.last = found
-
-    def __call__(self, modes: Modes, t: float) -> Modes:
-        """Return the modes at ``t + h``."""
-        u, n_u = self.view(modes), self.rate(modes, t)
-        linear_half = self.half * u
-        a = self.q * n_u
-        a += linear_half
-        n_a = self.rate(self.unview(a), t + self.h / 2)
-        b = self.q * n_a
-        b += linear_half
-        n_b = self.rate(self.unview(b), t + self.h / 2)
-        c = 2 * n_b
-        c -= n_u
-        c *= self.q
-        a *= self.half
-        c += a
-        n_c = self.rate(self.unview(c), t + self.h)
-        n_a += n_b
-        n_a *= self.middle
-        n_u *= self.first
-        n_c *= self.last
-        found = self.full * u
-        found += n_u
-        found += n_a
-        found += n_c
-        return self.unview(found)
-
-    def rate(self, modes: Modes, t: float) -> NDArray[Any]:
-        """Return N."""
-        return self.view(self.batch(modes, t))
-
-    def view(self, modes: Modes) -> NDArray[Any]:
-        """Return the modes as they are combined."""
-        return modes.view(np.float64) if self.real else modes
-
-    def unview(self, values: NDArray[Any]) -> Modes:
-        """Return them as modes again."""
-        return values.view(np.complex128) if self.real else values
+    parts = [(first, min(first + PART, count)) for first in range(0, count, PART)]
+    with ThreadPoolExecutor(torch.get_num_threads()) as pool:
+        for done, _ in enumerate(pool.map(run, parts), start=1):
+            yield done / len(parts)

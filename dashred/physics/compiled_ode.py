@@ -14,7 +14,7 @@ from torch import Tensor
 
 from dashred.physics.forcing import Forcing
 from dashred.physics.integrators.schedule import schedule
-from dashred.physics.kernel import Array, Body, compile_kernel
+from dashred.physics.kernel import KERNEL, REAL, Array, Body, compile_kernel
 from dashred.physics.system import System, Term
 
 Progress = Callable[[float], None]
@@ -81,15 +81,15 @@ def integrate_compiled(
     return found
 
 
-# Told by its type alone, a kernel is called and not compiled again into every integration.
-REAL = numba.float64
-KERNEL = numba.types.FunctionType(
-    numba.void(REAL[:, :, ::1], REAL[:, ::1], REAL, REAL[:, ::1], REAL[:, :, ::1])
-)
-
-
 @numba.njit(
-    numba.void(KERNEL, REAL[:, :, :, ::1], REAL[::1], REAL[::1], numba.boolean[::1], REAL[:, ::1]),
+    numba.void(
+        numba.types.FunctionType(KERNEL),
+        REAL[:, :, :, ::1],
+        REAL[::1],
+        REAL[::1],
+        numba.boolean[::1],
+        REAL[:, ::1],
+    ),
     cache=True,
 )
 def _integrate(

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
-import numba
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from dashred.physics.algebra import ZERO, Expr
+from dashred.physics.compiled_step import Modes, Parts
 from dashred.physics.kernel import Array, Body, compile_kernel, read_by
 from dashred.physics.linear import is_linear, symbols
 from dashred.physics.linearisation import OPERAND, Input, Separated, separate
 from dashred.physics.spectral import Spectral
 from dashred.physics.system import System, Term
 from dashred.physics.tendency import two_thirds
-from dashred.physics.transforms import from_modes, to_modes
 
-Modes = NDArray[np.complex128]
 CPU = torch.device("cpu")
 
 
@@ -59,11 +57,10 @@ class CompiledTendency:
             inputs |= part.inputs
         derived = {n: v for n, v in inputs.items() if v.operator != OPERAND}
         self._derived = [
-            (name, place, self.fields[v.field], self._symbol(v.operator))
-            for place, (name, v) in enumerate(derived.items(), start=len(self.fields))
+            (name, self.fields[v.field], self._symbol(v.operator)) for name, v in derived.items()
         ]
         coordinates = self.grid.coordinates
-        self._kernel = compile_kernel(self.bodies, [*self.fields, *derived], list(coordinates))
+        self.kernel = compile_kernel(self.bodies, [*self.fields, *derived], list(coordinates))
         shape = self.grid.shape
         points = [np.broadcast_to(x.numpy(), shape).ravel() for x in coordinates.values()]
         self._coordinates = np.array(points)
@@ -113,80 +110,63 @@ class Weighted:
     """N and L of one batch.
 
     Attributes:
-        linear: L, ``(row, field, *modes)``.
+        linear: L, ``(row, field, *modes)``; of one row, where no trajectory has terms in it.
+        parts: N.
+        counts: inputs and channels of the kernel.
     """
 
     def __init__(self, compiled: CompiledTendency, weights: Array) -> None:
-        self.compiled, self.weights = compiled, weights
-        self.linear = compiled._own + np.tensordot(weights, compiled._symbols, axes=1)
-        carried = (weights != 0).any(axis=0)
-        mine = [b for b in compiled.bodies if b.weight is None or carried[b.weight]]
-        self.derived = [
-            (place, field, symbol, self._rows(name, mine))
-            for name, place, field, symbol in compiled._derived
-            if name in read_by(mine)
-        ]
-        ones = np.ones(len(weights))
-        self.couplings = [
-            (equation, field, symbol.ravel(), ones if weight is None else weights[:, weight].copy())
-            for equation, field, symbol, weight in compiled._couplings
-            if weight is None or carried[weight]
-        ]
-        points = int(np.prod(compiled.grid.shape))
-        count = len(compiled.fields) + len(compiled._derived)
-        self.inputs = np.zeros((count, len(weights), points))
-        self.channels = np.empty((len(compiled._place), len(weights), points))
-
-    def __call__(self, modes: Modes, t: float) -> Modes:
-        """Return N in modes, ``(row, field, *modes)``."""
-        compiled = self.compiled
-        shape, rows = compiled.grid.shape, len(modes)
-        fields = from_modes(modes, shape).reshape(rows, len(compiled.fields), -1)
-        self.inputs[: len(compiled.fields)] = fields.swapaxes(0, 1)
-        for place, field, symbol, mine in self.derived:
-            applied = symbol * modes[mine, field]
-            self.inputs[place, mine] = from_modes(applied, shape).reshape(len(applied), -1)
-        compiled._kernel(self.inputs, compiled._coordinates, t, self.weights, self.channels)
-        hats = to_modes(self.channels.reshape(-1, rows, *shape), len(shape))
-        found = np.zeros_like(modes)
-        _assemble(
-            hats.reshape(len(compiled._place), rows, -1),
-            compiled._outside,
-            compiled._place,
-            found.reshape(rows, modes.shape[1], -1),
+        added = np.tensordot(weights, compiled._symbols, axes=1)
+        self.linear = compiled._own + (added if added.any() else np.zeros_like(added[:1]))
+        self.counts = len(compiled.fields) + len(compiled._derived), len(compiled._place)
+        couplings = compiled._couplings
+        modes = self.linear[0, 0].size
+        mask = np.ones(modes) if compiled._mask is None else compiled._mask.ravel()
+        self.parts = Parts(
+            field=_indices(field for _, field, _ in compiled._derived),
+            symbol=_rows([symbol for _, _, symbol in compiled._derived], modes),
+            active=_active(
+                [
+                    [body for body in compiled.bodies if name in read_by([body])]
+                    for name, _, _ in compiled._derived
+                ],
+                weights,
+            ),
+            filled=_active(
+                [
+                    [body for body in compiled.bodies if body.channel == channel]
+                    for channel in range(len(compiled._place))
+                ],
+                weights,
+            ),
+            place=compiled._place,
+            outside=compiled._outside,
+            to=_indices(equation for equation, *_ in couplings),
+            source=_indices(field for _, field, *_ in couplings),
+            coupling=_rows([symbol for *_, symbol, _ in couplings], modes),
+            strength=np.stack(
+                [np.ones(len(weights)) if j is None else weights[:, j] for *_, j in couplings]
+                or [np.zeros(0)] * len(weights),
+                axis=int(bool(couplings)),
+            ),
+            mask=mask.astype(np.float64),
+            coordinates=compiled._coordinates,
+            weights=weights,
         )
-        flat = modes.reshape(rows, modes.shape[1], -1), found.reshape(rows, modes.shape[1], -1)
-        for equation, field, symbol, weight in self.couplings:
-            _couple(*flat, symbol, weight, equation, field)
-        return self.kept(found)
-
-    def kept(self, modes: Modes) -> Modes:
-        """Return the modes that the 2/3 rule keeps: all of them unless it was asked for."""
-        mask = self.compiled._mask
-        return modes if mask is None else modes * mask
-
-    def _rows(self, name: str, bodies: Sequence[Body]) -> NDArray[np.int64] | slice:
-        reading = [body for body in bodies if name in read_by([body])]
-        columns = [body.weight for body in reading if body.weight is not None]
-        if len(columns) < len(reading):
-            return slice(None)
-        return np.flatnonzero((self.weights[:, columns] != 0).any(axis=1))
 
 
-@numba.njit(cache=True)
-def _assemble(hats: Modes, symbols: Modes, places: NDArray[np.int64], out: Modes) -> None:
-    for channel in range(hats.shape[0]):
-        field = places[channel]
-        for row in range(hats.shape[1]):
-            for k in range(hats.shape[2]):
-                out[row, field, k] += symbols[channel, k] * hats[channel, row, k]
+def _active(groups: Sequence[Sequence[Body]], weights: Array) -> NDArray[np.bool_]:
+    """Return which trajectories carry a body of each group, ``(row, group)``."""
+    active = np.zeros((len(weights), len(groups)), dtype=np.bool_)
+    for place, bodies in enumerate(groups):
+        for body in bodies:
+            active[:, place] |= True if body.weight is None else weights[:, body.weight] != 0
+    return active
 
 
-@numba.njit(cache=True)
-def _couple(
-    modes: Modes, out: Modes, symbol: Modes, weights: Array, equation: int, field: int
-) -> None:
-    for row in range(modes.shape[0]):
-        if weights[row] != 0.0:
-            for k in range(modes.shape[2]):
-                out[row, equation, k] += weights[row] * symbol[k] * modes[row, field, k]
+def _indices(values: Iterable[int]) -> NDArray[np.int64]:
+    return np.array(list(values), dtype=np.int64)
+
+
+def _rows(symbols: Sequence[Modes], modes: int) -> Modes:
+    return np.array(symbols, dtype=np.complex128).reshape(-1, modes)

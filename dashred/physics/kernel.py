@@ -20,6 +20,9 @@ from dashred.physics.algebra import Call, Expr, Name, Number, Power, Product, Su
 
 Array = NDArray[np.float64]
 Kernel = Callable[[Array, Array, float, Array, Array], None]
+# Told by its type alone, a kernel is called and not compiled again into what calls it.
+REAL = numba.float64
+KERNEL = numba.void(REAL[:, :, ::1], REAL[:, ::1], REAL, REAL[:, ::1], REAL[:, :, ::1])
 
 # Sums may be reordered and fused, but values that are not finite stay what they are.
 MATHEMATICS = {"contract", "reassoc", "arcp", "nsz"}
@@ -48,7 +51,7 @@ def compile_kernel(
     ``channels[c] = Σ_own body + Σ_terms weights[row] body``, over inputs
     ``(input, row, point)``, coordinates ``(coordinate, point)``, weights ``(row, weight)`` and
     channels ``(channel, row, point)``. The code is written from checked expression trees alone;
-    no text of the user's gets into it.
+    no text of the user's gets into it. It is to be called from compiled code.
 
     Args:
         bodies: the functions.
@@ -77,7 +80,9 @@ def _compile(source: str) -> Kernel:
     """Compile a kernel once, on whatever grids it is used."""
     scope: dict[str, Any] = {"math": math}
     exec(source, scope)
-    compiled: Kernel = numba.njit(fastmath=MATHEMATICS, error_model="numpy")(scope["kernel"])
+    compiled: Kernel = numba.cfunc(KERNEL, fastmath=MATHEMATICS, error_model="numpy")(
+        scope["kernel"]
+    )
     return compiled
 
 

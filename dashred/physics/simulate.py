@@ -23,8 +23,10 @@ from dashred.physics.integrators.ssprk3 import SSPRK3
 from dashred.physics.system import System
 from dashred.physics.tendency import GridTendency, SpectralTendency
 
-# From these sizes on compiled code wins back the seconds of its compilation.
-MANY_STEPS, MUCH_WORK, MOST_COMPILED = 500, 4e5, 8
+# Of so few trajectories a step costs its calls: compiling wins from so many steps on.
+FEW, MANY_STEPS = 8, 500
+# Else it wins from so many (point, step) pairs on for every second that it takes; measured.
+WORK_A_SECOND, SECONDS, SECONDS_A_TERM = 3e6, 1.5, 0.08
 Progress = Callable[[float], None]
 OVERRUN_STEPS = 200
 
@@ -76,8 +78,10 @@ def _long(system: System, start: Tensor, times: Tensor, forcing: Forcing | None)
     steps = float(times[-1] - times[0]) / system.dt
     if not system.axes:
         return steps > MANY_STEPS
-    few = len(start) <= MOST_COMPILED and (forcing is None or len(forcing.terms) <= MOST_COMPILED)
-    return few and steps > MANY_STEPS and steps * start.numel() > MUCH_WORK
+    terms = 0 if forcing is None else len(forcing.terms)
+    if len(start) <= FEW and terms <= FEW:
+        return steps > MANY_STEPS and start.numel() * steps > WORK_A_SECOND / 8
+    return start.numel() * steps > WORK_A_SECOND * (SECONDS + SECONDS_A_TERM * terms)
 
 
 def check_finite(trajectories: Tensor, times: Tensor, system: System) -> None:
