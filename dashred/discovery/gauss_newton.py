@@ -6,6 +6,7 @@ dampings at once, and the fits of many sets of candidates share one Jacobian (ch
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -16,6 +17,8 @@ from dashred.discovery.objective import Normal, Objective
 
 # One run tries all of a rung; the next, where none of it lowers F. In units of each curvature.
 LADDER = ((0.0, 0.1, 3.0), (30.0, 300.0, 3000.0))
+# Further steps with one Jacobian.
+CHORDS = 3
 # A chord fit that needs more than this goes nowhere.
 MOST_DAMPED = 10.0
 
@@ -58,17 +61,32 @@ def minimise(
         normal = objective.linearise(fitted.phi, fitted.readings)
         if not torch.isfinite(normal.jacobian).all():
             break
-        lower = _step(objective, normal, fitted)
+        lower = _step(objective, normal, fitted, LADDER)
         converged = fitted.cost - lower.cost < tolerance * fitted.cost
+        if not converged:
+            lower = _chord_steps(objective, normal, lower, tolerance)
         fitted = replace(lower, converged=converged, jacobians=fitted.jacobians + 1)
     return fitted
 
 
-def _step(objective: Objective, normal: Normal, fitted: Fitted) -> Fitted:
+def _chord_steps(objective: Objective, normal: Normal, fitted: Fitted, tolerance: float) -> Fitted:
+    """Go on with the same Jacobian while it gains: a run costs a tenth of another."""
+    for _ in range(CHORDS):
+        lower = _step(objective, normal, fitted, LADDER[:1])
+        gain, fitted = fitted.cost - lower.cost, lower
+        if gain < tolerance * fitted.cost:
+            break
+    return fitted
+
+
+def _step(
+    objective: Objective, normal: Normal, fitted: Fitted, ladder: Sequence[Sequence[float]]
+) -> Fitted:
     """Return where the best damping leads; the same place, if none lowers F."""
-    for rung in LADDER:
+    here = objective.residuals(fitted.readings)
+    for rung in ladder:
         rows = fitted.phi.expand(len(rung), -1)
-        residuals = normal.residuals.expand(len(rung), -1)
+        residuals = here.expand(len(rung), -1)
         damping = torch.tensor(rung, dtype=torch.float64)
         free = torch.ones(rows.shape, dtype=torch.bool)
         trial = rows + normal.steps(rows, residuals, damping, free)

@@ -16,7 +16,9 @@ Modes = NDArray[Any]
 Places = NDArray[np.int64]
 
 # Sums may be fused and reordered, but values that are not finite stay what they are.
-compiled = numba.njit(cache=True, fastmath={"contract", "reassoc", "nsz"}, error_model="numpy")
+compiled = numba.njit(
+    nogil=True, cache=True, fastmath={"contract", "reassoc", "nsz"}, error_model="numpy"
+)
 
 
 @compiled
