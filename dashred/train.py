@@ -86,7 +86,7 @@ def analyse(config: Config) -> Path:
             )
             free = trajectories.run_free(posed, discovered, seconds)
             relearned, corrected_shred = surrogate.retrain(
-                posed, nominal, discovered.best, free, run, seconds
+                posed, nominal, discovered.best, free, learned, run, seconds
             )
             analysis = Analysis(
                 nominal, learned, found, discovered, free, relearned, corrected_shred

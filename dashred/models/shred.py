@@ -52,6 +52,16 @@ class SHRED(nn.Module):
         ]
         self.decoder = nn.Sequential(*hidden, nn.Linear(widths[-1], len(spread)))
 
+    def begin_as(self, other: SHRED) -> None:
+        """Take over another network's weights but the last layer's, whose POD modes are others."""
+        last = f"decoder.{len(self.decoder) - 1}."
+        learnt = {
+            name: value
+            for name, value in other.state_dict().items()
+            if name.startswith(("encoder.", "decoder.")) and not name.startswith(last)
+        }
+        self.load_state_dict(learnt, strict=False)
+
     def encode(self, windows: Float[Tensor, "batch lag sensor"]) -> Float[Tensor, "batch latent"]:
         """Return h, the LSTM's last hidden state, of windows in the sensors' own units."""
         return self.encode_along(windows)[:, -1]

@@ -42,7 +42,12 @@ class Learned:
 
 
 def train_shred(
-    problem: Problem, ensemble: Ensemble, run: Tracker, seconds: dict[str, float], name: str
+    problem: Problem,
+    ensemble: Ensemble,
+    run: Tracker,
+    seconds: dict[str, float],
+    name: str,
+    begin: SHRED | None = None,
 ) -> Learned:
     """Train SHRED on simulated members; nothing real is in reach here.
 
@@ -52,6 +57,7 @@ def train_shred(
         run: the parent of the run that this is logged to.
         seconds: where to note the time.
         name: of the network, ``SHRED``.
+        begin: a network to begin from; None begins at random.
     """
     settings = problem.config.shred
     fit = problem.split.fit.select(problem.split.inputs)
@@ -69,6 +75,8 @@ def train_shred(
     shred = SHRED(
         data.scaler, data.pod, data.spread, settings.latent, settings.layers, settings.decoder
     ).float()
+    if begin is not None:
+        shred.begin_as(begin)
     steps = settings.epochs * settings.steps
     cells = data.pod.modes.shape[1]
     module = SimulationTraining(shred, data.noise.float(), cells, settings.rate, steps)

@@ -40,6 +40,7 @@ def retrain(
     nominal: Nominal,
     law: Law,
     free: Trajectories,
+    learned: Learned,
     run: Tracker,
     seconds: dict[str, float],
 ) -> tuple[Learned, Tensor]:
@@ -53,6 +54,7 @@ def retrain(
         nominal: gives the prior's rms.
         law: the correction.
         free: gives the corrected trajectory, for ranges.
+        learned: the network to begin from; it has read many laws already.
         run: to log to.
         seconds: to note the time in.
 
@@ -76,6 +78,6 @@ def retrain(
             lambda done: report(done, ""),
         )
         report(1.0, f"{settings.members} members")
-    learned = train_shred(problem, ensemble, run, seconds, "corrected SHRED")
+    found = train_shred(problem, ensemble, run, seconds, "corrected SHRED", learned.shred)
     windows = sensor_data(problem).windows
-    return learned, reconstruct(learned.shred.encode, learned.shred, windows)
+    return found, reconstruct(found.shred.encode, found.shred, windows)

@@ -127,6 +127,18 @@ def test_a_checkpoint_carries_the_scaler_and_the_basis(tmp_path):
     assert names <= shred.state_dict().keys()
 
 
+def test_a_network_may_begin_as_another_one_with_other_modes():
+    states = waves(4, seed=0)
+    before, after = make(states), make(states, modes=3)
+    after.begin_as(before)
+    for name, value in after.state_dict().items():
+        if name.startswith("encoder.") or name in ("decoder.0.weight", "decoder.0.bias"):
+            torch.testing.assert_close(value, before.state_dict()[name])
+    stretch = sensed(states).float()
+    torch.testing.assert_close(after.encode(stretch), before.encode(stretch))
+    assert after.decode(after.encode(stretch)).shape == before.decode(before.encode(stretch)).shape
+
+
 def test_squared_error_is_that_of_the_field():
     states = waves(4, seed=1)
     shred = make(states)
