@@ -131,6 +131,22 @@ class Where(TypedDict):
     profile: Profile
 
 
+class Share(TypedDict):
+    """The share of its energy that a cycle loses, negative for a gain, and its std."""
+
+    lost: float
+    std: float
+
+
+class EnergyLost(TypedDict):
+    """What the corrected system loses in its first and its last whole cycle of the fit window."""
+
+    expression: str
+    cycles: int
+    first: Share
+    last: Share
+
+
 class Proposal(TypedDict):
     """One term that latent SINDy proposes: coefficient in user's units, rank 1 is the first."""
 
@@ -193,6 +209,7 @@ class Findings(TypedDict):
     where: Where | None
     terms: list[TermFound | ParameterChange] | None
     alternatives: list[Alternative] | None
+    energy: EnergyLost | None
     fit: Fit
     latent: Latent
     corrected: str | None
@@ -243,6 +260,7 @@ def new_findings(
     where: Where | None = None,
     terms: list[TermFound | ParameterChange] | None = None,
     alternatives: list[Alternative] | None = None,
+    energy: EnergyLost | None = None,
     corrected: str | None = None,
 ) -> Findings:
     """Findings in which everything that was not looked for is null."""
@@ -260,6 +278,7 @@ def new_findings(
         where=where,
         terms=terms,
         alternatives=alternatives,
+        energy=energy,
         fit=fit or unfitted,
         latent=latent or Latent(alg1=None, alg2=None),
         corrected=corrected,

@@ -87,6 +87,10 @@ class System:
     as ``kind: gaussian-process`` with ``length``, number of ``modes``, and ``apply``: each moved
     field's expression in g."""
 
+    energy: str | None = None
+    """What the report calls the system's energy, over fields, parameters and lets: it tells how
+    much of it the corrected system loses per cycle. Null tells nothing."""
+
     inputs: dict[str, str] = field(default_factory=dict)
     """Measured inputs: name in the equations, and the recording's column that holds it."""
 

@@ -73,6 +73,7 @@ class System:
             for field, expr in self.equations.items()
         }
         self._check_method()
+        self._check_energy()
 
     @cached_property
     def operators(self) -> Operators:
@@ -195,6 +196,12 @@ class System:
                 where=self.where("system.integrator.method"),
                 hint=f"choose from: {', '.join(allowed)}",
             )
+
+    def _check_energy(self) -> None:
+        text, key = self.config.energy, "system.energy"
+        if text is not None and "t" in algebra.names(self.resolve(self.parse(text, key), key)):
+            problem, hint = "an energy cannot read t", "write it over fields and parameters"
+            raise InputError(problem, where=self.where(key), hint=hint)
 
 
 def _axis(name: str, axis: schema.Axis, where: Callable[[str], str]) -> Axis:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from dashred.typeset import number, percent, pretty, probability
+from dashred.typeset import number, percent, pretty, probability, rounded
 
 VERDICTS = {
     "missing-term": "a term is missing from the simulation",
@@ -32,6 +32,7 @@ def verdict_lines(findings: Mapping[str, Any]) -> list[str]:
         *_law(findings),
         *_certainty(findings),
         *_where(findings["where"] if findings["terms"] else None),
+        *_energy(findings["energy"]),
         *_worth(findings["fit"]),
     ]
     return [head, *(f"  {line}" for line in body)]
@@ -95,6 +96,19 @@ def _where(where: Mapping[str, Any] | None) -> list[str]:
         told = [f"in the equation of {shares[0][0]}"]
     acts = f"where {where['regime']}" if where["regime"] else "everywhere"
     return [f"It acts {', '.join(told)}; {acts}."]
+
+
+def _energy(energy: Mapping[str, Any] | None) -> list[str]:
+    """How much energy the corrected system loses or gains a cycle."""
+    if energy is None:
+        return []
+    told = []
+    for name, place in (("first", "in the first cycle"), ("last", "in the last")):
+        share = energy[name]
+        value, std = rounded(100 * abs(share["lost"]), 100 * share["std"])
+        verb = "loses" if share["lost"] >= 0 else "gains"
+        told.append(f"{verb} {value} ± {std} % of its energy {place}")
+    return [f"The corrected system {' and '.join(told)} of {energy['cycles']}."]
 
 
 def _worth(fit: Mapping[str, Any]) -> list[str]:

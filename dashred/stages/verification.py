@@ -37,6 +37,7 @@ from dashred.sensing.recording import Recording
 from dashred.stages.analysis import Analysis
 from dashred.stages.corrected import NAME as CORRECTED
 from dashred.stages.corrected import write_corrected
+from dashred.stages.energy import energy_lost
 from dashred.stages.problem import Problem
 
 # What the findings call the methods.
@@ -83,6 +84,9 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         ),
         terms=explain(problem.system, discovered),
         alternatives=alternatives(discovered),
+        energy=energy_lost(
+            problem.system, discovered.best, problem.times[:count], problem.rng("energy")
+        ),
         corrected=CORRECTED,
     )
 

@@ -103,6 +103,21 @@ def test_the_summary_begins_with_what_matters_most() -> None:
     assert lines[9].startswith("Front <in> a ring & more: the simulation against")
 
 
+def test_the_energy_lost_is_told_cycle_by_cycle() -> None:
+    energy = {
+        "expression": "p**2",
+        "cycles": 56,
+        "first": {"lost": 0.04123, "std": 0.0012},
+        "last": {"lost": -0.0021, "std": 0.0004},
+    }
+    text = "\n".join(verdict_lines(found(energy=energy)))
+    assert (
+        "The corrected system loses 4.12 ± 0.12 % of its energy in the first cycle "
+        "and gains 0.21 ± 0.04 % of its energy in the last of 56." in text
+    )
+    assert "energy in" not in "\n".join(verdict_lines(found()))
+
+
 def test_an_ambiguous_verdict_names_the_rivals_and_calls_the_best_a_guess() -> None:
     same = NEXT | {"rival": True, "same_as_best": True, "delta_bic": 1.23}
     text = "\n".join(verdict_lines(found(verdict="ambiguous", alternatives=[same])))
