@@ -11,6 +11,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from dashred.reporting.space_time import mark_sensors
 from dashred.reporting.style import BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILION, new_figure, style
 from dashred.typeset import percent
 
@@ -85,19 +86,7 @@ def _draw_map(figure: Any, axes: Axes, law: LawMap, where: Mapping[str, Any]) ->
         vmax=float(np.nanpercentile(law.size, 99.8)) or 1.0,
         interpolation="nearest",
     )
-    positions = list(law.sensors.values())
-    axes.scatter(
-        np.zeros(len(positions)),
-        positions,
-        marker=">",
-        s=18,
-        color="white",
-        edgecolor="black",
-        linewidth=0.6,
-        transform=axes.get_yaxis_transform(),
-        clip_on=False,
-        zorder=5,
-    )
+    mark_sensors(axes, list(law.sensors.values()))
     label = "law / rms of the simulation's\nown tendency"
     figure.colorbar(image, ax=axes, label=label, pad=0.015, aspect=16)
     axes.set_ylabel(law.axis)

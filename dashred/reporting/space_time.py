@@ -50,7 +50,7 @@ def space_time_panels(
             if with_error:
                 _draw_errors(figure, grid[top + 1], kinds, columns, frame, field)
             for axes in grid[top]:
-                _mark_sensors(axes, sensors.get(field, ()))
+                mark_sensors(axes, sensors.get(field, ()))
                 _mark_end(axes, time_end, "white")
             for axes in grid[top + 1 : top + 1 + with_error].flat:
                 _mark_end(axes, time_end, GREY)
@@ -139,7 +139,8 @@ def _extend(kinds: Mapping[str, Field], limits: tuple[float, ...]) -> str:
     )
 
 
-def _mark_sensors(axes: Axes, positions: Sequence[float]) -> None:
+def mark_sensors(axes: Axes, positions: Sequence[float]) -> None:
+    """Mark the places of sensors at the left edge of a map over time."""
     if not axes.axison:
         return
     axes.scatter(

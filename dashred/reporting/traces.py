@@ -50,7 +50,7 @@ def sensor_traces(
         for axes, (sensor, window) in zip(grid.flat, panels, strict=False):
             seen = (times >= window[0]) & (times <= window[1])
             cut = {method: traces[seen, sensor] for method, traces in estimates.items()}
-            _draw_sensor(axes, times[seen], recorded[seen, sensor], cut)
+            draw_sensor(axes, times[seen], recorded[seen, sensor], cut)
             shade_held_out(axes, time_end, window[1], label=False)
             role = roles.get(names[sensor], "")
             whole = window == (times[0], times[-1])
@@ -79,12 +79,13 @@ def _panels(
     return [(sensor, window) for sensor in shown for window in (whole, detail)]
 
 
-def _draw_sensor(
+def draw_sensor(
     axes: Axes,
     times: Float[np.ndarray, " time"],
     values: Float[np.ndarray, " time"],
     estimates: Mapping[str, Float[np.ndarray, " time"]],
 ) -> None:
+    """Draw what one sensor recorded as dots, and what it would read by each method as lines."""
     # Dots and lines grow thinner where there are many, or they would hide each other.
     size = float(np.clip(24 / np.sqrt(max(len(times), 1) / 10), 1.6, 7))
     axes.plot(times, values, ".", color=BLACK, markersize=size, alpha=0.45, label="recorded")

@@ -102,13 +102,14 @@ def _energy(energy: Mapping[str, Any] | None) -> list[str]:
     """How much energy the corrected system loses or gains a cycle."""
     if energy is None:
         return []
-    told = []
-    for name, place in (("first", "in the first cycle"), ("last", "in the last")):
-        share = energy[name]
-        value, std = rounded(100 * abs(share["lost"]), 100 * share["std"])
-        verb = "loses" if share["lost"] >= 0 else "gains"
-        told.append(f"{verb} {value} ± {std} % of its energy {place}")
-    return [f"The corrected system {' and '.join(told)} of {energy['cycles']}."]
+    first, last = (_share(energy[name]) for name in ("first", "last"))
+    cycles = energy["cycles"]
+    return [f"Its energy {first} in the first cycle and {last} in the last of {cycles}."]
+
+
+def _share(share: Mapping[str, Any]) -> str:
+    value, std = rounded(100 * abs(share["lost"]), 100 * share["std"])
+    return f"{'falls' if share['lost'] >= 0 else 'grows'} by {value} ± {std} %"
 
 
 def _worth(fit: Mapping[str, Any]) -> list[str]:

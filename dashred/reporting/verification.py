@@ -8,14 +8,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dashred.reporting.style import (
-    BLACK,
     METHODS,
-    method_look,
     method_name,
     new_figure,
     shade_held_out,
     style,
 )
+from dashred.reporting.traces import draw_sensor
 
 MOST = 3
 COMPARED = ("before", "before_refit", "after")
@@ -52,7 +51,8 @@ def verification_figure(
             column = left.subplots(shown, 1, sharex=True, squeeze=False)[:, 0]
             for index, axes in enumerate(column):
                 cut = {method: trace[:, index] for method, trace in traces.items()}
-                _draw_sensor(axes, times, recorded[:, index], cut)
+                draw_sensor(axes, times, recorded[:, index], cut)
+                _frame(axes, recorded[:, index])
                 axes.set_title(names[index], fontsize=9, fontweight="bold")
                 shade_held_out(axes, time_end, float(times[-1]), label=index == 0)
                 axes.set(ylabel="reading", xlim=(times[0], times[-1]))
@@ -69,17 +69,8 @@ def verification_figure(
     return figure
 
 
-def _draw_sensor(
-    axes: Axes,
-    times: Float[np.ndarray, " time"],
-    values: Float[np.ndarray, " time"],
-    traces: Mapping[str, Float[np.ndarray, " time"]],
-) -> None:
-    size = float(np.clip(24 / np.sqrt(max(len(times), 1) / 10), 1.6, 7))
-    axes.plot(times, values, ".", color=BLACK, markersize=size, alpha=0.45, label="recorded")
-    for index, (method, trace) in enumerate(traces.items()):
-        axes.plot(times, trace, label=method_name(method), **method_look(method, index))
-    # A simulation that runs away must not flatten the others.
+def _frame(axes: Axes, values: Float[np.ndarray, " time"]) -> None:
+    """Keep what was recorded in view: a simulation that runs away must not flatten the others."""
     seen = values[np.isfinite(values)]
     if seen.size:
         low, high = seen.min(), seen.max()

@@ -112,10 +112,10 @@ def test_the_energy_lost_is_told_cycle_by_cycle() -> None:
     }
     text = "\n".join(verdict_lines(found(energy=energy)))
     assert (
-        "The corrected system loses 4.12 ± 0.12 % of its energy in the first cycle "
-        "and gains 0.21 ± 0.04 % of its energy in the last of 56." in text
+        "Its energy falls by 4.12 ± 0.12 % in the first cycle "
+        "and grows by 0.21 ± 0.04 % in the last of 56." in text
     )
-    assert "energy in" not in "\n".join(verdict_lines(found()))
+    assert "Its energy" not in "\n".join(verdict_lines(found()))
 
 
 def test_an_ambiguous_verdict_names_the_rivals_and_calls_the_best_a_guess() -> None:
