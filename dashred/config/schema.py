@@ -331,7 +331,7 @@ class Settings:
     """Fixes everything random in the analysis."""
 
     threads: Count
-    """CPU threads that torch may use."""
+    """CPU threads: trajectories are shared among them, and torch uses them."""
 
     device: str
     """``cpu``, ``cuda`` or ``cuda:1``."""

@@ -14,7 +14,7 @@ from numba.core.errors import NumbaExperimentalFeatureWarning
 from numpy.typing import NDArray
 from torch import Tensor
 
-from dashred.physics.compiled_step import Modes, Plan, march_rows
+from dashred.physics.compiled_step import Modes, Plan, march_row
 from dashred.physics.compiled_tendency import CompiledTendency
 from dashred.physics.forcing import Forcing
 from dashred.physics.integrators.etdrk4 import coefficients
@@ -22,9 +22,6 @@ from dashred.physics.integrators.schedule import schedule
 from dashred.physics.system import System, Term
 
 Progress = Callable[[float], None]
-
-# Trajectories that a thread runs at a time.
-PART = 1
 
 
 class CompiledMarch:
@@ -69,10 +66,10 @@ class CompiledMarch:
         states[:, 0] = start.numpy().reshape(len(start), fields, -1)
         axes = tuple(range(1, len(shape) + 1))
 
-        def run(rows: tuple[int, int]) -> None:
-            march_rows(
+        def run(row: int) -> None:
+            march_row(
                 self.tendency.kernel,
-                rows,
+                row,
                 batch.parts,
                 plan,
                 factors,
@@ -130,12 +127,12 @@ def _factors(linear: Modes, lengths: NDArray[np.float64]) -> Modes:
     return torch.stack(found).flatten(4).contiguous().numpy()
 
 
-def in_threads(run: Callable[[tuple[int, int]], None], count: int) -> Iterator[float]:
-    """Run parts of ``count`` independent rows side by side, yielding the share that is done.
+def in_threads(run: Callable[[int], None], count: int) -> Iterator[float]:
+    """Run ``count`` independent rows, as many at a time as torch has threads.
 
-    As many at a time as torch has threads; the parts do not depend on that number.
+    Yields:
+        The share that is done, after each row.
     """
-    parts = [(first, min(first + PART, count)) for first in range(0, count, PART)]
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
-        for done, _ in enumerate(pool.map(run, parts), start=1):
-            yield done / len(parts)
+        for done, _ in enumerate(pool.map(run, range(count)), start=1):
+            yield done / count

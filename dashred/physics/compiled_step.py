@@ -105,11 +105,12 @@ def _rate(
             used += 1
     kernel(inputs, parts.coordinates, t, parts.weights[row : row + 1], channels)
     chosen = np.nonzero(parts.filled[row])[0]
-    grown = channels[chosen].reshape((len(chosen),) + shape)
-    hats = scipy.fft.rfftn(grown, shape, axes).reshape((len(chosen), count))
     out[:] = 0.0
-    for k in range(len(chosen)):
-        out[parts.place[chosen[k]]] += parts.outside[chosen[k]] * hats[k]
+    if len(chosen):
+        grown = channels[chosen].reshape((len(chosen),) + shape)
+        hats = scipy.fft.rfftn(grown, shape, axes).reshape((len(chosen), count))
+        for k in range(len(chosen)):
+            out[parts.place[chosen[k]]] += parts.outside[chosen[k]] * hats[k]
     for k in range(len(parts.to)):
         if parts.strength[row, k] != 0.0:
             moved = parts.coupling[k] * modes[parts.source[k]]
@@ -118,9 +119,9 @@ def _rate(
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def march_rows(
+def march_row(
     kernel: Kernel,
-    rows: tuple[int, int],
+    row: int,
     parts: Parts,
     plan: Plan,
     factors: Modes,
@@ -129,11 +130,11 @@ def march_rows(
     counts: tuple[int, int],
     states: Array,
 ) -> None:
-    """Fill the trajectories ``(row, time, field, point)`` from their first states on.
+    """Fill one of the trajectories ``(row, time, field, point)`` from its first state on.
 
     Args:
         kernel: everything pointwise.
-        rows: first, and one past the last, of those to run.
+        row: which.
         parts: the tendency.
         plan: the steps.
         factors: of ETDRK4: full, half, q, first, middle, last,
@@ -141,7 +142,7 @@ def march_rows(
         shape: of the grid.
         axes: of the grid in an array with one axis before it.
         counts: inputs and channels of the kernel.
-        states: what is filled.
+        states: all trajectories; NaN in all but the first of each, and from a blow-up on.
     """
     fields, points = states.shape[2:]
     count = factors.shape[-1]
@@ -152,26 +153,27 @@ def march_rows(
     inputs = np.zeros((counts[0], 1, points))
     channels = np.empty((counts[1], 1, points))
     halved = shape[:-1] + (shape[-1] // 2 + 1,)
-    for row in range(rows[0], rows[1]):
-        saved = 0
-        for i in range(len(plan.t)):
-            if plan.begins[i]:
-                grown = states[row, saved].copy().reshape((fields,) + shape)
-                modes[:] = scipy.fft.rfftn(grown, shape, axes).reshape((fields, count))
-                modes *= parts.mask
-            t, h, mine = plan.t[i], plan.lengths[plan.h[i]], factors[plan.h[i]]
-            own = row if mine.shape[1] > 1 else 0
-            full, half, q = mine[0, own], mine[1, own], mine[2, own]
-            first, middle, last = mine[3, own], mine[4, own], mine[5, own]
-            rest = row, parts, shape, axes, spectra, inputs, channels
-            _rate(kernel, modes, t, *rest, n_u)
-            linear = half * modes
-            a = linear + q * n_u
-            _rate(kernel, a, t + h / 2, *rest, n_a)
-            _rate(kernel, linear + q * n_a, t + h / 2, *rest, n_b)
-            _rate(kernel, half * a + q * (2 * n_b - n_u), t + h, *rest, n_c)
-            modes[:] = full * modes + first * n_u + middle * (n_a + n_b) + last * n_c
-            if plan.ends[i]:
-                saved += 1
-                grown = scipy.fft.irfftn(modes.reshape((fields,) + halved), shape, axes)
-                states[row, saved] = grown.reshape((fields, points))
+    saved = 0
+    for i in range(len(plan.t)):
+        if plan.begins[i]:
+            grown = states[row, saved].copy().reshape((fields,) + shape)
+            modes[:] = scipy.fft.rfftn(grown, shape, axes).reshape((fields, count))
+            modes *= parts.mask
+        t, h, mine = plan.t[i], plan.lengths[plan.h[i]], factors[plan.h[i]]
+        own = row if mine.shape[1] > 1 else 0
+        full, half, q = mine[0, own], mine[1, own], mine[2, own]
+        first, middle, last = mine[3, own], mine[4, own], mine[5, own]
+        rest = row, parts, shape, axes, spectra, inputs, channels
+        _rate(kernel, modes, t, *rest, n_u)
+        linear = half * modes
+        a = linear + q * n_u
+        _rate(kernel, a, t + h / 2, *rest, n_a)
+        _rate(kernel, linear + q * n_a, t + h / 2, *rest, n_b)
+        _rate(kernel, half * a + q * (2 * n_b - n_u), t + h, *rest, n_c)
+        modes[:] = full * modes + first * n_u + middle * (n_a + n_b) + last * n_c
+        if plan.ends[i]:
+            saved += 1
+            grown = scipy.fft.irfftn(modes.reshape((fields,) + halved), shape, axes)
+            states[row, saved] = grown.reshape((fields, points))
+            if not np.isfinite(states[row, saved]).all():
+                return

@@ -64,9 +64,9 @@ class CompiledTendency:
         shape = self.grid.shape
         points = [np.broadcast_to(x.numpy(), shape).ravel() for x in coordinates.values()]
         self._coordinates = np.array(points)
-        self._place = np.array([self.fields[equation] for equation, _ in self._channels])
-        self._outside = np.array([self._symbol(operator) for _, operator in self._channels])
-        self._outside = self._outside.reshape(len(self._place), -1)
+        self._place = _indices(self.fields[equation] for equation, _ in self._channels)
+        outside = [self._symbol(operator) for _, operator in self._channels]
+        self._outside = _rows(outside, self._own[0].size)
         self._mask = two_thirds(system).numpy() if system.config.integrator.dealias else None
 
     def of(self, weights: Array) -> Weighted:

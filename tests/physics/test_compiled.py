@@ -169,8 +169,7 @@ def test_every_term_alone(name: str, request: pytest.FixtureRequest) -> None:
         assert gap < 1e-10, f"{term.equation}: {term}: {gap:.1e}"
 
 
-def test_where_l_is_real_the_result_is_the_same(ks: Case) -> None:
-    """Rows of even terms alone are stepped as pairs of reals, beside odd ones as complex."""
+def test_a_row_is_the_same_whatever_stands_beside_it(ks: Case) -> None:
     even = ks.weights.clone()
     even[:, len(EVEN) :] = 0.0
     case = Case(ks.system, ks.terms, ks.run, ks.start, even)
@@ -179,6 +178,26 @@ def test_where_l_is_real_the_result_is_the_same(ks: Case) -> None:
     beside = torch.cat([even, ks.weights[1:2]])
     start = torch.cat([ks.start, ks.start[1:2]])
     torch.testing.assert_close(ks.run(start, TIMES, beside)[:6], found, rtol=1e-10, atol=1e-10)
+
+
+def test_a_linear_system_has_nothing_pointwise(make) -> None:
+    text = KS.replace("DEALIAS", "false").replace("-u*d(u, x) - d(u, x, 2)", "0.3*d(u, x, 2)")
+    case = make(text, ODD)
+    found = case.run(case.start, TIMES, case.weights)
+    torch.testing.assert_close(found, case.simulated(), rtol=1e-10, atol=1e-10)
+
+
+def test_threads_change_no_bit_and_progress_ends_at_one(engine: Case) -> None:
+    alone = engine.run(engine.start, TIMES, engine.weights)
+    told: list[float] = []
+    torch.set_num_threads(2)
+    try:
+        assert isinstance(engine.run, CompiledMarch)
+        found = engine.run(engine.start, TIMES, engine.weights, told.append)
+    finally:
+        torch.set_num_threads(1)
+    assert torch.equal(found, alone)
+    assert told == sorted(told) and len(told) == len(engine.start) and told[-1] == 1.0
 
 
 def test_dealiasing_is_the_system_s_own(ks: Case, make) -> None:
