@@ -32,7 +32,9 @@ class Misfit(TypedDict):
 class Fit(TypedDict):
     """How well the recording is met; `noise_std` is per sensor, in the sensor's own unit.
 
-    `noise_correlation` is between neighbouring samples, of the quantity in which it is largest.
+    `heldout_restarted` is the held-out time again, run from a state that was fitted to the last
+    samples before it alone. `noise_correlation` is between neighbouring samples, of the quantity
+    in which it is largest.
     """
 
     noise_std: dict[str, float] | None
@@ -41,6 +43,7 @@ class Fit(TypedDict):
     unexplained: float | None
     test_sensors: Misfit
     heldout_time: Misfit
+    heldout_restarted: Misfit
 
 
 class TermFound(TypedDict):
@@ -271,6 +274,7 @@ def new_findings(
         unexplained=None,
         test_sensors=misfit(),
         heldout_time=misfit(),
+        heldout_restarted=misfit(),
     )
     return Findings(
         verdict=verdict,

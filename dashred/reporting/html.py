@@ -35,6 +35,13 @@ details { margin: .6rem 0; } pre { white-space: pre-wrap; font-size: .82rem; }
 COMPARED = ("simulation", "before", "before_refit", "shred", "dashred", "after")
 
 
+PROOFS = {
+    "test_sensors": "test sensors",
+    "heldout_time": "held-out time",
+    "heldout_restarted": "held-out time, from a state fitted just before it",
+}
+
+
 def write_html(
     path: Path,
     findings: Mapping[str, Any],
@@ -116,7 +123,11 @@ def _alternatives(alternatives: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _verification(fit: Mapping[str, Any]) -> str:
-    kinds = {"test_sensors": "test sensors", "heldout_time": "held-out time"}
+    kinds = {
+        kind: title
+        for kind, title in PROOFS.items()
+        if any(fit[kind].get(method) is not None for method in COMPARED)
+    }
     known = {method: [fit[kind].get(method) for kind in kinds] for method in COMPARED}
     rows = [
         [METHODS[method], *("–" if value is None else f"{value:.3g}" for value in values)]
@@ -125,8 +136,9 @@ def _verification(fit: Mapping[str, Any]) -> str:
     ]
     if not rows:
         return ""
-    note = '<p class="note">RMSE in standard deviations; nothing was fitted to either.</p>'
-    return "<h2>Proof</h2>" + note + _table(["", *kinds.values()], rows, numbers={1, 2})
+    note = '<p class="note">RMSE in standard deviations; nothing was fitted to them.</p>'
+    heads = ["", *kinds.values()]
+    return "<h2>Proof</h2>" + note + _table(heads, rows, numbers={*range(1, len(heads))})
 
 
 def _figure(caption: str, file: Path) -> str:

@@ -38,6 +38,7 @@ def summary(
         _compared(findings["input"]),
         _errors("Test sensors, which nothing looked at before", fit["test_sensors"]),
         _errors("Held-out time, the end of the recording", fit["heldout_time"]),
+        _errors("Held-out time, from a state fitted just before it", fit["heldout_restarted"]),
         _errors("Whole field against the hidden truth", (score or {}).get("field_rmse") or {}),
         _proposals(findings["latent"]),
         _paths(paths),

@@ -16,7 +16,11 @@ VERDICTS = {
     "ambiguous": "several explanations fit about equally well",
     "not-converged": "the search did not converge",
 }
-PROOFS = {"test_sensors": "At the test sensors", "heldout_time": "In the held-out time"}
+PROOFS = {
+    "test_sensors": "At the test sensors",
+    "heldout_time": "In the held-out time",
+    "heldout_restarted": "From a state fitted just before it",
+}
 # A p below this is no chance event, whatever its size.
 CERTAIN = 1e-12
 

@@ -18,7 +18,11 @@ from dashred.reporting.traces import draw_sensor
 
 MOST = 3
 COMPARED = ("before", "before_refit", "after")
-WHERE = {"test_sensors": "test sensors", "heldout_time": "held-out time"}
+WHERE = {
+    "test_sensors": "test sensors",
+    "heldout_time": "held-out time",
+    "heldout_restarted": "held-out,\nnew state",
+}
 
 Traces = Float[np.ndarray, "time sensor"]
 
@@ -39,7 +43,7 @@ def verification_figure(
         names: of the test sensors.
         traces: what they would read in `before`, `before_refit` and `after`.
         time_end: end of the fitted time.
-        errors: `test_sensors` and `heldout_time` of the findings.
+        errors: `test_sensors`, `heldout_time` and `heldout_restarted` of the findings.
     """
     shown = min(len(names), MOST)
     with style():

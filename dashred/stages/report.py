@@ -34,7 +34,8 @@ from dashred.stages.problem import Problem
 from dashred.stages.verification import MISFITS
 
 Errors = Mapping[str, float | None]
-HELD_OUT: tuple[Literal["test_sensors"], Literal["heldout_time"]] = ("test_sensors", "heldout_time")
+Proof = Literal["test_sensors", "heldout_time", "heldout_restarted"]
+HELD_OUT: tuple[Proof, ...] = ("test_sensors", "heldout_time", "heldout_restarted")
 PANELS = ("simulation", "dashred", "corrected")
 FIGURES = {
     "What was left out, and how sure that is": "evidence.png",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,7 @@ from dashred.stages.corrected import NAME as CORRECTED
 from dashred.stages.corrected import write_corrected
 from dashred.stages.energy import energy_lost
 from dashred.stages.problem import Problem
+from dashred.stages.restart import restart
 
 # What the findings call the methods.
 MISFITS = {
@@ -63,6 +65,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         unexplained=unexplained(problem.noise_of(names), discovered.noise),
         test_sensors=misfit(**_test_errors(problem, analysis)),
         heldout_time=misfit(**_heldout_errors(problem, analysis)),
+        heldout_restarted=misfit(**_restarted_errors(problem, analysis)),
     )
     proposals = {n: _proposals(problem, f) for n, f in analysis.found.proposals.items()}
     latent = Latent(alg1=proposals["alg1"], alg2=proposals["alg2"])
@@ -191,18 +194,28 @@ def _test_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
 
 
 def _heldout_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
-    heldout = problem.split.heldout
     total = len(problem.times)
+    begin = total - len(problem.split.heldout.times)
+    ends = {"simulation": analysis.nominal.states, **analysis.free.states}
+    runs = {MISFITS[name]: states[begin:total] for name, states in ends.items()}
+    return _on_heldout(problem, runs)
+
+
+def _restarted_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
+    corrected = analysis.free.states["corrected"][: len(problem.split.fit.times)]
+    return _on_heldout(problem, restart(problem, analysis.discovered.best, corrected))
+
+
+def _on_heldout(problem: Problem, runs: Mapping[str, Tensor]) -> dict[str, float]:
+    """Return the RMSE of states over the held-out time, in units of each trace's earlier std."""
+    heldout = problem.split.heldout
     parts = (problem.split.validation, problem.split.fit)
     earlier = {n: std for part in parts for n, std in zip(part.names, _unit(part), strict=True)}
     scale = np.array([earlier[name] for name in heldout.names])
     operator = problem.operator(heldout)
-    ends = {"simulation": analysis.nominal.states, **analysis.free.states}
     return {
-        MISFITS[name]: _relative_rmse(
-            operator(states[total - len(heldout.times) : total]).numpy(), heldout.values, scale
-        )
-        for name, states in ends.items()
+        name: _relative_rmse(operator(states).numpy(), heldout.values, scale)
+        for name, states in runs.items()
     }
 
 

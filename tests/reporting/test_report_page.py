@@ -70,6 +70,7 @@ def found(**changed: Any) -> Any:
         unexplained=0.04,
         test_sensors=misfit(before=0.61, before_refit=0.4, after=0.05, shred=0.3),
         heldout_time=misfit(before_refit=0.2, after=0.3),
+        heldout_restarted=misfit(before_refit=0.5, after=0.1),
     )
     given = {
         "fit": fit,

@@ -35,6 +35,7 @@ def findings_with(latent: Latent | None = None, **errors: float) -> Any:
         unexplained=None,
         test_sensors=misfit(**errors),
         heldout_time=misfit(),
+        heldout_restarted=misfit(),
     )
     return new_findings(SOURCE, fit=fit, latent=latent)
 

@@ -1,0 +1,58 @@
+"""Forecasts from a fresh state: fitted to the last samples before the held-out time alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from dashred.discovery.correction import correct
+from dashred.discovery.gauss_newton import minimise
+from dashred.discovery.law import Law
+from dashred.discovery.noise_model import NoiseModel
+from dashred.discovery.objective import Objective
+from dashred.discovery.shooting import Shooting, Simulator
+from dashred.discovery.starts import LinearStart
+from dashred.stages.objectives import FLOOR, trace_std
+from dashred.stages.problem import Problem
+
+# Samples that a state is fitted to: two seconds of a pendulum's twenty a second.
+SAMPLES = 40
+STEPS, TOLERANCE = 30, 1e-8
+
+
+@torch.no_grad()
+def restart(problem: Problem, law: Law, corrected: Tensor) -> dict[str, Tensor]:
+    """Return free runs over the held-out time, by method, ``(time, field)``.
+
+    The simulator without the law and with it, each from the state that fits best the last samples
+    of the fit window. For ODE systems alone: of a whole field so few samples say too little.
+
+    Args:
+        problem: the recording.
+        law: what the simulator leaves out.
+        corrected: the corrected simulator's free run over the fit window, ``(time, field)``; the
+            state is looked for about its last part, within its own spread.
+    """
+    if problem.system.axes or len(problem.times) == len(corrected):
+        return {}
+    first = max(0, len(corrected) - SAMPLES)
+    fit = problem.split.fit
+    values = torch.from_numpy(fit.values[first:])
+    std = torch.maximum(problem.noise_of(fit.names), FLOOR * trace_std(problem))
+    noise = NoiseModel(std, torch.zeros_like(std), ~torch.isnan(values))
+    start = LinearStart(corrected[first], torch.diag(corrected.std(dim=0)))
+    times, count = problem.times[first:], len(values)
+    runs = {}
+    for method, system in (
+        ("before_refit", problem.system),
+        ("after", correct(problem.system, law)),
+    ):
+        simulator = Simulator(system, system.dt, [])
+        shooting = Shooting(simulator, start, [], problem.operator(fit), times[:count])
+        objective = Objective(shooting, values, noise, torch.zeros(0, dtype=torch.float64))
+        begin = torch.zeros(start.size, dtype=torch.float64)
+        z = minimise(objective, begin, STEPS, TOLERANCE).phi[None]
+        runs[method] = replace(shooting, times=times).states(z, z[:, :0])[0, count:]
+    return runs

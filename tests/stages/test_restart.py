@@ -1,0 +1,90 @@
+"""A forecast from a fresh state: right with the law, wrong without, blind to what it forecasts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dashred.config import load_config
+from dashred.discovery.law import Law
+from dashred.physics.simulate import simulate
+from dashred.physics.system import System
+from dashred.stages.problem import Problem, pose
+from dashred.stages.restart import SAMPLES, restart
+from tests import laws
+
+TEXT = """
+system:
+  title: a swing
+  fields: {x: place, p: momentum}
+  parameters: {k: 4.0}
+  equations: {x: p, p: -k*x}
+  start: {x: 1, p: 0}
+  integrator: {method: rk4, dt: 0.02}
+"""
+TIMES, DAMPING, SIGMA = 0.05 * np.arange(401), -0.1, 0.002
+
+
+def law(system: System, start: Tensor) -> Law:
+    damping = torch.tensor([DAMPING], dtype=torch.float64)
+    one = torch.ones((1, 1), dtype=torch.float64)
+    return Law((laws.term(system, "p", "p"),), damping, one, start, 0.0, 1.0, torch.zeros(1))
+
+
+def posed(folder: Path, tail: float = 0.0) -> tuple[Problem, Tensor]:
+    """Return a recording of the place of a damped swing, whose last fifth may be tampered with."""
+    (folder / "swing.yaml").write_text(TEXT)
+    system = laws.declared(folder, TEXT + "recording: {twin: a, sensors: 1, every: 0.05}\n")
+    real = system.with_terms([(laws.term(system, "p", "p").terms[0], DAMPING)])
+    start = torch.tensor([[1.0, 0.2]], dtype=torch.float64)
+    [states] = simulate(real, start, torch.from_numpy(TIMES))
+    noise = SIGMA * np.random.default_rng(0).standard_normal(len(TIMES))
+    read = states[:, 0].numpy() + noise + tail * (TIMES > 16.0)
+    rows = "\n".join(f"{t:.6g},{x:.9g}" for t, x in zip(TIMES, read, strict=True))
+    (folder / "swing.csv").write_text(f"time,x\n{rows}\n")
+    words = [f"conf={folder}/swing.yaml", f"recording.path={folder}/swing.csv"]
+    return pose(load_config(words, entry="train")), states
+
+
+def test_with_the_law_it_is_right_and_without_it_drifts(tmp_path: Path) -> None:
+    problem, states = posed(tmp_path)
+    fit = len(problem.split.fit.times)
+    runs = restart(problem, law(problem.system, states[0]), states[:fit])
+    assert {run.shape for run in runs.values()} == {(len(TIMES) - fit, 2)}
+    before, after = (
+        float((runs[name] - states[fit:]).square().mean().sqrt())
+        for name in ("before_refit", "after")
+    )
+    assert after < 2 * SIGMA and before > 20 * after
+
+
+def test_nothing_of_the_held_out_time_has_a_part_in_it(tmp_path: Path) -> None:
+    (tmp_path / "one").mkdir()
+    (tmp_path / "two").mkdir()
+    problem, states = posed(tmp_path / "one")
+    other, _ = posed(tmp_path / "two", tail=5.0)
+    fit = len(problem.split.fit.times)
+    assert not np.array_equal(problem.split.heldout.values, other.split.heldout.values)
+    found = law(problem.system, states[0])
+    runs, again = (restart(each, found, states[:fit]) for each in (problem, other))
+    for name, run in runs.items():
+        assert torch.equal(run, again[name])
+
+
+def test_only_the_last_samples_are_fitted(tmp_path: Path) -> None:
+    problem, states = posed(tmp_path)
+    fit = len(problem.split.fit.times)
+    found = law(problem.system, states[0])
+    runs = restart(problem, found, states[:fit])
+    problem.split.fit.values[: fit - SAMPLES] += 3.0
+    again = restart(problem, found, states[:fit])
+    # σ keeps its floor in the traces' std, which has grown: it weighs all samples alike.
+    torch.testing.assert_close(again["after"], runs["after"], rtol=1e-4, atol=1e-4)
+
+
+def test_without_held_out_time_there_is_nothing_to_forecast(tmp_path: Path) -> None:
+    problem, states = posed(tmp_path)
+    assert restart(problem, law(problem.system, states[0]), states) == {}
