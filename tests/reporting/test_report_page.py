@@ -101,7 +101,9 @@ def test_the_summary_begins_with_what_matters_most() -> None:
     )
     assert lines[6].endswith("0.05 after: 8 times smaller.")
     assert lines[7].endswith("0.3 after: 1.5 times larger.")
-    assert lines[9].startswith("Front <in> a ring & more: the simulation against")
+    assert lines[8].startswith("  From a state fitted just before it the error is 0.5 with")
+    assert lines[8].endswith("0.1 after: 5 times smaller.")
+    assert lines[10].startswith("Front <in> a ring & more: the simulation against")
 
 
 def test_the_energy_lost_is_told_cycle_by_cycle() -> None:
