@@ -115,9 +115,9 @@ def _rmse(
     samples = first_samples(objective)
     shooting = replace(objective.shooting.until(samples), operator=problem.operator(sensors))
     [readings] = shooting.readings(z[None], z.new_zeros((1, 0)))
-    scaled = (readings - torch.from_numpy(sensors.values[:samples])) / problem.noise_of(
-        sensors.names
-    )
-    rmse = float(scaled.square().nanmean().sqrt())
-    count = int(torch.isfinite(scaled).sum())
-    return rmse if math.isfinite(rmse) else math.inf, max(count, 1)
+    recorded = torch.from_numpy(sensors.values[:samples])
+    seen = ~torch.isnan(recorded)
+    # Where a run blows up, nothing is missing: the seed is lost.
+    scaled = ((readings - recorded) / problem.noise_of(sensors.names))[seen]
+    rmse = float(scaled.square().mean().sqrt()) if len(scaled) else math.inf
+    return rmse if math.isfinite(rmse) else math.inf, max(len(scaled), 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -226,9 +227,13 @@ def _unit(recording: Recording) -> np.ndarray:
 
 
 def _relative_rmse(read: np.ndarray, recorded: np.ndarray, scale: np.ndarray) -> float:
-    """RMSE over all sensors, each in units of its trace's std; missing samples left out."""
-    error = (read - recorded) / scale
-    return float(np.sqrt(np.nanmean(error**2)))
+    """RMSE over all sensors, each in units of its trace's std; not finite if a run blows up.
+
+    Missing samples are left out, and they alone: what a lost run would read is not missing.
+    """
+    seen = ~np.isnan(recorded)
+    error = ((read - recorded) / scale)[seen]
+    return float(np.sqrt(np.mean(error**2))) if seen.any() else math.nan
 
 
 def _proposals(problem: Problem, fit: SparseFit) -> LatentSindy:

@@ -44,6 +44,14 @@ def test_errors_count_in_stds_of_each_trace_and_pass_over_missing_samples() -> N
     assert error == pytest.approx(np.sqrt((1 + 0 + 4) / 3))
 
 
+def test_a_run_that_blows_up_has_no_error_rather_than_a_small_one() -> None:
+    recorded = np.array([[0.0], [1.0], [np.nan]])
+    lost = np.array([[0.0], [np.nan], [np.nan]])
+    assert not np.isfinite(verification._relative_rmse(lost, recorded, np.ones(1)))
+    assert verification._relative_rmse(lost[:1], recorded[:1], np.ones(1)) == 0.0
+    assert np.isnan(verification._relative_rmse(lost[2:], recorded[2:], np.ones(1)))
+
+
 def test_estimates_are_written_by_method_on_the_grid(posed, tmp_path) -> None:
     system: System = posed.system
     times = posed.times[:4]
