@@ -1,0 +1,39 @@
+"""Which seed a walk begins from: the best on sensors, the prior within chance of it."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+
+from dashred.discovery.starts import LinearStart
+from dashred.stages.seeding import Seed, ranked
+
+MODEL = LinearStart(torch.zeros(2).double(), torch.eye(2).double())
+
+
+def seed(name: str, error: float, count: int = 50) -> Seed:
+    return Seed(name, MODEL, torch.zeros(2).double(), error, count)
+
+
+def names(*seeds: Seed) -> list[str]:
+    return [found.name for found in ranked(seeds)]
+
+
+def test_the_best_on_validation_comes_first() -> None:
+    assert names(seed("blue", 1.4), seed("filter", 1.1), seed("dashred", 9.0)) == [
+        "filter",
+        "blue",
+        "dashred",
+    ]
+
+
+def test_within_chance_the_prior_goes_before_seeds_that_use_data_twice() -> None:
+    # Two standard errors of an rms of 50 values are a fifth.
+    assert names(seed("filter", 1.0), seed("prior", 1.19)) == ["prior", "filter"]
+    assert names(seed("filter", 1.0), seed("prior", 1.21)) == ["filter", "prior"]
+    assert names(seed("filter", 1.0, count=5000), seed("prior", 1.19)) == ["filter", "prior"]
+
+
+def test_a_seed_that_was_lost_comes_last() -> None:
+    assert names(seed("prior", math.inf), seed("blue", 30.0)) == ["blue", "prior"]
