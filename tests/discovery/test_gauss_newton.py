@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.discovery.gauss_newton import Refits, chord_refits, minimise
+from dashred.discovery.gauss_newton import LADDER, Fitted, Refits, _step, chord_refits, minimise
 from dashred.discovery.objective import Normal, Objective
 from tests.swing import DRIVES, TIMES, Swing, noisy, ridge
 
@@ -137,6 +137,19 @@ def test_a_row_that_blows_up_spoils_no_other(bent: Objective) -> None:
     torch.testing.assert_close(found.phi[kept], alone.phi, rtol=1e-12, atol=1e-12)
     torch.testing.assert_close(found.cost[kept], alone.cost, rtol=1e-12, atol=0)
     assert found.converged[kept].tolist() == alone.converged.tolist()
+
+
+def test_where_small_dampings_all_overshoot_larger_ones_are_tried(linear: Objective) -> None:
+    """The Jacobian is a hundred times too flat: even a fourth of the step is far too long."""
+    phi = nothing(linear)
+    about = normal(linear, phi)
+    flat = replace(about, jacobian=about.jacobian / 100, precision=about.precision * 1e-4)
+    [cost], (readings, _) = linear.values(phi[None])
+    here = Fitted(phi, float(cost), float(cost), readings[0], False, 0)
+    assert _step(linear, flat, here, LADDER[:1]) is here
+    lower = _step(linear, flat, here, LADDER)
+    assert lower.cost < here.cost
+    assert lower.cost == pytest.approx(float(linear.values(lower.phi[None])[0][0]))
 
 
 def test_a_step_that_overshoots_is_damped_until_it_gains(bent: Objective) -> None:
