@@ -49,13 +49,15 @@ def record(config: Config, output: Path) -> None:
     import torch
 
     from dashred.output import make_output
+    from dashred.physics.side_by_side import use_threads
     from dashred.physics.system import System
     from dashred.progress import stage
     from dashred.sealing import Truth, seal
     from dashred.sensing.write_netcdf import write_netcdf
     from dashred.twin_file import read_twin
 
-    torch.set_num_threads(config.threads)
+    torch.set_num_threads(1)
+    use_threads(config.threads)
     twin = read_twin(config)
     rng = np.random.default_rng(_key(twin, config.seed))
     system = System(config.system, config.where)

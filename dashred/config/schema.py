@@ -331,7 +331,8 @@ class Settings:
     """Fixes everything random in the analysis."""
 
     threads: Count
-    """CPU threads: trajectories are shared among them, and torch uses them."""
+    """CPU threads that trajectories are shared among. torch itself takes one: its arrays are small,
+    and on a busy machine its threads would wait for each other."""
 
     device: str
     """``cpu``, ``cuda`` or ``cuda:1``."""

@@ -5,8 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
@@ -19,6 +18,7 @@ from dashred.physics.compiled_tendency import CompiledTendency
 from dashred.physics.forcing import Forcing
 from dashred.physics.integrators.etdrk4 import coefficients
 from dashred.physics.integrators.schedule import schedule
+from dashred.physics.side_by_side import in_threads
 from dashred.physics.system import System, Term
 
 Progress = Callable[[float], None]
@@ -125,14 +125,3 @@ def _factors(linear: Modes, lengths: NDArray[np.float64]) -> Modes:
     rates = torch.from_numpy(linear)
     found = [torch.stack(list(coefficients(rates, h))) for h in lengths.tolist()]
     return torch.stack(found).flatten(4).contiguous().numpy()
-
-
-def in_threads(run: Callable[[int], None], count: int) -> Iterator[float]:
-    """Run ``count`` independent rows, as many at a time as torch has threads.
-
-    Yields:
-        The share that is done, after each row.
-    """
-    with ThreadPoolExecutor(torch.get_num_threads()) as pool:
-        for done, _ in enumerate(pool.map(run, range(count)), start=1):
-            yield done / count

@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 from dashred.config import Config
 from dashred.errors import InputError
 from dashred.findings import Findings, write_json_atomic
+from dashred.physics.side_by_side import use_threads
 from dashred.reporting.summary import print_summary, summary
 from dashred.tracking import Tracker
 
@@ -24,9 +25,11 @@ def prepare_torch(config: Config) -> None:
     Raises:
         InputError: this machine has no such device.
     """
-    torch.set_num_threads(config.threads)
-    # NumPy's linear algebra has threads of its own; here its matrices are too small for any.
-    threadpool_limits(config.threads)
+    use_threads(config.threads)
+    # Arrays here are too small to share; on a busy machine torch's threads, and those of NumPy's
+    # linear algebra, would spend their time waiting for each other.
+    torch.set_num_threads(1)
+    threadpool_limits(1)
     torch.use_deterministic_algorithms(True, warn_only=True)
     # Lightning advertises, and speaks of GPUs that nobody asked for; our stages tell the story.
     logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)

@@ -15,6 +15,7 @@ from dashred.physics.compiled_march import CompiledMarch
 from dashred.physics.compiled_ode import CompiledOde
 from dashred.physics.forcing import Forcing
 from dashred.physics.prior import nominal_start
+from dashred.physics.side_by_side import use_threads
 from dashred.physics.simulate import simulate
 from dashred.physics.simulator import Interpreted, Run, compiled
 from dashred.physics.system import System, Term
@@ -190,12 +191,12 @@ def test_a_linear_system_has_nothing_pointwise(make) -> None:
 def test_threads_change_no_bit_and_progress_ends_at_one(engine: Case) -> None:
     alone = engine.run(engine.start, TIMES, engine.weights)
     told: list[float] = []
-    torch.set_num_threads(2)
+    use_threads(2)
     try:
         assert isinstance(engine.run, CompiledMarch)
         found = engine.run(engine.start, TIMES, engine.weights, told.append)
     finally:
-        torch.set_num_threads(1)
+        use_threads(1)
     assert torch.equal(found, alone)
     assert told == sorted(told) and len(told) == len(engine.start) and told[-1] == 1.0
 

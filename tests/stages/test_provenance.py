@@ -10,6 +10,7 @@ import torch
 from dashred.config import load_config
 from dashred.errors import InputError
 from dashred.output import clear_output, make_output
+from dashred.physics.side_by_side import use_threads
 from dashred.stages import provenance
 
 
@@ -17,7 +18,7 @@ from dashred.stages import provenance
 def _as_it_was():
     yield
     torch.use_deterministic_algorithms(False)
-    torch.set_num_threads(1)
+    use_threads(1)
 
 
 @pytest.mark.parametrize(
