@@ -59,6 +59,10 @@ class CompiledTendency:
         self._derived = [
             (name, self.fields[v.field], self._symbol(v.operator)) for name, v in derived.items()
         ]
+        self._readers = [[b for b in self.bodies if name in read_by([b])] for name in derived]
+        self._writers = [
+            [b for b in self.bodies if b.channel == c] for c in range(len(self._channels))
+        ]
         coordinates = self.grid.coordinates
         self.kernel = compile_kernel(self.bodies, [*self.fields, *derived], list(coordinates))
         shape = self.grid.shape
@@ -125,20 +129,8 @@ class Weighted:
         self.parts = Parts(
             field=_indices(field for _, field, _ in compiled._derived),
             symbol=_rows([symbol for _, _, symbol in compiled._derived], modes),
-            active=_active(
-                [
-                    [body for body in compiled.bodies if name in read_by([body])]
-                    for name, _, _ in compiled._derived
-                ],
-                weights,
-            ),
-            filled=_active(
-                [
-                    [body for body in compiled.bodies if body.channel == channel]
-                    for channel in range(len(compiled._place))
-                ],
-                weights,
-            ),
+            active=_active(compiled._readers, weights),
+            filled=_active(compiled._writers, weights),
             place=compiled._place,
             outside=compiled._outside,
             to=_indices(equation for equation, *_ in couplings),

@@ -41,6 +41,13 @@ def trace_std(problem: Problem) -> Tensor:
     return torch.from_numpy(problem.split.fit.trace_std())
 
 
+def fit_noise(problem: Problem) -> NoiseModel:
+    """Return the noise of the fit sensors, as far as it is known before any fit."""
+    fit = problem.split.fit
+    std = torch.maximum(problem.noise_of(fit.names), FLOOR * trace_std(problem))
+    return NoiseModel(std, torch.zeros_like(std), ~torch.isnan(torch.from_numpy(fit.values)))
+
+
 def pose_objective(
     problem: Problem,
     simulator: Simulator,
@@ -61,8 +68,6 @@ def pose_objective(
     operator = problem.operator(fit)
     times = problem.times[: len(fit.times)]
     recorded = torch.from_numpy(fit.values)
-    std = torch.maximum(problem.noise_of(fit.names), FLOOR * trace_std(problem))
-    noise = NoiseModel(std, torch.zeros_like(std), ~torch.isnan(recorded))
     scales = torch.tensor([c.scale for c in candidates], dtype=torch.float64)
     shooting = Shooting(simulator, start, candidates, operator, times)
-    return Objective(shooting, recorded, noise, prior * scales)
+    return Objective(shooting, recorded, fit_noise(problem), prior * scales)

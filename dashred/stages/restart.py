@@ -10,11 +10,10 @@ from torch import Tensor
 from dashred.discovery.correction import correct
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import Law
-from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.shooting import Shooting, Simulator
 from dashred.discovery.starts import LinearStart
-from dashred.stages.objectives import FLOOR, trace_std
+from dashred.stages.objectives import fit_noise
 from dashred.stages.problem import Problem
 
 # Samples that a state is fitted to: two seconds of a pendulum's twenty a second.
@@ -40,8 +39,8 @@ def restart(problem: Problem, law: Law, corrected: Tensor) -> dict[str, Tensor]:
     first = max(0, len(corrected) - SAMPLES)
     fit = problem.split.fit
     values = torch.from_numpy(fit.values[first:])
-    std = torch.maximum(problem.noise_of(fit.names), FLOOR * trace_std(problem))
-    noise = NoiseModel(std, torch.zeros_like(std), ~torch.isnan(values))
+    noise = fit_noise(problem)
+    noise = replace(noise, seen=noise.seen[first:])
     start = LinearStart(corrected[first], torch.diag(corrected.std(dim=0)))
     times, count = problem.times[first:], len(values)
     runs = {}
