@@ -55,7 +55,7 @@ def discover(
             simulator = exact_simulator(problem, candidates)
             rough = rough_simulator(problem, simulator, resolution)
             seeds = fit_seeds(problem, rough, nominal, ensemble, learned, found, report)
-            report(1.0, ", ".join(f"{s.name} {s.error:.2f}" for s in seeds) + " σ on validation")
+            report(1.0, ", ".join(f"{s.name} {s.error:.2f}" for s in seeds) + " σ off its sensors")
         child.log_metrics({f"seed/{s.name}": s.error for s in seeds if math.isfinite(s.error)}, 0)
         with stage("grow the horizon", seconds) as report:
             seed, walked = _walk(problem, rough, candidates, seeds, report)

@@ -24,7 +24,8 @@ def energy_lost(
     """Return what share of its energy the corrected system loses in its first and last cycle.
 
     A cycle lies between two upward passages of the first field through its mean, and its share is
-    ``1 - E(end)/E(begin)``. Null where ``system.energy`` is, or where there is no whole cycle.
+    ``1 - E(end)/E(begin)``. Null where ``system.energy`` is, and where there is no whole cycle,
+    or none under any law that is drawn.
 
     Args:
         system: the simulator; its ``energy`` is meant.
@@ -38,9 +39,10 @@ def energy_lost(
     starts = law.start.expand(len(laws), *law.start.shape)
     paths = simulate(system, starts, times, forcing_of(law.candidates, laws))
     best, *drawn = (_shares(system, path, times.numpy()) for path in paths)
-    if not len(best):
+    swung = [each for each in drawn if len(each)]
+    if not len(best) or not swung:
         return None
-    spread = np.std([[each[0], each[-1]] for each in drawn if len(each)], axis=0)
+    spread = np.std([[each[0], each[-1]] for each in swung], axis=0)
     return EnergyLost(
         expression=system.config.energy,
         cycles=len(best),

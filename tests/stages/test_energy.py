@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +73,15 @@ def test_without_an_expression_or_a_cycle_nothing_is_said(tmp_path: Path) -> Non
     system = swing(tmp_path)
     few = TIMES[:100]
     assert energy_lost(system, damped(system, DAMPING), few, np.random.default_rng(0)) is None
+
+
+def test_a_cycle_that_no_other_likely_law_has_is_not_reported(tmp_path: Path) -> None:
+    system = swing(tmp_path)
+    law = damped(system, DAMPING)
+    # A damping this uncertain is an overdamped creep, or a blow-up, in every draw.
+    vague = replace(law, covariance=torch.tensor([[1e6]], dtype=torch.float64))
+    assert energy_lost(system, law, TIMES, np.random.default_rng(0)) is not None
+    assert energy_lost(system, vague, TIMES, np.random.default_rng(0)) is None
 
 
 @pytest.mark.parametrize(
