@@ -6,12 +6,13 @@ its noise, not its random stream. The seal lies in a private folder until the fi
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from dashred.config import Config
@@ -24,6 +25,12 @@ OWN = ("output=", "tracking.run=", "tracking.parent=")
 # Of what describes the twin, the step of the analysis clock alone is the analysis' business.
 TWIN = "recording."
 CLOCK = "recording.every="
+# What each process needs sooner or later, beside its entry point's own imports.
+NEEDED = {
+    "record": ("dashred.sensing.write_netcdf", "dashred.physics.simulate"),
+    "train": ("dashred.stages.report", "mlflow"),
+    "score": ("dashred.scoring", "dashred.reporting.figures", "mlflow"),
+}
 
 
 class _EndedError(Exception):
@@ -55,21 +62,24 @@ def _run(
 ) -> None:
     experiment = config.tracking.experiment or config.name
     sealed, recording = private / "sealed.nc", open_to_all / "recording.nc"
-    with _process("record", [*words, f"output={private}"]):
+    with _standby("record") as recorder, _standby("train") as analyser:
+        _tell(recorder, [*words, f"output={private}"])
         # The store's schema takes seconds to create: time that the recorder needs anyway.
         store = open_store(config.tracking.root, experiment)
-    shutil.move(private / "recording.nc", recording)
-    with _open_run(config, experiment, store) as run:
-        output = named or run.artifact_dir
-        told = [word for word in words if not word.startswith(TWIN) or word.startswith(CLOCK)]
-        told += [f"recording.path={recording}", f"output={output}", f"tracking.run={run.run_id}"]
-        with _process("train", told):
-            pass
-        shutil.copyfile(recording, output / "recording.nc")
-        place = [f"root={config.tracking.root}", f"experiment={experiment}", f"run={run.run_id}"]
-        with _process("score", [f"findings={output}", f"sealed={sealed}", *place]):
-            pass
-        shutil.copyfile(sealed, output / "sealed.nc")
+        _wait(recorder)
+        shutil.move(private / "recording.nc", recording)
+        with _open_run(config, experiment, store) as run, _standby("score") as scorer:
+            output = named or run.artifact_dir
+            told = [word for word in words if not word.startswith(TWIN) or word.startswith(CLOCK)]
+            told += [f"recording.path={recording}", f"output={output}"]
+            _tell(analyser, [*told, f"tracking.run={run.run_id}"])
+            _wait(analyser)
+            shutil.copyfile(recording, output / "recording.nc")
+            place = [f"root={config.tracking.root}", f"experiment={experiment}"]
+            place += [f"findings={output}", f"sealed={sealed}", f"run={run.run_id}"]
+            _tell(scorer, place)
+            _wait(scorer)
+            shutil.copyfile(sealed, output / "sealed.nc")
 
 
 @contextmanager
@@ -88,19 +98,30 @@ def _open_run(config: Config, experiment: str, store: Store) -> Iterator[Tracker
 
 
 @contextmanager
-def _process(entry: str, words: list[str]) -> Iterator[None]:
-    """Run an entry point beside the block, and wait for it.
+def _standby(entry: str) -> Iterator[subprocess.Popen[str]]:
+    """Get an entry point ready beside the block; at its end nothing of it is left running."""
+    command = [sys.executable, "-m", "dashred.standby", f"dashred.{entry}", *NEEDED[entry]]
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, text=True)
+    try:
+        yield process
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def _tell(process: subprocess.Popen[str], words: list[str]) -> None:
+    """Start an entry point on its words."""
+    assert process.stdin is not None
+    # One that has died meanwhile is told by its exit code.
+    with suppress(BrokenPipeError), process.stdin as stdin:
+        stdin.write(json.dumps(words) + "\n")
+
+
+def _wait(process: subprocess.Popen[str]) -> None:
+    """Wait for an entry point to end.
 
     Raises:
         _EndedError: with an exit code that is not 0.
     """
-    process = subprocess.Popen([sys.executable, "-m", f"dashred.{entry}", *words])
-    try:
-        yield
-        code = process.wait()
-    except BaseException:
-        process.terminate()
-        process.wait()
-        raise
-    if code != DONE:
+    if (code := process.wait()) != DONE:
         raise _EndedError(code)

@@ -5,6 +5,8 @@ And a twin experiment that takes seconds, for the tests of whole runs.
 
 from __future__ import annotations
 
+import io
+import json
 import os
 import subprocess
 import sys
@@ -111,19 +113,39 @@ class InProcess:
     monkeypatch: ClassVar[pytest.MonkeyPatch]
     code: int
 
-    def __init__(self, command: list[str]) -> None:
+    def __init__(self, command: list[str], **_: object) -> None:
+        """Stand by."""
+        assert command[1:3] == ["-m", "dashred.standby"]
+        self.module = command[3]
+        self.stdin = Told(self)
+
+    def run(self, words: list[str]) -> None:
         """Run the entry point to its end."""
-        _, flag, module, *words = command
-        assert flag == "-m"
-        self.started.append([module, *words])
-        self.code = _entry(self.monkeypatch, module, words)
+        self.started.append([self.module, *words])
+        self.code = _entry(self.monkeypatch, self.module, words)
 
     def wait(self) -> int:
         """Return the exit code."""
         return self.code
 
     def terminate(self) -> None:
-        """Do nothing: it has ended."""
+        """Do nothing: it has ended, or was never told to begin."""
+        self.code = getattr(self, "code", 0)
+
+
+class Told(io.StringIO):
+    """The stdin of one that stands by."""
+
+    def __init__(self, process: InProcess) -> None:
+        """Hold who reads it."""
+        super().__init__()
+        self.process = process
+
+    def close(self) -> None:
+        """Hand over what was written."""
+        words = json.loads(self.getvalue())
+        super().close()
+        self.process.run(words)
 
 
 def _entry(monkeypatch: pytest.MonkeyPatch, module: str, words: list[str]) -> int:
@@ -144,7 +166,9 @@ def stand_in(monkeypatch: pytest.MonkeyPatch) -> type[InProcess]:
         started: ClassVar[list[list[str]]] = []
 
     Here.monkeypatch = monkeypatch
-    monkeypatch.setattr("dashred.twin_experiment.subprocess", SimpleNamespace(Popen=Here))
+    monkeypatch.setattr(
+        "dashred.twin_experiment.subprocess", SimpleNamespace(Popen=Here, PIPE=None)
+    )
     return Here
 
 

@@ -11,7 +11,6 @@ import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,7 @@ from dashred.errors import InputError
 CHECKOUT = Path(__file__).resolve().parents[1]
 PACKAGES = ("dashred", "datamodules", "callbacks")
 # A bench knows every twin's name, and reads scores: it stands on the scorer's side.
-SECRET_FILES = {"record", "score", "sealing", "twin_file", "twin_experiment", "bench"}
+SECRET_FILES = {"record", "score", "sealing", "twin_file", "twin_experiment", "standby", "bench"}
 SECRET_PACKAGES = {"benchmark"}
 SECRET = SECRET_FILES | SECRET_PACKAGES
 CONCEALED = (
@@ -367,15 +366,16 @@ def test_the_scorer_leaves_the_findings_as_they_were(copied, twin_run) -> None:
 def test_findings_are_frozen_before_the_scorer_starts(quick, train, stand_in, monkeypatch) -> None:
     seen = []
 
-    def watching(command: list[str]) -> object:
-        output = next((w[9:] for w in command if w.startswith("findings=")), None)
+    run = stand_in.run
+
+    def watching(process: object, words: list[str]) -> None:
+        output = next((w[9:] for w in words if w.startswith("findings=")), None)
         if output is not None:
             left = {path.name for path in Path(output).iterdir()}
             seen.append(("freeze.json" in left, "sealed.nc" in left, "score.json" in left))
-        return stand_in(command)
+        run(process, words)
 
-    namespace = SimpleNamespace(Popen=watching)
-    monkeypatch.setattr("dashred.twin_experiment.subprocess", namespace)
+    monkeypatch.setattr(stand_in, "run", watching)
     ended = train(f"conf={quick}", "recording.twin=null")
     assert ended.code == 0, ended.err
     assert seen == [(True, False, False)]

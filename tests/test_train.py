@@ -6,7 +6,7 @@ import json
 import re
 import sqlite3
 from pathlib import Path
-from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -134,16 +134,15 @@ def test_a_process_that_dies_fails_the_run(quick, train, stand_in, monkeypatch) 
 
     monkeypatch.setattr("dashred.stages.learning.train_shred", killed)
 
-    def dying(command: list[str]) -> object:
-        try:
-            return stand_in(command)
-        except SystemExit as ended:
-            dead = stand_in.__new__(stand_in)
-            dead.code = ended.code
-            return dead
+    run = stand_in.run
 
-    namespace = SimpleNamespace(Popen=dying)
-    monkeypatch.setattr("dashred.twin_experiment.subprocess", namespace)
+    def dying(process: Any, words: list[str]) -> None:
+        try:
+            run(process, words)
+        except SystemExit as ended:
+            process.code = ended.code
+
+    monkeypatch.setattr(stand_in, "run", dying)
     ended = train(f"conf={quick}")
     assert ended.code == 1
     with sqlite3.connect(ended.root / "mlflow.db") as database:
