@@ -20,6 +20,7 @@ from dashred.physics.integrators.etdrk4 import coefficients
 from dashred.physics.integrators.schedule import schedule
 from dashred.physics.side_by_side import in_threads
 from dashred.physics.system import System, Term
+from dashred.physics.window import Shape
 
 Progress = Callable[[float], None]
 
@@ -32,14 +33,17 @@ class CompiledMarch:
     Args:
         system: a spectral system.
         terms: whatever a trajectory may carry, lets and parameters resolved.
+        shapes: of the windows in which it may carry them.
 
     Raises:
         NotSeparableError, ArithmeticError: the equations cannot be taken apart.
     """
 
-    def __init__(self, system: System, terms: Sequence[Term]) -> None:
+    def __init__(
+        self, system: System, terms: Sequence[Term], shapes: tuple[Shape, ...] = ()
+    ) -> None:
         self.system = system
-        self.tendency = CompiledTendency(system, terms)
+        self.tendency = CompiledTendency(system, terms, shapes)
 
     def with_step(self, dt: float) -> CompiledMarch:
         """Return the same with another time step, nothing compiled again."""
@@ -55,7 +59,8 @@ class CompiledMarch:
         Args:
             start: ``(batch, field, *grid)`` at ``times[0]``.
             times: output times, ``(time,)``.
-            weights: coefficient of every term, ``(batch, term)``.
+            weights: coefficient of every term, ``(batch, term)``; with windows, as
+                :class:`dashred.physics.weights.Columns` lays them out.
             progress: called with the fraction done.
         """
         batch = self.tendency.of(weights.numpy())

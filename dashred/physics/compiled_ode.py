@@ -16,6 +16,8 @@ from dashred.physics.forcing import Forcing
 from dashred.physics.integrators.schedule import schedule
 from dashred.physics.kernel import KERNEL, REAL, Array, Body, compile_kernel
 from dashred.physics.system import System, Term
+from dashred.physics.weights import Columns
+from dashred.physics.window import Shape
 
 Progress = Callable[[float], None]
 
@@ -28,14 +30,21 @@ class CompiledOde:
     Args:
         system: an ODE system whose method is ``rk4``.
         terms: whatever a trajectory may carry, lets and parameters resolved.
+        shapes: of the windows in which it may carry them.
     """
 
-    def __init__(self, system: System, terms: Sequence[Term]) -> None:
+    def __init__(
+        self, system: System, terms: Sequence[Term], shapes: tuple[Shape, ...] = ()
+    ) -> None:
         self.system = system
+        columns = Columns(len(terms), shapes)
         channel = {field: i for i, field in enumerate(system.fields)}
         bodies = [Body(channel[f], expr, None) for f, expr in system.resolved.items()]
-        bodies += [Body(channel[t.equation], t.expression, j) for j, t in enumerate(terms)]
-        self.kernel = compile_kernel(bodies, list(system.fields), [])
+        bodies += [
+            Body(channel[term.equation], term.expression, j, columns.inside(j))
+            for j, term in enumerate(terms)
+        ]
+        self.kernel = compile_kernel(bodies, list(system.fields), [], columns.factors())
 
     def with_step(self, dt: float) -> CompiledOde:
         """Return the same with another time step, nothing compiled again."""
@@ -49,7 +58,8 @@ class CompiledOde:
         Args:
             start: ``(batch, field)`` at ``times[0]``.
             times: output times, ``(time,)``.
-            weights: coefficient of every term, ``(batch, term)``.
+            weights: coefficient of every term, ``(batch, term)``; with windows, as
+                :class:`dashred.physics.weights.Columns` lays them out.
         """
         steps = list(schedule(times.tolist(), self.system.dt))
         saved = np.empty((len(times), start.shape[1], len(start), 1))

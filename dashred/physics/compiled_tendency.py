@@ -12,10 +12,19 @@ from dashred.physics.algebra import ZERO, Expr
 from dashred.physics.compiled_step import Modes, Parts
 from dashred.physics.kernel import Array, Body, compile_kernel, read_by
 from dashred.physics.linear import is_linear, symbols
-from dashred.physics.linearisation import OPERAND, Input, Separated, separate
+from dashred.physics.linearisation import (
+    OPERAND,
+    Input,
+    NotSeparableError,
+    Separated,
+    Separator,
+    separate,
+)
 from dashred.physics.spectral import Spectral
 from dashred.physics.system import System, Term
 from dashred.physics.tendency import two_thirds
+from dashred.physics.weights import Columns
+from dashred.physics.window import Shape
 
 CPU = torch.device("cpu")
 
@@ -26,13 +35,17 @@ class CompiledTendency:
     Args:
         system: a spectral system.
         terms: whatever a trajectory may carry, lets and parameters resolved.
+        shapes: of the windows in which it may carry them; those that are pointwise alone.
 
     Raises:
         NotSeparableError, ArithmeticError: see :func:`dashred.physics.linearisation.separate`.
     """
 
-    def __init__(self, system: System, terms: Sequence[Term]) -> None:
+    def __init__(
+        self, system: System, terms: Sequence[Term], shapes: tuple[Shape, ...] = ()
+    ) -> None:
         assert isinstance(system.operators, Spectral)
+        self.columns = Columns(len(terms), shapes)
         self.operators, self.grid = system.operators, system.grid
         self.fields = {field: i for i, field in enumerate(system.fields)}
         axes = [axis.name for axis in system.axes]
@@ -55,6 +68,8 @@ class CompiledTendency:
         inputs: dict[str, Input] = dict(base.inputs)
         for part in parts:
             inputs |= part.inputs
+        if shapes:
+            inputs |= self._put_inside(terms, axes)
         derived = {n: v for n, v in inputs.items() if v.operator != OPERAND}
         self._derived = [
             (name, self.fields[v.field], self._symbol(v.operator)) for name, v in derived.items()
@@ -64,7 +79,8 @@ class CompiledTendency:
             [b for b in self.bodies if b.channel == c] for c in range(len(self._channels))
         ]
         coordinates = self.grid.coordinates
-        self.kernel = compile_kernel(self.bodies, [*self.fields, *derived], list(coordinates))
+        read = [*self.fields, *derived]
+        self.kernel = compile_kernel(self.bodies, read, list(coordinates), self.columns.factors())
         shape = self.grid.shape
         points = [np.broadcast_to(x.numpy(), shape).ravel() for x in coordinates.values()]
         self._coordinates = np.array(points)
@@ -74,7 +90,7 @@ class CompiledTendency:
         self._mask = two_thirds(system).numpy() if system.config.integrator.dealias else None
 
     def of(self, weights: Array) -> Weighted:
-        """Return N of a batch with coefficients ``(row, term)``."""
+        """Return N of a batch with weights ``(row, column)``."""
         return Weighted(self, np.ascontiguousarray(weights))
 
     def _bodies(self, parts: Separated, weight: int | None) -> list[Body]:
@@ -85,6 +101,23 @@ class CompiledTendency:
                 place = self._channels.setdefault(key, len(self._channels))
                 found.append(Body(place, channel.body, weight))
         return found
+
+    def _put_inside(self, terms: Sequence[Term], axes: list[str]) -> dict[str, Input]:
+        """Let every pointwise term stand within a window, too; return what they read."""
+        separator = Separator(frozenset(self.fields), tuple(axes))
+        for j, term in enumerate(terms):
+            try:
+                body = separator.pointwise(term.expression)
+            except NotSeparableError:
+                continue
+            key = term.equation, OPERAND
+            place = self._channels.setdefault(key, len(self._channels))
+            alike = [b for b in self.bodies if b == Body(place, body, j)]
+            for found in alike:
+                self.bodies.remove(found)
+            weight = j if alike else None
+            self.bodies.append(Body(place, body, weight, self.columns.inside(j)))
+        return separator.inputs
 
     def _coupled(
         self, parts: Separated, weight: int | None
@@ -120,7 +153,8 @@ class Weighted:
     """
 
     def __init__(self, compiled: CompiledTendency, weights: Array) -> None:
-        added = np.tensordot(weights, compiled._symbols, axes=1)
+        terms = weights[:, : compiled.columns.terms]
+        added = np.tensordot(terms, compiled._symbols, axes=1)
         self.linear = compiled._own + (added if added.any() else np.zeros_like(added[:1]))
         self.counts = len(compiled.fields) + len(compiled._derived), len(compiled._place)
         couplings = compiled._couplings
@@ -152,7 +186,8 @@ def _active(groups: Sequence[Sequence[Body]], weights: Array) -> NDArray[np.bool
     active = np.zeros((len(weights), len(groups)), dtype=np.bool_)
     for place, bodies in enumerate(groups):
         for body in bodies:
-            active[:, place] |= True if body.weight is None else weights[:, body.weight] != 0
+            columns = [c for c in (body.weight, body.inside) if c is not None]
+            active[:, place] |= (weights[:, columns] != 0).any(axis=1) if columns else True
     return active
 
 

@@ -24,6 +24,9 @@ Kernel = Callable[[Array, Array, float, Array, Array], None]
 REAL = numba.float64
 KERNEL = numba.void(REAL[:, :, ::1], REAL[:, ::1], REAL, REAL[:, ::1], REAL[:, :, ::1])
 
+# Of a term that may be there in a window: outside of it a, inside a + b.
+COEFFICIENT = "a + b * window(x, c, t, w, r, i) if b != 0.0 else a"
+
 # Sums may be reordered and fused, but values that are not finite stay what they are.
 MATHEMATICS = {"contract", "reassoc", "arcp", "nsz"}
 
@@ -36,65 +39,102 @@ class Body:
         channel: which.
         expression: without spatial operators.
         weight: column of the weights that multiplies it; None for the system's own.
+        inside: column that multiplies it within the row's window; None where there are no windows.
     """
 
     channel: int
     expression: Expr
     weight: int | None
+    inside: int | None = None
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A factor of the window χ that some rows have.
+
+    Attributes:
+        flag: column of the weights that is not 0 where a row has it.
+        expression: over inputs, coordinates, ``t`` and unknowns of its own.
+        unknowns: column of each unknown's value, by name.
+    """
+
+    flag: int
+    expression: Expr
+    unknowns: Mapping[str, int]
 
 
 def compile_kernel(
-    bodies: Sequence[Body], inputs: Sequence[str], coordinates: Sequence[str]
+    bodies: Sequence[Body],
+    inputs: Sequence[str],
+    coordinates: Sequence[str],
+    factors: Sequence[Factor] = (),
 ) -> Kernel:
     """Return ``kernel(inputs, coordinates, t, weights, channels)``, which fills the channels.
 
-    ``channels[c] = Σ_own body + Σ_terms weights[row] body``, over inputs
-    ``(input, row, point)``, coordinates ``(coordinate, point)``, weights ``(row, weight)`` and
-    channels ``(channel, row, point)``. The code is written from checked expression trees alone;
-    no text of the user's gets into it. It is to be called from compiled code.
+    ``channels[c] = Σ_own body + Σ_terms (weight + inside·χ) body`` of each row, with χ the
+    product of its factors, over inputs ``(input, row, point)``, coordinates
+    ``(coordinate, point)``, weights ``(row, weight)`` and channels ``(channel, row, point)``. The
+    code is written from checked expression trees alone; no text of the user's gets into it. It is
+    to be called from compiled code.
 
     Args:
         bodies: the functions.
         inputs: names of the inputs, in order.
         coordinates: names of the coordinates, in order; ``t`` is known too.
+        factors: of the rows' windows.
     """
     known = {name: f"x[{i}, r, i]" for i, name in enumerate(inputs)}
     known |= {name: f"c[{i}, i]" for i, name in enumerate(coordinates)}
     known["t"] = "t"
-    own = [body for body in bodies if body.weight is None]
+    own = [body for body in bodies if body.weight is None and body.inside is None]
     lines = ["def kernel(x, c, t, w, out):", "    for r in range(out.shape[1]):"]
     lines += ["        out[:, r] = 0.0"]
-    lines += _loop(own, known, indent=8)
-    terms: dict[int, list[Body]] = {}
+    lines += _loop(own, known, 8)
+    terms: dict[tuple[int | None, int | None], list[Body]] = {}
     for body in bodies:
-        if body.weight is not None:
-            terms.setdefault(body.weight, []).append(body)
-    for weight, group in terms.items():
-        lines += [f"        a = w[r, {weight}]", "        if a != 0.0:"]
-        lines += _loop(group, known, indent=12)
-    return _compile("\n".join(lines))
+        if body not in own:
+            terms.setdefault((body.weight, body.inside), []).append(body)
+    for (weight, inside), group in terms.items():
+        a, b = (f"w[r, {column}]" if column is not None else "0.0" for column in (weight, inside))
+        lines += [f"        a, b = {a}, {b}", "        if a != 0.0 or b != 0.0:"]
+        lines += _loop(group, known, 12, "a" if inside is None else COEFFICIENT)
+    return _compile("\n".join(lines), _window(factors, known))
+
+
+def _window(factors: Sequence[Factor], known: Mapping[str, str]) -> str:
+    """Return the code of χ at one point of one row."""
+    lines = ["def window(x, c, t, w, r, i):", "    value = 1.0"]
+    for factor in factors:
+        columns = {name: f"w[r, {column}]" for name, column in factor.unknowns.items()}
+        writer = _Writer({**known, **columns})
+        value = writer.write(factor.expression)
+        inner = [*writer.lines, f"value *= {value}"]
+        lines += [f"    if w[r, {factor.flag}] != 0.0:", *(f"        {line}" for line in inner)]
+    return "\n".join([*lines, "    return value"])
 
 
 @cache
-def _compile(source: str) -> Kernel:
+def _compile(source: str, window: str) -> Kernel:
     """Compile a kernel once, on whatever grids it is used."""
     scope: dict[str, Any] = {"math": math}
-    exec(source, scope)
+    exec(f"{window}\n{source}", scope)
+    scope["window"] = numba.njit(fastmath=MATHEMATICS, error_model="numpy")(scope["window"])
     compiled: Kernel = numba.cfunc(KERNEL, fastmath=MATHEMATICS, error_model="numpy")(
         scope["kernel"]
     )
     return compiled
 
 
-def _loop(bodies: Sequence[Body], known: Mapping[str, str], indent: int) -> list[str]:
+def _loop(
+    bodies: Sequence[Body], known: Mapping[str, str], indent: int, coefficient: str | None = None
+) -> list[str]:
     if not bodies:
         return [" " * indent + "pass"]
     writer = _Writer(known)
     found = [(body, writer.write(body.expression)) for body in bodies]
-    inner = [*writer.lines]
-    for body, value in found:
-        factor = "" if body.weight is None else "a * "
-        inner.append(f"out[{body.channel}, r, i] += {factor}{value}")
+    inner = [*writer.lines, *([f"f = {coefficient}"] if coefficient else [])]
+    factor = "f * " if coefficient else ""
+    inner += [f"out[{body.channel}, r, i] += {factor}{value}" for body, value in found]
     head = " " * indent + "for i in range(out.shape[2]):"
     return [head, *(" " * (indent + 4) + line for line in inner)]
 

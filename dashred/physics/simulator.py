@@ -6,21 +6,28 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol, Self
 
+import torch
 from torch import Tensor
 
+from dashred.physics.algebra import multiply
 from dashred.physics.compiled_march import CompiledMarch
 from dashred.physics.compiled_ode import CompiledOde
 from dashred.physics.forcing import Forcing
 from dashred.physics.linearisation import NotSeparableError
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term
+from dashred.physics.weights import Columns
+from dashred.physics.window import Shape
 
 
 class Run(Protocol):
     """Many runs of one system with terms of which each trajectory carries its own share."""
 
     def __call__(self, start: Tensor, times: Tensor, weights: Tensor) -> Tensor:
-        """Return ``(batch, time, field, *grid)`` for weights ``(batch, term)``."""
+        """Return ``(batch, time, field, *grid)`` for the weights of each trajectory.
+
+        ``(batch, term)``; with windows, as :class:`dashred.physics.weights.Columns` has them.
+        """
 
     def with_step(self, dt: float) -> Self:
         """Return the same with another time step."""
@@ -32,28 +39,40 @@ class Interpreted:
 
     system: System
     terms: tuple[Term, ...]
+    shapes: tuple[Shape, ...] = ()
 
     def __call__(self, start: Tensor, times: Tensor, weights: Tensor) -> Tensor:
-        """Return ``(batch, time, field, *grid)`` for weights ``(batch, term)``."""
-        return simulate(self.system, start, times, Forcing(self.terms, weights))
+        """Return ``(batch, time, field, *grid)`` for the weights of each trajectory."""
+        columns = Columns(len(self.terms), self.shapes)
+        if not self.shapes:
+            return simulate(self.system, start, times, Forcing(self.terms, weights))
+        rows = zip(start, weights, strict=True)
+        return torch.cat([self._one(mine[None], times, columns, row) for mine, row in rows])
+
+    def _one(self, start: Tensor, times: Tensor, columns: Columns, weights: Tensor) -> Tensor:
+        window = columns.window(weights)
+        inside = [Term(t.equation, multiply((t.expression, window))) for t in self.terms]
+        forcing = Forcing((*self.terms, *inside), weights[None, : 2 * columns.terms])
+        return simulate(self.system, start, times, forcing)
 
     def with_step(self, dt: float) -> Interpreted:
         """Return the same with another time step."""
         return replace(self, system=self.system.with_step(dt))
 
 
-def compiled(system: System, terms: Sequence[Term]) -> Run:
+def compiled(system: System, terms: Sequence[Term], shapes: tuple[Shape, ...] = ()) -> Run:
     """Return the system compiled: spectral systems and ODE systems by ``rk4``, on the CPU.
 
     Args:
         system: the simulator.
         terms: whatever a trajectory may carry, lets and parameters resolved.
+        shapes: of the windows in which it may carry them.
     """
     if not system.axes and system.method == "rk4":
-        return CompiledOde(system, terms)
+        return CompiledOde(system, terms, shapes)
     if system.spectral:
         try:
-            return CompiledMarch(system, terms)
+            return CompiledMarch(system, terms, shapes)
         except (NotSeparableError, ArithmeticError):
             pass
-    return Interpreted(system, tuple(terms))
+    return Interpreted(system, tuple(terms), shapes)

@@ -1,0 +1,130 @@
+"""Where and when a term acts: smooth windows ``0 ≤ χ ≤ 1``, written in the equation language.
+
+Every window is a product of ramps ``½(1 + tanh A)``, with A rising through 0 at an edge. So a term
+in a window is an expression like any other, and so is its slope in a place or a width of the edge.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from dashred.physics.algebra import (
+    ONE,
+    Expr,
+    Name,
+    Number,
+    add,
+    call,
+    multiply,
+    power,
+    scale,
+    substitute,
+)
+from dashred.physics.differentiate import differentiate
+from dashred.physics.grid import Axis
+from dashred.physics.system import System
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A kind of window, its edges unknown.
+
+    Attributes:
+        kind: ``box`` in space, ``onset`` in time, ``gate`` in a field's value.
+        of: the axis, ``t``, or the field.
+        names: of the unknowns, no names of the language: places first, then the log of a width.
+        expression: χ over these, coordinates, ``t`` and fields.
+    """
+
+    kind: str
+    of: str
+    names: tuple[str, ...]
+    expression: Expr
+
+    @cached_property
+    def slopes(self) -> tuple[Expr, ...]:
+        """``∂χ/∂ψ`` of every unknown ψ."""
+        return tuple(differentiate(self.expression, name) for name in self.names)
+
+    def at(self, values: Sequence[float]) -> Window:
+        """Return the window with these edges."""
+        return Window(self, tuple(map(float, values)))
+
+
+@dataclass(frozen=True)
+class Window:
+    """A window with its edges.
+
+    Attributes:
+        shape: what kind.
+        values: of the shape's unknowns.
+    """
+
+    shape: Shape
+    values: tuple[float, ...]
+
+    @property
+    def expression(self) -> Expr:
+        """χ."""
+        return substitute(self.shape.expression, self._named)
+
+    def slopes(self) -> tuple[Expr, ...]:
+        """Return ``∂χ/∂ψ`` of every unknown ψ."""
+        return tuple(substitute(slope, self._named) for slope in self.shape.slopes)
+
+    @property
+    def _named(self) -> dict[str, Expr]:
+        return {n: Number(v) for n, v in zip(self.shape.names, self.values, strict=True)}
+
+
+def shapes_of(system: System) -> tuple[Shape, ...]:
+    """Return every kind of window that a system can have."""
+    gates = [gate(field, side) for field in system.fields for side in (1, -1)]
+    return (*map(box, system.axes), onset(), *gates)
+
+
+def box(axis: Axis) -> Shape:
+    """Return a window ``|x - c| < h`` along a periodic axis.
+
+    ``A = (cos κ(x - c) - cos κh) / (w κ sin κh)``, ``κ = 2π/L``: of slope ∓1/w at ``c ± h``, and
+    periodic, whatever c. Unknowns: c, h and ln w.
+    """
+    centre, half, edge = (f"{axis.name} {name}" for name in ("centre", "half", "edge"))
+    k = 2 * math.pi / axis.length
+    along = call("cos", scale(k, add((Name(axis.name), scale(-1.0, Name(centre))))))
+    beyond = scale(-1.0, call("cos", scale(k, Name(half))))
+    steepness = power(scale(k, call("sin", scale(k, Name(half)))), Number(-1.0))
+    argument = multiply((add((along, beyond)), steepness, _inverse_width(edge)))
+    return Shape("box", axis.name, (centre, half, edge), _ramp(argument))
+
+
+def onset() -> Shape:
+    """Return a window ``t > t₀``: ``A = (t - t₀)/w``. Unknowns: t₀ and ln w."""
+    begin, edge = "t begin", "t edge"
+    argument = multiply((add((Name("t"), scale(-1.0, Name(begin)))), _inverse_width(edge)))
+    return Shape("onset", "t", (begin, edge), _ramp(argument))
+
+
+def gate(field: str, side: int) -> Shape:
+    """Return a window ``f > θ``, or below it: ``A = ±(f - θ)/w``. Unknowns: θ and ln w.
+
+    Args:
+        field: f.
+        side: 1 for above, -1 for below.
+    """
+    threshold, edge = f"{field} threshold", f"{field} edge"
+    distance = scale(float(side), add((Name(field), scale(-1.0, Name(threshold)))))
+    argument = multiply((distance, _inverse_width(edge)))
+    kind = "gate above" if side > 0 else "gate below"
+    return Shape(kind, field, (threshold, edge), _ramp(argument))
+
+
+def _ramp(argument: Expr) -> Expr:
+    return scale(0.5, add((ONE, call("tanh", argument))))
+
+
+def _inverse_width(edge: str) -> Expr:
+    return call("exp", scale(-1.0, Name(edge)))
