@@ -15,7 +15,7 @@ from dashred.sensing.windows import windows
 from datamodules.batches import Batches, ordered_batches, shuffled_batches
 
 VALIDATION_BATCH = 1024
-FIRST_AGAIN = 2
+FIRST_AGAIN, LAST_AGAIN = 4, 2
 
 
 class SimulationDataModule(LightningDataModule):
@@ -89,12 +89,13 @@ class SimulationDataModule(LightningDataModule):
 
         One pass of the LSTM then trains k + 1 windows, with histories of k + 1 samples and more,
         at a tenth of the cost of as many separate windows. Noise is drawn by the LightningModule.
-        The first stretch of a member, whose windows have hardly any history and the largest
-        errors, comes ``1 + FIRST_AGAIN`` times.
+        Stretches overlap, but for the first and the last of a member: these come again, and the
+        first, whose windows have hardly any history and the largest errors, most of all.
         """
         long = windows(self.observed("train"), 2 * self.lags)
-        every = range(self.lags, long.shape[1], max(1, self.lags // 2))
-        ends = [*every, *[self.lags] * FIRST_AGAIN]
+        last = long.shape[1] - 1
+        every = range(self.lags, last, max(1, self.lags // 2))
+        ends = [*every, last, *[self.lags] * FIRST_AGAIN, *[last] * LAST_AGAIN]
         coefficients = self.coefficients("train")
         targets = torch.stack([coefficients[:, end - self.lags : end + 1] for end in ends], dim=1)
         return shuffled_batches((_flat(long[:, ends]), _flat(targets)), self.batch, self.seed)

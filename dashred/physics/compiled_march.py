@@ -18,6 +18,7 @@ from dashred.physics.compiled_tendency import CompiledTendency
 from dashred.physics.forcing import Forcing
 from dashred.physics.integrators.etdrk4 import coefficients
 from dashred.physics.integrators.schedule import schedule
+from dashred.physics.pulses import Drive
 from dashred.physics.side_by_side import in_threads
 from dashred.physics.system import System, Term
 from dashred.physics.window import Shape
@@ -52,7 +53,12 @@ class CompiledMarch:
         return other
 
     def __call__(
-        self, start: Tensor, times: Tensor, weights: Tensor, progress: Progress | None = None
+        self,
+        start: Tensor,
+        times: Tensor,
+        weights: Tensor,
+        drive: Drive | None = None,
+        progress: Progress | None = None,
     ) -> Tensor:
         """Return trajectories ``(batch, time, field, *grid)``.
 
@@ -61,9 +67,10 @@ class CompiledMarch:
             times: output times, ``(time,)``.
             weights: coefficient of every term, ``(batch, term)``; with windows, as
                 :class:`dashred.physics.weights.Columns` lays them out.
+            drive: a free forcing of every trajectory.
             progress: called with the fraction done.
         """
-        batch = self.tendency.of(weights.numpy())
+        batch = self.tendency.of(weights.numpy(), drive)
         plan = make_plan(times.tolist(), self.system.dt)
         factors = _factors(batch.linear, plan.lengths)
         fields, shape = start.shape[1], self.system.grid.shape
@@ -108,7 +115,7 @@ def march_compiled(
     if forcing is None:
         forcing = Forcing((), torch.zeros((len(start), 0), dtype=torch.float64))
     march = CompiledMarch(system, forcing.terms)
-    return march(start, times, forcing.coefficients, progress)
+    return march(start, times, forcing.coefficients, progress=progress)
 
 
 def make_plan(times: Sequence[float], dt: float) -> Plan:

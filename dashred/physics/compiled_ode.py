@@ -12,9 +12,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from dashred.physics.compiled_step import between
 from dashred.physics.forcing import Forcing
 from dashred.physics.integrators.schedule import schedule
 from dashred.physics.kernel import KERNEL, REAL, Array, Body, compile_kernel
+from dashred.physics.pulses import Drive
 from dashred.physics.system import System, Term
 from dashred.physics.weights import Columns
 from dashred.physics.window import Shape
@@ -52,7 +54,9 @@ class CompiledOde:
         other.system = self.system.with_step(dt)
         return other
 
-    def __call__(self, start: Tensor, times: Tensor, weights: Tensor) -> Tensor:
+    def __call__(
+        self, start: Tensor, times: Tensor, weights: Tensor, drive: Drive | None = None
+    ) -> Tensor:
         """Return trajectories ``(batch, time, field)``.
 
         Args:
@@ -60,7 +64,10 @@ class CompiledOde:
             times: output times, ``(time,)``.
             weights: coefficient of every term, ``(batch, term)``; with windows, as
                 :class:`dashred.physics.weights.Columns` lays them out.
+            drive: a free forcing of every trajectory.
         """
+        if drive is None:
+            drive = Drive(torch.zeros(0).double(), torch.zeros((len(start), 0, 0)).double())
         steps = list(schedule(times.tolist(), self.system.dt))
         saved = np.empty((len(times), start.shape[1], len(start), 1))
         saved[0, :, :, 0] = start.numpy().T
@@ -71,6 +78,8 @@ class CompiledOde:
             np.array([step.h for step in steps]),
             np.array([step.ends for step in steps]),
             np.ascontiguousarray(weights.numpy()),
+            drive.knots.numpy(),
+            drive.values.permute(1, 2, 0).contiguous().numpy(),
         )
         return torch.from_numpy(saved[..., 0]).permute(2, 0, 1).contiguous()
 
@@ -91,6 +100,14 @@ def integrate_compiled(
     return found
 
 
+@numba.njit(cache=True)
+def _force(knots: Array, drive: NDArray[np.float64], t: float, rates: NDArray[np.float64]) -> None:
+    """Add the drive at one time to rates ``(field, row, 1)``."""
+    if len(knots):
+        k, share = between(knots, t)
+        rates[:, :, 0] += (1 - share) * drive[k] + share * drive[k + 1]
+
+
 @numba.njit(
     numba.void(
         numba.types.FunctionType(KERNEL),
@@ -99,6 +116,8 @@ def integrate_compiled(
         REAL[::1],
         numba.boolean[::1],
         REAL[:, ::1],
+        REAL[::1],
+        REAL[:, :, ::1],
     ),
     cache=True,
 )
@@ -109,8 +128,13 @@ def _integrate(
     steps: Array,
     ends: NDArray[np.bool_],
     weights: Array,
+    knots: Array,
+    drive: NDArray[np.float64],
 ) -> None:
-    """Fill ``saved`` ``(time, field, row, 1)`` by Kutta's 3/8 rule, which torchdiffeq's rk4 is."""
+    """Fill ``saved`` ``(time, field, row, 1)`` by Kutta's 3/8 rule, which torchdiffeq's rk4 is.
+
+    The drive is ``(knot, field, row)``.
+    """
     nowhere = np.zeros((0, 1))
     y = saved[0].copy()
     k1, k2, k3, k4 = np.empty_like(y), np.empty_like(y), np.empty_like(y), np.empty_like(y)
@@ -118,9 +142,13 @@ def _integrate(
     for i in range(len(times)):
         t, h = times[i], steps[i]
         kernel(y, nowhere, t, weights, k1)
+        _force(knots, drive, t, k1)
         kernel(y + h * k1 / 3, nowhere, t + h / 3, weights, k2)
+        _force(knots, drive, t + h / 3, k2)
         kernel(y + h * (k2 - k1 / 3), nowhere, t + 2 * h / 3, weights, k3)
+        _force(knots, drive, t + 2 * h / 3, k3)
         kernel(y + h * (k1 - k2 + k3), nowhere, t + h, weights, k4)
+        _force(knots, drive, t + h, k4)
         y = y + h * (k1 + 3 * (k2 + k3) + k4) / 8
         if ends[i]:
             output += 1

@@ -54,7 +54,9 @@ class Parts(NamedTuple):
         strength: its coefficient, ``(row, coupling)``.
         mask: 1 for modes that are kept, ``(mode,)``.
         coordinates: of the points, ``(coordinate, point)``.
-        weights: coefficients of the terms, ``(row, term)``.
+        weights: of the terms, ``(row, column)``.
+        knots: where the drive's straight lines meet, ``(knot,)``; none without a drive.
+        drive: a forcing of every row, ``(row, knot, field, mode)``.
     """
 
     field: Indices
@@ -70,6 +72,16 @@ class Parts(NamedTuple):
     mask: Array
     coordinates: Array
     weights: Array
+    knots: Array
+    drive: Modes
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def between(knots: Array, t: float) -> tuple[int, float]:
+    """Return the knot before a time, and the share of the way from it to the next, 0 to 1."""
+    k = min(max(int(np.searchsorted(knots, t)) - 1, 0), len(knots) - 2)
+    share = (t - knots[k]) / (knots[k + 1] - knots[k])
+    return k, min(max(share, 0.0), 1.0)
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
@@ -115,6 +127,9 @@ def _rate(
         if parts.strength[row, k] != 0.0:
             moved = parts.coupling[k] * modes[parts.source[k]]
             out[parts.to[k]] += parts.strength[row, k] * moved
+    if len(parts.knots):
+        k, share = between(parts.knots, t)
+        out += (1 - share) * parts.drive[row, k] + share * parts.drive[row, k + 1]
     out *= parts.mask
 
 

@@ -20,9 +20,11 @@ from dashred.physics.linearisation import (
     Separator,
     separate,
 )
+from dashred.physics.pulses import Drive
 from dashred.physics.spectral import Spectral
 from dashred.physics.system import System, Term
 from dashred.physics.tendency import two_thirds
+from dashred.physics.transforms import to_modes
 from dashred.physics.weights import Columns
 from dashred.physics.window import Shape
 
@@ -89,9 +91,9 @@ class CompiledTendency:
         self._outside = _rows(outside, self._own[0].size)
         self._mask = two_thirds(system).numpy() if system.config.integrator.dealias else None
 
-    def of(self, weights: Array) -> Weighted:
-        """Return N of a batch with weights ``(row, column)``."""
-        return Weighted(self, np.ascontiguousarray(weights))
+    def of(self, weights: Array, drive: Drive | None = None) -> Weighted:
+        """Return N of a batch with weights ``(row, column)`` and a free forcing."""
+        return Weighted(self, np.ascontiguousarray(weights), drive)
 
     def _bodies(self, parts: Separated, weight: int | None) -> list[Body]:
         found = []
@@ -152,7 +154,7 @@ class Weighted:
         counts: inputs and channels of the kernel.
     """
 
-    def __init__(self, compiled: CompiledTendency, weights: Array) -> None:
+    def __init__(self, compiled: CompiledTendency, weights: Array, drive: Drive | None) -> None:
         terms = weights[:, : compiled.columns.terms]
         added = np.tensordot(terms, compiled._symbols, axes=1)
         self.linear = compiled._own + (added if added.any() else np.zeros_like(added[:1]))
@@ -178,7 +180,17 @@ class Weighted:
             mask=mask.astype(np.float64),
             coordinates=compiled._coordinates,
             weights=weights,
+            knots=np.zeros(0) if drive is None else drive.knots.numpy(),
+            drive=_driven(drive, modes),
         )
+
+
+def _driven(drive: Drive | None, modes: int) -> Modes:
+    """Return the forcing in modes, ``(row, knot, field, mode)``."""
+    if drive is None:
+        return np.zeros((0, 0, 0, modes), dtype=np.complex128)
+    hats = to_modes(drive.values.numpy(), drive.values.dim() - 3)
+    return np.ascontiguousarray(hats.reshape(*hats.shape[:3], modes))
 
 
 def _active(groups: Sequence[Sequence[Body]], weights: Array) -> NDArray[np.bool_]:

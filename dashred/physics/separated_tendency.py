@@ -14,10 +14,12 @@ import torch
 from numpy.typing import NDArray
 
 from dashred.physics.algebra import Expr, add, scale
+from dashred.physics.compiled_step import between
 from dashred.physics.forcing import Forcing
 from dashred.physics.linear import symbols
 from dashred.physics.linearisation import Input, Separated, separate
 from dashred.physics.pointwise import Array, Pointwise
+from dashred.physics.pulses import Drive
 from dashred.physics.spectral import Spectral
 from dashred.physics.system import System
 from dashred.physics.tendency import two_thirds
@@ -85,7 +87,7 @@ class Inputs:
 
 
 class SeparatedTendency:
-    """``û' = Lû + N(û, t)`` of a system with one forcing.
+    """``û' = Lû + N(û, t)`` of a system with one forcing and one drive.
 
     Attributes:
         parts: the equations taken apart.
@@ -95,7 +97,7 @@ class SeparatedTendency:
         couplings: ``(equation, field, C)``, likewise.
     """
 
-    def __init__(self, system: System, forcing: Forcing | None) -> None:
+    def __init__(self, system: System, forcing: Forcing | None, drive: Drive | None = None) -> None:
         assert isinstance(system.operators, Spectral)
         self.parts = separated(system, forcing)
         index = {field: i for i, field in enumerate(system.fields)}
@@ -113,6 +115,10 @@ class SeparatedTendency:
         ]
         self._bodies = Pointwise([channel.body for channel in self.parts.channels])
         self.coordinates = {k: v.numpy() for k, v in system.grid.coordinates.items()}
+        self._knots: Array = np.zeros(0) if drive is None else drive.knots.numpy()
+        if drive is not None:
+            hats = to_modes(drive.values[0].numpy(), self.rank)
+            self._drive: Modes = self.mask * hats[:, :, None]
 
     def __call__(self, modes: Modes, points: Array, t: float) -> Modes:
         """Return N of states in modes; ``points`` are their inputs."""
@@ -125,4 +131,7 @@ class SeparatedTendency:
             found[place] += hat
         for equation, field, symbol in self.couplings:
             found[equation] += symbol * modes[field]
+        if len(self._knots):
+            k, share = between(self._knots, t)
+            found += (1 - share) * self._drive[k] + share * self._drive[k + 1]
         return found

@@ -14,6 +14,7 @@ from dashred.physics.compiled_march import CompiledMarch
 from dashred.physics.compiled_ode import CompiledOde
 from dashred.physics.forcing import Forcing
 from dashred.physics.linearisation import NotSeparableError
+from dashred.physics.pulses import Drive
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term
 from dashred.physics.weights import Columns
@@ -23,10 +24,13 @@ from dashred.physics.window import Shape
 class Run(Protocol):
     """Many runs of one system with terms of which each trajectory carries its own share."""
 
-    def __call__(self, start: Tensor, times: Tensor, weights: Tensor) -> Tensor:
-        """Return ``(batch, time, field, *grid)`` for the weights of each trajectory.
+    def __call__(
+        self, start: Tensor, times: Tensor, weights: Tensor, drive: Drive | None = None
+    ) -> Tensor:
+        """Return ``(batch, time, field, *grid)`` for the weights and forcing of each trajectory.
 
-        ``(batch, term)``; with windows, as :class:`dashred.physics.weights.Columns` has them.
+        Weights ``(batch, term)``; with windows, as :class:`dashred.physics.weights.Columns` has
+        them.
         """
 
     def with_step(self, dt: float) -> Self:
@@ -41,8 +45,16 @@ class Interpreted:
     terms: tuple[Term, ...]
     shapes: tuple[Shape, ...] = ()
 
-    def __call__(self, start: Tensor, times: Tensor, weights: Tensor) -> Tensor:
-        """Return ``(batch, time, field, *grid)`` for the weights of each trajectory."""
+    def __call__(
+        self, start: Tensor, times: Tensor, weights: Tensor, drive: Drive | None = None
+    ) -> Tensor:
+        """Return ``(batch, time, field, *grid)`` for the weights of each trajectory.
+
+        Raises:
+            ValueError: there is a drive, which compiled systems alone can have.
+        """
+        if drive is not None:
+            raise ValueError("a drive is for compiled systems")
         columns = Columns(len(self.terms), self.shapes)
         if not self.shapes:
             return simulate(self.system, start, times, Forcing(self.terms, weights))

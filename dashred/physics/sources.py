@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from dashred.physics.linear import split_linear
 from dashred.physics.linearisation import NotSeparableError, Separator
 from dashred.physics.pointwise import Array
 from dashred.physics.program import Program
+from dashred.physics.pulses import Pulses
 from dashred.physics.separated_tendency import Inputs, Modes, mask_of, symbol_of
 from dashred.physics.system import System, Term
 from dashred.physics.transforms import to_modes
@@ -38,9 +40,16 @@ class Sources:
         system: names the fields.
         sources: terms of each driven column, lets and parameters resolved.
         first: the first driven column.
+        pulses: each a column of its own after these.
     """
 
-    def __init__(self, system: System, sources: Sequence[tuple[Term, ...]], first: int) -> None:
+    def __init__(
+        self,
+        system: System,
+        sources: Sequence[tuple[Term, ...]],
+        first: int,
+        pulses: Pulses | None = None,
+    ) -> None:
         self.system = system
         self.shifts: Places = []
         self.drives: Places = []
@@ -58,6 +67,16 @@ class Sources:
         self.symbols = np.array(symbols).reshape(-1, *mask.shape)
         self.rows, self._mask = len(rows), mask
         self._take_apart(rows)
+        self._pulses = pulses
+        if pulses is not None:
+            self._place_pulses(pulses, first + len(sources))
+
+    def _place_pulses(self, pulses: Pulses, first: int) -> None:
+        """Let the pulses of all equations share a row for every cell and knot."""
+        fields, cells, knots = pulses.shape
+        places = product(range(fields), range(cells * knots))
+        self.drives += [(e, column, self.rows + i) for column, (e, i) in enumerate(places, first)]
+        self.bumps = self._mask * to_modes(pulses.bumps.numpy(), self._mask.ndim)
 
     def __call__(
         self, values: Array, modes: Modes, times: Array, dtype: type[np.floating[Any]]
@@ -77,7 +96,11 @@ class Sources:
             found[row] += hats[body] * symbol.astype(modes.dtype)
         for row, field, symbol in self._couplings:
             found[row] += modes[field] * symbol.astype(modes.dtype)
-        return found
+        if self._pulses is None:
+            return found
+        hats = self._pulses.hats(times.ravel())
+        pulses = np.einsum("tk,c...->ckt...", hats, self.bumps).astype(found.dtype)
+        return np.concatenate((found, pulses.reshape(-1, *found.shape[1:])))
 
     def _transformed(
         self, values: Array, modes: Modes, times: Array, dtype: type[np.floating[Any]]

@@ -23,6 +23,7 @@ from dashred.physics.forcing import Forcing
 from dashred.physics.integrators.schedule import Step, schedule
 from dashred.physics.linearisation import NotSeparableError, separate
 from dashred.physics.pointwise import Pointwise
+from dashred.physics.pulses import Drive, Pulses
 from dashred.physics.separated_tendency import Modes, SeparatedTendency
 from dashred.physics.sources import Sources
 from dashred.physics.system import System, Term
@@ -68,6 +69,8 @@ def tangent_linear(
     forcing: Forcing | None,
     sources: Sequence[tuple[Term, ...]],
     dtype: torch.dtype = torch.float64,
+    drive: Drive | None = None,
+    pulses: Pulses | None = None,
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Yield state and tangents at every output time, the first included.
 
@@ -80,19 +83,23 @@ def tangent_linear(
         sources: column k is ``∂u(t)/∂ξ`` for ``∂u/∂t = … + ξ Σ_{θ in sources[k]} θ(u)`` at 0;
             lets and parameters resolved.
         dtype: precision of the tangents; the base trajectory is float64 in any case.
+        drive: a free forcing of the base trajectory, of one row.
+        pulses: a column for each: ``∂u(t)/∂a``.
 
     Yields:
         The state ``(field, *grid)``, float64, and the tangents ``(column, field, *grid)``:
-        directions first, then sources.
+        directions first, then sources, then pulses.
 
     Raises:
         NotSeparableError: the system is not supported.
     """
-    count = len(directions) + len(sources)
+    count = len(directions) + len(sources) + (pulses.count if pulses is not None else 0)
     tangents = torch.zeros((count, *start.shape), dtype=dtype, device=start.device)
     tangents[: len(directions)] = directions
     yield start, tangents
-    model = _Linearised(system, forcing, sources, len(directions), dtype)
+    tendency = SeparatedTendency(system, forcing, drive)
+    driven = Sources(system, sources, len(directions), pulses)
+    model = _Linearised(tendency, driven, dtype)
     size = max(1, COLUMN_POINTS // start.numel())
     chunks = [range(i, min(i + size, count)) for i in range(0, count, size)]
     modes = model.base.in_modes(start.cpu().numpy()[:, None])
@@ -116,17 +123,9 @@ def tangent_linear(
 class _Linearised:
     """The equations about a base trajectory, a block of steps at a time."""
 
-    def __init__(
-        self,
-        system: System,
-        forcing: Forcing | None,
-        sources: Sequence[tuple[Term, ...]],
-        first: int,
-        dtype: torch.dtype,
-    ) -> None:
+    def __init__(self, tendency: SeparatedTendency, sources: Sources, dtype: torch.dtype) -> None:
         self.dtype = PRECISION[dtype]
-        self.base = BaseMarch(SeparatedTendency(system, forcing))
-        self.sources = Sources(system, sources, first)
+        self.base, self.sources = BaseMarch(tendency), sources
         self.columns = ColumnMarch(self.base, self.sources, self.dtype)
         self.program = Pointwise([*self.columns.slopes, *self.sources.bodies])
 

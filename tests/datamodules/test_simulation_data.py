@@ -10,7 +10,7 @@ import torch
 from dashred.physics.ensemble import Ensemble
 from dashred.sensing.observation import ObservationOperator
 from datamodules import SimulationDataModule
-from datamodules.simulation import FIRST_AGAIN
+from datamodules.simulation import FIRST_AGAIN, LAST_AGAIN
 from tests import ring
 
 LAGS, MEMBERS, HELD_OUT, MODES = 6, 14, 5, 7
@@ -82,14 +82,16 @@ def test_a_stretch_ends_when_its_last_target_does(system, ensemble):
     assert all((known == last).all(dim=1).any() for last in targets[:, -1])
 
 
-def test_the_last_sample_of_a_record_is_trained_on_its_own_coefficient(system, ensemble):
+def test_every_sample_of_a_record_is_trained_on_its_own_coefficient(system, ensemble):
     data = make(system, ensemble)
     stretches, targets = data.train_dataloader().dataset.tensors
     per_member = len(stretches) // (MEMBERS - HELD_OUT)
-    ends = range(LAGS, len(ring.TIMES), LAGS // 2)
-    assert per_member == len(ends) + FIRST_AGAIN
-    for member, place in ((0, 0), (3, 5), (8, len(ends) - 1)):
-        row, end = member * per_member + place, ends[place]
+    last = len(ring.TIMES) - 1
+    ends = [*range(LAGS, last, LAGS // 2), last]
+    assert per_member == len(ends) + FIRST_AGAIN + LAST_AGAIN
+    assert last - ends[-2] <= LAGS + 1  # no gap between the targets
+    for member, place in ((0, 0), (3, 5), (8, len(ends) - 1), (2, per_member - 1)):
+        row, end = member * per_member + place, ends[min(place, len(ends) - 1)]
         state = ensemble.states[member, end]
         torch.testing.assert_close(targets[row, -1], data.pod.encode(state[None])[0].float())
         torch.testing.assert_close(stretches[row, -1], data.operator(state[None])[0].float())

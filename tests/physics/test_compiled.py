@@ -194,7 +194,7 @@ def test_threads_change_no_bit_and_progress_ends_at_one(engine: Case) -> None:
     use_threads(2)
     try:
         assert isinstance(engine.run, CompiledMarch)
-        found = engine.run(engine.start, TIMES, engine.weights, told.append)
+        found = engine.run(engine.start, TIMES, engine.weights, progress=told.append)
     finally:
         use_threads(1)
     assert torch.equal(found, alone)

@@ -1,0 +1,128 @@
+"""A free forcing: bumps and hats, the runs that it drives, and the columns of its amplitudes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from dashred.physics.forcing import Forcing
+from dashred.physics.prior import nominal_start
+from dashred.physics.pulses import Drive, Pulses
+from dashred.physics.simulate import simulate
+from dashred.physics.simulator import Interpreted, compiled
+from dashred.physics.system import System
+from dashred.physics.tangent_linear import tangent_linear
+from tests import laws
+
+REST = "recording: {twin: a, sensors: 4, noise: 0, duration: 4, every: 0.1}\n"
+WAVE = """
+system:
+  title: two fields on a ring
+  axes: {x: {length: 10, points: 32}}
+  fields: {u: first, v: second}
+  equations:
+    u: u - u**3/3 - v - 0.4*d(u, x) + 0.2*lap(u)
+    v: 0.2*(u + 0.7 - 0.8*v)
+  start: {u: cos(2*pi*x/10), v: 0.5*sin(2*pi*x/10)}
+  integrator: {dt: 0.02}
+"""
+SWING = """
+system:
+  title: a swing
+  fields: {x: place, p: momentum}
+  equations: {x: p, p: -2*sin(x)}
+  start: {x: 1, p: 0}
+  integrator: {method: rk4, dt: 0.02}
+"""
+TIMES = torch.linspace(0.0, 2.0, 6, dtype=torch.float64)
+
+
+@pytest.fixture
+def wave(tmp_path: Path) -> System:
+    return laws.declared(tmp_path, WAVE + REST)
+
+
+def test_equal_amplitudes_are_a_constant(wave: System) -> None:
+    pulses = Pulses.over(wave, TIMES, cells=5, knots=4)
+    assert pulses.shape == (2, 5, 4) and pulses.count == 40
+    torch.testing.assert_close(pulses.bumps.sum(dim=0), torch.ones(32).double())
+    times = np.array([-1.0, 0.0, 0.33, 1.9, 2.0])
+    np.testing.assert_allclose(pulses.hats(times).sum(axis=-1), 1.0)
+    values = pulses.at_knots(torch.full((3, 2, 5, 4), 0.7, dtype=torch.float64))
+    torch.testing.assert_close(values, torch.full((3, 4, 2, 32), 0.7).double())
+
+
+def test_a_bump_lies_in_its_cell_and_across_the_ends(wave: System) -> None:
+    bumps = Pulses.over(wave, TIMES, cells=8, knots=2).bumps
+    x = wave.grid.coordinates["x"]
+    tops = x[bumps.argmax(dim=1)]
+    assert ((tops - (torch.arange(8) + 0.5) * 10 / 8).abs() <= 10 / 32).all()
+    assert float(bumps[0, -1]) > 0.1 and float(bumps[0, 16]) < 1e-3
+
+
+@pytest.mark.parametrize("text", [WAVE, SWING])
+def test_a_driven_run_is_the_simulator_with_a_force_of_time(tmp_path: Path, text: str) -> None:
+    """Hats make a force that is linear in time exact."""
+    system = laws.declared(tmp_path, text + REST)
+    equation = system.fields[-1]
+    pulses = Pulses.over(system, TIMES, cells=4 if system.axes else 1, knots=5)
+    amplitudes = torch.zeros((2, *pulses.shape), dtype=torch.float64)
+    amplitudes[1, -1] = 0.3 - 0.1 * pulses.knots
+    start = nominal_start(system)
+    both = start.expand(2, *start.shape[1:]).contiguous()
+    [terms] = (laws.term(system, equation, "t").terms,)
+    run = compiled(system, terms)
+    weights = torch.zeros((2, 1), dtype=torch.float64)
+    found = run(both, TIMES, weights, pulses.drive(amplitudes))
+    listed = (*terms, *laws.term(system, equation, "1").terms)
+    forcing = Forcing(listed, torch.tensor([[0.0, 0.0], [-0.1, 0.3]], dtype=torch.float64))
+    torch.testing.assert_close(found, simulate(system, both, TIMES, forcing), rtol=1e-9, atol=1e-9)
+
+
+def test_tangents_are_the_derivative_of_driven_runs(wave: System) -> None:
+    pulses = Pulses.over(wave, TIMES, cells=3, knots=3)
+    generator = torch.Generator().manual_seed(0)
+    amplitudes = 0.3 * torch.randn((1, *pulses.shape), generator=generator).double()
+    start = nominal_start(wave)
+    terms = laws.term(wave, "u", "u**2").terms
+    run, none = compiled(wave, terms), torch.zeros((1, 1), dtype=torch.float64)
+    drive = pulses.drive(amplitudes)
+    states, tangents = zip(
+        *tangent_linear(
+            wave, start[0], start.new_zeros((0, 2, 32)), TIMES, None, [terms], drive=drive,
+            pulses=pulses,
+        ),
+        strict=True,
+    )  # fmt: skip
+    columns = torch.stack(tangents)
+    assert columns.shape == (len(TIMES), 1 + pulses.count, 2, 32)
+    torch.testing.assert_close(torch.stack(states), run(start, TIMES, none, drive)[0])
+    h = 1e-5
+    for k in range(0, pulses.count, 4):
+        step = torch.zeros(pulses.count, dtype=torch.float64)
+        step[k] = h
+        moved = amplitudes + torch.stack([step, -step]).reshape(2, *pulses.shape)
+        twice = start.expand(2, *start.shape[1:]).contiguous()
+        ahead, behind = run(twice, TIMES, none.expand(2, 1), pulses.drive(moved))
+        expected = (ahead - behind) / (2 * h)
+        assert float((columns[:, 1 + k] - expected).norm()) < 1e-6 * float(expected.norm())
+    ahead, behind = (run(start, TIMES, none + s, drive)[0] for s in (h, -h))
+    expected = (ahead - behind) / (2 * h)
+    assert float((columns[:, 0] - expected).norm()) < 1e-6 * float(expected.norm())
+
+
+def test_one_row_of_a_drive(wave: System) -> None:
+    pulses = Pulses.over(wave, TIMES, cells=3, knots=3)
+    amplitudes = torch.arange(4 * pulses.count, dtype=torch.float64).reshape(4, *pulses.shape)
+    alone = pulses.drive(amplitudes[2:3]).values
+    torch.testing.assert_close(pulses.drive(amplitudes).row(2).values, alone)
+
+
+def test_what_is_interpreted_cannot_be_driven(wave: System) -> None:
+    run = Interpreted(wave, ())
+    drive = Drive(TIMES, torch.zeros((1, len(TIMES), 2, 32), dtype=torch.float64))
+    with pytest.raises(ValueError, match="compiled"):
+        run(nominal_start(wave), TIMES, torch.zeros((1, 0)).double(), drive)
