@@ -85,7 +85,8 @@ class SimulationDataModule(LightningDataModule):
         return windows(traces + self.noise * noise, self.lags)
 
     def train_dataloader(self) -> Batches:
-        """Return clean stretches of ``2k + 1`` samples and the ``k + 1`` last targets of each.
+        """Return clean stretches of ``2k + 1`` samples, the ``k + 1`` last targets of each, and
+        how many of its first samples only repeat the next, there being none before the record.
 
         One pass of the LSTM then trains k + 1 windows, with histories of k + 1 samples and more,
         at a tenth of the cost of as many separate windows. Noise is drawn by the LightningModule.
@@ -98,7 +99,9 @@ class SimulationDataModule(LightningDataModule):
         ends = [*every, last, *[self.lags] * FIRST_AGAIN, *[last] * LAST_AGAIN]
         coefficients = self.coefficients("train")
         targets = torch.stack([coefficients[:, end - self.lags : end + 1] for end in ends], dim=1)
-        return shuffled_batches((_flat(long[:, ends]), _flat(targets)), self.batch, self.seed)
+        repeated = torch.tensor([max(0, 2 * self.lags - end) for end in ends])
+        tensors = _flat(long[:, ends]), _flat(targets), repeated.repeat(len(long))
+        return shuffled_batches(tensors, self.batch, self.seed)
 
     def val_dataloader(self) -> Batches:
         """Return noisy windows and coefficients of the validation members."""

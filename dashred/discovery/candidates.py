@@ -15,6 +15,7 @@ from dashred.physics.library import COLLINEAR, evaluate_terms, resolve
 from dashred.physics.linear import is_linear, symbol
 from dashred.physics.spectral import Spectral
 from dashred.physics.system import System, Term
+from dashred.physics.window import Window
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,7 @@ class Candidate:
         limit: largest |ξ| that an explicit or anti-diffusive step bears; inf for most.
         aliases: parameters whose change has the same effect to first order.
         replaces: library terms, ``equation: term``, that a parameter stands for.
+        window: where alone it acts; None everywhere.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Candidate:
     limit: float = math.inf
     aliases: tuple[str, ...] = ()
     replaces: tuple[str, ...] = ()
+    window: Window | None = None
 
     def __str__(self) -> str:
         """``u: u**3``, or ``parameter nu``."""

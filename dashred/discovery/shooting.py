@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -12,9 +12,12 @@ from torch import Tensor
 
 from dashred.discovery.candidates import Candidate, forcing_of
 from dashred.discovery.starts import StartModel
+from dashred.physics.pulses import Drive
 from dashred.physics.simulator import Run, compiled
 from dashred.physics.system import System
 from dashred.physics.tangent_linear import supports, tangent_linear
+from dashred.physics.weights import Columns
+from dashred.physics.window import Shape, Window
 from dashred.sensing.observation import ObservationOperator
 
 DIFFERENCE = 1e-5
@@ -32,9 +35,16 @@ class Simulator:
         tangent_dt: longest step of the derivative; a percent of error in it costs nothing, for
             residuals are always those of the system itself.
         candidates: whatever may be added to it.
+        shapes: of the windows in which it may be added.
     """
 
-    def __init__(self, system: System, tangent_dt: float, candidates: Sequence[Candidate]) -> None:
+    def __init__(
+        self,
+        system: System,
+        tangent_dt: float,
+        candidates: Sequence[Candidate],
+        shapes: tuple[Shape, ...] = (),
+    ) -> None:
         self.system = system
         self.tangent = system.with_step(max(tangent_dt, system.dt))
         self.terms = forcing_of(candidates, torch.zeros((1, len(candidates)))).terms
@@ -43,7 +53,8 @@ class Simulator:
         for candidate in candidates:
             self._columns[str(candidate)] = [*range(first, first + len(candidate.terms))]
             first += len(candidate.terms)
-        self._run: Run = compiled(system, self.terms)
+        self._layout = Columns(len(self.terms), shapes)
+        self._run: Run = compiled(system, self.terms, shapes)
         self.has_tangents = supports(system, self.terms)
 
     def coarse(self) -> Simulator:
@@ -54,13 +65,46 @@ class Simulator:
         return other
 
     def run(
-        self, start: Tensor, times: Tensor, candidates: Sequence[Candidate], xi: Tensor
+        self,
+        start: Tensor,
+        times: Tensor,
+        candidates: Sequence[Candidate],
+        xi: Tensor,
+        drive: Drive | None = None,
     ) -> Tensor:
         """Return trajectories ``(batch, time, field, *grid)`` with coefficients of some."""
-        weights = torch.zeros((len(start), len(self.terms)), dtype=torch.float64)
+        weights = torch.zeros((len(start), self._layout.count), dtype=torch.float64)
+        weights[:, : len(self.terms)] = self._by_term(candidates, xi)
+        return self._run(start, times, weights, drive)
+
+    def run_local(
+        self,
+        start: Tensor,
+        times: Tensor,
+        candidates: Sequence[Candidate],
+        everywhere: Tensor,
+        inside: Tensor,
+        windows: Sequence[Window],
+    ) -> Tensor:
+        """Return trajectories in which candidates act within each row's window, too.
+
+        Args:
+            start: ``(batch, field, *grid)``.
+            times: ``(time,)``.
+            candidates: some of them.
+            everywhere: their coefficients, ``(batch, candidate)``.
+            inside: what is added to these within the window.
+            windows: of each row.
+        """
+        plain = self._by_term(candidates, everywhere)
+        local = self._by_term(candidates, inside)
+        return self._run(start, times, self._layout.weights(plain, local, windows))
+
+    def _by_term(self, candidates: Sequence[Candidate], xi: Tensor) -> Tensor:
+        weights = torch.zeros((len(xi), len(self.terms)), dtype=torch.float64)
         for j, candidate in enumerate(candidates):
             weights[:, self._columns[str(candidate)]] = xi[:, j, None]
-        return self._run(start, times, weights)
+        return weights
 
 
 @dataclass(frozen=True)
@@ -125,28 +169,34 @@ class Shooting:
         """
         if not self.simulator.has_tangents:
             return self._difference(z, xi)
-        carried = torch.nonzero(xi).flatten().tolist()
-        forcing = forcing_of([self.candidates[j] for j in carried], xi[None, carried])
-        sources = [candidate.terms for candidate in self.candidates]
         eye = torch.eye(len(z), dtype=torch.float64)
         base = self.start.start(z[None])
         directions = (self.start.start(z + DIFFERENCE * eye) - base) / DIFFERENCE
         columns = [
             self._observe(state, tangents.double())
-            for state, tangents in tangent_linear(
-                self.simulator.tangent,
-                base[0],
-                directions,
-                self.times,
-                forcing,
-                sources,
-                torch.float32,
-            )
+            for state, tangents in self.tangents(base[0], directions, xi)
         ]
         jacobian = torch.stack(columns)
         if readings is None:
             [readings] = self.readings(z[None], xi[None])
         return Linearisation(readings, jacobian[..., : len(z)], jacobian[..., len(z) :])
+
+    def tangents(
+        self, start: Tensor, directions: Tensor, xi: Tensor
+    ) -> Iterator[tuple[Tensor, Tensor]]:
+        """Yield state and tangents at every sample: of the start's directions, then of ξ."""
+        carried = torch.nonzero(xi).flatten().tolist()
+        forcing = forcing_of([self.candidates[j] for j in carried], xi[None, carried])
+        sources = [candidate.terms for candidate in self.candidates]
+        system = self.simulator.tangent
+        return tangent_linear(
+            system, start, directions, self.times, forcing, sources, torch.float32
+        )
+
+    @property
+    def scales(self) -> Tensor:
+        """A size of every ξ that makes a difference, ``(candidate,)``."""
+        return torch.tensor([c.scale for c in self.candidates], dtype=torch.float64)
 
     def _observe(self, state: Tensor, tangents: Tensor) -> Tensor:
         """Return H' w of tangents ``(column, field, *grid)``: ``(sensor, column)``."""
@@ -156,8 +206,7 @@ class Shooting:
         return ((self.operator(moved) - self.operator(state)) / size[:, None]).T
 
     def _difference(self, z: Tensor, xi: Tensor) -> Linearisation:
-        scales = torch.tensor([c.scale for c in self.candidates], dtype=torch.float64)
-        steps = DIFFERENCE * torch.cat([torch.ones(len(z), dtype=torch.float64), scales])
+        steps = DIFFERENCE * torch.cat([torch.ones(len(z), dtype=torch.float64), self.scales])
         base = torch.cat([z, xi])
         moved = torch.cat([base + torch.diag(steps), base - torch.diag(steps), base[None]])
         found = self.readings(moved[:, : len(z)], moved[:, len(z) :])

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from lightning import LightningModule
 from lightning.pytorch.utilities.types import OptimizerLRScheduler
 from torch import Tensor
 
 from dashred.models.shred import SHRED
 
-Stretches = tuple[Float[Tensor, "batch time sensor"], Float[Tensor, "batch target mode"]]
+Stretches = tuple[
+    Float[Tensor, "batch time sensor"], Float[Tensor, "batch target mode"], Int[Tensor, " batch"]
+]
 Windows = tuple[Float[Tensor, "batch lag sensor"], Float[Tensor, "batch mode"]]
 
 
@@ -37,8 +39,8 @@ class SimulationTraining(LightningModule):
 
     def training_step(self, batch: Stretches, index: int) -> Tensor:
         """Return the loss of one batch of stretches, over the samples that have targets."""
-        stretches, targets = batch
-        noisy = stretches + self.noise * torch.randn_like(stretches)
+        stretches, targets, repeated = batch
+        noisy = stretches + self.noise * _drawn_once(torch.randn_like(stretches), repeated)
         latent = self.shred.encode_along(noisy)[:, -targets.shape[1] :]
         loss = self.squared_error(latent, targets).mean()
         self.log("loss/train", loss, on_step=False, on_epoch=True)
@@ -72,3 +74,15 @@ class SimulationTraining(LightningModule):
             "optimizer": optimizer,
             "lr_scheduler": {"scheduler": schedule, "interval": "step"},
         }
+
+
+def _drawn_once(
+    noise: Float[Tensor, "batch time sensor"], repeated: Int[Tensor, " batch"]
+) -> Float[Tensor, "batch time sensor"]:
+    """Return the noise with one draw for all copies of a sample: what a recording repeats is noisy.
+
+    Else the network would average over copies whose noise it never meets.
+    """
+    held = torch.arange(noise.shape[1], device=noise.device)
+    held = torch.maximum(held, repeated[:, None])
+    return noise.gather(1, held[..., None].expand_as(noise))

@@ -69,10 +69,14 @@ def test_every_member_has_one_part(system, ensemble, held_out):
 
 def test_a_stretch_ends_when_its_last_target_does(system, ensemble):
     data = make(system, ensemble)
-    stretches, targets = data.train_dataloader().dataset.tensors
+    stretches, targets, repeated = data.train_dataloader().dataset.tensors
     assert stretches.shape[1:] == (2 * LAGS + 1, 4)
     assert targets.shape[1:] == (LAGS + 1, MODES)
-    assert len(stretches) == len(targets)
+    assert len(stretches) == len(targets) == len(repeated)
+    for stretch, copies in zip(stretches, repeated.tolist(), strict=True):
+        assert (stretch[: copies + 1] == stretch[0]).all()
+        assert not torch.equal(stretch[copies], stretch[copies + 1])
+    assert set(repeated.tolist()) == {LAGS, LAGS - LAGS // 2, 0}
     # Sensors and coefficients of one sample are of one field, which seven modes hold whole.
     field = data.pod.decode(targets.double())
     torch.testing.assert_close(
@@ -84,7 +88,7 @@ def test_a_stretch_ends_when_its_last_target_does(system, ensemble):
 
 def test_every_sample_of_a_record_is_trained_on_its_own_coefficient(system, ensemble):
     data = make(system, ensemble)
-    stretches, targets = data.train_dataloader().dataset.tensors
+    stretches, targets, repeated = data.train_dataloader().dataset.tensors
     per_member = len(stretches) // (MEMBERS - HELD_OUT)
     last = len(ring.TIMES) - 1
     ends = [*range(LAGS, last, LAGS // 2), last]

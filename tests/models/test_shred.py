@@ -11,7 +11,7 @@ from lightning import Trainer, seed_everything
 from torch import Tensor
 
 from dashred.models.shred import SHRED, reconstruct
-from dashred.models.simulation_training import SimulationTraining
+from dashred.models.simulation_training import SimulationTraining, _drawn_once
 from dashred.sensing.pod import POD
 from dashred.sensing.scaler import Scaler
 from dashred.sensing.windows import windows
@@ -58,10 +58,14 @@ def trained() -> SHRED:
     unseen = windows(sensed(states[:2]), LAGS).flatten(0, 1).float()
     trainer.fit(
         module,
-        shuffled_batches((stretches, targets.flatten(0, 1)), 32, seed=0),
+        shuffled_batches((stretches, targets.flatten(0, 1), none_repeated(stretches)), 32, seed=0),
         ordered_batches((unseen, coefficients[:2].flatten(0, 1)), 100),
     )
     return module.shred.eval()
+
+
+def none_repeated(stretches: torch.Tensor) -> torch.Tensor:
+    return torch.zeros(len(stretches), dtype=torch.long)
 
 
 def quiet_trainer(**settings: Any) -> Trainer:
@@ -155,11 +159,22 @@ def test_fresh_noise_is_drawn_for_every_batch():
     states = waves(4, seed=1)
     module = SimulationTraining(make(states), torch.full((SENSORS,), 0.1), 2 * POINTS, 1e-3, 10)
     module.log = lambda *args, **kwargs: None  # type: ignore[method-assign]
-    batch = (torch.randn(4, 2 * LAGS + 1, SENSORS), torch.randn(4, LAGS + 1, 4))
+    stretches = torch.randn(4, 2 * LAGS + 1, SENSORS)
+    batch = (stretches, torch.randn(4, LAGS + 1, 4), none_repeated(stretches))
     torch.manual_seed(0)
     assert module.training_step(batch, 0) != module.training_step(batch, 0)
     module.noise.zero_()
     assert module.training_step(batch, 0) == module.training_step(batch, 0)
+
+
+def test_what_repeats_a_sample_repeats_its_noise():
+    noise = torch.randn(3, 2 * LAGS + 1, SENSORS)
+    found = _drawn_once(noise, torch.tensor([0, LAGS, 2]))
+    assert torch.equal(found[0], noise[0])
+    assert torch.equal(found[1, :LAGS], noise[1, LAGS].expand(LAGS, SENSORS))
+    assert torch.equal(found[1, LAGS:], noise[1, LAGS:])
+    assert torch.equal(found[2, :2], noise[2, 2].expand(2, SENSORS))
+    assert torch.equal(found[2, 2:], noise[2, 2:])
 
 
 def test_it_learns_travelling_waves(trained):
