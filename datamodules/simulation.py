@@ -85,9 +85,9 @@ class SimulationDataModule(LightningDataModule):
         return windows(traces + self.noise * noise, self.lags)
 
     def train_dataloader(self) -> Batches:
-        """Return clean stretches of ``2k + 1`` samples, the ``k + 1`` last targets of each, and
-        how many of its first samples only repeat the next, there being none before the record.
+        """Return clean stretches of ``2k + 1`` samples and the ``k + 1`` last targets of each.
 
+        And how many of its first samples only repeat the next: there are none before a record.
         One pass of the LSTM then trains k + 1 windows, with histories of k + 1 samples and more,
         at a tenth of the cost of as many separate windows. Noise is drawn by the LightningModule.
         Stretches overlap, but for the first and the last of a member: these come again, and the

@@ -17,7 +17,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.discovery.localisation import distances, gaspari_cohn, sensor_distances
-from dashred.errors import InputError
 from dashred.physics.forcing import Forcing
 from dashred.physics.library import resolve
 from dashred.physics.simulate import simulate
@@ -25,6 +24,10 @@ from dashred.physics.system import System, Term
 from dashred.sensing.observation import ObservationOperator
 
 FEWEST_LEFT = 0.5
+
+
+class FilterLostError(Exception):
+    """So many members have blown up that the others say nothing."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +103,7 @@ def ensemble_filter(
         settings: localisation and inflation.
 
     Raises:
-        InputError: more than half of the members blow up.
+        FilterLostError: more than half of the members blow up.
     """
     if coefficients is None:
         terms, coefficients = (), members.new_zeros((len(members), 0))
@@ -196,8 +199,6 @@ def _mean_and_anomalies(members: Tensor) -> tuple[Tensor, Tensor]:
 
 def _check_left(whole: Tensor, members: int, time: float) -> None:
     if int(whole.sum()) < max(2, FEWEST_LEFT * members):
-        raise InputError(
-            f"of {members} members of the ensemble filter only {int(whole.sum())} are finite at "
-            f"t = {time:g}",
-            hint="use a smaller system.integrator.dt or simulation.amplitude",
+        raise FilterLostError(
+            f"of {members} members only {int(whole.sum())} are finite at t = {time:g}"
         )

@@ -8,13 +8,14 @@ knows, only the others are: ``blue``, ``filter`` and ``dashred``.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 from jaxtyping import Float
 from torch import Tensor
 
 from dashred.discovery.analogs import Analogs, nearest_analogs
-from dashred.discovery.ensemble_filter import FilterSettings, ensemble_filter
+from dashred.discovery.ensemble_filter import FilterLostError, FilterSettings, ensemble_filter
 from dashred.discovery.linear_estimate import Estimate, leading_modes, linear_estimate
 from dashred.discovery.starts import LinearStart, StartModel
 from dashred.physics.ensemble import Ensemble
@@ -87,6 +88,8 @@ def make_seeds(
 ) -> dict[str, StartModel]:
     """Return the seeds by name: ``prior``, ``blue``, ``filter``, and ``dashred`` if it is known.
 
+    A filter whose members blow up under their random laws is no seed.
+
     Args:
         system: the simulator, with the step that is good enough for an ensemble.
         prior: of the simulator's start.
@@ -95,9 +98,6 @@ def make_seeds(
         readings: of the fit sensors.
         network: DA-SHRED's estimate.
         settings: how.
-
-    Raises:
-        InputError: the filter's members blow up.
     """
     begin = Readings(
         readings.times[: settings.window],
@@ -118,8 +118,9 @@ def make_seeds(
     seeds: dict[str, StartModel] = {
         "prior": prior,
         "blue": blue_seed(analogs, begin, scale, settings),
-        "filter": filter_seed(system, analogs, terms, readings, scale, settings),
     }
+    with suppress(FilterLostError):
+        seeds["filter"] = filter_seed(system, analogs, terms, readings, scale, settings)
     if network is not None:
         seeds["dashred"] = network_seed(network, analogs, settings)
     return seeds
@@ -150,7 +151,7 @@ def filter_seed(
     more states than there are analogs, and its tolerance is far wider than the noise.
 
     Raises:
-        InputError: its members blow up.
+        FilterLostError: its members blow up.
     """
     samples = slice(min(settings.filtered, len(readings.times)))
     found = ensemble_filter(

@@ -88,7 +88,7 @@ def test_a_stretch_ends_when_its_last_target_does(system, ensemble):
 
 def test_every_sample_of_a_record_is_trained_on_its_own_coefficient(system, ensemble):
     data = make(system, ensemble)
-    stretches, targets, repeated = data.train_dataloader().dataset.tensors
+    stretches, targets, _ = data.train_dataloader().dataset.tensors
     per_member = len(stretches) // (MEMBERS - HELD_OUT)
     last = len(ring.TIMES) - 1
     ends = [*range(LAGS, last, LAGS // 2), last]

@@ -10,9 +10,13 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.discovery.ensemble_filter import Filtered, FilterSettings, ensemble_filter
+from dashred.discovery.ensemble_filter import (
+    Filtered,
+    FilterLostError,
+    FilterSettings,
+    ensemble_filter,
+)
 from dashred.discovery.localisation import distances, gaspari_cohn, sensor_distances
-from dashred.errors import InputError
 from dashred.physics.forcing import Forcing
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term
@@ -136,7 +140,7 @@ def test_members_that_blow_up_are_left_out(system: System) -> None:
     found = run(case, (growth,), coefficients, held)
     assert len(found.anomalies) == len(case.members) - 3
     assert torch.isfinite(found.start_mean).all()
-    with pytest.raises(InputError, match="only 0 are finite"):
+    with pytest.raises(FilterLostError, match="only 0 are finite"):
         run(case, (growth,), torch.full_like(coefficients, 1e6), held)
 
 

@@ -67,6 +67,17 @@ def test_an_ode_without_space_is_seeded_too(make_oscillator: Callable[[], System
         assert rms(seeds[name], truth[0]) < 0.1 < rms(seeds["prior"], truth[0])
 
 
+def test_a_filter_that_is_lost_is_no_seed(make_oscillator: Callable[[], System]) -> None:
+    system = make_oscillator()
+    growth = Term("p", system.parse("x**3", "library.p", equation="p"))
+    start = prior(system)
+    states = simulate(system, start.draw(30, np.random.default_rng(0)), TIMES)
+    wild = Ensemble(TIMES, states, torch.full((30, 1), 1e6, dtype=torch.float64))
+    readings = record(system, states[0], (Sensor("s", "x"),), 0.02)
+    seeds = make_seeds(system, start, wild, (growth,), readings, None, SETTINGS)
+    assert list(seeds) == ["prior", "blue"]
+
+
 def test_a_linear_start_is_affine_and_holds_its_shapes() -> None:
     start = LinearStart(torch.ones(2, 3), torch.arange(12.0).reshape(2, 2, 3))
     z = torch.tensor([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0]])
