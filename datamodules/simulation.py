@@ -15,7 +15,7 @@ from dashred.sensing.windows import windows
 from datamodules.batches import Batches, ordered_batches, shuffled_batches
 
 VALIDATION_BATCH = 1024
-FIRST_AGAIN, LAST_AGAIN = 4, 2
+LAST_AGAIN = 2
 
 
 class SimulationDataModule(LightningDataModule):
@@ -85,22 +85,25 @@ class SimulationDataModule(LightningDataModule):
         return windows(traces + self.noise * noise, self.lags)
 
     def train_dataloader(self) -> Batches:
-        """Return clean stretches of ``2k + 1`` samples and the ``k + 1`` last targets of each.
+        """Return clean stretches of ``k + 1`` samples and the targets of their second half.
 
         And how many of its first samples only repeat the next: there are none before a record.
-        One pass of the LSTM then trains k + 1 windows, with histories of k + 1 samples and more,
-        at a tenth of the cost of as many separate windows. Noise is drawn by the LightningModule.
-        Stretches overlap, but for the first and the last of a member: these come again, and the
-        first, whose windows have hardly any history and the largest errors, most of all.
+        One pass of the LSTM then trains as many windows as there are targets, at a tenth of the
+        cost of so many separate ones. The network that reads a recording has its whole history of
+        k samples, longer than the shortest that it is trained with. Noise is drawn by the
+        LightningModule. Stretches overlap, but for the last of a member: it comes again.
         """
-        long = windows(self.observed("train"), 2 * self.lags)
-        last = long.shape[1] - 1
-        every = range(self.lags, last, max(1, self.lags // 2))
-        ends = [*every, last, *[self.lags] * FIRST_AGAIN, *[last] * LAST_AGAIN]
-        coefficients = self.coefficients("train")
-        targets = torch.stack([coefficients[:, end - self.lags : end + 1] for end in ends], dim=1)
-        repeated = torch.tensor([max(0, 2 * self.lags - end) for end in ends])
-        tensors = _flat(long[:, ends]), _flat(targets), repeated.repeat(len(long))
+        half = self.lags // 2
+        stretches, coefficients = (
+            windows(self.observed("train"), self.lags),
+            self.coefficients("train"),
+        )
+        last = stretches.shape[1] - 1
+        ends = torch.tensor([*range(0, last, max(1, half // 2)), *[last] * (1 + LAST_AGAIN)])
+        # Where a record's first sample is repeated, so is its state.
+        at = (ends[:, None] + torch.arange(-half, 1)).clamp(min=0)
+        repeated = (self.lags - ends).clamp(min=0).repeat(len(stretches))
+        tensors = _flat(stretches[:, ends]), _flat(coefficients[:, at]), repeated
         return shuffled_batches(tensors, self.batch, self.seed)
 
     def val_dataloader(self) -> Batches:

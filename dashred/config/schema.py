@@ -209,7 +209,7 @@ class Shred:
     """Epochs without improvement on held-out members before training stops."""
 
     batch: Count
-    """Stretches of 2 lags + 1 samples in each step of the optimiser."""
+    """Stretches of lags + 1 samples in each step of the optimiser."""
 
     rate: Positive
     """Peak learning rate."""

@@ -103,7 +103,7 @@ class Simulator:
     def _by_term(self, candidates: Sequence[Candidate], xi: Tensor) -> Tensor:
         weights = torch.zeros((len(xi), len(self.terms)), dtype=torch.float64)
         for j, candidate in enumerate(candidates):
-            weights[:, self._columns[str(candidate)]] = xi[:, j, None]
+            weights[:, self._columns[str(candidate)]] += xi[:, j, None]
         return weights
 
 

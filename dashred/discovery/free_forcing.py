@@ -1,0 +1,123 @@
+"""What a law leaves unexplained: a free forcing, as large as the evidence allows.
+
+Of all models it can imitate any other, and so it says two things: how good a law could be at
+best, and near which trajectory to look for one (design §4.3.5-6).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import torch
+from torch import Tensor
+
+from dashred.discovery.driven_shooting import DrivenShooting
+from dashred.discovery.gauss_newton import minimise
+from dashred.discovery.objective import Normal, Objective
+from dashred.discovery.shooting import Shooting
+from dashred.physics.pulses import Pulses
+
+# Prior std of an amplitude, as shares of the equation's own tendency; none at all first.
+LEVELS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0)
+# Stands for none: an amplitude of this share is too small for anything.
+NONE = 1e-6
+ROUNDS, STEPS, TOLERANCE = 3, 2, 0.01
+
+
+@dataclass(frozen=True)
+class FreeForcing:
+    """A forcing that was fitted together with the start.
+
+    Attributes:
+        objective: F, in the start and the amplitudes.
+        phi: its minimum, ``(unknown,)``.
+        cost: F there.
+        evidence: ``-2 ln`` of the probability of the recording, up to a constant.
+        levels: chosen prior std of each equation's amplitudes, as a share of its tendency.
+    """
+
+    objective: Objective
+    phi: Tensor
+    cost: float
+    evidence: float
+    levels: tuple[float, ...]
+
+    @property
+    def amplitudes(self) -> Tensor:
+        """Return a, ``(equation, cell, knot)``."""
+        shooting = self.objective.shooting
+        assert isinstance(shooting, DrivenShooting)
+        return shooting.amplitudes(self.objective.split(self.phi[None])[1])[0]
+
+
+def evidence(normal: Normal, index: Sequence[int]) -> float:
+    """Return ``-2 ln p(y)`` of a linearised model with some unknowns, up to a constant.
+
+    ``min F + ln det(JᵀJ + P) - ln det P`` (Laplace).
+    """
+    chosen = list(index)
+    hessian = normal.hessian[chosen][:, chosen]
+    precision = normal.precision[chosen]
+    goal = normal.jacobian[:, chosen].T @ normal.target
+    size = precision.sqrt()
+    factor = torch.linalg.cholesky(hessian / size[:, None] / size)
+    solved = torch.linalg.solve_triangular(factor, (goal / size)[:, None], upper=False)
+    least = float(normal.target.square().sum() - solved.square().sum())
+    return least + 2 * float(factor.diagonal().log().sum())
+
+
+def fit_free_forcing(
+    objective: Objective, phi: Tensor, pulses: Pulses, size: Tensor, equations: Sequence[int]
+) -> FreeForcing:
+    """Fit a forcing of some equations, its size in each by the evidence.
+
+    Args:
+        objective: F of the start alone, over the whole record.
+        phi: a fit of the start, ``(mode,)``.
+        pulses: the forcing.
+        size: rms of each equation's own tendency, ``(equation,)``.
+        equations: those that are forced; of the others the forcing is none.
+    """
+    plain = objective.shooting
+    assert isinstance(plain, Shooting) and not plain.candidates
+    driven = DrivenShooting(
+        plain.simulator, plain.start, (), plain.operator, plain.times, pulses, size
+    )
+    phi = torch.cat([phi, torch.zeros(pulses.count, dtype=torch.float64)])
+    found = replace(objective, shooting=driven, prior_std=_stds(pulses, size, [1.0] * len(size)))
+    chosen: tuple[float, ...] = (math.nan,)
+    for _ in range(ROUNDS):
+        normal = found.linearise(phi).without_blow_ups()
+        levels = _best_levels(normal, pulses, size, equations)
+        found = replace(found, prior_std=_stds(pulses, size, levels))
+        fitted = minimise(found, phi, STEPS, TOLERANCE)
+        phi = fitted.phi
+        if levels == chosen and fitted.converged:
+            break
+        chosen = levels
+    normal = found.linearise(phi, fitted.readings).without_blow_ups()
+    return FreeForcing(found, phi, fitted.cost, evidence(normal, range(len(phi))), levels)
+
+
+def _best_levels(
+    normal: Normal, pulses: Pulses, size: Tensor, equations: Sequence[int]
+) -> tuple[float, ...]:
+    """Return the levels with the best evidence."""
+    choices = [LEVELS if e in equations else LEVELS[:1] for e in range(len(size))]
+    modes = len(normal.phi) - pulses.count
+
+    def value(levels: tuple[float, ...]) -> float:
+        stds = _stds(pulses, size, levels)
+        precision = torch.cat([normal.precision[:modes], stds**-2])
+        return evidence(replace(normal, precision=precision), range(len(precision)))
+
+    return min(product(*choices), key=value)
+
+
+def _stds(pulses: Pulses, size: Tensor, levels: Sequence[float]) -> Tensor:
+    _, cells, knots = pulses.shape
+    shares = torch.tensor([max(level, NONE) for level in levels], dtype=torch.float64)
+    return (shares * size).repeat_interleave(cells * knots)
