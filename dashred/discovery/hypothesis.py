@@ -1,0 +1,150 @@
+"""One explanation to be tested: which candidates act, and where, when or in which states."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from dashred.discovery.candidates import Candidate
+from dashred.discovery.gauss_newton import Fitted, minimise
+from dashred.discovery.local_shooting import LocalShooting, localised
+from dashred.discovery.objective import Objective
+from dashred.physics.window import Shape
+
+# Prior std of a window's log width.
+LOG_WIDTH = 1.0
+
+
+@dataclass(frozen=True)
+class Guess:
+    """Where a window may be.
+
+    Attributes:
+        shape: what kind.
+        values: of its unknowns.
+        spread: how far off they may be, as a prior std.
+    """
+
+    shape: Shape
+    values: tuple[float, ...]
+    spread: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Candidates that act everywhere, and others that act within one window.
+
+    Attributes:
+        everywhere: indices of candidates.
+        inside: indices of candidates.
+        guess: of the window; None without one.
+    """
+
+    everywhere: tuple[int, ...] = ()
+    inside: tuple[int, ...] = ()
+    guess: Guess | None = None
+
+    @property
+    def kind(self) -> str:
+        """``everywhere``, or the kind of its window."""
+        return self.guess.shape.kind if self.guess else "everywhere"
+
+    def penalty(self, samples: float, candidates: int, fields: int) -> float:
+        """Return what its freedom costs, beside its priors (design §4.3.7).
+
+        Args:
+            samples: n, the effective number.
+            candidates: p.
+            fields: that a gate may stand in.
+        """
+        n, p = math.log(samples), math.log(candidates)
+        cost = len(self.everywhere) * (n + 2 * p)
+        if self.guess is None:
+            return cost
+        cost += len(self.inside) * (n + 2 * p)
+        edges = len(self.guess.values) - 1
+        choices = 2 * math.log(2 * fields) if self.kind.startswith("gate") else 0.0
+        return cost + edges * n + choices
+
+
+@dataclass(frozen=True)
+class Tested:
+    """A hypothesis that was fitted.
+
+    Attributes:
+        hypothesis: what was fitted.
+        objective: F, in its own unknowns.
+        fitted: its minimum.
+        score: ``F + penalty``, lower is better.
+    """
+
+    hypothesis: Hypothesis
+    objective: Objective
+    fitted: Fitted
+    score: float
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Its candidates as terms, windows and all."""
+        shooting = self.objective.shooting
+        if not isinstance(shooting, LocalShooting):
+            return tuple(shooting.candidates)
+        _, xi = self.objective.split(self.fitted.phi)
+        return (*shooting.candidates, *localised(shooting.inside, shooting.window(xi)))
+
+    @property
+    def coefficients(self) -> Tensor:
+        """ξ of its candidates, ``(candidate,)``."""
+        _, xi = self.objective.split(self.fitted.phi)
+        return xi[: len(self.candidates)]
+
+
+def pose(objective: Objective, hypothesis: Hypothesis) -> Objective:
+    """Return F of one hypothesis.
+
+    Args:
+        objective: F of all candidates, acting everywhere.
+        hypothesis: some of them.
+    """
+    plain = objective.only(hypothesis.everywhere)
+    guess = hypothesis.guess
+    if guess is None:
+        return plain
+    shooting = objective.shooting
+    local = LocalShooting(
+        shooting.simulator,
+        shooting.start,
+        plain.shooting.candidates,
+        shooting.operator,
+        shooting.times,
+        [shooting.candidates[j] for j in hypothesis.inside],
+        guess.shape,
+        torch.tensor(guess.values, dtype=torch.float64),
+    )
+    inside = objective.prior_std[list(hypothesis.inside)]
+    edges = torch.tensor(guess.spread, dtype=torch.float64)
+    return replace(plain, shooting=local, prior_std=torch.cat([plain.prior_std, inside, edges]))
+
+
+def test(
+    objective: Objective,
+    hypothesis: Hypothesis,
+    phi: Tensor,
+    steps: int,
+    tolerance: float,
+    penalty: float,
+) -> Tested:
+    """Fit a hypothesis from some unknowns on."""
+    mine = pose(objective, hypothesis)
+    fitted = minimise(mine, phi, steps, tolerance)
+    return Tested(hypothesis, mine, fitted, fitted.cost + penalty)
+
+
+def first_unknowns(z: Tensor, coefficients: Sequence[float], guess: Guess | None) -> Tensor:
+    """Return the unknowns to begin a fit from: the window where it is guessed to be."""
+    edges = len(guess.values) if guess else 0
+    return torch.cat([z, torch.tensor([*coefficients, *[0.0] * edges], dtype=torch.float64)])

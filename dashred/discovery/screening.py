@@ -1,0 +1,225 @@
+"""Which terms, and where: every term by cells, by times and by states, linearised, only algebra.
+
+The columns are taken about a trajectory that a free forcing has brought to the recording, with
+the forcing itself taken out: about the uncorrected trajectory a large mismatch misleads
+(design §4.3.6).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dashred.discovery.candidates import Candidate
+from dashred.discovery.driven_shooting import DrivenShooting
+from dashred.discovery.free_forcing import FreeForcing
+from dashred.discovery.hypothesis import LOG_WIDTH, Guess, Hypothesis
+from dashred.discovery.local_shooting import localised
+from dashred.discovery.objective import Objective
+from dashred.discovery.subsets import Eliminated
+from dashred.physics.grid import Axis
+from dashred.physics.linearisation import NotSeparableError, Separator
+from dashred.physics.system import System
+from dashred.physics.window import Shape, Window, box, gate, onset
+
+CELLS, TIMES = 12, 10
+QUANTILES = (0.2, 0.35, 0.5, 0.65, 0.8)
+# A run of cells longer than this share of an axis is no region any more.
+LONGEST = 0.75
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A part of a term's effect, of which windows are put together.
+
+    Attributes:
+        candidate: index of the candidate.
+        window: where it acts.
+    """
+
+    candidate: int
+    window: Window
+
+
+@dataclass(frozen=True)
+class Screened:
+    """A hypothesis as the linearised problem sees it.
+
+    Attributes:
+        hypothesis: candidates and window.
+        cost: F, start and coefficients at their best.
+        coefficients: these.
+    """
+
+    hypothesis: Hypothesis
+    cost: float
+    coefficients: tuple[float, ...]
+
+
+def can_be_local(system: System, candidate: Candidate) -> bool:
+    """Tell whether a candidate is pointwise, so that a window can multiply it."""
+    separator = Separator(frozenset(system.fields), tuple(a.name for a in system.axes))
+    try:
+        for term in candidate.terms:
+            separator.pointwise(term.expression)
+    except NotSeparableError:
+        return False
+    return candidate.equation is not None
+
+
+def screen(objective: Objective, forced: FreeForcing, states: Tensor) -> list[Screened]:
+    """Return every single term with every window, and every pair of terms everywhere.
+
+    Args:
+        objective: F of all candidates, acting everywhere.
+        forced: a forcing that explains the recording.
+        states: of its trajectory, ``(time, field, *grid)``: thresholds of gates lie among them.
+    """
+    system = objective.shooting.simulator.system
+    candidates = objective.shooting.candidates
+    pieces = list(_pieces(system, candidates, objective.shooting.times, states))
+    columns = [
+        *candidates,
+        *(localised([candidates[p.candidate]], p.window)[0] for p in pieces),
+    ]
+    stds = torch.cat([objective.prior_std, *[objective.prior_std[[p.candidate]] for p in pieces]])
+    problem = _eliminated(objective, forced, columns, stds)
+    count = len(candidates)
+    singles = [((j,), None, {j: 1.0}) for j in range(count)]
+    found = [_screened(problem, Hypothesis(m, (), g), w) for m, g, w in singles]
+    pairs = [(i, j) for j in range(count) for i in range(j)]
+    costs = problem.costs(pairs).tolist() if pairs else []
+    for pair, cost in zip(pairs, costs, strict=True):
+        coefficients = tuple(problem.coefficients(pair).tolist())
+        found.append(Screened(Hypothesis(pair), cost, coefficients))
+    for j, guess, weights in _windows(system, pieces, count):
+        found.append(_screened(problem, Hypothesis((), (j,), guess), weights))
+    return found
+
+
+def _eliminated(
+    objective: Objective, forced: FreeForcing, columns: Sequence[Candidate], stds: Tensor
+) -> Eliminated:
+    """Linearise about the forced trajectory, and take the forcing out."""
+    driven = forced.objective.shooting
+    assert isinstance(driven, DrivenShooting)
+    modes, amplitudes = objective.modes, driven.pulses.count
+    shooting = replace(driven, candidates=tuple(columns))
+    forcing = forced.objective.prior_std
+    whole = replace(objective, shooting=shooting, prior_std=torch.cat([stds, forcing]))
+    phi = forced.phi
+    zero = torch.zeros(len(columns), dtype=torch.float64)
+    at = torch.cat([phi[:modes], zero, phi[modes:]])
+    normal = whole.linearise(at).without_blow_ups()
+    target = normal.target
+    kept = modes + len(columns)
+    # F(φ) ≈ ‖J φ - b‖²: without the forcing's columns the law itself has to bear b.
+    without = replace(
+        normal,
+        jacobian=normal.jacobian[:, :kept],
+        precision=normal.precision[:kept],
+        phi=torch.zeros(kept, dtype=torch.float64),
+        residuals=-target,
+    )
+    assert amplitudes == normal.jacobian.shape[1] - kept
+    return Eliminated.of(without, modes)
+
+
+def _screened(problem: Eliminated, hypothesis: Hypothesis, weights: dict[int, float]) -> Screened:
+    """Return the best coefficient of one sum of columns."""
+    index = list(weights)
+    w = torch.tensor([weights[j] for j in index], dtype=torch.float64)
+    gram = float(w @ problem.gram[index][:, index] @ w)
+    goal = float(w @ problem.target[index])
+    precision = float(problem.precision[index[0]])
+    return Screened(
+        hypothesis, problem.constant - goal**2 / (gram + precision), (goal / (gram + precision),)
+    )
+
+
+def _pieces(
+    system: System, candidates: Sequence[Candidate], times: Tensor, states: Tensor
+) -> Iterator[Piece]:
+    windows = [
+        *(w for axis in system.axes for w in _cells(axis)),
+        *_periods(times),
+        *_states(system, states),
+    ]
+    for j, candidate in enumerate(candidates):
+        if can_be_local(system, candidate):
+            yield from (Piece(j, window) for window in windows)
+
+
+def _cells(axis: Axis) -> list[Window]:
+    width = axis.length / CELLS
+    shape = box(axis)
+    return [shape.at(((j + 0.5) * width, width / 2, math.log(width / 4))) for j in range(CELLS)]
+
+
+def _periods(times: Tensor) -> list[Window]:
+    edges = np.linspace(float(times[0]), float(times[-1]), TIMES + 1)[1:-1]
+    width = float(edges[1] - edges[0])
+    return [onset().at((float(t), math.log(width / 8))) for t in edges]
+
+
+def _states(system: System, states: Tensor) -> list[Window]:
+    found = []
+    for field, name in enumerate(system.fields):
+        values = states[:, field].flatten()
+        width = float(values.std()) / 4
+        for q in QUANTILES:
+            threshold = float(values.quantile(q))
+            found.append(gate(name, 1).at((threshold, math.log(width))))
+    return found
+
+
+def _windows(
+    system: System, pieces: Sequence[Piece], first: int
+) -> Iterator[tuple[int, Guess, dict[int, float]]]:
+    """Yield candidate, guess and columns of every window that pieces make."""
+    by_candidate: dict[int, dict[Shape, list[int]]] = {}
+    for column, piece in enumerate(pieces, first):
+        shapes = by_candidate.setdefault(piece.candidate, {})
+        shapes.setdefault(piece.window.shape, []).append(column)
+    values = {column: p.window.values for column, p in enumerate(pieces, first)}
+    axes = {box(axis): axis for axis in system.axes}
+    for j, shapes in by_candidate.items():
+        for shape, columns in shapes.items():
+            if shape in axes:
+                yield from ((j, *run) for run in _runs(shape, axes[shape], columns))
+            else:
+                yield from ((j, *run) for run in _edges(shape, columns, values, j))
+
+
+def _runs(
+    shape: Shape, axis: Axis, columns: Sequence[int]
+) -> Iterator[tuple[Guess, dict[int, float]]]:
+    """Yield every run of neighbouring cells, around the ends of the axis too."""
+    width = axis.length / CELLS
+    for length in range(1, int(LONGEST * CELLS) + 1):
+        for begin in range(CELLS):
+            chosen = [columns[(begin + k) % CELLS] for k in range(length)]
+            centre = ((begin + length / 2) * width) % axis.length
+            place = (centre, length * width / 2, math.log(width / 4))
+            spread = (axis.length / 4, axis.length / 8, LOG_WIDTH)
+            yield Guess(shape, place, spread), dict.fromkeys(chosen, 1.0)
+
+
+def _edges(
+    shape: Shape, columns: Sequence[int], values: dict[int, tuple[float, ...]], candidate: int
+) -> Iterator[tuple[Guess, dict[int, float]]]:
+    """Yield every onset; every gate above, and below: what is not above, is below."""
+    places = [values[c][0] for c in columns]
+    spread = (max(places) - min(places)) / 2
+    for column in columns:
+        place = values[column]
+        guess = Guess(shape, place, (spread, LOG_WIDTH))
+        yield guess, {column: 1.0}
+        if shape.kind == "gate above":
+            below = Guess(gate(shape.of, -1), place, (spread, LOG_WIDTH))
+            yield below, {candidate: 1.0, column: -1.0}
