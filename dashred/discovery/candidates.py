@@ -42,9 +42,14 @@ class Candidate:
     replaces: tuple[str, ...] = ()
     window: Window | None = None
 
-    def __str__(self) -> str:
-        """``u: u**3``, or ``parameter nu``."""
+    @property
+    def key(self) -> str:
+        """``u: u**3``, or ``parameter nu``, wherever it acts."""
         return f"{self.equation}: {self.name}" if self.equation else f"parameter {self.name}"
+
+    def __str__(self) -> str:
+        """``u: u**3``, or ``parameter nu``; and where it acts, if not everywhere."""
+        return f"{self.key} {self.window}" if self.window else self.key
 
 
 def build_candidates(

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from dashred.discovery.law import Law
+from dashred.physics.algebra import multiply
 from dashred.physics.differentiate import parameter_tendency
 from dashred.physics.system import System, Term
 
@@ -25,6 +26,8 @@ def correct(system: System, law: Law) -> System:
         else:
             key = f"library.{candidate.equation}"
             expression = system.parse(candidate.name, key, equation=candidate.equation)
+            if candidate.window is not None:
+                expression = multiply((candidate.window.expression, expression))
             terms.append((Term(candidate.equation, expression), value))
     return with_parameters(system, changed).with_terms(terms)
 

@@ -51,7 +51,7 @@ class Simulator:
         self._columns: dict[str, list[int]] = {}
         first = 0
         for candidate in candidates:
-            self._columns[str(candidate)] = [*range(first, first + len(candidate.terms))]
+            self._columns[candidate.key] = [*range(first, first + len(candidate.terms))]
             first += len(candidate.terms)
         self._layout = Columns(len(self.terms), shapes)
         self._run: Run = compiled(system, self.terms, shapes)
@@ -103,7 +103,7 @@ class Simulator:
     def _by_term(self, candidates: Sequence[Candidate], xi: Tensor) -> Tensor:
         weights = torch.zeros((len(xi), len(self.terms)), dtype=torch.float64)
         for j, candidate in enumerate(candidates):
-            weights[:, self._columns[str(candidate)]] += xi[:, j, None]
+            weights[:, self._columns[candidate.key]] += xi[:, j, None]
         return weights
 
 

@@ -66,6 +66,13 @@ class Window:
     shape: Shape
     values: tuple[float, ...]
 
+    def __str__(self) -> str:
+        """``for 10.1 < x < 16``, ``for t > 11``, ``for u > 0.6``."""
+        of, place = self.shape.of, self.values[0]
+        if self.shape.kind == "box":
+            return f"for {place - self.values[1]:.3g} < {of} < {place + self.values[1]:.3g}"
+        return f"for {of} {'<' if self.shape.kind == 'gate below' else '>'} {place:.3g}"
+
     @property
     def expression(self) -> Expr:
         """χ."""
