@@ -105,6 +105,33 @@ def build_candidates(
     ]
 
 
+def replaced_terms(
+    system: System,
+    library: Sequence[Term],
+    candidates: Sequence[Candidate],
+    nominal: Tensor,
+    t: float,
+) -> list[Candidate]:
+    """Return the library's terms that parameters stand for: somewhere only, they are themselves.
+
+    Args:
+        system: the simulator.
+        library: the candidate terms.
+        candidates: what :func:`build_candidates` made of them.
+        nominal: states of the simulator, ``(time, field, *grid)``.
+        t: time at which terms that read it are compared.
+    """
+    replaced = {name for candidate in candidates for name in candidate.replaces}
+    found = []
+    for term, ready in zip(library, resolve(system, library), strict=True):
+        candidate = Candidate(str(term), term.equation, (ready,), 1.0)
+        if candidate.key in replaced:
+            size = float(_column(system, candidate, nominal, t).norm())
+            scale = math.sqrt(nominal[:, 0].numel()) / size
+            found.append(replace(candidate, scale=scale, limit=_limit(system, candidate)))
+    return found
+
+
 def indices_by_name(candidates: Sequence[Candidate]) -> dict[str, int]:
     """Return the index of the candidate that stands for each library term, ``equation: term``."""
     return {name: j for j, found in enumerate(candidates) for name in (str(found), *found.replaces)}

@@ -15,6 +15,7 @@ from torch import Tensor
 
 from dashred.discovery.faulty_shooting import MovedShooting, OffsetShooting
 from dashred.discovery.gauss_newton import Fitted, minimise
+from dashred.discovery.law import SensorFault
 from dashred.discovery.objective import Normal, Objective
 from dashred.physics.grid import Axis
 
@@ -60,14 +61,12 @@ class TestedFault:
         fault: which.
         objective: F, without the samples that are no readings.
         fitted: its minimum.
-        value: bias, drift per unit time, where it is stuck, how many spikes, or how far off.
         score: ``F + constant + penalty``.
     """
 
     fault: Fault
     objective: Objective
     fitted: Fitted
-    value: float
     score: float
 
 
@@ -95,6 +94,44 @@ def suspects(objective: Objective, normal: Normal) -> Iterator[Fault]:
             yield Fault("spikes", sensor, spikes, parameters=1.5 * groups)
 
 
+def predicted(objective: Objective, normal: Normal, fault: Fault, states: Tensor) -> float:
+    """Return the score that a fault would have, were the readings linear in the start.
+
+    Args:
+        objective: F of a law.
+        normal: linearised about its fit.
+        fault: what may be wrong with one sensor.
+        states: at that fit, ``(time, field, *grid)``.
+    """
+    mine, extra = _posed(objective, fault)
+    kept = (~fault.samples).to(torch.float64)
+    shape = objective.recorded.shape
+    rows = torch.ones(shape, dtype=torch.float64)
+    rows[:, fault.sensor] = kept
+    weights = rows.flatten()
+    jacobian, target = normal.jacobian * weights[:, None], normal.target * weights
+    precision = normal.precision
+    if extra:
+        columns = mine.noise.whiten(_columns(mine, states).movedim(-1, 0)).flatten(1).T
+        jacobian = torch.cat([jacobian, columns.to(jacobian.dtype)], dim=1)
+        precision = torch.cat([precision, mine.prior_std[-extra:] ** -2])
+    goal = jacobian.T @ target
+    hessian = jacobian.T @ jacobian + torch.diag(precision)
+    least = float(target.square().sum() - goal @ torch.linalg.solve(hessian, goal))
+    return least + fault.constant + _penalty(objective, fault)
+
+
+def _columns(objective: Objective, states: Tensor) -> Tensor:
+    """Return what one unit of the fault's own unknowns adds to the readings."""
+    shooting = objective.shooting
+    assert isinstance(shooting, OffsetShooting | MovedShooting)
+    return shooting.columns(states)
+
+
+def _penalty(objective: Objective, fault: Fault) -> float:
+    return fault.penalty(objective.noise.effective_count, objective.recorded.shape[1])
+
+
 def fit_fault(objective: Objective, fault: Fault, phi: Tensor) -> TestedFault:
     """Fit start, law and fault together.
 
@@ -103,26 +140,40 @@ def fit_fault(objective: Objective, fault: Fault, phi: Tensor) -> TestedFault:
         fault: what is wrong with one sensor.
         phi: where the fit begins.
     """
-    count = len(fault.samples)
+    mine, extra = _posed(objective, fault)
+    begin = torch.cat([phi, torch.zeros(extra, dtype=torch.float64)])
+    fitted = minimise(mine, begin, STEPS, TOLERANCE)
+    score = fitted.cost + fault.constant + _penalty(objective, fault)
+    return TestedFault(fault, mine, fitted, score)
+
+
+def _posed(objective: Objective, fault: Fault) -> tuple[Objective, int]:
+    """Return F with a fault, and how many unknowns this has of its own."""
     seen = objective.noise.seen.clone()
     seen[:, fault.sensor] &= ~fault.samples
-    mine = replace(objective, noise=replace(objective.noise, seen=seen))
-    extra = _parametrised(mine, fault)
-    if extra is not None:
-        mine = extra
-    begin = torch.cat([phi, torch.zeros(mine.modes + len(mine.prior_std) - len(phi))]).double()
-    fitted = minimise(mine, begin, STEPS, TOLERANCE)
-    score = fitted.cost + fault.constant
-    score += fault.penalty(objective.noise.effective_count, objective.recorded.shape[1])
-    if extra is not None:
-        value = float(fitted.phi[len(phi) :].norm() * fitted.phi[len(phi)].sign())
-        if fault.kind == "drift":
-            value /= float(objective.shooting.times[count - 1] - objective.shooting.times[0])
-    elif fault.kind == "stuck":
-        value = float(objective.recorded[fault.samples, fault.sensor].nanmean())
-    else:
-        value = float(fault.samples.sum())
-    return TestedFault(fault, mine, fitted, value, score)
+    without = replace(objective, noise=replace(objective.noise, seen=seen))
+    found = _parametrised(without, fault)
+    return found or without, len(found.prior_std) - len(objective.prior_std) if found else 0
+
+
+def describe(objective: Objective, tested: TestedFault) -> SensorFault:
+    """Return what was found to be wrong with the sensor, in the user's units."""
+    fault, times = tested.fault, objective.shooting.times
+    extra = len(tested.fitted.phi) - objective.modes - len(objective.prior_std)
+    name = objective.shooting.operator.sensors[fault.sensor].name
+    if not extra:
+        if fault.kind == "spikes":
+            return SensorFault(fault.kind, name, float(fault.samples.sum()), None, None)
+        tail = objective.recorded[fault.samples, fault.sensor]
+        begin = float(times[int(torch.nonzero(fault.samples)[0])])
+        return SensorFault(fault.kind, name, float(tail.nanmean()), None, begin)
+    normal = tested.objective.linearise(tested.fitted.phi, tested.fitted.readings)
+    every = range(len(tested.fitted.phi))
+    own = tested.fitted.phi[-extra:]
+    stds = normal.covariance(every).diagonal()[-extra:].sqrt()
+    length = float(times[-1] - times[0]) if fault.kind == "drift" else 1.0
+    value = float(own[0]) if extra == 1 else float(own.norm())
+    return SensorFault(fault.kind, name, value / length, float(stds.norm()) / length, None)
 
 
 def _parametrised(objective: Objective, fault: Fault) -> Objective | None:

@@ -30,6 +30,10 @@ class OffsetShooting(Shooting):
         offsets = torch.tensordot(xi[:, split:], self.patterns[:, : len(self.times)], dims=1)
         return _plain(self).readings(z, xi[:, :split]) + offsets
 
+    def columns(self, states: Tensor) -> Tensor:
+        """Return ``∂/∂c`` of the readings, ``(time, sensor, pattern)``, the same for all states."""
+        return self.patterns[:, : len(states)].movedim(0, -1)
+
     def linearise(self, z: Tensor, xi: Tensor, readings: Tensor | None = None) -> Linearisation:
         """Return readings and Jacobian: of the start, of ξ, and of c."""
         split = len(self.candidates)
@@ -69,17 +73,29 @@ class MovedShooting(Shooting):
         """Return readings and Jacobian: of the start, of ξ, and of δ."""
         split = len(self.candidates)
         point = _plain(self).linearise(z, xi[:split])
-        states = self.states(z[None], xi[None, :split])
-        columns = torch.zeros((*point.readings.shape, len(self.reach)), dtype=torch.float64)
-        for axis, (ahead, behind) in enumerate(self._beside):
-            h, delta = self.reach[axis], xi[split + axis]
-            plus, minus = ahead(states)[0, :, 0], behind(states)[0, :, 0]
-            middle = self.operator(states)[0, :, self.sensor]
-            columns[:, self.sensor, axis] = (plus - minus) / (2 * h)
-            columns[:, self.sensor, axis] += delta * (plus - 2 * middle + minus) / h**2
+        [states] = self.states(z[None], xi[None, :split])
+        columns = self.columns(states, xi[split:])
         [readings] = self.readings(z[None], xi[None]) if readings is None else [readings]
         by_error = torch.cat([point.by_error, columns.to(point.by_error.dtype)], dim=-1)
         return Linearisation(readings, point.by_start, by_error)
+
+    def columns(self, states: Tensor, delta: Tensor | None = None) -> Tensor:
+        """Return ``∂/∂δ`` of the readings at some δ, or at 0: ``(time, sensor, axis)``.
+
+        Args:
+            states: ``(time, field, *grid)``.
+            delta: δ, ``(axis,)``.
+        """
+        middle = self.operator(states)
+        found = torch.zeros((*middle.shape, len(self.reach)), dtype=torch.float64)
+        for axis, (ahead, behind) in enumerate(self._beside):
+            h = self.reach[axis]
+            plus, minus = ahead(states)[:, 0], behind(states)[:, 0]
+            curve = (plus - 2 * middle[:, self.sensor] + minus) / h**2
+            found[:, self.sensor, axis] = (plus - minus) / (2 * h)
+            if delta is not None:
+                found[:, self.sensor, axis] += delta[axis] * curve
+        return found
 
     def _moved(self, states: Tensor, delta: Tensor) -> Tensor:
         """Return what the sensor reads where it stands, ``(batch, time)``."""

@@ -6,7 +6,6 @@ best, and near which trajectory to look for one (design §4.3.5-6).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -17,7 +16,6 @@ from torch import Tensor
 from dashred.discovery.driven_shooting import DrivenShooting
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.objective import Normal, Objective
-from dashred.discovery.shooting import Shooting
 from dashred.physics.pulses import Pulses
 
 # Prior std of an amplitude, as shares of the equation's own tendency; none at all first.
@@ -75,31 +73,34 @@ def fit_free_forcing(
     """Fit a forcing of some equations, its size in each by the evidence.
 
     Args:
-        objective: F of the start alone, over the whole record.
-        phi: a fit of the start, ``(mode,)``.
+        objective: F of a law, or of none, over the whole record.
+        phi: a fit of start and law, ``(unknown,)``.
         pulses: the forcing.
         size: rms of each equation's own tendency, ``(equation,)``.
         equations: those that are forced; of the others the forcing is none.
     """
-    plain = objective.shooting
-    assert isinstance(plain, Shooting) and not plain.candidates
+    plain, law = objective.shooting, objective.prior_std
     driven = DrivenShooting(
-        plain.simulator, plain.start, (), plain.operator, plain.times, pulses, size
+        plain.simulator, plain.start, plain.candidates, plain.operator, plain.times, pulses, size
     )
     phi = torch.cat([phi, torch.zeros(pulses.count, dtype=torch.float64)])
-    found = replace(objective, shooting=driven, prior_std=_stds(pulses, size, [1.0] * len(size)))
-    chosen: tuple[float, ...] = (math.nan,)
+    stds = _stds(pulses, size, LEVELS[-1:] * len(size))
+    found = replace(objective, shooting=driven, prior_std=torch.cat([law, stds]))
+    [readings] = driven.readings(*found.split(phi[None]))
+    levels: tuple[float, ...] = ()
     for _ in range(ROUNDS):
-        normal = found.linearise(phi).without_blow_ups()
-        levels = _best_levels(normal, pulses, size, equations)
-        found = replace(found, prior_std=_stds(pulses, size, levels))
-        fitted = minimise(found, phi, STEPS, TOLERANCE)
-        phi = fitted.phi
-        if levels == chosen and fitted.converged:
+        normal = found.linearise(phi, readings).without_blow_ups()
+        before, levels = levels, _best_levels(normal, pulses, size, equations)
+        found = replace(found, prior_std=torch.cat([law, _stds(pulses, size, levels)]))
+        if not any(levels):
             break
-        chosen = levels
-    normal = found.linearise(phi, fitted.readings).without_blow_ups()
-    return FreeForcing(found, phi, fitted.cost, evidence(normal, range(len(phi))), levels)
+        fitted = minimise(found, phi, STEPS, TOLERANCE)
+        phi, readings = fitted.phi, fitted.readings
+        if levels == before and fitted.converged:
+            break
+    normal = found.linearise(phi, readings).without_blow_ups()
+    [cost], _ = found.values(phi[None])
+    return FreeForcing(found, phi, float(cost), evidence(normal, range(len(phi))), levels)
 
 
 def _best_levels(
@@ -107,11 +108,11 @@ def _best_levels(
 ) -> tuple[float, ...]:
     """Return the levels with the best evidence."""
     choices = [LEVELS if e in equations else LEVELS[:1] for e in range(len(size))]
-    modes = len(normal.phi) - pulses.count
+    known = len(normal.phi) - pulses.count
 
     def value(levels: tuple[float, ...]) -> float:
         stds = _stds(pulses, size, levels)
-        precision = torch.cat([normal.precision[:modes], stds**-2])
+        precision = torch.cat([normal.precision[:known], stds**-2])
         return evidence(replace(normal, precision=precision), range(len(precision)))
 
     return min(product(*choices), key=value)

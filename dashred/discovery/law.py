@@ -2,16 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import torch
 from torch import Tensor
 
 from dashred.discovery.candidates import Candidate, forcing_of
+from dashred.discovery.gauss_newton import Fitted
 from dashred.discovery.objective import Normal, Objective
 from dashred.physics.forcing import Forcing
 
 # Two-sided 95 % of a normal distribution.
 Z95 = 1.959964
+
+
+@dataclass(frozen=True)
+class SensorFault:
+    """What is wrong with a sensor.
+
+    Attributes:
+        kind: bias, drift, stuck, spikes or misplaced.
+        sensor: its name.
+        value: the bias, the drift per unit time, the value at which it is stuck, how many spikes,
+            or how far off its stated place it is.
+        std: its posterior standard deviation; None for a count.
+        begin: time from which on it is stuck; None for the other kinds.
+    """
+
+    kind: str
+    sensor: str
+    value: float
+    std: float | None
+    begin: float | None
 
 
 @dataclass(frozen=True)
@@ -26,6 +49,9 @@ class Law:
         score: ``F + k (ln n + 2 ln p)``; differences are ΔBIC.
         chi2: mean squared whitened residual over the fit; 1 for noise alone.
         residuals: readings minus recording over the fit, ``(time, sensor)``, NaN where missing.
+        edges: posterior std of the window's unknowns; empty without a window.
+        fault: what is wrong with a sensor, beside the law; None if nothing is.
+        widened: by how much the start lies outside of its prior, as a factor of its spread.
     """
 
     candidates: tuple[Candidate, ...]
@@ -35,6 +61,9 @@ class Law:
     score: float
     chi2: float
     residuals: Tensor
+    edges: tuple[float, ...] = ()
+    fault: SensorFault | None = None
+    widened: float = 1.0
 
     @property
     def std(self) -> Tensor:
@@ -93,4 +122,40 @@ def posterior(
         score=score,
         chi2=chi2,
         residuals=readings - objective.recorded,
+    )
+
+
+def law_of(
+    objective: Objective,
+    fitted: Fitted,
+    candidates: Sequence[Candidate],
+    score: float,
+    edges: int = 0,
+) -> Law:
+    """Return the law at a minimum of an F whose coefficients are those of some candidates first.
+
+    Args:
+        objective: F; behind the candidates' coefficients there may be unknowns of a window, or of
+            a sensor's fault.
+        fitted: its minimum.
+        candidates: what the law says is missing.
+        score: of the law.
+        edges: how many unknowns belong to the window; they come last.
+    """
+    count, modes = len(candidates), objective.modes
+    z, xi = objective.split(fitted.phi)
+    normal = objective.linearise(fitted.phi, fitted.readings)
+    covariance = normal.covariance(range(len(fitted.phi)))
+    stds = covariance.diagonal().clamp(min=0).sqrt().tolist()
+    return Law(
+        candidates=tuple(candidates),
+        coefficients=xi[:count],
+        covariance=covariance[modes : modes + count, modes : modes + count],
+        start=objective.shooting.start.start(z[None])[0],
+        score=score,
+        chi2=fitted.chi2 / objective.noise.count,
+        residuals=torch.where(
+            objective.noise.seen, fitted.readings - objective.recorded, torch.nan
+        ),
+        edges=tuple(stds[len(stds) - edges :]) if edges else (),
     )

@@ -72,11 +72,14 @@ def can_be_local(system: System, candidate: Candidate) -> bool:
     return candidate.equation is not None
 
 
-def screen(objective: Objective, forced: FreeForcing, states: Tensor) -> list[Screened]:
+def screen(
+    objective: Objective, everywhere: int, forced: FreeForcing, states: Tensor
+) -> list[Screened]:
     """Return every single term with every window, and every pair of terms everywhere.
 
     Args:
-        objective: F of all candidates, acting everywhere.
+        objective: F of all candidates.
+        everywhere: how many of these, the first, may act everywhere.
         forced: a forcing that explains the recording.
         states: of its trajectory, ``(time, field, *grid)``: thresholds of gates lie among them.
     """
@@ -89,15 +92,13 @@ def screen(objective: Objective, forced: FreeForcing, states: Tensor) -> list[Sc
     ]
     stds = torch.cat([objective.prior_std, *[objective.prior_std[[p.candidate]] for p in pieces]])
     problem = _eliminated(objective, forced, columns, stds)
-    count = len(candidates)
-    singles = [((j,), None, {j: 1.0}) for j in range(count)]
-    found = [_screened(problem, Hypothesis(m, (), g), w) for m, g, w in singles]
-    pairs = [(i, j) for j in range(count) for i in range(j)]
+    found = [_screened(problem, Hypothesis((j,)), {j: 1.0}) for j in range(everywhere)]
+    pairs = [(i, j) for j in range(everywhere) for i in range(j)]
     costs = problem.costs(pairs).tolist() if pairs else []
     for pair, cost in zip(pairs, costs, strict=True):
         coefficients = tuple(problem.coefficients(pair).tolist())
         found.append(Screened(Hypothesis(pair), cost, coefficients))
-    for j, guess, weights in _windows(system, pieces, count):
+    for j, guess, weights in _windows(system, pieces, len(candidates)):
         found.append(_screened(problem, Hypothesis((), (j,), guess), weights))
     return found
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -51,3 +52,29 @@ class LinearStart:
     def start(self, z: Tensor) -> Tensor:
         """Return the starts ``(batch, field, *grid)`` of ``z``, ``(batch, size)``."""
         return self.mean + torch.tensordot(z, self.modes, dims=1)
+
+
+@dataclass(frozen=True)
+class ScaledStart:
+    """Another model with ``factor`` times its spread: ``u₀ = start(factor·z)``.
+
+    Attributes:
+        model: what is scaled.
+        factor: above 1 a start farther off than its prior says, below 1 one better known.
+    """
+
+    model: StartModel
+    factor: float
+
+    @property
+    def size(self) -> int:
+        """Number of independent standard normals z."""
+        return self.model.size
+
+    def start(self, z: Tensor) -> Tensor:
+        """Return the starts ``(batch, field, *grid)`` of ``z``, ``(batch, size)``."""
+        return self.model.start(self.factor * z)
+
+    def draw(self, count: int, rng: np.random.Generator) -> Tensor:
+        """Return ``count`` random starts."""
+        return self.start(torch.from_numpy(rng.standard_normal((count, self.size))))

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import numpy as np
 import torch
 from torch import Tensor
 
 from dashred.discovery.correction import correct
 from dashred.discovery.law import Law
+from dashred.discovery.starts import ScaledStart
 from dashred.models.shred import reconstruct
 from dashred.physics.ensemble import draw_ensemble
 from dashred.physics.prior import StartPrior
@@ -20,19 +18,6 @@ from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal
 from dashred.stages.trajectories import Trajectories
 from dashred.tracking import Tracker
-
-
-@dataclass(frozen=True)
-class Narrowed:
-    """A prior on starts with a share of its spread."""
-
-    prior: StartPrior
-    share: float
-
-    def draw(self, count: int, rng: np.random.Generator) -> Tensor:
-        """Return ``count`` random starts."""
-        z = self.share * torch.from_numpy(rng.standard_normal((count, self.prior.size)))
-        return self.prior.start(z)
 
 
 def retrain(
@@ -64,7 +49,7 @@ def retrain(
     settings = problem.config.surrogate
     system = correct(problem.ensemble_system, law)
     prior = nominal.prior
-    about = Narrowed(StartPrior(system, law.start, prior.rms, prior.kept), settings.spread)
+    about = ScaledStart(StartPrior(system, law.start, prior.rms, prior.kept), settings.spread)
     fit = problem.split.fit
     with torch.no_grad(), stage("simulate the corrected", seconds) as report:
         ensemble = draw_ensemble(
