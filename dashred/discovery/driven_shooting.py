@@ -3,59 +3,73 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
-from dashred.discovery.candidates import forcing_of
 from dashred.discovery.shooting import Shooting
-from dashred.physics.pulses import Pulses
-from dashred.physics.tangent_linear import tangent_linear
+from dashred.physics.pulses import Drive, Pulses
 
 
 @dataclass(frozen=True)
 class DrivenShooting(Shooting):
-    """``(z, ξ, a) → H S(u₀(z); N + Σ ξ θ + f)`` with ``f_e(x, t) = Σ a_eck b_c(x) h_k(t)``.
+    """``(z, ξ, a) → H S(u₀(z); law(ξ) + f)`` with ``f_e(x, t) = Σ a_eck b_c(x) h_k(t)``.
 
-    Its coefficients are those of the candidates, then the amplitudes a.
+    Its coefficients are those of the law, then the amplitudes a.
 
     Attributes:
+        law: what is forced: none, or one that acts everywhere or in a window.
         pulses: b and h.
         size: an amplitude of each equation that makes a difference, ``(equation,)``.
     """
 
+    law: Shooting
     pulses: Pulses
     size: Tensor
 
+    @classmethod
+    def on(cls, law: Shooting, pulses: Pulses, size: Tensor) -> DrivenShooting:
+        """Return a law under a free forcing."""
+        return cls(
+            law.simulator,
+            law.start,
+            law.candidates,
+            law.operator,
+            law.times,
+            law,
+            pulses,
+            size,
+        )
+
+    def until(self, samples: int) -> DrivenShooting:
+        """Return the same over the first samples alone."""
+        return replace(self, times=self.times[:samples], law=self.law.until(samples))
+
     def amplitudes(self, xi: Tensor) -> Tensor:
         """Return a of coefficients ``(batch, coefficient)``: ``(batch, equation, cell, knot)``."""
-        return xi[:, len(self.candidates) :].reshape(-1, *self.pulses.shape)
+        return xi[:, -self.pulses.count :].reshape(-1, *self.pulses.shape)
 
-    def states(self, z: Tensor, xi: Tensor) -> Tensor:
-        """Return the trajectories ``(batch, time, field, *grid)``."""
-        law, drive = xi[:, : len(self.candidates)], self.pulses.drive(self.amplitudes(xi))
-        start = self.start.start(z)
-        return self.simulator.run(start, self.times, self.candidates, law, drive)
+    def states(self, z: Tensor, xi: Tensor, drive: Drive | None = None) -> Tensor:
+        """Return the trajectories ``(batch, time, field, *grid)``; the forcing is its own."""
+        own = self.pulses.drive(self.amplitudes(xi)) if drive is None else drive
+        return self.law.states(z, xi[:, : -self.pulses.count], own)
 
     def tangents(
-        self, start: Tensor, directions: Tensor, xi: Tensor
+        self,
+        start: Tensor,
+        directions: Tensor,
+        xi: Tensor,
+        drive: Drive | None = None,
+        pulses: Pulses | None = None,
     ) -> Iterator[tuple[Tensor, Tensor]]:
         """Yield state and tangents at every sample: of the directions, of ξ, and of a."""
-        return tangent_linear(
-            self.simulator.tangent,
-            start,
-            directions,
-            self.times,
-            forcing_of(self.candidates, xi[None, : len(self.candidates)]),
-            [candidate.terms for candidate in self.candidates],
-            torch.float32,
-            self.pulses.drive(self.amplitudes(xi[None])),
-            self.pulses,
-        )
+        own = self.pulses.drive(self.amplitudes(xi[None])) if drive is None else drive
+        law = xi[: -self.pulses.count]
+        return self.law.tangents(start, directions, law, own, pulses or self.pulses)
 
     @property
     def scales(self) -> Tensor:
         """A size of every coefficient that makes a difference."""
         _, cells, knots = self.pulses.shape
-        return torch.cat([super().scales, self.size.repeat_interleave(cells * knots)])
+        return torch.cat([self.law.scales, self.size.repeat_interleave(cells * knots)])

@@ -79,10 +79,8 @@ def fit_free_forcing(
         size: rms of each equation's own tendency, ``(equation,)``.
         equations: those that are forced; of the others the forcing is none.
     """
-    plain, law = objective.shooting, objective.prior_std
-    driven = DrivenShooting(
-        plain.simulator, plain.start, plain.candidates, plain.operator, plain.times, pulses, size
-    )
+    law = objective.prior_std
+    driven = DrivenShooting.on(objective.shooting, pulses, size)
     phi = torch.cat([phi, torch.zeros(pulses.count, dtype=torch.float64)])
     stds = _stds(pulses, size, LEVELS[-1:] * len(size))
     found = replace(objective, shooting=driven, prior_std=torch.cat([law, stds]))

@@ -11,6 +11,7 @@ from torch import Tensor
 from dashred.discovery.candidates import Candidate, forcing_of
 from dashred.discovery.shooting import Shooting
 from dashred.physics.algebra import Number, multiply
+from dashred.physics.pulses import Drive, Pulses
 from dashred.physics.system import Term
 from dashred.physics.tangent_linear import tangent_linear
 from dashred.physics.window import Shape, Window
@@ -40,8 +41,8 @@ class LocalShooting(Shooting):
         edges = self.guess + xi[len(self.candidates) + len(self.inside) :]
         return self.shape.at(edges.tolist())
 
-    def states(self, z: Tensor, xi: Tensor) -> Tensor:
-        """Return the trajectories ``(batch, time, field, *grid)``."""
+    def states(self, z: Tensor, xi: Tensor, drive: Drive | None = None) -> Tensor:
+        """Return the trajectories ``(batch, time, field, *grid)``, under a free forcing."""
         split = len(self.candidates)
         both = [*self.candidates, *self.inside]
         everywhere = torch.zeros((len(xi), len(both)), dtype=torch.float64)
@@ -49,13 +50,19 @@ class LocalShooting(Shooting):
         inside = torch.zeros_like(everywhere)
         inside[:, split:] = xi[:, split : len(both)]
         windows = [self.window(row) for row in xi]
-        start = self.start.start(z)
-        return self.simulator.run_local(start, self.times, both, everywhere, inside, windows)
+        return self.simulator.run_local(
+            self.start.start(z), self.times, both, everywhere, inside, windows, drive
+        )
 
     def tangents(
-        self, start: Tensor, directions: Tensor, xi: Tensor
+        self,
+        start: Tensor,
+        directions: Tensor,
+        xi: Tensor,
+        drive: Drive | None = None,
+        pulses: Pulses | None = None,
     ) -> Iterator[tuple[Tensor, Tensor]]:
-        """Yield state and tangents at every sample: of the directions, of ξ, and of ψ."""
+        """Yield state and tangents at every sample: of the directions, ξ, ψ, and pulses."""
         window, split = self.window(xi), len(self.candidates)
         local = localised(self.inside, window)
         both = [*self.candidates, *local]
@@ -72,7 +79,7 @@ class LocalShooting(Shooting):
         forcing = forcing_of(both, coefficients[None])
         system = self.simulator.tangent
         return tangent_linear(
-            system, start, directions, self.times, forcing, sources, torch.float32
+            system, start, directions, self.times, forcing, sources, torch.float32, drive, pulses
         )
 
     @property

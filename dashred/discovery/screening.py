@@ -110,7 +110,8 @@ def _eliminated(
     driven = forced.objective.shooting
     assert isinstance(driven, DrivenShooting)
     modes, amplitudes = objective.modes, driven.pulses.count
-    shooting = replace(driven, candidates=tuple(columns))
+    law = replace(objective.shooting, candidates=tuple(columns))
+    shooting = DrivenShooting.on(law, driven.pulses, driven.size)
     forcing = forced.objective.prior_std
     whole = replace(objective, shooting=shooting, prior_std=torch.cat([stds, forcing]))
     phi = forced.phi

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from dashred.discovery.candidates import Candidate, forcing_of
 from dashred.discovery.starts import StartModel
-from dashred.physics.pulses import Drive
+from dashred.physics.pulses import Drive, Pulses
 from dashred.physics.simulator import Run, compiled
 from dashred.physics.system import System
 from dashred.physics.tangent_linear import supports, tangent_linear
@@ -85,6 +85,7 @@ class Simulator:
         everywhere: Tensor,
         inside: Tensor,
         windows: Sequence[Window],
+        drive: Drive | None = None,
     ) -> Tensor:
         """Return trajectories in which candidates act within each row's window, too.
 
@@ -95,10 +96,12 @@ class Simulator:
             everywhere: their coefficients, ``(batch, candidate)``.
             inside: what is added to these within the window.
             windows: of each row.
+            drive: a free forcing of each row.
         """
         plain = self._by_term(candidates, everywhere)
         local = self._by_term(candidates, inside)
-        return self._run(start, times, self._layout.weights(plain, local, windows))
+        weights = self._layout.weights(plain, local, windows)
+        return self._run(start, times, weights, drive)
 
     def _by_term(self, candidates: Sequence[Candidate], xi: Tensor) -> Tensor:
         weights = torch.zeros((len(xi), len(self.terms)), dtype=torch.float64)
@@ -145,10 +148,13 @@ class Shooting:
         return replace(self, times=self.times[:samples])
 
     def states(
-        self, z: Float[Tensor, "batch mode"], xi: Float[Tensor, "batch candidate"]
+        self,
+        z: Float[Tensor, "batch mode"],
+        xi: Float[Tensor, "batch candidate"],
+        drive: Drive | None = None,
     ) -> Tensor:
-        """Return the trajectories ``(batch, time, field, *grid)``."""
-        return self.simulator.run(self.start.start(z), self.times, self.candidates, xi)
+        """Return the trajectories ``(batch, time, field, *grid)``, under a free forcing."""
+        return self.simulator.run(self.start.start(z), self.times, self.candidates, xi, drive)
 
     def readings(self, z: Tensor, xi: Tensor) -> Float[Tensor, "batch time sensor"]:
         """Return what the sensors read; not finite from where a trajectory blows up."""
@@ -182,15 +188,20 @@ class Shooting:
         return Linearisation(readings, jacobian[..., : len(z)], jacobian[..., len(z) :])
 
     def tangents(
-        self, start: Tensor, directions: Tensor, xi: Tensor
+        self,
+        start: Tensor,
+        directions: Tensor,
+        xi: Tensor,
+        drive: Drive | None = None,
+        pulses: Pulses | None = None,
     ) -> Iterator[tuple[Tensor, Tensor]]:
-        """Yield state and tangents at every sample: of the start's directions, then of ξ."""
+        """Yield state and tangents at every sample: of the start's directions, ξ, and pulses."""
         carried = torch.nonzero(xi).flatten().tolist()
         forcing = forcing_of([self.candidates[j] for j in carried], xi[None, carried])
         sources = [candidate.terms for candidate in self.candidates]
         system = self.simulator.tangent
         return tangent_linear(
-            system, start, directions, self.times, forcing, sources, torch.float32
+            system, start, directions, self.times, forcing, sources, torch.float32, drive, pulses
         )
 
     @property

@@ -78,12 +78,29 @@ def test_a_free_forcing_s_amplitudes_are_too(waves: Waves) -> None:
     pulses = Pulses.over(waves.system, SHORT, cells=3, knots=3)
     size = torch.tensor([0.5, 0.2], dtype=torch.float64)
     candidates = waves.candidates(["u: u", "v: 1"])
-    shooting = DrivenShooting(
-        waves.simulator, waves.start, candidates, waves.operator, SHORT, pulses, size
-    )
+    plain = Shooting(waves.simulator, waves.start, candidates, waves.operator, SHORT)
+    shooting = DrivenShooting.on(plain, pulses, size)
     z, xi = unknowns(waves, 2 + pulses.count)
     check(shooting, z, xi)
     none = shooting.readings(z[None], torch.cat([xi[:2], 0 * xi[2:]])[None])
-    plain = Shooting(waves.simulator, waves.start, candidates, waves.operator, SHORT)
     torch.testing.assert_close(none, plain.readings(z[None], xi[None, :2]))
     assert shooting.scales.shape == xi.shape
+    part = shooting.until(5).readings(z[None], xi[None])
+    torch.testing.assert_close(part, shooting.readings(z[None], xi[None])[:, :5])
+
+
+def test_a_law_in_a_window_may_be_forced_too(waves: Waves) -> None:
+    shape, guess = shapes(waves)["box"]
+    pulses = Pulses.over(waves.system, SHORT, cells=2, knots=2)
+    law = LocalShooting(
+        waves.simulator,
+        waves.start,
+        [],
+        waves.operator,
+        SHORT,
+        waves.candidates(["u: u"]),
+        shape,
+        torch.tensor(guess, dtype=torch.float64),
+    )
+    size = torch.tensor([0.5, 0.2], dtype=torch.float64)
+    check(DrivenShooting.on(law, pulses, size), *unknowns(waves, 4 + pulses.count))
