@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
+import torch
 from torch import Tensor
 
 from dashred.discovery.candidates import Candidate
@@ -17,6 +18,7 @@ from dashred.discovery.free_forcing import FreeForcing, evidence, fit_free_forci
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.hypothesis import Tested, first_unknowns, test
 from dashred.discovery.law import Law, law_of
+from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.screening import Screened, screen
 from dashred.discovery.shooting import Simulator
@@ -78,26 +80,47 @@ def weigh(
         compiled: the simulator with windows in reach: worth its seconds only if they are needed.
         report: progress.
     """
-    found = faults(null.objective, null.phi, best.law.score + RIVAL)
-    report(0.2, f"{len(found)} sensor faults fitted")
-    _, gain = force(best.objective, best.phi, size)
-    report(0.4, f"a free forcing gains {gain:.0f}")
+    forced, gain = force(best.objective, best.phi, size)
+    report(0.2, f"a free forcing gains {gain:.0f}")
+    if gain > MISSING:
+        forced, _ = force(null.objective, null.phi, size)
+        noise = _noise_under(forced)
+        everything = replace(everything, noise=noise)
+        best, null = _again(best, noise), _again(null, noise)
+    found = [best.law, null.law, *faults(null.objective, null.phi, best.law.score + RIVAL)]
     if best.law.candidates or gain > MISSING:
         found += wider_starts(null.objective, null.phi)
-    explained = min([best.law, *found], key=lambda law: law.score)
-    if gain > MISSING and explained.fault is None and explained.widened == 1:
-        forced, _ = force(null.objective, null.phi, size)
-        report(0.5, "screening")
+    report(0.4, f"{len(found) - 2} faults and starts fitted")
+    explained = min(found, key=lambda law: law.score)
+    if explained.fault is not None or explained.widened > 1:
+        return found, 0.0
+    if gain > MISSING:
         shooting = replace(everything.shooting, simulator=compiled())
         whole = replace(everything, shooting=shooting)
         local = local_laws(whole, everywhere, forced, null.law.score)
         found += [cause.law for cause in local]
         first = min([best, *local], key=lambda cause: cause.law.score)
-        if first is not best:
-            _, gain = force(first.objective, first.phi, size)
-    elif explained is not best.law:
-        gain = 0.0
+        _, gain = force(first.objective, first.phi, size)
     return found, gain
+
+
+def _noise_under(forced: FreeForcing) -> NoiseModel:
+    """Return the noise that is left under a free forcing: no wrong law has a part in it."""
+    objective, phi = forced.objective, forced.phi
+    [readings] = objective.shooting.readings(*objective.split(phi[None]))
+    normal = objective.linearise(phi, readings)
+    information = normal.hessian - torch.diag(normal.precision)
+    spent = float(torch.linalg.solve(normal.hessian, information).trace())
+    return replace(objective.noise_left(readings, round(spent)), seen=objective.noise.seen)
+
+
+def _again(cause: Cause, noise: NoiseModel) -> Cause:
+    """Return an explanation fitted under another noise."""
+    mine = replace(cause.objective, noise=noise)
+    fitted = minimise(mine, cause.phi, LAST_STEPS, LAST_TOLERANCE)
+    [old], _ = cause.objective.values(cause.phi[None])
+    score = cause.law.score - float(old) + fitted.cost
+    return Cause(law_of(mine, fitted, cause.law.candidates, score), mine, fitted.phi)
 
 
 def faults(objective: Objective, phi: Tensor, bound: float) -> list[Law]:
