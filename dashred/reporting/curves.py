@@ -43,30 +43,21 @@ def learning_curves(
     curves: Mapping[str, tuple[Int[np.ndarray, " epoch"], Float[np.ndarray, " epoch"]]],
     ylabel: str = "loss",
 ) -> Figure:
-    """Draw each curve over the epochs; a dot and a number mark where it is lowest."""
+    """Draw each curve over the epochs; a dot, and the legend, tell where it is lowest."""
     with style():
         figure = new_figure(6.4, 3.4)
         axes = figure.subplots()
         for index, (name, (epochs, values)) in enumerate(curves.items()):
             colour = CYCLE[index % len(CYCLE)]
-            axes.plot(epochs, values, color=colour, label=name)
+            [line] = axes.plot(epochs, values, color=colour, label=name)
             if np.isfinite(values).any():
                 best = int(np.nanargmin(values))
                 axes.plot(epochs[best], values[best], "o", color=colour, markersize=5)
-                axes.annotate(
-                    f"{values[best]:.3g} at epoch {epochs[best]}",
-                    (epochs[best], values[best]),
-                    xytext=(0, -6),
-                    textcoords="offset points",
-                    ha="right",
-                    va="top",
-                    fontsize=7.5,
-                    color=colour,
-                )
+                line.set_label(f"{name}: {values[best]:.3g} at epoch {epochs[best]}")
         axes.set(xlabel="epoch", ylabel=ylabel)
         axes.margins(y=0.15)
         _choose_scale(axes, [value for _, values in curves.values() for value in values])
-        _legend_above(figure, axes)
+        _legend_above(figure, axes, columns=2)
     return figure
 
 
@@ -108,7 +99,8 @@ def _choose_scale(axes: Axes, compared: Iterable[float]) -> None:
         axes.set_ylim(bottom=0)
 
 
-def _legend_above(figure: Figure, axes: Axes) -> None:
+def _legend_above(figure: Figure, axes: Axes, columns: int = 4) -> None:
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        figure.legend(handles, labels, loc="outside upper left", ncols=min(len(handles), 4))
+        columns = min(len(handles), columns)
+        figure.legend(handles, labels, loc="outside upper left", ncols=columns)
