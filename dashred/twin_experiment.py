@@ -25,11 +25,13 @@ OWN = ("output=", "tracking.run=", "tracking.parent=")
 # Of what describes the twin, the step of the analysis clock alone is the analysis' business.
 TWIN = "recording."
 CLOCK = "recording.every="
+# MLflow, with what it reaches an SQLite store by.
+STORE = "mlflow.store.tracking.sqlalchemy_store"
 # What each process needs sooner or later, beside its entry point's own imports.
 NEEDED = {
     "record": ("dashred.sensing.write_netcdf", "dashred.physics.simulate"),
-    "train": ("dashred.stages.report", "mlflow"),
-    "score": ("dashred.scoring", "dashred.reporting.figures", "mlflow"),
+    "train": ("dashred.stages.report", STORE),
+    "score": ("dashred.scoring", "dashred.reporting.figures", STORE),
 }
 
 
