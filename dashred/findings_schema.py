@@ -85,11 +85,15 @@ are other parameters a change of which does the same."""
 
 
 class TermTried(TypedDict):
-    """A term of an alternative law; of a parameter the equation is null."""
+    """A term of an alternative law; of a parameter the equation is null.
+
+    `region` says where it acts; null everywhere.
+    """
 
     equation: str | None
     term: str
     coefficient: float
+    region: str | None
 
 
 class Alternative(TypedDict):
@@ -229,6 +233,7 @@ class Score(TypedDict):
 
     exact_support: bool | None
     coefficient_error: float | None
+    region: dict[str, float | None] | None
     field_rmse: dict[str, float | None]
     field_rmse_by_field: dict[str, dict[str, float]]
     forecast: dict[str, float | None]

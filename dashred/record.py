@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -21,8 +22,10 @@ if TYPE_CHECKING:
     import numpy as np
     from torch import Tensor
 
+    from dashred.physics.algebra import Expr
     from dashred.physics.simulate import Progress
     from dashred.physics.system import System
+    from dashred.sealing import SealedTerm
     from dashred.sensing.recording import Recording
     from dashred.sensing.sensors import Sensor
     from dashred.twin_file import Twin
@@ -81,13 +84,7 @@ def simulate_truth(
     from dashred.physics.simulate import check_finite, simulate
     from dashred.physics.system import Term
 
-    law = [
-        (
-            Term(t.equation, system.parse(t.term, "recording.twin", equation=t.equation)),
-            t.coefficient,
-        )
-        for t in twin.terms
-    ]
+    law = [(Term(t.equation, expression_of(system, t)), t.coefficient) for t in twin.terms]
     lawful = system.with_terms(law)
     every = config.recording.every
     assert every is not None
@@ -107,6 +104,31 @@ def simulate_truth(
     for dim in range(2, coarse.dim()):
         coarse = coarse[(slice(None),) * dim + (slice(None, None, 2),)]
     return times, coarse.contiguous()
+
+
+def expression_of(system: System, term: SealedTerm) -> Expr:
+    """Return a true term with its window, in the equation language."""
+    from dashred.physics.algebra import multiply
+    from dashred.physics.window import box, gate, onset
+
+    expression = system.parse(term.term, "recording.twin", equation=term.equation)
+    if term.window is None:
+        return expression
+    of, begin, end, edge = term.window
+    axes = {axis.name: axis for axis in system.axes}
+    width = math.log(edge)
+    if of in axes:
+        assert begin is not None and end is not None
+        window = box(axes[of]).at(((begin + end) / 2, (end - begin) / 2, width))
+    elif of == "t":
+        assert begin is not None
+        window = onset().at((begin, width))
+    elif begin is not None:
+        window = gate(of, 1).at((begin, width))
+    else:
+        assert end is not None
+        window = gate(of, -1).at((end, width))
+    return multiply((window.expression, expression))
 
 
 def observe(
@@ -168,7 +190,12 @@ def _name(index: int, count: int) -> str:
 
 
 def _key(twin: Twin, seed: int) -> int:
-    text = json.dumps({"twin": asdict(twin), "seed": seed}, sort_keys=True)
+    plain = asdict(twin)
+    # A law without windows keeps the stream that it had before there were any.
+    for term in plain["terms"]:
+        if term["window"] is None:
+            del term["window"]
+    text = json.dumps({"twin": plain, "seed": seed}, sort_keys=True)
     return int.from_bytes(hashlib.sha256(text.encode()).digest())
 
 

@@ -24,6 +24,11 @@ if TYPE_CHECKING:
 # More than these could not be told apart on one page.
 PANELS = ("simulation", "simulation_refit", "shred", "corrected")
 KEYS = ("findings", "sealed", "root", "experiment", "run")
+REGIONS = {
+    "overlap": "The region found and the true one: intersection over union",
+    "onset": "Its onset is off by",
+    "threshold": "Its threshold is off by",
+}
 # Clocks that differ by more than this are not the same, in the unit of time.
 CLOCK = 1e-9
 
@@ -62,6 +67,7 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth]:
         rmse_by_time,
         scaled_errors,
         score_law,
+        score_region,
     )
     from dashred.sealing import open_seal
 
@@ -85,6 +91,7 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth]:
     return Score(
         exact_support=exact,
         coefficient_error=coefficient_error,
+        region=score_region(findings, truth.terms),
         field_rmse=dict.fromkeys(METHODS) | {m: rmse(error) for m, error in known.items()},
         field_rmse_by_field={
             field: {m: rmse(error[:, i]) for m, error in known.items()}
@@ -161,6 +168,9 @@ def _print(score: Score) -> None:
         error = score["coefficient_error"]
         off = f", its coefficients within {error:.1%}".replace("%", " %") if error else ""
         print(f"The law found is {'' if score['exact_support'] else 'not '}the true one{off}.")
+    for name, value in (score["region"] or {}).items():
+        if value is not None:
+            print(f"{REGIONS[name]} {value:.3g}.")
     known = {m: v for m, v in score["field_rmse"].items() if v is not None}
     if not known:
         print("There is no estimate of the field to compare with it.")

@@ -32,8 +32,11 @@ FORECASTS = {
     "after": "corrected",
 }
 
-Law = dict[tuple[str, Expr], float]
-"""Coefficient by equation and term, the term in normal form and without its number."""
+Law = dict[tuple[str, Expr, str | None], float]
+"""Coefficient by equation, term, and kind of window, the term in normal form without its number."""
+
+
+TrueWindow = tuple[str, float | None, float | None, float]
 
 
 class TrueTerm(Protocol):
@@ -51,6 +54,10 @@ class TrueTerm(Protocol):
     def coefficient(self) -> float:
         """The number before it."""
 
+    @property
+    def window(self) -> TrueWindow | None:
+        """``(of, from, to, edge)`` where it acts; None everywhere."""
+
 
 def score_law(
     findings: Mapping[str, Any], truth: Sequence[TrueTerm]
@@ -58,19 +65,20 @@ def score_law(
     """Return whether the true terms were found and no others, and the worst relative error.
 
     A parameter's new value counts as the terms that it adds to the simulator's equations: where
-    those are not exactly the true ones, the support is not exact. Nor is it for a term that was
-    found in a region only. Both are null where no law was looked for; the error is null too where
-    the support is not exact.
+    those are not exactly the true ones, the support is not exact. Nor is it for a term that acts
+    everywhere and was found in a region only, or the other way round; where a region's edges lie
+    is scored by itself. Both are null where no law was looked for; the error is null too where the
+    support is not exact.
     """
     if findings.get("terms") is None:
         return None, None
     system = _system_of(findings)
     true = _collect(
-        (t.equation, _expression(system, t.equation, t.term, t.coefficient)) for t in truth
+        (t.equation, _expression(system, t.equation, t.term, t.coefficient), _kind(t.window))
+        for t in truth
     )
     found = _collect(_found_terms(findings["terms"], system))
-    everywhere = all(entry.get("region") is None for entry in findings["terms"])
-    if not everywhere or found.keys() != true.keys():
+    if found.keys() != true.keys():
         return False, None
     return True, max((abs(found[key] / true[key] - 1) for key in true), default=0.0)
 
@@ -112,16 +120,79 @@ def latent_ranks(
     return ranks
 
 
+def score_region(
+    findings: Mapping[str, Any], truth: Sequence[TrueTerm]
+) -> dict[str, float | None] | None:
+    """Return how well the window was found; null where the truth has none.
+
+    ``overlap`` of a box: intersection over union; ``onset`` and ``threshold``: how far off, in the
+    unit of time and of the field. All are null where no window of that kind was found.
+    """
+    windows = [t.window for t in truth if t.window is not None]
+    if not windows:
+        return None
+    true = windows[0]
+    score: dict[str, float | None] = {"overlap": None, "onset": None, "threshold": None}
+    regions = [entry["region"] for entry in findings["terms"] or [] if entry.get("region")]
+    if not regions or _kind(true) != _found_kind(regions[0]):
+        return score
+    [region] = regions[0]
+    of, begin, end, _ = true
+    if of == "t":
+        score["onset"] = abs(region["from"] - begin)
+    elif "field" in region:
+        place = region["above"] if end is None else region["below"]
+        score["threshold"] = abs(place - (begin if end is None else end))
+    else:
+        length = float(_system_of(findings).grid.axes[0].length)
+        score["overlap"] = _overlap((region["from"], region["to"]), (begin, end), length)
+    return score
+
+
+def _overlap(
+    found: tuple[float, float], true: tuple[float | None, float | None], length: float
+) -> float:
+    """Return intersection over union of two intervals on a periodic axis."""
+    assert true[0] is not None and true[1] is not None
+    wide = (found[1] - found[0]) + (true[1] - true[0])
+    shared = max(
+        max(0.0, min(found[1] + turn, true[1]) - max(found[0] + turn, true[0]))
+        for turn in (-length, 0.0, length)
+    )
+    return shared / (wide - shared)
+
+
+def _kind(window: TrueWindow | None) -> str | None:
+    """Return what a window bounds, and on which side: ``x``, ``t``, ``u above``."""
+    if window is None:
+        return None
+    of, begin, end, _ = window
+    if begin is not None and end is not None:
+        return of
+    return of if of == "t" else f"{of} {'above' if end is None else 'below'}"
+
+
+def _found_kind(region: Sequence[Mapping[str, Any]] | None) -> str | None:
+    """Return the same of a region in the findings."""
+    if not region:
+        return None
+    [only] = region
+    if "axis" in only:
+        return str(only["axis"])
+    return f"{only['field']} {'above' if 'above' in only else 'below'}"
+
+
 def _found_terms(
     entries: Sequence[Mapping[str, Any]], system: System
-) -> Iterable[tuple[str, Expr]]:
+) -> Iterable[tuple[str, Expr, str | None]]:
     """Yield what the findings add to each equation."""
     parameters: dict[str, float] = {}
     for entry in entries:
         if entry["equation"] is not None:
             equation = str(entry["equation"])
             text, coefficient = str(entry["term"]), float(entry["coefficient"])
-            yield equation, _expression(system, equation, text, coefficient)
+            kind = _found_kind(entry.get("region"))
+            yield equation, _expression(system, equation, text, coefficient), kind
         elif entry.get("parameter") is not None:
             parameters[str(entry["parameter"])] = float(entry["to"])
     if parameters:
@@ -130,16 +201,16 @@ def _found_terms(
             system.where,
         )
         for equation, before in system.resolved.items():
-            yield equation, changed.resolved[equation]
-            yield equation, algebra.multiply((Number(-1.0), before))
+            yield equation, changed.resolved[equation], None
+            yield equation, algebra.multiply((Number(-1.0), before)), None
 
 
-def _collect(added: Iterable[tuple[str, Expr]]) -> Law:
+def _collect(added: Iterable[tuple[str, Expr, str | None]]) -> Law:
     law: Law = {}
-    for equation, expression in added:
+    for equation, expression, kind in added:
         for summand in algebra.summands(expression):
             coefficient, term = algebra.split_coefficient(summand)
-            law[equation, term] = law.get((equation, term), 0.0) + coefficient
+            law[equation, term, kind] = law.get((equation, term, kind), 0.0) + coefficient
     return {key: coefficient for key, coefficient in law.items() if coefficient != 0.0}
 
 

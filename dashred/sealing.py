@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -21,11 +22,20 @@ from dashred.physics.system import System
 
 @dataclass(frozen=True)
 class SealedTerm:
-    """One term of the hidden law, in the equation language."""
+    """One term of the hidden law, in the equation language.
+
+    Attributes:
+        equation: the field whose tendency it adds to.
+        term: the expression.
+        coefficient: the number before it.
+        window: where it acts: ``(of, from, to, edge)`` along an axis, in ``t``, or in a field's
+            value; None for no bound. None everywhere.
+    """
 
     equation: str
     term: str
     coefficient: float
+    window: tuple[str, float | None, float | None, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -71,7 +81,7 @@ def open_seal(path: Path) -> tuple[Truth, tuple[str, ...]]:
         with xr.open_dataset(path, engine="h5netcdf") as dataset:
             fields = tuple(str(name) for name in dataset.data_vars)
             states = np.stack([dataset[name].values for name in fields], axis=1)
-            terms = tuple(SealedTerm(**term) for term in json.loads(dataset.attrs["terms"]))
+            terms = tuple(map(_term, json.loads(dataset.attrs["terms"])))
             truth = Truth(
                 str(dataset.attrs["twin"]),
                 terms,
@@ -82,3 +92,8 @@ def open_seal(path: Path) -> tuple[Truth, tuple[str, ...]]:
     except (OSError, KeyError, ValueError, TypeError) as error:
         raise InputError(f"cannot open the sealed truth: {error}", where=str(path)) from None
     return truth, fields
+
+
+def _term(plain: dict[str, Any]) -> SealedTerm:
+    window = plain.pop("window")
+    return SealedTerm(**plain, window=tuple(window) if window else None)

@@ -98,9 +98,37 @@ def _term(item: Any, label: str, config: Config) -> SealedTerm:
     # Imported late: it brings torch, which names alone can be read without.
     from dashred.sealing import SealedTerm
 
-    if not isinstance(item, dict) or item.keys() != {"equation", "term", "coefficient"}:
-        raise InputError("a term has an equation, a term and a coefficient", where=label)
+    needed = {"equation", "term", "coefficient"}
+    if not isinstance(item, dict) or not needed <= item.keys() <= needed | {"window"}:
+        raise InputError(
+            "a term has an equation, a term and a coefficient, and may have a window", where=label
+        )
     if item["equation"] not in config.system.fields:
         raise InputError(f"{config.name} has no equation {item['equation']!r}", where=label)
     coefficient = number(str(item["coefficient"]), where=label)
-    return SealedTerm(str(item["equation"]), str(item["term"]), coefficient)
+    window = _window(item["window"], label, config) if "window" in item else None
+    return SealedTerm(str(item["equation"]), str(item["term"]), coefficient, window)
+
+
+def _window(item: Any, label: str, config: Config) -> tuple[str, float | None, float | None, float]:
+    """Read a window: ``{x: [10, 16], edge: 0.4}``, or ``{t: [11, null], edge: 0.3}``."""
+    bounded = [key for key in item if key != "edge"] if isinstance(item, dict) else []
+    known = {*config.system.axes, *config.system.fields, "t"}
+    if len(bounded) != 1 or bounded[0] not in known or "edge" not in item:
+        raise InputError(
+            "a window bounds one axis, field or t, and has an edge",
+            where=label,
+            hint=f"as in {{x: [10, 16], edge: 0.4}}; known here: {', '.join(sorted(known))}",
+        )
+    [of] = bounded
+    ends = item[of]
+    whole = isinstance(ends, list) and len(ends) == 2
+    bounds = [None if e is None else number(str(e), where=label) for e in ends] if whole else []
+    unbounded = bounds.count(None)
+    if not whole or unbounded != (0 if of in config.system.axes else 1):
+        raise InputError(
+            f"the window in {of} needs [from, to]; of a field or t one of them is null", where=label
+        )
+    if of == "t" and bounds[0] is None:
+        raise InputError("a window in t begins at a time and has no end", where=label)
+    return of, bounds[0], bounds[1], number(str(item["edge"]), where=label)

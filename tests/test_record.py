@@ -68,11 +68,62 @@ def test_the_truth_goes_on_half_as_long_again_for_forecasts(quick, tmp_path) -> 
     assert sealed["time"].values[-1] == pytest.approx(6)
     assert sealed.attrs["twin"] == "a" and sealed.attrs["duration"] == 4
     assert json.loads(sealed.attrs["terms"]) == [
-        {"equation": "u", "term": "u", "coefficient": -0.1}
+        {"equation": "u", "term": "u", "coefficient": -0.1, "window": None}
     ]
     # Damped by exp(-0.1 t), and nothing else moves the mean.
     mean = sealed["u"].values.mean(axis=1)
     assert mean[-1] / mean[0] == pytest.approx(np.exp(-0.6), rel=1e-6)
+
+
+WINDOWS = """
+a: {terms: [{equation: u, term: u, coefficient: -0.5, window: WINDOW}]}
+"""
+
+
+@pytest.mark.parametrize(
+    ("window", "sealed"),
+    [
+        ("{x: [1, 2.5], edge: 0.2}", ["x", 1.0, 2.5, 0.2]),
+        ("{t: [2, null], edge: 0.1}", ["t", 2.0, None, 0.1]),
+        ("{u: [null, 1], edge: 0.1}", ["u", None, 1.0, 0.1]),
+    ],
+)
+def test_a_term_may_act_in_a_window_alone(quick, tmp_path, window, sealed) -> None:
+    (tmp_path / "twins").mkdir()
+    (tmp_path / "twins" / "quick.yaml").write_text(WINDOWS.replace("WINDOW", window))
+    copied = tmp_path / "quick.yaml"
+    copied.write_text(quick.read_text())
+    _, truth, _ = recorded(copied, tmp_path)
+    [term] = json.loads(truth.attrs["terms"])
+    assert term["window"] == sealed
+    states, times = truth["u"].values, truth["time"].values
+    mean = states.mean(axis=1)
+    if sealed[0] == "t":
+        # Nothing moves the mean before, and then it is damped.
+        assert mean[times < 1.6].std() < 1e-3 * mean[0]
+        assert mean[-1] / mean[0] == pytest.approx(np.exp(-0.5 * (times[-1] - 2.0)), rel=0.02)
+    else:
+        assert np.exp(-0.5 * times[-1]) < mean[-1] / mean[0] < 0.99
+
+
+@pytest.mark.parametrize(
+    ("window", "problem"),
+    [
+        ("{y: [1, 2], edge: 0.2}", "a window bounds one axis, field or t"),
+        ("{x: [1, 2]}", "a window bounds one axis, field or t"),
+        ("{x: [1, null], edge: 0.2}", "of a field or t one of them is null"),
+        ("{u: [0, 1], edge: 0.2}", "of a field or t one of them is null"),
+        ("{t: [null, 2], edge: 0.2}", "begins at a time"),
+        ("{x: 3, edge: 0.2}", r"needs \[from, to\]"),
+    ],
+)
+def test_a_wrong_window_is_refused(quick, tmp_path, window, problem) -> None:
+    (tmp_path / "twins").mkdir()
+    (tmp_path / "twins" / "quick.yaml").write_text(WINDOWS.replace("WINDOW", window))
+    copied = tmp_path / "quick.yaml"
+    copied.write_text(quick.read_text())
+    with pytest.raises(InputError, match=problem):
+        recorded(copied, tmp_path)
 
 
 def test_the_recording_says_nothing_of_the_truth(quick, tmp_path) -> None:

@@ -174,6 +174,51 @@ def test_where_nothing_is_hidden_no_term_is_exact(config) -> None:
     assert scored(config, None) == (None, None)
 
 
+REGION = ("x", 1.0, 3.0, 0.1)
+LOCAL = SealedTerm("u", "u**3", -0.1, REGION)
+
+
+def found_in(*region: dict[str, Any]) -> list[dict[str, Any]]:
+    return [entry("u", "u**3", -0.11, region=list(region))]
+
+
+def test_a_term_in_a_region_is_exact_in_a_region_of_that_kind_alone(config) -> None:
+    there = found_in({"axis": "x", "from": 1.5, "to": 3.5, "std": 0.1})
+    assert scored(config, there, LOCAL) == (True, pytest.approx(0.1))
+    assert scored(config, [entry("u", "u**3", -0.1)], LOCAL) == (False, None)
+    assert scored(config, found_in({"axis": "t", "from": 1.0, "std": 0.1}), LOCAL) == (False, None)
+    gate = SealedTerm("u", "u**3", -0.1, ("u", None, 0.4, 0.1))
+    assert scored(config, found_in({"field": "u", "below": 0.4, "std": 0.1}), gate)[0] is True
+    assert scored(config, found_in({"field": "u", "above": 0.4, "std": 0.1}), gate)[0] is False
+
+
+def test_how_well_a_region_was_found(config) -> None:
+    def region(terms: list[dict[str, Any]], *truth: SealedTerm):
+        findings = {"terms": terms, "input": {"config": frozen_input(config)}}
+        return scoring.score_region(json.loads(json.dumps(findings)), truth)
+
+    there = found_in({"axis": "x", "from": 1.5, "to": 3.5, "std": 0.1})
+    assert region(there, LOCAL) == {
+        "overlap": pytest.approx(1.5 / 2.5), "onset": None, "threshold": None
+    }  # fmt: skip
+    # On a ring a region is the same a turn further on.
+    [axis] = load_config([f"conf={config.source}"], entry="record").system.axes.values()
+    turned = found_in({"axis": "x", "from": 1.0 - 2 * np.pi, "to": 3.0 - 2 * np.pi, "std": 0.1})
+    assert axis.length == "2*pi" or float(axis.length) == pytest.approx(2 * np.pi)
+    assert region(turned, LOCAL)["overlap"] == pytest.approx(1.0)
+    apart = found_in({"axis": "x", "from": 4.0, "to": 5.0, "std": 0.1})
+    assert region(apart, LOCAL)["overlap"] == 0.0
+    later = SealedTerm("u", "u**3", -0.1, ("t", 2.0, None, 0.1))
+    assert region(found_in({"axis": "t", "from": 2.3, "std": 0.1}), later)[
+        "onset"
+    ] == pytest.approx(0.3)
+    gate = SealedTerm("u", "u**3", -0.1, ("u", None, 0.4, 0.1))
+    below = found_in({"field": "u", "below": 0.5, "std": 0.1})
+    assert region(below, gate)["threshold"] == pytest.approx(0.1)
+    assert region(there, gate) == {"overlap": None, "onset": None, "threshold": None}
+    assert region(FOUND, CUBIC, SINE) is None
+
+
 def test_a_parameter_is_the_terms_that_its_new_value_adds() -> None:
     config = load_config(["conf=rde"], entry="record")
     damping = SealedTerm("u", "u**2", -0.04)

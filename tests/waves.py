@@ -11,12 +11,17 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from dashred.discovery.candidates import Candidate
+from dashred.discovery.candidates import Candidate, build_candidates, forcing_of
+from dashred.discovery.causes import grow
+from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.noise_model import NoiseModel
-from dashred.discovery.shooting import Simulator
+from dashred.discovery.objective import Objective
+from dashred.discovery.shooting import Shooting, Simulator
 from dashred.discovery.starts import StartModel
+from dashred.physics.library import evaluate_terms
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
-from dashred.physics.system import System
+from dashred.physics.simulate import simulate
+from dashred.physics.system import System, Term
 from dashred.physics.window import shapes_of
 from dashred.sensing.observation import ObservationOperator
 from dashred.sensing.sensors import Sensor
@@ -52,7 +57,9 @@ class Waves:
     def declared(cls, folder: Path) -> Waves:
         """Return them with all candidates in reach."""
         system = laws.declared(folder, TEXT)
-        everything = [laws.term(system, equation, text) for equation, text in TERMS]
+        states = simulate(system, nominal_start(system), TIMES)[0]
+        library = [Term(e, system.parse(text, "library", equation=e)) for e, text in TERMS]
+        everything = build_candidates(system, library, states, 0.0)
         simulator = Simulator(system, system.dt, everything, shapes_of(system))
         return cls(system, simulator, {str(found): found for found in everything})
 
@@ -77,3 +84,36 @@ class Waves:
         """Return white noise of the same size at every sensor."""
         std = torch.full((recorded.shape[1],), sigma, dtype=torch.float64)
         return NoiseModel(std, torch.zeros_like(std), ~recorded.isnan())
+
+    def objective(self, recorded: Tensor, sigma: float, names: Sequence[str] = ()) -> Objective:
+        """Return F with candidates by name; their prior is their natural scale."""
+        candidates = self.candidates(names)
+        shooting = Shooting(self.simulator, self.start, candidates, self.operator, TIMES)
+        stds = torch.tensor([c.scale for c in candidates], dtype=torch.float64)
+        return Objective(shooting, recorded, self.noise(recorded, sigma), stds)
+
+    def recorded(
+        self, sigma: float, seed: int, law: Sequence[tuple[Candidate, float]] = ()
+    ) -> Tensor:
+        """Return noisy readings under a law, from a start drawn from the prior."""
+        generator = torch.Generator().manual_seed(seed)
+        z = torch.randn((1, self.start.size), generator=generator).double()
+        forcing = forcing_of(
+            [candidate for candidate, _ in law],
+            torch.tensor([[value for _, value in law]], dtype=torch.float64),
+        )
+        clean = self.operator(simulate(self.system, self.start.start(z), TIMES, forcing))[0]
+        return clean + sigma * torch.randn(clean.shape, generator=generator).double()
+
+    @cached_property
+    def size(self) -> Tensor:
+        """Rms of each equation's own tendency over the nominal simulation."""
+        states = simulate(self.system, nominal_start(self.system), TIMES)[0]
+        own = [Term(field, self.system.equations[field]) for field in self.system.fields]
+        return evaluate_terms(self.system, own, states, 0.0).flatten(1).square().mean(dim=1).sqrt()
+
+
+def fitted(objective: Objective) -> Tensor:
+    """Return the minimum of an F of the start alone, grown from its first samples."""
+    begin = torch.zeros(objective.modes, dtype=torch.float64)
+    return minimise(objective, grow(objective, begin, 6), 8, 1e-4).phi

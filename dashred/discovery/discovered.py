@@ -9,6 +9,8 @@ from torch import Tensor
 from dashred.discovery.law import Law
 from dashred.discovery.noise_model import NoiseModel
 
+# Evidence that a free forcing has to gain for something to be missing (design §4.3.8).
+MISSING = 4.0
 # A rival within this of the best is as good as the best (design §4.2.6).
 AMBIGUOUS = 6.0
 
@@ -29,6 +31,7 @@ class Discovered:
         exhausted: whether the swap search ran to its end.
         path: ``(candidates, score of the best set of that size)``.
         tried: how many sets were refitted.
+        beyond: evidence for a free forcing on top of the best law.
     """
 
     laws: list[Law]
@@ -42,6 +45,7 @@ class Discovered:
     exhausted: bool
     path: list[tuple[int, float]]
     tried: int
+    beyond: float = 0.0
 
     @property
     def best(self) -> Law:
@@ -54,10 +58,10 @@ class Discovered:
 
         A superset counts, too, unless the search ran to its end.
         """
-        mine = {str(candidate) for candidate in self.best.candidates}
+        mine = self.best.parts
         found = []
         for law in self.laws[1:]:
-            theirs = {str(candidate) for candidate in law.candidates}
+            theirs = law.parts
             nested = theirs < mine or (self.exhausted and theirs > mine)
             if law.score < self.best.score + AMBIGUOUS and not nested:
                 found.append(law)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 from dashred.discovery.correction import enters_linearly
 from dashred.discovery.discovered import AMBIGUOUS, Discovered
-from dashred.discovery.law import Law
+from dashred.discovery.law import Law, SensorFault
 from dashred.discovery.plausibility import inclusion
 from dashred.discovery.wording import words
 from dashred.findings_schema import Alternative, ParameterChange, TermFound, TermTried
@@ -74,9 +77,44 @@ def _term(system: System, law: Law, index: int, included: float) -> TermFound:
         std=float(law.std[index]),
         ci95=list(law.interval(index)),
         inclusion=included,
-        region=None,
+        region=region_of(law) if candidate.window is not None else None,
         says=_says(system, law, index),
     )
+
+
+def region_of(law: Law) -> list[dict[str, Any]] | None:
+    """Return where the law acts, if not everywhere, with the edges' standard deviations.
+
+    ``{axis, from, to}`` of a box, ``{axis: t, from}`` of an onset, ``{field, above | below}`` of
+    a gate; ``std`` of a box's edges is that of its centre and its half width together.
+    """
+    window = law.window
+    if window is None:
+        return None
+    of, kind, values, stds = window.shape.of, window.shape.kind, window.values, law.edges
+    if kind == "box":
+        std = math.hypot(stds[0], stds[1])
+        begin, end = values[0] - values[1], values[0] + values[1]
+        return [{"axis": of, "from": begin, "to": end, "std": std}]
+    if kind == "onset":
+        return [{"axis": "t", "from": values[0], "std": stds[0]}]
+    return [{"field": of, kind.removeprefix("gate "): values[0], "std": stds[0]}]
+
+
+def fault_in_words(fault: SensorFault) -> str:
+    """Return what is wrong with the sensor in one sentence."""
+    value, std = rounded(fault.value, fault.std) if fault.std else (number(fault.value), None)
+    error = f" ± {std}" if std else ""
+    match fault.kind:
+        case "bias":
+            return f"sensor {fault.sensor} reads {value}{error} too much"
+        case "drift":
+            return f"sensor {fault.sensor} drifts by {value}{error} per unit time"
+        case "stuck":
+            return f"sensor {fault.sensor} is stuck at {value} from t = {fault.begin:.4g} on"
+        case "spikes":
+            return f"sensor {fault.sensor} has {fault.value:.0f} samples that are no readings"
+    return f"sensor {fault.sensor} stands {value}{error} from where it is said to"
 
 
 def _parameter(system: System, law: Law, index: int, included: float) -> ParameterChange:
@@ -104,7 +142,8 @@ def _says(system: System, law: Law, index: int) -> str:
     if candidate.equation is not None:
         key = f"library.{candidate.equation}"
         expression = system.parse(candidate.name, key, equation=candidate.equation)
-        return words(system, candidate.equation, expression, value, std)
+        says = words(system, candidate.equation, expression, value, std)
+        return f"{says}, {candidate.window}" if candidate.window is not None else says
     old = system.config.parameters[candidate.name]
     new, error = rounded(old + value, std)
     about = "" if enters_linearly(system, candidate.name) else ", to first order in the change"
@@ -116,7 +155,12 @@ def _says(system: System, law: Law, index: int) -> str:
 
 def _tried(law: Law) -> list[TermTried]:
     return [
-        TermTried(equation=candidate.equation, term=candidate.name, coefficient=value)
+        TermTried(
+            equation=candidate.equation,
+            term=candidate.name,
+            coefficient=value,
+            region=str(candidate.window) if candidate.window else None,
+        )
         for candidate, value in zip(law.candidates, law.coefficients.tolist(), strict=True)
     ]
 

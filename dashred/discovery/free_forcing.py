@@ -18,6 +18,8 @@ from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.objective import Normal, Objective
 from dashred.physics.pulses import Pulses
 
+# Of a forcing, along each axis and in time.
+CELLS, KNOTS = 12, 13
 # Prior std of an amplitude, as shares of the equation's own tendency; none at all first.
 LEVELS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0)
 # Stands for none: an amplitude of this share is too small for anything.
@@ -99,6 +101,22 @@ def fit_free_forcing(
     normal = found.linearise(phi, readings).without_blow_ups()
     [cost], _ = found.values(phi[None])
     return FreeForcing(found, phi, float(cost), evidence(normal, range(len(phi))), levels)
+
+
+def force(objective: Objective, phi: Tensor, size: Tensor) -> tuple[FreeForcing, float]:
+    """Return a free forcing on top of a law, and by how much the evidence is for it.
+
+    Args:
+        objective: F of a law, or of none.
+        phi: its minimum.
+        size: rms of each equation's own tendency, ``(equation,)``.
+    """
+    shooting = objective.shooting
+    cells = CELLS if shooting.simulator.system.axes else 1
+    pulses = Pulses.over(shooting.simulator.system, shooting.times, cells, KNOTS)
+    forced = fit_free_forcing(objective, phi, pulses, size, range(len(size)))
+    before = evidence(objective.linearise(phi), range(len(phi)))
+    return forced, before - forced.evidence
 
 
 def _best_levels(

@@ -12,6 +12,7 @@ from dashred.discovery.candidates import Candidate, forcing_of
 from dashred.discovery.gauss_newton import Fitted
 from dashred.discovery.objective import Normal, Objective
 from dashred.physics.forcing import Forcing
+from dashred.physics.window import Window
 
 # Two-sided 95 % of a normal distribution.
 Z95 = 1.959964
@@ -70,6 +71,21 @@ class Law:
         """Posterior standard deviations, ``(candidate,)``."""
         return self.covariance.diagonal().clamp(min=0).sqrt()
 
+    @property
+    def parts(self) -> frozenset[str]:
+        """Everything that it says is otherwise than believed; nothing for the empty law."""
+        found = {str(candidate) for candidate in self.candidates}
+        if self.fault is not None:
+            found.add(f"{self.fault.kind} of {self.fault.sensor}")
+        if self.widened > 1:
+            found.add("start outside of its prior")
+        return frozenset(found)
+
+    @property
+    def window(self) -> Window | None:
+        """The window in which some of it acts."""
+        return next((c.window for c in self.candidates if c.window is not None), None)
+
     def interval(self, index: int) -> tuple[float, float]:
         """Return the 95 % interval of one coefficient."""
         value, std = float(self.coefficients[index]), float(self.std[index])
@@ -87,7 +103,8 @@ class Law:
             f"{candidate} × {value:.4g}"
             for candidate, value in zip(self.candidates, self.coefficients.tolist(), strict=True)
         ]
-        return ", ".join(parts) or "nothing"
+        others = sorted(self.parts - {str(candidate) for candidate in self.candidates})
+        return ", ".join([*parts, *others]) or "nothing"
 
 
 def posterior(

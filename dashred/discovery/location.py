@@ -9,6 +9,7 @@ from scipy.stats import chi2
 from torch import Tensor
 
 from dashred.discovery.discovered import Discovered
+from dashred.discovery.explanation import region_of
 from dashred.discovery.law import Law
 from dashred.discovery.regime import regime
 from dashred.findings_schema import Profile, SensorGain, Where
@@ -49,7 +50,7 @@ def locate(
             field: float(share) / total if total else 0.0
             for field, share in zip(system.fields, shares, strict=True)
         },
-        region=None,
+        region=region_of(law),
         time=[float(times[0]), float(times[-1])],
         regime=regime(system, states, power, _reads(system, law)) if total else None,
         sensors=_sensors(sensors, before, after, seen, len(law.candidates)),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from torch import Tensor
 
-from dashred.discovery.discovered import Discovered
+from dashred.discovery.discovered import MISSING, Discovered
+from dashred.discovery.explanation import fault_in_words
 from dashred.discovery.law import Law
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.plausibility import plausibility
@@ -27,6 +29,8 @@ def verdict(discovered: Discovered) -> tuple[Verdict, list[dict[str, Any]]]:
         cause = {"kind": "not-converged", "probability": 1.0, "where": None, "says": reason}
         return "not-converged", [cause]
     causes = _causes(discovered)
+    if discovered.beyond > MISSING:
+        return "outside-library", [_outside(discovered), *causes]
     return ("ambiguous" if discovered.rivals else _kind(discovered.best)), causes
 
 
@@ -76,7 +80,21 @@ def _causes(discovered: Discovered) -> list[dict[str, Any]]:
     ]
 
 
+def _outside(discovered: Discovered) -> dict[str, Any]:
+    says = (
+        f"a free forcing on top of the best law gains {discovered.beyond:.3g} in evidence: "
+        "something is missing that no law of the library expresses, and the terms given are the "
+        "nearest that do"
+    )
+    probability = 1 / (1 + math.exp(-discovered.beyond / 2))
+    return {"kind": "outside-library", "probability": probability, "where": None, "says": says}
+
+
 def _kind(law: Law) -> Verdict:
+    if law.fault is not None:
+        return "sensor-fault"
+    if law.widened > 1:
+        return "initial-condition"
     if not law.candidates:
         return "nothing-missing"
     if all(candidate.equation is None for candidate in law.candidates):
@@ -87,6 +105,11 @@ def _kind(law: Law) -> Verdict:
 def _details(law: Law) -> dict[str, Any]:
     touched = {term.equation for candidate in law.candidates for term in candidate.terms}
     where = {"where": {"equations": sorted(touched)} if touched else None}
+    if law.fault is not None:
+        return {"where": None, "sensor": law.fault.sensor, "says": fault_in_words(law.fault)}
+    if law.widened > 1:
+        says = f"the start lies outside of its prior, some {law.widened:g} times its spread"
+        return {"where": None, "start": law.widened, "says": says}
     if _kind(law) == "parameter":
         return where | {"parameter": [candidate.name for candidate in law.candidates]}
     return where | {"terms": [str(candidate) for candidate in law.candidates]}

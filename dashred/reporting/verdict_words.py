@@ -146,7 +146,8 @@ def _tried(term: Mapping[str, Any]) -> str:
     if term["equation"] is None:
         sign = "+" if term["coefficient"] > 0 else ""
         return f"{term['term']} {sign}{value}"
-    return f"{term['equation']}: {value}·{pretty(term['term'])}"
+    where = f" {term['region']}" if term["region"] else ""
+    return f"{term['equation']}: {value}·{pretty(term['term'])}{where}"
 
 
 def _difference(alternative: Mapping[str, Any]) -> str:

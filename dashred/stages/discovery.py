@@ -20,6 +20,7 @@ from dashred.physics.ensemble import Ensemble
 from dashred.physics.resolution import Resolution
 from dashred.progress import Report, stage
 from dashred.stages.assimilation import Assimilated
+from dashred.stages.causes import weigh_causes
 from dashred.stages.learning import Learned
 from dashred.stages.objectives import exact_simulator, pose_objective, rough_simulator
 from dashred.stages.problem import Problem
@@ -71,25 +72,30 @@ def discover(
                 walked, selection = _walk_on(objective, walked, selection, proposals, report)
             report(1.0, f"{len(selection.tried)} sets refitted")
         with stage("fit the law to the end", seconds) as report:
-            laws, nothing = _finish(selection)
+            laws, best, nothing = _finish(selection)
             report(1.0, str(laws[0]))
+        with stage("weigh other causes", seconds) as report:
+            seen = replace(selection.objective.noise, seen=objective.noise.seen)
+            whole, reach = replace(objective, noise=seen), walked.samples
+            weighed = weigh_causes(problem, nominal, whole, reach, laws, best, nothing, report)
+            report(1.0, str(weighed.laws[0]))
         for size, score in _path(selection):
             child.log_metrics({"evidence/score": score}, size)
-    noise = selection.objective.noise
-    recorded = selection.objective.recorded
-    free = noise.whiten(walked.readings - recorded).square().sum()
+    part = selection.objective
+    free = part.noise.whiten(walked.readings - part.recorded).square().sum()
     return Discovered(
-        laws=laws,
-        nothing=nothing,
-        noise=noise,
+        laws=weighed.laws,
+        nothing=weighed.nothing,
+        noise=weighed.noise,
         seeds={s.name: s.error for s in seeds},
         seed=seed.name,
         levels=walked.levels,
-        reached=walked.reached,
-        free_chi2=float(free) / noise.count,
+        reached=walked.reached or weighed.laws[0].window is not None,
+        free_chi2=float(free) / part.noise.count,
         exhausted=selection.exhausted,
         path=_path(selection),
         tried=len(selection.tried),
+        beyond=weighed.gain,
     )
 
 
@@ -165,8 +171,12 @@ def _walk_on(
     return further, select(objective.until(further.samples), further.phi, sets, report)
 
 
-def _finish(selection: Selection) -> tuple[list[Law], Law]:
-    """Fit the best law and the empty one to the end; rivals stay as the search left them."""
+def _finish(selection: Selection) -> tuple[list[Law], Tried, Tried]:
+    """Fit the best law and the empty one to the end; rivals stay as the search left them.
+
+    Returns:
+        The laws, the best first; the fits of the best and of the empty one.
+    """
     objective = selection.objective
     best = polish(objective, selection.tried[0], POLISHED)
     normal = objective.linearise(best.phi)
@@ -181,7 +191,7 @@ def _finish(selection: Selection) -> tuple[list[Law], Law]:
         return posterior(objective, normal, tried.phi, tried.members, readings, tried.score)
 
     ranked = sorted([best, *near], key=lambda tried: tried.score)
-    return [law(tried) for tried in ranked], law(nothing)
+    return [law(tried) for tried in ranked], ranked[0], nothing
 
 
 def _empty(selection: Selection, best: Tried) -> Tried:

@@ -76,7 +76,9 @@ def test_alternatives_are_rivals_first_and_three_at_most(flow: System) -> None:
     found = alternatives(laws.discovery(best, nested, rival, twin, *others))
     assert [other["delta_bic"] for other in found] == [3.0, 4.0, 1.0]
     assert [other["rival"] for other in found] == [True, True, False]
-    assert found[0]["terms"] == [{"equation": "u", "term": "lam", "coefficient": 0.2}]
+    assert found[0]["terms"] == [
+        {"equation": "u", "term": "lam", "coefficient": 0.2, "region": None}
+    ]
 
 
 def test_laws_read_the_same_if_their_readings_differ_by_less_than_six(flow: System) -> None:

@@ -55,7 +55,7 @@ WHERE: Any = {
     "profile": {"times": [], "before": [], "after": []},
 }
 NEXT: Any = {
-    "terms": [{"equation": "u", "term": "u**2", "coefficient": -0.03123}],
+    "terms": [{"equation": "u", "term": "u**2", "coefficient": -0.03123, "region": None}],
     "delta_bic": 34.2,
     "rival": False,
     "same_as_best": False,

@@ -1,0 +1,145 @@
+"""Weigh the law that was found against other causes: a sensor, the start, a law somewhere only.
+
+Every explanation is fitted with its own start and compared by the same score (design §4.3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from dashred.discovery.candidates import Candidate
+from dashred.discovery.discovered import MISSING
+from dashred.discovery.free_forcing import FreeForcing, force
+from dashred.discovery.gauss_newton import minimise
+from dashred.discovery.law import Law, law_of
+from dashred.discovery.lawless import faults, wider_starts
+from dashred.discovery.local_laws import Cause, local_laws
+from dashred.discovery.noise_model import NoiseModel
+from dashred.discovery.objective import Objective
+from dashred.discovery.shooting import Simulator
+from dashred.progress import Report
+
+# A score this much worse than the best is a rival's.
+RIVAL = 6.0
+# A law of more candidates than this may imitate one that acts somewhere only.
+SIMPLE = 2
+# χ²/n, under the noise that a free forcing leaves, of what needs no further explanation.
+EXPLAINED = 1.1
+# By how much the horizon of the simulator as it is grows at once.
+GROWTH = 1.4
+GROWING_STEPS, GROWING_TOLERANCE = 3, 1e-2
+STEPS, TOLERANCE = 10, 1e-4
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """All explanations, under one noise.
+
+    Attributes:
+        laws: the best first.
+        nothing: the simulator as it is, with its own best start.
+        noise: under which they were scored.
+        gain: evidence for a free forcing on top of the best.
+    """
+
+    laws: list[Law]
+    nothing: Law
+    noise: NoiseModel
+    gain: float
+
+
+def weigh(
+    everything: Objective,
+    everywhere: int,
+    best: Cause,
+    null: Cause,
+    size: Tensor,
+    compiled: Callable[[], Simulator],
+    report: Report,
+) -> Weighed:
+    """Weigh the best law that acts everywhere against other explanations.
+
+    Args:
+        everything: F of all candidates over the whole record.
+        everywhere: how many of the candidates, the first, may act everywhere.
+        best: the best law that acts everywhere.
+        null: the simulator as it is.
+        size: rms of each equation's own tendency, ``(equation,)``.
+        compiled: the simulator with windows in reach: worth its seconds only if they are needed.
+        report: progress.
+    """
+    forced, gain = force(best.objective, best.phi, size)
+    report(0.2, f"a free forcing gains {gain:.0f}")
+    unclear = gain > MISSING or len(best.law.candidates) > SIMPLE
+    if unclear:
+        forced, _ = force(null.objective, null.phi, size)
+        noise = _noise_under(forced)
+        everything = replace(everything, noise=noise)
+        best, null = _again(best, noise), _again(null, noise)
+    found = [best.law, null.law] if best.law.candidates else [null.law]
+    found += faults(null.objective, null.phi, best.law.score + RIVAL)
+    if unclear or best.law.candidates:
+        found += wider_starts(null.objective, null.phi)
+    explained = min(found, key=lambda law: law.score)
+    if explained is not best.law and explained.chi2 < EXPLAINED:
+        gain = 0.0
+    elif unclear:
+        report(0.4, "screening terms by place, time and state")
+        shooting = replace(everything.shooting, simulator=compiled())
+        whole = replace(everything, shooting=shooting)
+        local = local_laws(whole, everywhere, forced, null.law.score)
+        found += [cause.law for cause in local]
+        first = min([best, *local], key=lambda cause: cause.law.score)
+        _, gain = force(first.objective, first.phi, size)
+    return Weighed(unlike(found), null.law, null.objective.noise, gain)
+
+
+def grow(objective: Objective, phi: Tensor, samples: int) -> Tensor:
+    """Return a fit of the whole record, however bad, grown from one of its first samples."""
+    total = len(objective.recorded)
+    while samples < total:
+        samples = min(total, max(samples + 1, round(samples * GROWTH)))
+        phi = minimise(objective.until(samples), phi, GROWING_STEPS, GROWING_TOLERANCE).phi
+    return phi
+
+
+def _noise_under(forced: FreeForcing) -> NoiseModel:
+    """Return the noise that is left under a free forcing: no wrong law has a part in it."""
+    objective, phi = forced.objective, forced.phi
+    [readings] = objective.shooting.readings(*objective.split(phi[None]))
+    normal = objective.linearise(phi, readings)
+    information = normal.hessian - torch.diag(normal.precision)
+    spent = float(torch.linalg.solve(normal.hessian, information).trace())
+    return replace(objective.noise_left(readings, round(spent)), seen=objective.noise.seen)
+
+
+def _again(cause: Cause, noise: NoiseModel) -> Cause:
+    """Return an explanation fitted under another noise."""
+    mine = replace(cause.objective, noise=noise)
+    fitted = minimise(mine, cause.phi, STEPS, TOLERANCE)
+    [old], _ = cause.objective.values(cause.phi[None])
+    score = cause.law.score - float(old) + fitted.cost
+    return Cause(law_of(mine, fitted, cause.law.candidates, score), mine, fitted.phi)
+
+
+def unlike(laws: Sequence[Law]) -> list[Law]:
+    """Return the laws, the best first, of several with the same candidates in like windows one."""
+    kept: dict[object, Law] = {}
+    for law in sorted(laws, key=lambda law: law.score):
+        kept.setdefault(_form(law), law)
+    return list(kept.values())
+
+
+def _form(law: Law) -> object:
+    parts = tuple(sorted(_form_of(candidate) for candidate in law.candidates))
+    fault = (law.fault.kind, law.fault.sensor) if law.fault else None
+    return parts, fault, law.widened
+
+
+def _form_of(candidate: Candidate) -> tuple[str, str, str]:
+    window = candidate.window
+    return candidate.key, *((window.shape.kind, window.shape.of) if window else ("", ""))

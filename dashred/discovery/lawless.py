@@ -1,0 +1,64 @@
+"""Explanations without a law: a sensor at fault, or a start that lies outside of its prior."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from torch import Tensor
+
+from dashred.discovery.faults import describe, fit_fault, predicted, suspects
+from dashred.discovery.free_forcing import evidence
+from dashred.discovery.gauss_newton import minimise
+from dashred.discovery.law import Law, law_of
+from dashred.discovery.objective import Objective
+from dashred.discovery.starts import ScaledStart
+
+# Faults that are fitted, of those that the linearised problem says explain something.
+FAULTS = 4
+# By how much the start may lie outside of its prior.
+WIDER = (3.0, 6.0)
+STEPS, TOLERANCE = 10, 1e-4
+
+
+def faults(objective: Objective, phi: Tensor, bound: float) -> list[Law]:
+    """Return what a fault of one sensor explains.
+
+    Args:
+        objective: F of the start alone.
+        phi: its minimum.
+        bound: faults that are predicted to score worse are left out.
+    """
+    normal = objective.linearise(phi)
+    [states] = objective.shooting.states(*objective.split(phi[None]))
+    scored = [(predicted(objective, normal, f, states), f) for f in suspects(objective, normal)]
+    chosen = sorted((pair for pair in scored if pair[0] < bound), key=lambda pair: pair[0])
+    found = []
+    for _, fault in chosen[:FAULTS]:
+        tested = fit_fault(objective, fault, phi)
+        law = law_of(tested.objective, tested.fitted, (), tested.score)
+        found.append(replace(law, fault=describe(objective, tested)))
+    return found
+
+
+def wider_starts(objective: Objective, phi: Tensor) -> list[Law]:
+    """Return what a start outside of its prior explains, by Laplace's evidence.
+
+    A wider prior lets F fall in any case: what it may move more is held against it.
+
+    Args:
+        objective: F of the start alone.
+        phi: its minimum.
+    """
+    every = range(len(phi))
+    [cost], _ = objective.values(phi[None])
+    plain = evidence(objective.linearise(phi), every) - float(cost)
+    found = []
+    for factor in WIDER:
+        shooting = objective.shooting
+        wide = replace(shooting, start=ScaledStart(shooting.start, factor))
+        mine = replace(objective, shooting=wide)
+        fitted = minimise(mine, phi / factor, STEPS, TOLERANCE)
+        volume = evidence(mine.linearise(fitted.phi, fitted.readings), every) - fitted.cost
+        law = law_of(mine, fitted, (), fitted.cost + volume - plain)
+        found.append(replace(law, widened=factor))
+    return found

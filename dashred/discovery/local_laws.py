@@ -1,0 +1,101 @@
+"""Fit the laws that screening finds: single terms with windows, and pairs that act everywhere.
+
+Successive halving: all that screen well get a few steps, the best of these are fitted to the end,
+edges, widths and all (design §4.3.7).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from torch import Tensor
+
+from dashred.discovery.free_forcing import FreeForcing
+from dashred.discovery.gauss_newton import minimise
+from dashred.discovery.hypothesis import Tested, first_unknowns, test
+from dashred.discovery.law import Law, law_of
+from dashred.discovery.objective import Objective
+from dashred.discovery.screening import Screened, screen
+
+# Hypotheses that are fitted, of which so many to the end; of one kind and law not more than two.
+TRIED, FINALISTS, ALIKE = 24, 8, 2
+FIRST_STEPS, FIRST_TOLERANCE = 3, 1e-2
+LAST_STEPS, LAST_TOLERANCE = 10, 1e-4
+# Those whose score is farther than this from the best after the first steps are given up.
+HOPELESS = 60.0
+
+
+@dataclass(frozen=True)
+class Cause:
+    """An explanation, and where it was fitted.
+
+    Attributes:
+        law: the explanation.
+        objective: F, in its own unknowns.
+        phi: its minimum.
+    """
+
+    law: Law
+    objective: Objective
+    phi: Tensor
+
+
+def local_laws(
+    objective: Objective, everywhere: int, forced: FreeForcing, nothing: float
+) -> list[Cause]:
+    """Return laws that act somewhere only, and others that screening finds.
+
+    Args:
+        objective: F of all candidates, its simulator with windows in reach.
+        everywhere: how many of these, the first, may act everywhere.
+        forced: a free forcing that explains the recording without a law.
+        nothing: score of the simulator as it is.
+    """
+    shooting = forced.objective.shooting
+    [states] = shooting.states(*forced.objective.split(forced.phi[None]))
+    screened = screen(objective, everywhere, forced, states)
+    chosen = _various(sorted(screened, key=lambda found: found.cost + _penalty(objective, found)))
+    z = forced.phi[: objective.modes]
+    tried = [_try(objective, found, z) for found in chosen]
+    best = min(tested.score for tested in tried)
+    kept = [tested for tested in tried if tested.score < min(best + HOPELESS, nothing)]
+    kept = sorted(kept, key=lambda tested: tested.score)[:FINALISTS]
+    return [_finish(tested) for tested in kept]
+
+
+def _various(ranked: Iterable[Screened]) -> list[Screened]:
+    """Return the best, but of one kind and law not more than a few."""
+    counts: dict[object, int] = {}
+    chosen = []
+    for found in ranked:
+        h = found.hypothesis
+        alike = h.kind, h.everywhere, h.inside
+        counts[alike] = counts.get(alike, 0) + 1
+        if counts[alike] <= ALIKE:
+            chosen.append(found)
+        if len(chosen) == TRIED:
+            break
+    return chosen
+
+
+def _penalty(objective: Objective, found: Screened) -> float:
+    fields = len(objective.shooting.simulator.system.fields)
+    count = len(objective.prior_std)
+    return found.hypothesis.penalty(objective.noise.effective_count, count, fields)
+
+
+def _try(objective: Objective, found: Screened, z: Tensor) -> Tested:
+    begin = first_unknowns(z, found.coefficients, found.hypothesis.guess)
+    penalty = _penalty(objective, found)
+    return test(objective, found.hypothesis, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
+
+
+def _finish(tested: Tested) -> Cause:
+    mine, before = tested.objective, tested.fitted
+    fitted = minimise(mine, before.phi, LAST_STEPS, LAST_TOLERANCE)
+    score = tested.score - before.cost + fitted.cost
+    done = replace(tested, fitted=fitted, score=score)
+    guess = tested.hypothesis.guess
+    edges = len(guess.values) if guess else 0
+    return Cause(law_of(mine, fitted, done.candidates, score, edges), mine, fitted.phi)

@@ -1,0 +1,93 @@
+"""Hidden terms that act somewhere only are found where they act, and nothing where nothing is."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+
+from dashred.discovery.causes import Weighed, weigh
+from dashred.discovery.discovered import MISSING
+from dashred.discovery.free_forcing import force
+from dashred.discovery.gauss_newton import minimise
+from dashred.discovery.law import Law, law_of
+from dashred.discovery.local_laws import Cause
+from dashred.discovery.local_shooting import localised
+from dashred.physics.window import Shape, box, gate, onset
+from tests.waves import TIMES, Waves, fitted
+
+SIGMA = 0.02
+
+
+def weighed(
+    waves: Waves, name: str | None, shape: Shape | None, edges: list[float], xi: float
+) -> Weighed:
+    """Return what is found of a hidden term, beginning at the simulator as it is."""
+    law = []
+    if name is not None:
+        [candidate] = waves.candidates([name])
+        law = [(localised([candidate], shape.at(edges))[0] if shape else candidate, xi)]
+    recorded = waves.recorded(SIGMA, 1, law)
+    everything = waves.objective(recorded, SIGMA, list(waves.everything))
+    null = waves.objective(recorded, SIGMA)
+    found = minimise(null, fitted(null), 6, 1e-4)
+    empty = Cause(law_of(null, found, (), found.cost), null, found.phi)
+    count = len(waves.everything)
+    return weigh(
+        everything, count, empty, empty, waves.size, lambda: waves.simulator, lambda *_: None
+    )
+
+
+def term(law: Law) -> str:
+    [candidate] = law.candidates
+    return candidate.key
+
+
+def test_a_region_is_found(waves: Waves) -> None:
+    shape = box(waves.system.axes[0])
+    found = weighed(waves, "u: u", shape, [6.0, 1.5, math.log(0.3)], -0.25)
+    best = found.laws[0]
+    assert term(best) == "u: u" and best.window is not None and best.window.shape == shape
+    centre, half, _ = best.window.values
+    xi, std = float(best.coefficients[0]), float(best.std[0])
+    # Six sensors do not tell a wide weak region from a narrow strong one, and the bars say so.
+    assert abs(centre - 6.0) < 0.1 and abs(half - 1.5) < 3 * best.edges[1] < 1.2
+    assert abs(xi + 0.25) < 3 * std and xi * half == pytest.approx(-0.25 * 1.5, rel=0.15)
+    assert found.gain < MISSING and len(best.edges) == 3
+
+
+def test_an_onset_is_found(waves: Waves) -> None:
+    found = weighed(waves, "v: 1", onset(), [4.0, math.log(0.2)], 0.15)
+    best = found.laws[0]
+    assert term(best) == "v: 1" and best.window is not None
+    assert best.window.shape.kind == "onset" and abs(best.window.values[0] - 4.0) < 0.3
+    assert found.gain < MISSING
+
+
+def test_a_gate_is_found_or_among_the_rivals(waves: Waves) -> None:
+    found = weighed(waves, "u: v**2", gate("u", 1), [0.2, math.log(0.1)], -0.4)
+    near = [law for law in found.laws if law.score < found.laws[0].score + 10]
+    assert any(
+        term(law) == "u: v**2" and law.window is not None and law.window.shape == gate("u", 1)
+        for law in near
+        if len(law.candidates) == 1
+    )
+
+
+def test_a_term_that_acts_everywhere_needs_no_window(waves: Waves) -> None:
+    best = weighed(waves, "u: u**2", None, [], -0.15).laws[0]
+    assert term(best) == "u: u**2" and best.window is None
+    assert abs(float(best.coefficients[0]) + 0.15) < 4 * float(best.std[0]) < 0.03
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_where_nothing_is_missing_nothing_is_found(waves: Waves, seed: int) -> None:
+    recorded = waves.recorded(SIGMA, seed)
+    null = waves.objective(recorded, SIGMA)
+    phi = fitted(null)
+    _, gain = force(null, phi, waves.size)
+    assert gain < MISSING
+    found = weighed(waves, None, None, [], 0.0)
+    assert not found.laws[0].parts and torch.isfinite(found.noise.std).all()
+    assert len(TIMES) == len(recorded)

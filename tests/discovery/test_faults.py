@@ -1,0 +1,106 @@
+"""A sensor that is made faulty is named, with its fault; where none is, none explains anything."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+import torch
+from torch import Tensor
+
+from dashred.discovery.faults import describe, fit_fault, predicted, suspects
+from dashred.discovery.law import SensorFault
+from dashred.discovery.lawless import faults
+from dashred.discovery.objective import Objective
+from dashred.sensing.observation import ObservationOperator
+from tests.waves import TIMES, Waves, fitted
+
+SIGMA = 0.03
+
+
+def biased(values: Tensor) -> Tensor:
+    values[:, 2] += 0.12
+    return values
+
+
+def drifting(values: Tensor) -> Tensor:
+    values[:, 4] += 0.03 * TIMES
+    return values
+
+
+def stuck(values: Tensor) -> Tensor:
+    values[25:, 1] = values[25, 1]
+    return values
+
+
+def spiky(values: Tensor) -> Tensor:
+    values[[7, 20, 21], 3] += torch.tensor([1.0, -1.2, -1.2], dtype=torch.float64)
+    return values
+
+
+def expect(objective: Objective) -> tuple[float, list[SensorFault], float]:
+    """Return the score without a fault, and what faults explain, the best first."""
+    phi = fitted(objective)
+    [cost], _ = objective.values(phi[None])
+    laws = sorted(faults(objective, phi, float(cost)), key=lambda law: law.score)
+    assert all(not law.candidates for law in laws)
+    best = laws[0].score if laws else float("inf")
+    return float(cost), [law.fault for law in laws if law.fault], best
+
+
+@pytest.mark.parametrize(
+    ("break_", "kind", "sensor", "value"),
+    [
+        (biased, "bias", "s2", 0.12),
+        (drifting, "drift", "s4", 0.03),
+        (stuck, "stuck", "s1", None),
+        (spiky, "spikes", "s3", 3.0),
+    ],
+)
+def test_the_faulty_sensor_and_its_fault_are_found(
+    waves: Waves, break_: Callable[[Tensor], Tensor], kind: str, sensor: str, value: float | None
+) -> None:
+    recorded = break_(waves.recorded(SIGMA, seed=3))
+    without, found, best = expect(waves.objective(recorded, SIGMA))
+    assert (found[0].kind, found[0].sensor) == (kind, sensor)
+    assert best < without - 20
+    if value is None:
+        assert found[0].value == pytest.approx(float(recorded[25, 1]))
+        assert found[0].begin == pytest.approx(float(TIMES[25]))
+    elif found[0].std is None:
+        assert found[0].value == value
+    else:
+        assert abs(found[0].value - value) < 4 * found[0].std < 0.5 * value
+
+
+def test_a_misplaced_sensor_is_found_with_its_distance(waves: Waves) -> None:
+    recorded = waves.recorded(SIGMA, seed=4)
+    objective = waves.objective(recorded, SIGMA)
+    sensors = list(waves.operator.sensors)
+    [place] = sensors[0].position
+    sensors[0] = replace(sensors[0], position=(place - 0.12,))
+    believed = ObservationOperator(sensors, waves.system)
+    wrong = replace(objective, shooting=replace(objective.shooting, operator=believed))
+    without, [best, *_], score = expect(wrong)
+    assert (best.kind, best.sensor) == ("misplaced", "s0") and score < without - 20
+    assert best.std is not None and best.value == pytest.approx(0.12, abs=4 * best.std)
+
+
+def test_sound_sensors_are_not_suspected(waves: Waves) -> None:
+    objective = waves.objective(waves.recorded(SIGMA, seed=5), SIGMA)
+    _, found, _ = expect(objective)
+    assert found == []
+
+
+def test_the_prediction_is_the_fit_where_the_readings_are_nearly_linear(waves: Waves) -> None:
+    objective = waves.objective(biased(waves.recorded(SIGMA, seed=3)), SIGMA)
+    phi = fitted(objective)
+    normal = objective.linearise(phi)
+    [states] = objective.shooting.states(*objective.split(phi[None]))
+    every = list(suspects(objective, normal))
+    assert {fault.kind for fault in every} >= {"bias", "drift", "misplaced"}
+    right = next(f for f in every if (f.kind, f.sensor) == ("bias", 2))
+    tested = fit_fault(objective, right, phi)
+    assert predicted(objective, normal, right, states) == pytest.approx(tested.score, abs=15)
+    assert describe(objective, tested).sensor == "s2"
