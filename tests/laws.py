@@ -10,7 +10,7 @@ import torch
 from dashred.config import load_config
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.discovered import Discovered
-from dashred.discovery.law import Law
+from dashred.discovery.law import Law, SensorFault
 from dashred.discovery.noise_model import NoiseModel
 from dashred.physics.differentiate import parameter_tendency
 from dashred.physics.system import System, Term
@@ -72,6 +72,9 @@ def law(
     score: float = 0.0,
     misfit: float = 1.0,
     chi2: float = 1.0,
+    edges: tuple[float, ...] = (),
+    fault: SensorFault | None = None,
+    widened: float = 1.0,
 ) -> Law:
     """Return a law whose residuals are all `misfit`."""
     return Law(
@@ -82,6 +85,9 @@ def law(
         score=score,
         chi2=chi2,
         residuals=torch.full((SAMPLES, SENSORS), misfit, dtype=torch.float64),
+        edges=edges,
+        fault=fault,
+        widened=widened,
     )
 
 
@@ -92,6 +98,7 @@ def discovery(
     free_chi2: float = 1.0,
     exhausted: bool = True,
     seen: torch.Tensor | None = None,
+    beyond: float = 0.0,
 ) -> Discovered:
     """Return a discovery with these laws, the best first, under noise of σ = 1."""
     everywhere = torch.ones(SAMPLES, SENSORS, dtype=torch.bool)
@@ -112,4 +119,5 @@ def discovery(
         exhausted=exhausted,
         path=[(0, 1000.0), (1, 0.0)],
         tried=50,
+        beyond=beyond,
     )

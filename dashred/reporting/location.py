@@ -13,6 +13,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from dashred.reporting.space_time import mark_sensors
 from dashred.reporting.style import BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILION, new_figure, style
+from dashred.reporting.verdict_words import acting
 from dashred.typeset import percent
 
 MOST_SENSORS = 18
@@ -90,8 +91,7 @@ def _draw_map(figure: Any, axes: Axes, law: LawMap, where: Mapping[str, Any]) ->
     label = "law / rms of the simulation's\nown tendency"
     figure.colorbar(image, ax=axes, label=label, pad=0.015, aspect=16)
     axes.set_ylabel(law.axis)
-    regime = where["regime"] or "everywhere"
-    axes.set_title(f"it acts {'where ' if where['regime'] else ''}{regime}", fontsize=9)
+    axes.set_title(f"it acts {acting(where)}", fontsize=9)
 
 
 def _draw_profile(axes: Axes, profile: Mapping[str, Sequence[float | None]]) -> None:

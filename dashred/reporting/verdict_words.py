@@ -98,8 +98,27 @@ def _where(where: Mapping[str, Any] | None) -> list[str]:
     told = [f"{percent(share)} in the equation of {field}" for field, share in shares if share]
     if len(shares) == 1:
         told = [f"in the equation of {shares[0][0]}"]
-    acts = f"where {where['regime']}" if where["regime"] else "everywhere"
-    return [f"It acts {', '.join(told)}; {acts}."]
+    return [f"It acts {', '.join(told)}; {acting(where)}."]
+
+
+def acting(where: Mapping[str, Any]) -> str:
+    """``for 10.1 < x < 16.0 (± 0.1)``, ``where u > 1.76 (…)``, or ``everywhere``."""
+    if where["region"]:
+        [region] = where["region"]
+        return f"for {_bounds(region)}"
+    return f"where {where['regime']}" if where["regime"] else "everywhere"
+
+
+def _bounds(region: Mapping[str, Any]) -> str:
+    of, std = region.get("axis", region.get("field")), region["std"]
+    if "to" in region:
+        (begin, _), (end, error) = (rounded(region[key], std) for key in ("from", "to"))
+        return f"{begin} < {of} < {end} (± {error})"
+    if "below" in region:
+        place, error = rounded(region["below"], std)
+        return f"{of} < {place} (± {error})"
+    place, error = rounded(region["from"] if "from" in region else region["above"], std)
+    return f"{of} > {place} (± {error})"
 
 
 def _energy(energy: Mapping[str, Any] | None) -> list[str]:

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import pytest
 
-from dashred.discovery.explanation import alternatives, explain, law_in_words
+from dashred.discovery.correction import correct
+from dashred.discovery.explanation import alternatives, explain, fault_in_words, law_in_words
+from dashred.discovery.law import SensorFault
+from dashred.discovery.local_shooting import localised
 from dashred.discovery.plausibility import plausibility
+from dashred.physics.grid import Axis
 from dashred.physics.system import System
+from dashred.physics.window import box, gate, onset
 from tests import laws
 
 
@@ -25,6 +31,55 @@ def test_a_term_carries_its_interval_and_its_words(flow: System) -> None:
     assert told["coefficient"] == pytest.approx(-0.04) and told["std"] == pytest.approx(0.002)
     assert told["ci95"] == pytest.approx([-0.04392, -0.03608], rel=1e-3)
     assert told["says"] == "linear damping of internal energy, −0.040 ± 0.002 per unit time"
+
+
+@pytest.mark.parametrize(
+    ("shape", "values", "region", "words"),
+    [
+        (
+            box(Axis("x", 6.0, 32)),
+            (2.0, 0.5, 0.0),
+            {"axis": "x", "from": 1.5, "to": 2.5, "std": pytest.approx(0.05)},
+            "for 1.5 < x < 2.5",
+        ),
+        (onset(), (4.0, 0.0), {"axis": "t", "from": 4.0, "std": 0.03}, "for t > 4"),
+        (gate("u", 1), (0.7, 0.0), {"field": "u", "above": 0.7, "std": 0.03}, "for u > 0.7"),
+        (gate("u", -1), (0.7, 0.0), {"field": "u", "below": 0.7, "std": 0.03}, "for u < 0.7"),
+    ],
+)
+def test_a_term_in_a_window_says_where_it_acts(flow: System, shape, values, region, words) -> None:
+    [candidate] = localised([laws.term(flow, "u", "u")], shape.at(values))
+    best = laws.law([candidate], [-0.04], std=0.002, edges=(0.03, 0.04, 1.0)[: len(values)])
+    [found] = explain(flow, laws.discovery(best))
+    told: dict[str, Any] = dict(found)
+    assert (told["term"], told["region"]) == ("u", [region])
+    damping = "linear damping of internal energy, −0.040 ± 0.002 per unit time"
+    assert told["says"] == f"{damping}, {words}"
+    [other] = alternatives(laws.discovery(laws.law(), dataclasses.replace(best, score=3.0)))
+    assert other["terms"][0]["region"] == words
+    # The corrected system has the window in its equations.
+    assert "tanh" in correct(flow, best).config.equations["u"]
+    everywhere = laws.law([laws.term(flow, "u", "u")], [1.0])
+    assert "tanh" not in correct(flow, everywhere).config.equations["u"]
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        (SensorFault("bias", "s1", 0.1234, 0.011, None), "sensor s1 reads 0.123 ± 0.011 too much"),
+        (SensorFault("stuck", "s1", 1.5, None, 12.3), "sensor s1 is stuck at 1.5 from t = 12.3 on"),
+        (
+            SensorFault("spikes", "s1", 3.0, None, None),
+            "sensor s1 has 3 samples that are no readings",
+        ),
+        (
+            SensorFault("misplaced", "s1", -0.12, 0.02, None),
+            "sensor s1 stands −0.12 ± 0.02 from where it is said to",
+        ),
+    ],
+)
+def test_a_fault_in_words(fault: SensorFault, words: str) -> None:
+    assert fault_in_words(fault) == words
 
 
 def test_a_parameter_is_given_by_its_new_value(flow: System) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
+from dashred.discovery.law import SensorFault
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.verdict import unexplained, verdict
 from dashred.physics.system import System
@@ -29,6 +30,29 @@ def test_each_kind_of_law_has_its_verdict(flow: System) -> None:
         assert causes[0]["probability"] == pytest.approx(1.0)
     [cause, *_] = verdict(laws.discovery(expected["parameter"]))[1]
     assert cause["parameter"] == ["nu"] and cause["where"] == {"equations": ["lam", "u"]}
+
+
+def test_a_sensor_and_the_start_may_be_the_cause(flow: System) -> None:
+    fault = SensorFault("drift", "s03", 0.0123, 0.0011, None)
+    found, causes = verdict(laws.discovery(laws.law(fault=fault), laws.law(score=50.0)))
+    assert found == causes[0]["kind"] == "sensor-fault"
+    assert causes[0]["sensor"] == "s03"
+    assert causes[0]["says"] == "sensor s03 drifts by 0.0123 ± 0.0011 per unit time"
+    found, causes = verdict(laws.discovery(laws.law(widened=3.0), laws.law(score=50.0)))
+    assert found == causes[0]["kind"] == "initial-condition" and causes[0]["start"] == 3.0
+    # Either of two causes of different kinds may be the right one.
+    other = laws.law([laws.term(flow, "u", "u")], [1.0], score=3.0)
+    assert verdict(laws.discovery(laws.law(fault=fault), other))[0] == "ambiguous"
+
+
+def test_what_a_free_forcing_finds_beyond_the_best_law_lies_outside_of_the_library(
+    flow: System,
+) -> None:
+    best = laws.law([laws.term(flow, "u", "u")], [0.1])
+    assert verdict(laws.discovery(best, beyond=3.0))[0] == "missing-term"
+    found, [outside, nearest, *_] = verdict(laws.discovery(best, beyond=30.0))
+    assert found == outside["kind"] == "outside-library" and outside["probability"] > 0.99
+    assert nearest["terms"] == ["u: u"]
 
 
 def test_a_rival_makes_it_ambiguous_and_the_classes_share_the_probability(flow: System) -> None:

@@ -49,6 +49,7 @@ def where(sensors: int = 4, fields: tuple[str, ...] = ("u", "lam")) -> dict[str,
     before = [1.0 + t for t in TIMES]
     return {
         "equation": dict(zip(fields, (0.97, 0.03), strict=False)),
+        "region": None,
         "regime": "u > 1.2 (39 % of space and time carries 80 % of it)",
         "sensors": gains,
         "profile": {"times": list(TIMES), "before": before, "after": [None] + [1.0] * 40},

@@ -1,0 +1,53 @@
+"""The free forcing: its evidence is the Gaussian one, and it comes where something is missing."""
+
+from __future__ import annotations
+
+import torch
+
+from dashred.discovery.discovered import MISSING
+from dashred.discovery.free_forcing import evidence, fit_free_forcing, force
+from dashred.discovery.objective import Normal
+from dashred.physics.pulses import Pulses
+from tests.waves import TIMES, Waves, fitted
+
+SIGMA = 0.02
+
+
+def test_evidence_is_the_density_of_the_recording() -> None:
+    """``-2 ln N(y; 0, J P⁻¹ Jᵀ + 1)``, but for the same constant whatever the model."""
+    generator = torch.Generator().manual_seed(0)
+    jacobian = torch.randn((12, 5), generator=generator).double()
+    precision = torch.rand(5, generator=generator).double() + 0.5
+    y = torch.randn(12, generator=generator).double()
+    phi = torch.zeros(5, dtype=torch.float64)
+    normal = Normal(jacobian, precision, phi, -y)
+
+    def exact(index: list[int]) -> float:
+        columns = jacobian[:, index]
+        covariance = torch.eye(12) + columns @ torch.diag(1 / precision[index]) @ columns.T
+        return float(y @ torch.linalg.solve(covariance, y) + torch.logdet(covariance))
+
+    for index in ([0, 1, 2, 3, 4], [1, 3], [2]):
+        assert abs(evidence(normal, index) - exact(index)) < 1e-9
+
+
+def test_it_gains_nothing_where_nothing_is_missing(waves: Waves) -> None:
+    objective = waves.objective(waves.recorded(SIGMA, 6), SIGMA)
+    forced, gain = force(objective, fitted(objective), waves.size)
+    assert gain < MISSING and float(forced.amplitudes.abs().max()) < 0.05 * float(waves.size[0])
+
+
+def test_it_brings_the_trajectory_to_the_recording_and_says_in_which_equation(waves: Waves) -> None:
+    [hidden] = waves.candidates(["v: 1"])
+    recorded = waves.recorded(SIGMA, 7, [(hidden, 0.2)])
+    objective = waves.objective(recorded, SIGMA)
+    phi = fitted(objective)
+    [before], _ = objective.values(phi[None])
+    forced, gain = force(objective, phi, waves.size)
+    assert gain > 100 and forced.cost < 1.2 * recorded.numel() < 0.3 * float(before)
+    pulses = Pulses.over(waves.system, TIMES, 6, 7)
+    alone = {
+        equation: fit_free_forcing(objective, phi, pulses, waves.size, [equation]).evidence
+        for equation in range(2)
+    }
+    assert alone[1] < alone[0]
