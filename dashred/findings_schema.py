@@ -234,6 +234,7 @@ class Score(TypedDict):
     exact_support: bool | None
     coefficient_error: float | None
     region: dict[str, float | None] | None
+    cause_right: bool | None
     field_rmse: dict[str, float | None]
     field_rmse_by_field: dict[str, dict[str, float]]
     forecast: dict[str, float | None]

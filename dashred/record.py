@@ -70,7 +70,8 @@ def record(config: Config, output: Path) -> None:
         recording = observe(system, states[:count], times[:count], twin, config, rng)
     make_output(str(output))
     write_netcdf(recording, output / "recording.nc", [axis.name for axis in system.axes])
-    truth = Truth(twin.name, twin.terms, times, config.recording.duration, states)
+    duration = config.recording.duration
+    truth = Truth(twin.name, twin.terms, times, duration, states, twin.concealed)
     seal(output / "sealed.nc", truth, system)
 
 
@@ -80,12 +81,14 @@ def simulate_truth(
     """Return times ``(time,)`` and the truth ``(time, field, *grid)`` on the simulator's grid."""
     import torch
 
+    from dashred.discovery.correction import with_parameters
+    from dashred.discovery.starts import ScaledStart
     from dashred.physics.prior import StartPrior, field_rms, nominal_start, spread_in_percent
     from dashred.physics.simulate import check_finite, simulate
     from dashred.physics.system import Term
 
     law = [(Term(t.equation, expression_of(system, t)), t.coefficient) for t in twin.terms]
-    lawful = system.with_terms(law)
+    lawful = with_parameters(system, twin.concealed.parameters).with_terms(law)
     every = config.recording.every
     assert every is not None
     samples = round(FORECAST * config.recording.duration / every)
@@ -97,7 +100,8 @@ def simulate_truth(
         rms = field_rms(nominal[0])
     truth = lawful.refined()
     fine_centre = system.grid.interpolate(centre, truth.grid) if system.axes else centre
-    start = StartPrior(truth, fine_centre[0], rms, None).draw(1, rng)
+    prior = StartPrior(truth, fine_centre[0], rms, None)
+    start = ScaledStart(prior, twin.concealed.spread).draw(1, rng)
     path = simulate(truth, start, times, progress=progress)
     check_finite(path, times, truth)
     coarse = path[0]
@@ -142,16 +146,20 @@ def observe(
     """Read the truth at random places, with noise of a fraction of each quantity's std."""
     import numpy as np
 
+    from dashred.sensing.faulty import correlated, moved, reported
     from dashred.sensing.observation import ObservationOperator
     from dashred.sensing.recording import Recording
 
-    places = place_sensors(system, config, rng)
-    clean = ObservationOperator(places, system)(states).numpy()
+    places, hidden = place_sensors(system, config, rng), twin.concealed
+    real = [moved(sensor, hidden.faults, system) for sensor in places]
+    clean = ObservationOperator(real, system)(states).numpy()
     noisy, sensors = np.empty_like(clean), []
     for column, sensor in enumerate(places):
         whole = system.evaluate(sensor.reads, states)
         std = config.recording.noise * float(whole.std())
-        noisy[:, column] = clean[:, column] + std * rng.standard_normal(len(times))
+        noise = std * correlated(rng.standard_normal(len(times)), hidden.correlation)
+        read = clean[:, column] + noise
+        noisy[:, column] = reported(read, times.numpy(), sensor, hidden.faults)
         stated = std * twin.stated if std > 0 else None
         sensors.append(type(sensor)(sensor.name, sensor.reads, sensor.position, stated))
     return Recording(tuple(sensors), times.numpy(), noisy)
@@ -190,11 +198,15 @@ def _name(index: int, count: int) -> str:
 
 
 def _key(twin: Twin, seed: int) -> int:
+    from dashred.sealing import Concealed
+
     plain = asdict(twin)
-    # A law without windows keeps the stream that it had before there were any.
+    # What conceals no more than a law keeps the stream that it had before there was more.
     for term in plain["terms"]:
         if term["window"] is None:
             del term["window"]
+    if twin.concealed == Concealed():
+        del plain["concealed"]
     text = json.dumps({"twin": plain, "seed": seed}, sort_keys=True)
     return int.from_bytes(hashlib.sha256(text.encode()).digest())
 

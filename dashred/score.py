@@ -66,6 +66,7 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth]:
         rmse,
         rmse_by_time,
         scaled_errors,
+        score_cause,
         score_law,
         score_region,
     )
@@ -74,7 +75,8 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth]:
     findings = json.loads((output / "findings.json").read_text(encoding="utf-8"))
     frozen = json.loads((output / "freeze.json").read_text(encoding="utf-8"))["files"]
     truth, fields = open_seal(sealed)
-    exact, coefficient_error = score_law(findings, truth.terms)
+    hidden = truth.concealed
+    exact, coefficient_error = score_law(findings, truth.terms, hidden.parameters)
     known: dict[str, np.ndarray] = {}
     if "estimates.nc" in frozen:
         estimates = _load(output / "estimates.nc")
@@ -92,6 +94,7 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth]:
         exact_support=exact,
         coefficient_error=coefficient_error,
         region=score_region(findings, truth.terms),
+        cause_right=score_cause(findings, bool(truth.terms), hidden),
         field_rmse=dict.fromkeys(METHODS) | {m: rmse(error) for m, error in known.items()},
         field_rmse_by_field={
             field: {m: rmse(error[:, i]) for m, error in known.items()}
@@ -168,6 +171,8 @@ def _print(score: Score) -> None:
         error = score["coefficient_error"]
         off = f", its coefficients within {error:.1%}".replace("%", " %") if error else ""
         print(f"The law found is {'' if score['exact_support'] else 'not '}the true one{off}.")
+    if score["cause_right"] is not None:
+        print(f"The cause it names is {'' if score['cause_right'] else 'not '}the true one.")
     for name, value in (score["region"] or {}).items():
         if value is not None:
             print(f"{REGIONS[name]} {value:.3g}.")

@@ -60,7 +60,9 @@ class TrueTerm(Protocol):
 
 
 def score_law(
-    findings: Mapping[str, Any], truth: Sequence[TrueTerm]
+    findings: Mapping[str, Any],
+    truth: Sequence[TrueTerm],
+    parameters: Mapping[str, float] | None = None,
 ) -> tuple[bool | None, float | None]:
     """Return whether the true terms were found and no others, and the worst relative error.
 
@@ -69,14 +71,20 @@ def score_law(
     everywhere and was found in a region only, or the other way round; where a region's edges lie
     is scored by itself. Both are null where no law was looked for; the error is null too where the
     support is not exact.
+
+    Args:
+        findings: what was found.
+        truth: the true terms.
+        parameters: true values of those that the simulator has wrong.
     """
     if findings.get("terms") is None:
         return None, None
     system = _system_of(findings)
-    true = _collect(
+    terms = (
         (t.equation, _expression(system, t.equation, t.term, t.coefficient), _kind(t.window))
         for t in truth
     )
+    true = _collect([*terms, *_changes(system, parameters or {})])
     found = _collect(_found_terms(findings["terms"], system))
     if found.keys() != true.keys():
         return False, None
@@ -118,6 +126,42 @@ def latent_ranks(
                 f"{t.equation}: {t.term}": found.get((t.equation, t.term)) for t in truth
             }
     return ranks
+
+
+class Hidden(Protocol):
+    """What else than a law was hidden; see :class:`dashred.sealing.Concealed`."""
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """True values of parameters."""
+
+    @property
+    def faults(self) -> Sequence[Any]:
+        """Of sensors: ``sensor`` and ``kind``."""
+
+    @property
+    def spread(self) -> float:
+        """Of the start, in units of its prior's."""
+
+
+def score_cause(findings: Mapping[str, Any], law: bool, hidden: Hidden) -> bool | None:
+    """Return whether the verdict names what was hidden; of a fault, sensor and kind too.
+
+    Null without a verdict. Of several hidden causes any one is right.
+    """
+    verdict = findings.get("verdict")
+    if verdict is None:
+        return None
+    if verdict == "sensor-fault":
+        told = findings["causes"][0]
+        return any(f.sensor == told["sensor"] and f.kind == told["fault"] for f in hidden.faults)
+    right = {
+        "missing-term": law,
+        "parameter": bool(hidden.parameters),
+        "initial-condition": hidden.spread > 1,
+    }
+    nothing = not hidden.faults and not any(right.values())
+    return nothing if verdict == "nothing-missing" else right.get(verdict, False)
 
 
 def score_region(
@@ -195,14 +239,20 @@ def _found_terms(
             yield equation, _expression(system, equation, text, coefficient), kind
         elif entry.get("parameter") is not None:
             parameters[str(entry["parameter"])] = float(entry["to"])
-    if parameters:
-        changed = System(
-            dataclasses.replace(system.config, parameters=system.config.parameters | parameters),
-            system.where,
-        )
-        for equation, before in system.resolved.items():
-            yield equation, changed.resolved[equation], None
-            yield equation, algebra.multiply((Number(-1.0), before)), None
+    yield from _changes(system, parameters)
+
+
+def _changes(
+    system: System, parameters: Mapping[str, float]
+) -> Iterable[tuple[str, Expr, str | None]]:
+    """Yield what other values of parameters add to each equation."""
+    if not parameters:
+        return
+    values = system.config.parameters | dict(parameters)
+    changed = System(dataclasses.replace(system.config, parameters=values), system.where)
+    for equation, before in system.resolved.items():
+        yield equation, changed.resolved[equation], None
+        yield equation, algebra.multiply((Number(-1.0), before)), None
 
 
 def _collect(added: Iterable[tuple[str, Expr, str | None]]) -> Law:

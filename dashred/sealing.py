@@ -7,7 +7,7 @@ Only the recorder writes it and only the scorer reads it; nothing else imports t
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +39,39 @@ class SealedTerm:
 
 
 @dataclass(frozen=True)
+class SealedFault:
+    """What is hidden to be wrong with a sensor.
+
+    Attributes:
+        sensor: its name.
+        kind: ``bias``, ``drift``, ``stuck``, ``spikes`` or ``misplaced``.
+        value: the bias, the drift per unit time, the size of a spike, or the distance; of a stuck
+            sensor the time from which on it repeats itself.
+    """
+
+    sensor: str
+    kind: str
+    value: float
+
+
+@dataclass(frozen=True)
+class Concealed:
+    """Whatever else than a law is otherwise than the simulation has it.
+
+    Attributes:
+        parameters: true values, by name, of those that are mis-stated.
+        faults: of sensors.
+        spread: by how much the start's spread exceeds its prior's.
+        correlation: of the noise between neighbouring samples.
+    """
+
+    parameters: dict[str, float] = field(default_factory=dict)
+    faults: tuple[SealedFault, ...] = ()
+    spread: float = 1.0
+    correlation: float = 0.0
+
+
+@dataclass(frozen=True)
 class Truth:
     """The hidden truth of one twin.
 
@@ -48,6 +81,7 @@ class Truth:
         times: ``(time,)``; runs past the end of the recording, for forecasts.
         duration: length of the recording.
         states: ``(time, field, *grid)``, on the simulator's grid, without noise.
+        concealed: what else is hidden.
     """
 
     twin: str
@@ -55,6 +89,7 @@ class Truth:
     times: Tensor
     duration: float
     states: Tensor
+    concealed: Concealed = Concealed()
 
 
 def seal(path: Path, truth: Truth, system: System) -> None:
@@ -64,7 +99,9 @@ def seal(path: Path, truth: Truth, system: System) -> None:
         name: (("time", *axes), truth.states[:, i].numpy()) for i, name in enumerate(system.fields)
     }
     terms = json.dumps([asdict(term) for term in truth.terms])
+    concealed = json.dumps(asdict(truth.concealed))
     attributes = {"twin": truth.twin, "terms": terms, "duration": truth.duration}
+    attributes["concealed"] = concealed
     partial = path.with_name(f".{path.name}.partial")
     dataset = xr.Dataset(fields, {"time": truth.times.numpy()}, attributes)
     dataset.to_netcdf(partial, engine="h5netcdf")
@@ -88,6 +125,7 @@ def open_seal(path: Path) -> tuple[Truth, tuple[str, ...]]:
                 torch.tensor(dataset["time"].values),
                 float(dataset.attrs["duration"]),
                 torch.from_numpy(states),
+                _concealed(json.loads(dataset.attrs["concealed"])),
             )
     except (OSError, KeyError, ValueError, TypeError) as error:
         raise InputError(f"cannot open the sealed truth: {error}", where=str(path)) from None
@@ -97,3 +135,8 @@ def open_seal(path: Path) -> tuple[Truth, tuple[str, ...]]:
 def _term(plain: dict[str, Any]) -> SealedTerm:
     window = plain.pop("window")
     return SealedTerm(**plain, window=tuple(window) if window else None)
+
+
+def _concealed(plain: dict[str, Any]) -> Concealed:
+    faults = tuple(SealedFault(**fault) for fault in plain.pop("faults"))
+    return Concealed(**plain, faults=faults)

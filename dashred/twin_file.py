@@ -11,9 +11,10 @@ from dashred.errors import InputError
 from dashred.physics.expression import number
 
 if TYPE_CHECKING:
-    from dashred.sealing import SealedTerm
+    from dashred.sealing import Concealed, SealedTerm
 
-KEYS = {"terms", "start", "stated"}
+KEYS = {"terms", "start", "stated", "parameters", "faults", "spread", "correlation"}
+FAULTS = ("bias", "drift", "stuck", "spikes", "misplaced")
 STARTS = ("simulator", "own")
 
 
@@ -25,6 +26,7 @@ class Twin:
     terms: tuple[SealedTerm, ...]
     own_start: bool
     stated: float
+    concealed: Concealed
 
 
 def entries(config: Config) -> dict[str, Any]:
@@ -78,7 +80,8 @@ def read_twin(config: Config) -> Twin:
     name, (_, label) = str(config.recording.twin), _place(config)
     entry = entry_of(config, name)
     if entry.keys() - KEYS or "terms" not in entry:
-        raise InputError(f"twin {name!r} must have terms, and may have start, stated", where=label)
+        others = ", ".join(sorted(KEYS - {"terms"}))
+        raise InputError(f"twin {name!r} must have terms, and may have {others}", where=label)
     if not isinstance(entry["terms"], list):
         raise InputError(f"the terms of twin {name!r} must be a list", where=label)
     terms = tuple(_term(item, label, config) for item in entry["terms"])
@@ -86,7 +89,7 @@ def read_twin(config: Config) -> Twin:
     if start not in STARTS:
         raise InputError(f"a start is {' or '.join(STARTS)}, not {start!r}", where=label)
     stated = number(str(entry.get("stated", 1.0)), where=label)
-    return Twin(name, terms, start == "own", stated)
+    return Twin(name, terms, start == "own", stated, _concealed(entry, label, config))
 
 
 def _place(config: Config) -> tuple[Path, str]:
@@ -108,6 +111,36 @@ def _term(item: Any, label: str, config: Config) -> SealedTerm:
     coefficient = number(str(item["coefficient"]), where=label)
     window = _window(item["window"], label, config) if "window" in item else None
     return SealedTerm(str(item["equation"]), str(item["term"]), coefficient, window)
+
+
+def _concealed(entry: dict[str, Any], label: str, config: Config) -> Concealed:
+    """Read what else than a law is otherwise than the simulation has it."""
+    from dashred.sealing import Concealed, SealedFault
+
+    parameters = entry.get("parameters", {})
+    known = config.system.parameters
+    if not isinstance(parameters, dict) or not parameters.keys() <= known.keys():
+        raise InputError(f"parameters are true values by name, of {', '.join(known)}", where=label)
+    faults = []
+    for item in entry.get("faults", []):
+        whole = isinstance(item, dict) and item.keys() == {"sensor", "kind", "value"}
+        if not whole or item["kind"] not in FAULTS:
+            raise InputError(
+                "a fault has a sensor, a kind and a value",
+                where=label,
+                hint=f"kinds: {', '.join(FAULTS)}",
+            )
+        value = number(str(item["value"]), where=label)
+        faults.append(SealedFault(str(item["sensor"]), str(item["kind"]), value))
+    correlation = number(str(entry.get("correlation", 0.0)), where=label)
+    if not 0 <= correlation < 1:
+        raise InputError("a correlation lies between 0 and 1", where=label)
+    return Concealed(
+        {name: number(str(value), where=label) for name, value in parameters.items()},
+        tuple(faults),
+        number(str(entry.get("spread", 1.0)), where=label),
+        correlation,
+    )
 
 
 def _window(item: Any, label: str, config: Config) -> tuple[str, float | None, float | None, float]:

@@ -126,6 +126,80 @@ def test_a_wrong_window_is_refused(quick, tmp_path, window, problem) -> None:
         recorded(copied, tmp_path)
 
 
+CONCEALED = """
+a:
+  terms: []
+  parameters: {nu: 0.3}
+  faults: [FAULT]
+  spread: 3
+  correlation: 0.6
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "value"),
+    [("bias", 0.5), ("drift", 0.2), ("stuck", 2.0), ("spikes", 2.0), ("misplaced", 0.4)],
+)
+def test_sensors_may_be_faulty_and_all_of_it_is_sealed(quick, tmp_path, kind, value) -> None:
+    (tmp_path / "twins").mkdir()
+    copied = tmp_path / "quick.yaml"
+    copied.write_text(quick.read_text())
+    found = {}
+    for name in ("sound", kind):
+        fault = f"{{sensor: s3, kind: {name}, value: {value}}}" if name == kind else ""
+        (tmp_path / "twins" / "quick.yaml").write_text(CONCEALED.replace("FAULT", fault))
+        recording, sealed, system = recorded(copied, tmp_path, "recording.noise=0")
+        found[name] = noise(recording, sealed, system)
+        hidden = json.loads(sealed.attrs["concealed"])
+        assert hidden["parameters"] == {"nu": 0.3}
+        assert (hidden["spread"], hidden["correlation"]) == (3.0, 0.6)
+    assert hidden["faults"] == [{"sensor": "s3", "kind": kind, "value": value}]
+    column = [s.name for s in recording.sensors].index("s3")
+    off, times = found[kind][:, column], recording.times
+    assert np.abs(np.delete(found[kind], column, axis=1)).max() < 1e-9
+    if kind == "bias":
+        np.testing.assert_allclose(off, 0.5, atol=1e-9)
+    elif kind == "drift":
+        np.testing.assert_allclose(off, 0.2 * times, atol=1e-9)
+    elif kind == "stuck":
+        assert np.abs(off[times < 2.0]).max() < 1e-9
+        assert np.ptp(recording.values[times >= 2.0, column]) == 0.0
+    elif kind == "spikes":
+        assert 5 < (np.abs(off - 2.0) < 1e-9).sum() < 9
+    else:
+        assert np.abs(off).max() > 0.01
+    assert np.abs(found["sound"]).max() < 1e-9
+
+
+def test_noise_may_remember_itself(quick, tmp_path) -> None:
+    (tmp_path / "twins").mkdir()
+    (tmp_path / "twins" / "quick.yaml").write_text(CONCEALED.replace("FAULT", ""))
+    copied = tmp_path / "quick.yaml"
+    copied.write_text(quick.read_text())
+    rest = noise(*recorded(copied, tmp_path, "recording.noise=0.1", "recording.duration=60"))
+    before, after = rest[:-1].ravel(), rest[1:].ravel()
+    assert np.corrcoef(before, after)[0, 1] == pytest.approx(0.6, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("parameters: {mu: 1}", "true values by name"),
+        ("faults: [{sensor: s1, kind: broken, value: 1}]", "a fault has a sensor"),
+        ("faults: [{sensor: s1, kind: bias}]", "a fault has a sensor"),
+        ("correlation: 1.0", "between 0 and 1"),
+        ("sensors: 3", "may have"),
+    ],
+)
+def test_what_cannot_be_concealed_is_refused(quick, tmp_path, text, problem) -> None:
+    (tmp_path / "twins").mkdir()
+    (tmp_path / "twins" / "quick.yaml").write_text(f"a: {{terms: [], {text}}}\n")
+    copied = tmp_path / "quick.yaml"
+    copied.write_text(quick.read_text())
+    with pytest.raises(InputError, match=problem):
+        recorded(copied, tmp_path)
+
+
 def test_the_recording_says_nothing_of_the_truth(quick, tmp_path) -> None:
     recorded(quick, tmp_path, "twin=b")
     with xr.open_dataset(tmp_path / "recording.nc", engine="h5netcdf") as dataset:

@@ -106,7 +106,9 @@ def _details(law: Law) -> dict[str, Any]:
     touched = {term.equation for candidate in law.candidates for term in candidate.terms}
     where = {"where": {"equations": sorted(touched)} if touched else None}
     if law.fault is not None:
-        return {"where": None, "sensor": law.fault.sensor, "says": fault_in_words(law.fault)}
+        fault = law.fault
+        told = {"sensor": fault.sensor, "fault": fault.kind, "value": fault.value}
+        return {"where": None, **told, "says": fault_in_words(fault)}
     if law.widened > 1:
         says = f"the start lies outside of its prior, some {law.widened:g} times its spread"
         return {"where": None, "start": law.widened, "says": says}
