@@ -18,6 +18,7 @@ from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import Law, law_of
 from dashred.discovery.lawless import faults, wider_starts
 from dashred.discovery.local_laws import Cause, local_laws
+from dashred.discovery.local_shooting import LocalShooting, localised
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.shooting import Simulator
@@ -31,7 +32,11 @@ SIMPLE = 2
 EXPLAINED = 1.1
 # By how much the horizon of the simulator as it is grows at once.
 GROWTH = 1.4
+# A score this much worse than the best is out of the question.
+HOPELESS = 60.0
 GROWING_STEPS, GROWING_TOLERANCE = 3, 1e-2
+# A score this much worse than the best is out of the question.
+HOPELESS = 60.0
 STEPS, TOLERANCE = 10, 1e-4
 
 
@@ -80,22 +85,43 @@ def weigh(
         noise = _noise_under(forced)
         everything = replace(everything, noise=noise)
         best, null = _again(best, noise), _again(null, noise)
-    found = [best.law, null.law] if best.law.candidates else [null.law]
+    found = [best, null] if best.law.candidates else [null]
     found += faults(null.objective, null.phi, best.law.score + RIVAL)
     if unclear or best.law.candidates:
         found += wider_starts(null.objective, null.phi)
-    explained = min(found, key=lambda law: law.score)
-    if explained is not best.law and explained.chi2 < EXPLAINED:
+    explained = min(found, key=_score)
+    if explained is not found[0] and explained.law.chi2 < EXPLAINED:
         gain = 0.0
     elif unclear:
         report(0.4, "screening terms by place, time and state")
         shooting = replace(everything.shooting, simulator=compiled())
         whole = replace(everything, shooting=shooting)
         local = local_laws(whole, everywhere, forced, null.law.score)
-        found += [cause.law for cause in local]
-        first = min([best, *local], key=lambda cause: cause.law.score)
+        found += local
+        first = min([best, *local], key=_score)
         _, gain = force(first.objective, first.phi, size)
-    return Weighed(unlike(found), null.law, null.objective.noise, gain)
+    if unclear:
+        found = _under_its_own_noise(found)
+    noise = next(cause for cause in found if not cause.law.parts).objective.noise
+    nothing = next(cause.law for cause in found if not cause.law.parts)
+    return Weighed(unlike([cause.law for cause in found]), nothing, noise, gain)
+
+
+def _under_its_own_noise(found: Sequence[Cause]) -> list[Cause]:
+    """Fit all that may still be right again, under the noise that the best of them leaves.
+
+    A free forcing takes less from the residuals than it spends: what it leaves is too large.
+    """
+    best = min(found, key=_score)
+    [readings] = best.objective.shooting.readings(*best.objective.split(best.phi[None]))
+    noise = best.objective.noise_left(readings, len(best.phi))
+    bound = best.law.score + HOPELESS
+    kept = [cause for cause in found if cause.law.score < bound or not cause.law.parts]
+    return [_again(cause, noise) for cause in kept]
+
+
+def _score(cause: Cause) -> float:
+    return cause.law.score
 
 
 def grow(objective: Objective, phi: Tensor, samples: int) -> Tensor:
@@ -118,12 +144,23 @@ def _noise_under(forced: FreeForcing) -> NoiseModel:
 
 
 def _again(cause: Cause, noise: NoiseModel) -> Cause:
-    """Return an explanation fitted under another noise."""
-    mine = replace(cause.objective, noise=noise)
+    """Return an explanation fitted under another noise; the samples that it sees stay its own."""
+    law, before = cause.law, cause.objective
+    mine = replace(before, noise=replace(noise, seen=before.noise.seen))
     fitted = minimise(mine, cause.phi, STEPS, TOLERANCE)
-    [old], _ = cause.objective.values(cause.phi[None])
-    score = cause.law.score - float(old) + fitted.cost
-    return Cause(law_of(mine, fitted, cause.law.candidates, score), mine, fitted.phi)
+    [old], _ = before.values(cause.phi[None])
+    score = law.score - float(old) + fitted.cost
+    window = law.window
+    if window is not None:
+        assert isinstance(mine.shooting, LocalShooting)
+        _, xi = mine.split(fitted.phi)
+        inside = localised(mine.shooting.inside, mine.shooting.window(xi))
+        candidates = (*mine.shooting.candidates, *inside)
+    else:
+        candidates = law.candidates
+    found = law_of(mine, fitted, candidates, score, len(law.edges))
+    again = replace(found, fault=law.fault, widened=law.widened)
+    return Cause(again, mine, fitted.phi)
 
 
 def unlike(laws: Sequence[Law]) -> list[Law]:

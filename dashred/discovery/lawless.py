@@ -9,7 +9,8 @@ from torch import Tensor
 from dashred.discovery.faults import describe, fit_fault, predicted, suspects
 from dashred.discovery.free_forcing import evidence
 from dashred.discovery.gauss_newton import minimise
-from dashred.discovery.law import Law, law_of
+from dashred.discovery.law import law_of
+from dashred.discovery.local_laws import Cause
 from dashred.discovery.objective import Objective
 from dashred.discovery.starts import ScaledStart
 
@@ -20,7 +21,7 @@ WIDER = (3.0, 6.0)
 STEPS, TOLERANCE = 10, 1e-4
 
 
-def faults(objective: Objective, phi: Tensor, bound: float) -> list[Law]:
+def faults(objective: Objective, phi: Tensor, bound: float) -> list[Cause]:
     """Return what a fault of one sensor explains.
 
     Args:
@@ -36,11 +37,12 @@ def faults(objective: Objective, phi: Tensor, bound: float) -> list[Law]:
     for _, fault in chosen[:FAULTS]:
         tested = fit_fault(objective, fault, phi)
         law = law_of(tested.objective, tested.fitted, (), tested.score)
-        found.append(replace(law, fault=describe(objective, tested)))
+        law = replace(law, fault=describe(objective, tested))
+        found.append(Cause(law, tested.objective, tested.fitted.phi))
     return found
 
 
-def wider_starts(objective: Objective, phi: Tensor) -> list[Law]:
+def wider_starts(objective: Objective, phi: Tensor) -> list[Cause]:
     """Return what a start outside of its prior explains, by Laplace's evidence.
 
     A wider prior lets F fall in any case: what it may move more is held against it.
@@ -60,5 +62,5 @@ def wider_starts(objective: Objective, phi: Tensor) -> list[Law]:
         fitted = minimise(mine, phi / factor, STEPS, TOLERANCE)
         volume = evidence(mine.linearise(fitted.phi, fitted.readings), every) - fitted.cost
         law = law_of(mine, fitted, (), fitted.cost + volume - plain)
-        found.append(replace(law, widened=factor))
+        found.append(Cause(replace(law, widened=factor), mine, fitted.phi))
     return found

@@ -23,6 +23,8 @@ PROOFS = {
 }
 # A p below this is no chance event, whatever its size.
 CERTAIN = 1e-12
+# A cause below this probability is not told of.
+LIKELY = 0.05
 
 
 def verdict_lines(findings: Mapping[str, Any]) -> list[str]:
@@ -32,7 +34,7 @@ def verdict_lines(findings: Mapping[str, Any]) -> list[str]:
         return []
     head = f"Verdict: {verdict}: {VERDICTS.get(verdict, 'see findings.json')}."
     body = [
-        *(sentence(cause["says"]) for cause in findings["causes"] or [] if "says" in cause),
+        *(sentence(cause["says"]) for cause in _told(findings) if "says" in cause),
         *_law(findings),
         *_certainty(findings),
         *_where(findings["where"] if findings["terms"] else None),
@@ -40,6 +42,14 @@ def verdict_lines(findings: Mapping[str, Any]) -> list[str]:
         *_worth(findings["fit"]),
     ]
     return [head, *(f"  {line}" for line in body)]
+
+
+def _told(findings: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The causes worth a sentence: the leading one, and where it is open, those that may be it."""
+    causes = findings["causes"] or []
+    if findings["verdict"] != "ambiguous":
+        return causes[:1]
+    return [cause for cause in causes if cause["probability"] >= LIKELY]
 
 
 def alternative_in_words(alternative: Mapping[str, Any]) -> str:

@@ -55,6 +55,8 @@ def test_a_region_is_found(waves: Waves) -> None:
     assert abs(centre - 6.0) < 0.1 and abs(half - 1.5) < 3 * best.edges[1] < 1.2
     assert abs(xi + 0.25) < 3 * std and xi * half == pytest.approx(-0.25 * 1.5, rel=0.15)
     assert found.gain < MISSING and len(best.edges) == 3
+    # The noise is that of the best law, not of what a wrong one leaves.
+    assert float(found.noise.std[0]) == pytest.approx(SIGMA, rel=0.12)
 
 
 def test_an_onset_is_found(waves: Waves) -> None:

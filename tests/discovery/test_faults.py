@@ -43,7 +43,8 @@ def expect(objective: Objective) -> tuple[float, list[SensorFault], float]:
     """Return the score without a fault, and what faults explain, the best first."""
     phi = fitted(objective)
     [cost], _ = objective.values(phi[None])
-    laws = sorted(faults(objective, phi, float(cost)), key=lambda law: law.score)
+    causes = faults(objective, phi, float(cost))
+    laws = sorted((cause.law for cause in causes), key=lambda law: law.score)
     assert all(not law.candidates for law in laws)
     best = laws[0].score if laws else float("inf")
     return float(cost), [law.fault for law in laws if law.fault], best

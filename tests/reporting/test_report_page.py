@@ -143,6 +143,21 @@ def test_where_nothing_converged_only_the_reason_is_told() -> None:
     assert "The fit stopped half-way." in text and "leaves out" not in text and "acts" not in text
 
 
+def test_of_several_causes_the_leading_one_is_told_and_others_where_it_is_open() -> None:
+    causes = [
+        {"kind": "sensor-fault", "probability": 0.7, "says": "sensor s3 drifts"},
+        {"kind": "initial-condition", "probability": 0.28, "says": "the start lies elsewhere"},
+        {"kind": "missing-term", "probability": 0.02, "says": "something else"},
+    ]
+    sure, open_ = (
+        "\n".join(verdict_lines(found(verdict=verdict, causes=causes)))
+        for verdict in ("sensor-fault", "ambiguous")
+    )
+    assert "Sensor s3 drifts." in sure and "elsewhere" not in sure
+    assert "Sensor s3 drifts." in open_ and "The start lies elsewhere." in open_
+    assert "something else" not in open_.lower()
+
+
 def test_without_a_verdict_there_are_no_words() -> None:
     assert verdict_lines(new_findings(SOURCE)) == []
 
