@@ -58,6 +58,7 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth]:
     Raises:
         InputError: the sealed file is no truth, or not that of these findings.
     """
+    from dashred.cause_scoring import score_cause, score_region
     from dashred.findings_schema import Score
     from dashred.scoring import (
         FORECASTS,
@@ -66,9 +67,7 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth]:
         rmse,
         rmse_by_time,
         scaled_errors,
-        score_cause,
         score_law,
-        score_region,
     )
     from dashred.sealing import open_seal
 

@@ -16,6 +16,7 @@ from dashred import config as schema
 from dashred.physics import algebra
 from dashred.physics.algebra import Expr, Number
 from dashred.physics.system import System
+from dashred.window_kinds import TrueWindow, kind_found, kind_of
 
 METHODS = (
     "simulation",
@@ -34,9 +35,6 @@ FORECASTS = {
 
 Law = dict[tuple[str, Expr, str | None], float]
 """Coefficient by equation, term, and kind of window, the term in normal form without its number."""
-
-
-TrueWindow = tuple[str, float | None, float | None, float]
 
 
 class TrueTerm(Protocol):
@@ -79,9 +77,9 @@ def score_law(
     """
     if findings.get("terms") is None:
         return None, None
-    system = _system_of(findings)
+    system = system_of(findings)
     terms = (
-        (t.equation, _expression(system, t.equation, t.term, t.coefficient), _kind(t.window))
+        (t.equation, _expression(system, t.equation, t.term, t.coefficient), kind_of(t.window))
         for t in truth
     )
     true = _collect([*terms, *_changes(system, parameters or {})])
@@ -128,104 +126,6 @@ def latent_ranks(
     return ranks
 
 
-class Hidden(Protocol):
-    """What else than a law was hidden; see :class:`dashred.sealing.Concealed`."""
-
-    @property
-    def parameters(self) -> Mapping[str, float]:
-        """True values of parameters."""
-
-    @property
-    def faults(self) -> Sequence[Any]:
-        """Of sensors: ``sensor`` and ``kind``."""
-
-    @property
-    def spread(self) -> float:
-        """Of the start, in units of its prior's."""
-
-
-def score_cause(findings: Mapping[str, Any], law: bool, hidden: Hidden) -> bool | None:
-    """Return whether the verdict names what was hidden; of a fault, sensor and kind too.
-
-    Null without a verdict. Of several hidden causes any one is right.
-    """
-    verdict = findings.get("verdict")
-    if verdict is None:
-        return None
-    if verdict == "sensor-fault":
-        told = findings["causes"][0]
-        return any(f.sensor == told["sensor"] and f.kind == told["fault"] for f in hidden.faults)
-    right = {
-        "missing-term": law,
-        "parameter": bool(hidden.parameters),
-        "initial-condition": hidden.spread > 1,
-    }
-    nothing = not hidden.faults and not any(right.values())
-    return nothing if verdict == "nothing-missing" else right.get(verdict, False)
-
-
-def score_region(
-    findings: Mapping[str, Any], truth: Sequence[TrueTerm]
-) -> dict[str, float | None] | None:
-    """Return how well the window was found; null where the truth has none.
-
-    ``overlap`` of a box: intersection over union; ``onset`` and ``threshold``: how far off, in the
-    unit of time and of the field. All are null where no window of that kind was found.
-    """
-    windows = [t.window for t in truth if t.window is not None]
-    if not windows:
-        return None
-    true = windows[0]
-    score: dict[str, float | None] = {"overlap": None, "onset": None, "threshold": None}
-    regions = [entry["region"] for entry in findings["terms"] or [] if entry.get("region")]
-    if not regions or _kind(true) != _found_kind(regions[0]):
-        return score
-    [region] = regions[0]
-    of, begin, end, _ = true
-    if of == "t":
-        score["onset"] = abs(region["from"] - begin)
-    elif "field" in region:
-        place = region["above"] if end is None else region["below"]
-        score["threshold"] = abs(place - (begin if end is None else end))
-    else:
-        length = float(_system_of(findings).grid.axes[0].length)
-        score["overlap"] = _overlap((region["from"], region["to"]), (begin, end), length)
-    return score
-
-
-def _overlap(
-    found: tuple[float, float], true: tuple[float | None, float | None], length: float
-) -> float:
-    """Return intersection over union of two intervals on a periodic axis."""
-    assert true[0] is not None and true[1] is not None
-    wide = (found[1] - found[0]) + (true[1] - true[0])
-    shared = max(
-        max(0.0, min(found[1] + turn, true[1]) - max(found[0] + turn, true[0]))
-        for turn in (-length, 0.0, length)
-    )
-    return shared / (wide - shared)
-
-
-def _kind(window: TrueWindow | None) -> str | None:
-    """Return what a window bounds, and on which side: ``x``, ``t``, ``u above``."""
-    if window is None:
-        return None
-    of, begin, end, _ = window
-    if begin is not None and end is not None:
-        return of
-    return of if of == "t" else f"{of} {'above' if end is None else 'below'}"
-
-
-def _found_kind(region: Sequence[Mapping[str, Any]] | None) -> str | None:
-    """Return the same of a region in the findings."""
-    if not region:
-        return None
-    [only] = region
-    if "axis" in only:
-        return str(only["axis"])
-    return f"{only['field']} {'above' if 'above' in only else 'below'}"
-
-
 def _found_terms(
     entries: Sequence[Mapping[str, Any]], system: System
 ) -> Iterable[tuple[str, Expr, str | None]]:
@@ -235,7 +135,7 @@ def _found_terms(
         if entry["equation"] is not None:
             equation = str(entry["equation"])
             text, coefficient = str(entry["term"]), float(entry["coefficient"])
-            kind = _found_kind(entry.get("region"))
+            kind = kind_found(entry.get("region"))
             yield equation, _expression(system, equation, text, coefficient), kind
         elif entry.get("parameter") is not None:
             parameters[str(entry["parameter"])] = float(entry["to"])
@@ -270,7 +170,7 @@ def _expression(system: System, equation: str, text: str, coefficient: float) ->
     return algebra.scale(coefficient, system.resolve(parsed, "terms"))
 
 
-def _system_of(findings: Mapping[str, Any]) -> System:
+def system_of(findings: Mapping[str, Any]) -> System:
     """Rebuild the simulator from the configuration that the findings hold."""
     plain = findings["input"]["config"]["system"]
     axes = {name: schema.Axis(**axis) for name, axis in plain["axes"].items()}

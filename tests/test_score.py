@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from dashred import score, scoring
+from dashred import cause_scoring, score, scoring
 from dashred.config import frozen_input, load_config
 from dashred.errors import InputError
 from dashred.findings import freeze, write_json_atomic
@@ -195,7 +195,7 @@ def test_a_term_in_a_region_is_exact_in_a_region_of_that_kind_alone(config) -> N
 def test_how_well_a_region_was_found(config) -> None:
     def region(terms: list[dict[str, Any]], *truth: SealedTerm):
         findings = {"terms": terms, "input": {"config": frozen_input(config)}}
-        return scoring.score_region(json.loads(json.dumps(findings)), truth)
+        return cause_scoring.score_region(json.loads(json.dumps(findings)), truth)
 
     there = found_in({"axis": "x", "from": 1.5, "to": 3.5, "std": 0.1})
     assert region(there, LOCAL) == {

@@ -19,7 +19,6 @@ from dashred.discovery.law import SensorFault
 from dashred.discovery.objective import Normal, Objective
 from dashred.physics.grid import Axis
 
-KINDS = ("bias", "drift", "stuck", "spikes", "misplaced")
 # A sample this many σ off what the other sensors and neighbours say is a spike.
 SPIKE = 5.0
 # A stuck sensor's readings scatter by less than this share of the trace's std.
@@ -34,7 +33,7 @@ class Fault:
     """One way in which one sensor may be at fault.
 
     Attributes:
-        kind: one of :data:`KINDS`.
+        kind: ``bias``, ``drift``, ``stuck``, ``spikes`` or ``misplaced``.
         sensor: its index.
         samples: that are no readings of the system at all, ``(time,)``; all False but for stuck
             sensors and spikes.

@@ -96,12 +96,6 @@ class Tested:
         _, xi = self.objective.split(self.fitted.phi)
         return (*shooting.candidates, *localised(shooting.inside, shooting.window(xi)))
 
-    @property
-    def coefficients(self) -> Tensor:
-        """ξ of its candidates, ``(candidate,)``."""
-        _, xi = self.objective.split(self.fitted.phi)
-        return xi[: len(self.candidates)]
-
 
 def pose(objective: Objective, hypothesis: Hypothesis) -> Objective:
     """Return F of one hypothesis.

@@ -92,10 +92,6 @@ class Drive:
     knots: Tensor
     values: Tensor
 
-    def row(self, index: int) -> Drive:
-        """Return the forcing of one trajectory."""
-        return Drive(self.knots, self.values[index : index + 1])
-
 
 def _bump(axis: Axis, x: Tensor, cell: int, cells: int) -> Tensor:
     """Return a periodic bump about the middle of a cell, as wide as the cell."""

@@ -114,13 +114,6 @@ def test_tangents_are_the_derivative_of_driven_runs(wave: System) -> None:
     assert float((columns[:, 0] - expected).norm()) < 1e-6 * float(expected.norm())
 
 
-def test_one_row_of_a_drive(wave: System) -> None:
-    pulses = Pulses.over(wave, TIMES, cells=3, knots=3)
-    amplitudes = torch.arange(4 * pulses.count, dtype=torch.float64).reshape(4, *pulses.shape)
-    alone = pulses.drive(amplitudes[2:3]).values
-    torch.testing.assert_close(pulses.drive(amplitudes).row(2).values, alone)
-
-
 def test_what_is_interpreted_cannot_be_driven(wave: System) -> None:
     run = Interpreted(wave, ())
     drive = Drive(TIMES, torch.zeros((1, len(TIMES), 2, 32), dtype=torch.float64))
