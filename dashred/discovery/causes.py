@@ -18,7 +18,7 @@ from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import Law, law_of
 from dashred.discovery.lawless import faults, wider_starts
 from dashred.discovery.local_laws import Cause, local_laws
-from dashred.discovery.local_shooting import LocalShooting, localised
+from dashred.discovery.local_shooting import found_by
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.shooting import Simulator
@@ -35,8 +35,6 @@ GROWTH = 1.4
 # A score this much worse than the best is out of the question.
 HOPELESS = 60.0
 GROWING_STEPS, GROWING_TOLERANCE = 3, 1e-2
-# A score this much worse than the best is out of the question.
-HOPELESS = 60.0
 STEPS, TOLERANCE = 10, 1e-4
 
 
@@ -81,7 +79,8 @@ def weigh(
     report(0.2, f"a free forcing gains {gain:.0f}")
     unclear = gain > MISSING or len(best.law.candidates) > SIMPLE
     if unclear:
-        forced, _ = force(null.objective, null.phi, size)
+        if best is not null:
+            forced, _ = force(null.objective, null.phi, size)
         noise = _noise_under(forced)
         everything = replace(everything, noise=noise)
         best, null = _again(best, noise), _again(null, noise)
@@ -150,14 +149,7 @@ def _again(cause: Cause, noise: NoiseModel) -> Cause:
     fitted = minimise(mine, cause.phi, STEPS, TOLERANCE)
     [old], _ = before.values(cause.phi[None])
     score = law.score - float(old) + fitted.cost
-    window = law.window
-    if window is not None:
-        assert isinstance(mine.shooting, LocalShooting)
-        _, xi = mine.split(fitted.phi)
-        inside = localised(mine.shooting.inside, mine.shooting.window(xi))
-        candidates = (*mine.shooting.candidates, *inside)
-    else:
-        candidates = law.candidates
+    candidates = found_by(mine, fitted.phi)
     found = law_of(mine, fitted, candidates, score, len(law.edges))
     again = replace(found, fault=law.fault, widened=law.widened)
     return Cause(again, mine, fitted.phi)

@@ -98,7 +98,12 @@ def fit_free_forcing(
         phi, readings = fitted.phi, fitted.readings
         if levels == before and fitted.converged:
             break
-    normal = found.linearise(phi, readings).without_blow_ups()
+    if any(levels):
+        normal = found.linearise(phi, readings).without_blow_ups()
+    else:
+        # Nothing has moved but the prior: the Jacobian, the dearest of all, is still right.
+        start = normal.precision[: objective.modes]
+        normal = replace(normal, precision=torch.cat([start, found.prior_std**-2]))
     [cost], _ = found.values(phi[None])
     return FreeForcing(found, phi, float(cost), evidence(normal, range(len(phi))), levels)
 

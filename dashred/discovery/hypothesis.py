@@ -11,7 +11,7 @@ from torch import Tensor
 
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.gauss_newton import Fitted, minimise
-from dashred.discovery.local_shooting import LocalShooting, localised
+from dashred.discovery.local_shooting import LocalShooting, found_by
 from dashred.discovery.objective import Objective
 from dashred.physics.window import Shape
 
@@ -90,11 +90,7 @@ class Tested:
     @property
     def candidates(self) -> tuple[Candidate, ...]:
         """Its candidates as terms, windows and all."""
-        shooting = self.objective.shooting
-        if not isinstance(shooting, LocalShooting):
-            return tuple(shooting.candidates)
-        _, xi = self.objective.split(self.fitted.phi)
-        return (*shooting.candidates, *localised(shooting.inside, shooting.window(xi)))
+        return found_by(self.objective, self.fitted.phi)
 
 
 def pose(objective: Objective, hypothesis: Hypothesis) -> Objective:

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.candidates import Candidate, forcing_of
+from dashred.discovery.objective import Objective
 from dashred.discovery.shooting import Shooting
 from dashred.physics.algebra import Number, multiply
 from dashred.physics.pulses import Drive, Pulses
@@ -87,6 +88,15 @@ class LocalShooting(Shooting):
         """A size of every coefficient that makes a difference."""
         sizes = [c.scale for c in (*self.candidates, *self.inside)]
         return torch.tensor(sizes + [EDGE_STEP] * len(self.guess), dtype=torch.float64)
+
+
+def found_by(objective: Objective, phi: Tensor) -> tuple[Candidate, ...]:
+    """Return the candidates of a fit as terms, those in a window with its edges."""
+    shooting = objective.shooting
+    if not isinstance(shooting, LocalShooting):
+        return tuple(shooting.candidates)
+    _, xi = objective.split(phi)
+    return (*shooting.candidates, *localised(shooting.inside, shooting.window(xi)))
 
 
 def localised(candidates: Sequence[Candidate], window: Window) -> list[Candidate]:
