@@ -77,16 +77,27 @@ def score_law(
     """
     if findings.get("terms") is None:
         return None, None
+    true, found = law_of_truth(findings, truth, parameters or {}), law_of_findings(findings)
+    if found.keys() != true.keys():
+        return False, None
+    return True, max((abs(found[key] / true[key] - 1) for key in true), default=0.0)
+
+
+def law_of_truth(
+    findings: Mapping[str, Any], truth: Sequence[TrueTerm], parameters: Mapping[str, float]
+) -> Law:
+    """Return the true law, in the terms of the simulator that the findings hold."""
     system = system_of(findings)
     terms = (
         (t.equation, _expression(system, t.equation, t.term, t.coefficient), kind_of(t.window))
         for t in truth
     )
-    true = _collect([*terms, *_changes(system, parameters or {})])
-    found = _collect(_found_terms(findings["terms"], system))
-    if found.keys() != true.keys():
-        return False, None
-    return True, max((abs(found[key] / true[key] - 1) for key in true), default=0.0)
+    return _collect([*terms, *_changes(system, parameters)])
+
+
+def law_of_findings(findings: Mapping[str, Any]) -> Law:
+    """Return the law that was found; empty where none was looked for."""
+    return _collect(_found_terms(findings["terms"] or [], system_of(findings)))
 
 
 def scaled_errors(

@@ -78,7 +78,21 @@ def read_twin(config: Config) -> Twin:
         InputError: no such file or twin, or the entry is not well formed.
     """
     name, (_, label) = str(config.recording.twin), _place(config)
-    entry = entry_of(config, name)
+    return twin_of(name, entry_of(config, name), label, config)
+
+
+def twin_of(name: str, entry: dict[str, Any], label: str, config: Config) -> Twin:
+    """Check one entry, and return the twin that it describes.
+
+    Args:
+        name: of the twin.
+        entry: as it would be written in the file.
+        label: where it stands, for messages.
+        config: of the system.
+
+    Raises:
+        InputError: the entry is not well formed.
+    """
     if entry.keys() - KEYS or "terms" not in entry:
         others = ", ".join(sorted(KEYS - {"terms"}))
         raise InputError(f"twin {name!r} must have terms, and may have {others}", where=label)

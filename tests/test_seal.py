@@ -24,8 +24,11 @@ from dashred.errors import InputError
 CHECKOUT = Path(__file__).resolve().parents[1]
 PACKAGES = ("dashred", "datamodules", "callbacks")
 # A bench knows every twin's name, and reads scores: it stands on the scorer's side.
-SECRET_FILES = {"record", "score", "sealing", "twin_file", "twin_experiment", "standby", "bench"}
-SECRET_PACKAGES = {"benchmark"}
+SECRET_FILES = {
+    *("record", "recorder", "score", "sealing", "twin_file", "twin_experiment", "standby"),
+    *("bench", "prove"),
+}
+SECRET_PACKAGES = {"benchmark", "proof"}
 SECRET = SECRET_FILES | SECRET_PACKAGES
 CONCEALED = (
     "conf/twins",
@@ -129,7 +132,7 @@ def test_the_analysis_imports_by_statement_alone() -> None:
 
 def test_only_recorder_and_scorer_import_the_seal() -> None:
     importers = {name for name in MODULES if "dashred.sealing" in imports(name, tree_of(name))}
-    assert importers == {"dashred.record", "dashred.score", "dashred.twin_file"}
+    assert {"dashred.record", "dashred.score", "dashred.twin_file"} <= importers <= SECRET_MODULES
 
 
 @pytest.mark.parametrize("word", ["sealed", "twins"])
@@ -234,7 +237,8 @@ def config_of(quick: Path, *words: str):
 def recorded(config):
     """Return the truth's times and states as the recorder makes them, and its random stream."""
     from dashred.physics.system import System
-    from dashred.record import _key, simulate_truth
+    from dashred.record import _key
+    from dashred.recorder import simulate_truth
     from dashred.twin_file import read_twin
 
     twin = read_twin(config)

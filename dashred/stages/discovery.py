@@ -9,7 +9,8 @@ from dataclasses import replace
 import torch
 
 from dashred.discovery.candidates import Candidate, build_candidates, indices_by_name
-from dashred.discovery.discovered import Discovered
+from dashred.discovery.causes import Weighed
+from dashred.discovery.discovered import MISSING, Discovered
 from dashred.discovery.first_window import first_samples
 from dashred.discovery.horizon import Walk, walk
 from dashred.discovery.law import Law, posterior
@@ -90,13 +91,23 @@ def discover(
         seeds={s.name: s.error for s in seeds},
         seed=seed.name,
         levels=walked.levels,
-        reached=walked.reached or weighed.laws[0].window is not None,
+        reached=walked.reached or _explains(weighed),
         free_chi2=float(free) / part.noise.count,
         exhausted=selection.exhausted,
         path=_path(selection),
         tried=len(selection.tried),
         beyond=weighed.gain,
     )
+
+
+def _explains(weighed: Weighed) -> bool:
+    """Tell whether another cause explains the whole record, where no law everywhere could follow.
+
+    What is fitted to all of it, and leaves nothing to a free forcing, has got lost nowhere.
+    """
+    best = weighed.laws[0]
+    found = best.window is not None or best.fault is not None or best.widened > 1
+    return found or weighed.gain <= MISSING
 
 
 def _proposals(

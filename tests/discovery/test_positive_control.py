@@ -20,7 +20,7 @@ from dashred.physics.library import build_library
 from dashred.physics.prior import nominal_start
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System
-from dashred.record import observe, simulate_truth
+from dashred.recorder import observe, simulate_truth
 from dashred.sensing.observation import ObservationOperator
 from dashred.sensing.pod import POD
 from dashred.sensing.scaler import Scaler

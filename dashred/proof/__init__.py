@@ -1,0 +1,1 @@
+"""The proof: sealed cases are drawn, analysed, opened and scored."""

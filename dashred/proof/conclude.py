@@ -1,0 +1,40 @@
+"""The end of a proof: its document, its figures, and all records in one file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from dashred.findings import write_json_atomic
+from dashred.output import make_output
+from dashred.progress import CONSOLE
+from dashred.proof.document import ProtocolFacts, write_document
+from dashred.proof.draw import seed_of
+from dashred.proof.figures import save_figures
+from dashred.proof.run import Kept
+from dashred.proof.targets import TARGETS
+from dashred.proof.words import Request
+
+
+def conclude(request: Request, kept: Sequence[Kept]) -> None:
+    """Write the document, and print the targets."""
+    records = [one.record for one in kept]
+    facts = ProtocolFacts(
+        commit=f"practice draw {request.draw!r}" if request.practice else request.draw,
+        seed=seed_of(request.draw),
+        cases=request.cases,
+        nulls=request.nulls,
+        hours=sum(one.wall for one in kept) / 3600 / request.jobs,
+        processes=request.jobs,
+    )
+    write_json_atomic(request.output / "records.json", {"records": records})
+    make_output(str(request.document.parent))
+    save_figures(records, request.document.parent / "figures")
+    write_document(records, request.document, facts)
+    for target in TARGETS:
+        measured = target.measure(records)
+        CONSOLE.print(
+            f"{target.name}: {measured.value} ({target.outcome(measured)})",
+            markup=False,
+            soft_wrap=True,
+        )
+    CONSOLE.print(f"Document: {request.document}", markup=False, soft_wrap=True)

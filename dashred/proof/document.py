@@ -1,0 +1,255 @@
+"""What the proof shows, as a page: `docs/proof.md`."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import mean, median
+
+from dashred.proof import outcomes
+from dashred.proof.case_record import KINDS, CaseRecord, Kind, name_of
+from dashred.proof.figures import FIGURES, WINDOWS, reliability
+from dashred.proof.statistics import Rate, percent
+from dashred.proof.targets import (
+    TARGETS,
+    Records,
+    Target,
+    cases,
+    coefficients,
+    coverage,
+    nulls,
+    of_kind,
+)
+
+POOLS: dict[str, tuple[Kind, ...]] = {
+    "pooled: start, numerics, sensor": ("start", "numerics", "fault"),
+    "pooled: parameter, terms, hidden field": ("parameter", "terms", "hidden"),
+    "pooled: region, state, onset": ("box", "gate", "onset"),
+}
+
+PROTOCOL = """\
+Each case hides something in a system, records it with a few noisy sensors, and asks the tool what
+its simulation leaves out. `python -m dashred.prove` does all of this and writes this page.
+
+1. **Drawn.** What is hidden follows from one number, {seed}, which the hash of the commit under
+   test gives ({commit}): nothing can have been tuned to it. Laws have one to three terms, from a
+   library wider than the analysis's, with coefficients over a decade, and act everywhere, in a
+   region, gated by the state, or from an onset on. Other cases have a wrong parameter, a faulty
+   sensor, a start outside of its prior, numerics that are not resolved, something that no law of
+   the library expresses, or nothing at all. In *masked* ones a wrong parameter hides the law, or
+   the whole lies below the noise of a single sample. Sensors, noise and starts are drawn, too. A
+   third of the nulls have correlated noise, noise of another size than stated, or a sensor that is
+   a little misplaced: none of that is to pass for missing physics.
+2. **Sealed.** The truth runs at doubled resolution. The analysis runs in a process of its own that
+   is handed the recording and has no way to the truth.
+3. **Frozen, opened, scored.** The findings are hashed before the seal is opened. The scorer also
+   fits the true form from the true start, the *oracle*: a case is *decidable* if that form beats
+   the simulation as it is, and every rival, by more than 6 in the score that compares laws.
+
+Drawn: {cases} cases, and {nulls} nulls, which are counted apart. Finished: {finished}, in
+{hours:.1f} h, {processes} processes side by side. No other draw is reported for this commit."""
+JUDGED = (
+    "A share is judged by itself; its interval is Wilson's, at 95 %. What has no value for a case "
+    "leaves the case out of that number: n tells how many count."
+)
+CLASSED = (
+    "Exact form: of the cases in which a law was looked for. Decidable: of those with an oracle. "
+    "Wrong and unflagged: of those that did not die. In brackets: Wilson's 95 % interval."
+)
+CALIBRATED = (
+    "Leading cause: how often it is of the true kind, by the probability stated for it. Intervals: "
+    "how many hold the true coefficient, of laws whose form is exact; z is the error in standard "
+    "deviations as told, and its rms is 1 where these are right."
+)
+
+
+@dataclass(frozen=True)
+class ProtocolFacts:
+    """How this draw came to be: what no case's record knows.
+
+    Attributes:
+        commit: hash of the code under test.
+        seed: of the draw.
+        cases: how many were drawn.
+        nulls: how many were drawn apart.
+        hours: that all took, on the clock.
+        processes: that ran side by side.
+    """
+
+    commit: str
+    seed: int
+    cases: int
+    nulls: int
+    hours: float
+    processes: int
+
+
+def write_document(records: Records, path: Path, protocol_facts: ProtocolFacts) -> None:
+    """Write the page, whole or not at all; its figures are looked for in `figures` beside it."""
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        partial.write_text(document(records, protocol_facts), encoding="utf-8")
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def document(records: Records, facts: ProtocolFacts) -> str:
+    """Return the page."""
+    parts = [
+        "# The proof: effects that are concealed",
+        _headline(records),
+        "## Protocol",
+        PROTOCOL.format(**vars(facts), finished=len(records)),
+        "## Targets",
+        _targets(records),
+        JUDGED,
+        "## By class of what was hidden",
+        _classes(records),
+        CLASSED,
+        _figure("proof_scores.png"),
+        "## Calibration",
+        _calibration(records),
+        CALIBRATED,
+        _figure("proof_reliability.png"),
+        _figure("proof_coverage.png"),
+        "## Gains",
+        _figure("proof_gains.png"),
+        "## Every failure",
+        *_failures("cases", cases(records)),
+        *_failures("nulls", nulls(records)),
+        "## Seconds",
+        _seconds(records),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _headline(records: Records) -> str:
+    told = [target.outcome(target.measure(records)) for target in TARGETS]
+    counts = f"{told.count('met')} of {len(told)} targets are met, {told.count('not met')} are not"
+    if empty := told.count("nothing to judge by"):
+        counts += f", and {empty} have nothing to be judged by"
+    return f"**{counts}.**"
+
+
+def _targets(records: Records) -> str:
+    lines = []
+    for target in TARGETS:
+        measured = target.measure(records)
+        rate = measured.value if isinstance(measured.value, Rate) else None
+        name = f"{target.name} ({measured.note})" if measured.note else target.name
+        said = "" if measured.number is None else _number(measured.number, target)
+        outcome = target.outcome(measured)
+        interval = rate.interval if rate else ""
+        lines.append([name, said, str(measured.n), interval, _aim(target), outcome])
+    return _table(("", "measured", "n", "95 % interval", "target", "met?"), lines)
+
+
+def _number(number: float, target: Target) -> str:
+    return (percent(number) if target.unit == " %" else f"{number:.3g}") + target.unit
+
+
+def _aim(target: Target) -> str:
+    if target.low == 1.0 and target.unit == " %":
+        return "all"
+    if target.low is not None and target.high is not None:
+        return f"{percent(target.low)}-{_number(target.high, target)}"
+    if target.low is not None:
+        return f"≥ {_number(target.low, target)}"
+    return "" if target.high is None else f"≤ {_number(target.high, target)}"
+
+
+def _classes(records: Records) -> str:
+    groups = {name: of_kind(records, kind) for kind, name in KINDS.items()}
+    groups |= {name: of_kind(records, *kinds) for name, kinds in POOLS.items()}
+    for system in sorted({record["system"] for record in cases(records)}):
+        groups[f"system: {system}"] = [r for r in cases(records) if r["system"] == system]
+    groups |= {"all cases": cases(records), "nulls, apart": nulls(records)}
+    header = ("hidden", "n", "verdict right", "right or listed", "exact form", "decidable")
+    lines = [_class(name, chosen) for name, chosen in groups.items() if chosen]
+    return _table((*header, "wrong and unflagged"), lines)
+
+
+def _class(name: str, records: Records) -> list[str]:
+    rates = (
+        Rate.of(record["right"] for record in records),
+        Rate.of(record["listed"] for record in records),
+        Rate.of(record["exact"] for record in records),
+        Rate.of(map(outcomes.decidable, records)),
+        Rate.of(map(outcomes.wrong_unflagged, records)),
+    )
+    return [name, str(len(records)), *map(str, rates)]
+
+
+def _calibration(records: Records) -> str:
+    lines = []
+    for low, high, stated, right in reliability(records):
+        name = f"leading cause, stated with {low:g} to {high:g}"
+        lines.append(_share(name, right, f"{percent(stated)} %, as stated on average"))
+    for window, (name, _) in WINDOWS.items():
+        mine = [found for found in coefficients(records) if found["window"] == window]
+        z = [value for found in mine if (value := outcomes.deviation(found)) is not None]
+        rms = f"; rms of z: {mean(value**2 for value in z) ** 0.5:.2g}" if z else ""
+        lines.append(_share(f"95 % intervals, terms {name}{rms}", coverage(mine), "95 %"))
+    alarms = Rate.of(map(outcomes.false_alarm, nulls(records)))
+    lines.append(_share("false alarms on nulls", alarms, "0 %"))
+    return _table(("", "measured", "n", "95 % interval", "if all were right"), lines)
+
+
+def _share(name: str, rate: Rate, ideal: str) -> list[str]:
+    said = f"{percent(rate.share)} %" if rate.n else ""
+    return [name, said, str(rate.n), rate.interval, ideal]
+
+
+def _failures(group: str, records: Records) -> Iterator[str]:
+    """Yield how many failed, and each of them with what was hidden and what the tool said."""
+    failed = [(record, said) for record in records if (said := outcomes.failings(record))]
+    yield f"{len(failed)} of {len(records)} {group} fall short in something."
+    if failed:
+        lines = [_failure(record, said) for record, said in failed]
+        yield _table(("case", "what was hidden", "what the tool said", "what is wrong"), lines)
+
+
+def _failure(record: CaseRecord, said: Sequence[str]) -> list[str]:
+    about = [record["system"], KINDS[record["kind"]], f"noise {100 * record['noise']:.2g} %"]
+    about.append(f"{record['sensors']} sensors")
+    if record["mismatch"] is not None:
+        about.append(f"effect {record['mismatch']:.2g} σ")
+    if outcomes.decidable(record) is False:
+        about.append("not decidable")
+    told = record["told"]
+    if record["probability"] is not None:
+        told += f" (leading cause: {record['causes'][0]}, {record['probability']:.2g})"
+    case = f"{name_of(record)}: {', '.join(about)}"
+    return [case, record["hidden"], told, "; ".join(said)]
+
+
+def _seconds(records: Records) -> str:
+    lines = []
+    for system in sorted({record["system"] for record in records}):
+        for group in (cases(records), nulls(records)):
+            mine = [record for record in group if record["system"] == system]
+            known = [record["seconds"] for record in mine if record["seconds"] is not None]
+            if known:
+                name = f"{system}, {mine[0]['group']}"
+                figures = (mean(known), median(known), max(known), sum(known) / 3600)
+                lines.append([name, str(len(known)), *(f"{value:.3g}" for value in figures)])
+    return _table(("", "n", "mean", "median", "longest", "hours in all"), lines)
+
+
+def _figure(name: str) -> str:
+    caption = FIGURES[name].caption
+    return f"![{caption}](figures/{name})\n\n*{caption}*"
+
+
+def _table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    rows = [header, ["---"] * len(header), *([_escaped(cell) for cell in line] for line in lines)]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def _escaped(cell: str) -> str:
+    """Keep what Markdown would read as a sign of its own, and each line of the table one line."""
+    return re.sub(r"([\\|*_<`~\[])", r"\\\1", " ".join(cell.split()))

@@ -1,0 +1,281 @@
+"""Judge one case: frozen findings against what was hidden, as the record ``case.json`` has it."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import xarray as xr
+
+from dashred.benchmark.record import FLAGGED
+from dashred.cause_scoring import score_cause
+from dashred.findings import canonical
+from dashred.findings_schema import Score
+from dashred.proof.case_record import CaseRecord, Coefficient, Gains, Oracle, Region
+from dashred.proof.conceal import Concealed
+from dashred.proof.draw import Case
+from dashred.proof.telling import hidden_in_words, told_in_words
+from dashred.scoring import law_of_findings, law_of_truth, score_law
+from dashred.sensing.observation import ObservationOperator
+from dashred.window_kinds import kind_of
+
+LAWS = ("terms", "hidden", "box", "gate", "onset")
+# Times that differ by less are the same.
+CLOCK = 1e-9
+# So many explanations may be listed for the truth to count as listed.
+LISTED = 3
+WINDOW = re.compile(r"for (?:\S+ < )?(\w+) ([<>]) \S+\Z")
+
+
+def judge(
+    case: Case,
+    concealed: Concealed,
+    folder: Path,
+    score: Score,
+    oracle: Oracle | None,
+    seconds: float,
+) -> CaseRecord:
+    """Return the record of a case whose findings are frozen and whose seal is open."""
+    findings = json.loads((folder / "findings.json").read_text(encoding="utf-8"))
+    verdict = findings["verdict"]
+    right = is_right(case, findings, concealed)
+    causes = findings["causes"] or []
+    record = unjudged(case, concealed) | {
+        "told": told_in_words(findings),
+        "verdict": verdict,
+        "probability": causes[0]["probability"] if causes else None,
+        "causes": [cause["kind"] for cause in causes],
+        "right": right,
+        "listed": right or (verdict == "ambiguous" and is_listed(case, findings, concealed)),
+        "exact": score["exact_support"],
+        "flagged": verdict in FLAGGED,
+        "equation_right": _equation_right(case, findings, concealed),
+        "region": _region(score, findings, concealed),
+        "coefficients": _coefficients(findings, concealed) if score["exact_support"] else [],
+        "oracle": oracle,
+        "gains": _gains(case, findings, concealed, folder, score),
+        "noisy_test": _noisy(findings),
+        "seconds": seconds,
+    }
+    found: CaseRecord = canonical(record)
+    return found
+
+
+def unjudged(case: Case, concealed: Concealed, problem: str | None = None) -> CaseRecord:
+    """Return the record of a case of which there are no findings."""
+    return {
+        "number": case.number,
+        "system": case.system,
+        "group": "cases" if case.group == "cases" else "nulls",
+        "kind": case.kind,
+        "noise": case.noise,
+        "sensors": case.sensors,
+        "hidden": hidden_in_words(case, concealed.truth, concealed.config),
+        "told": "nothing",
+        "mismatch": concealed.effect,
+        "verdict": None,
+        "probability": None,
+        "causes": [],
+        "right": False,
+        "listed": False,
+        "exact": None,
+        "flagged": False,
+        "problem": problem,
+        "equation_right": None,
+        "region": None,
+        "peak_inside": None,
+        "coefficients": [],
+        "oracle": None,
+        "gains": None,
+        "noisy_test": None,
+        "seconds": None,
+    }
+
+
+def is_right(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> bool:
+    """Return whether the verdict, and what it names, is right: of a law, its exact form."""
+    verdict, truth = findings["verdict"], concealed.truth
+    hidden = truth.concealed
+    if case.kind == "null":
+        return bool(verdict == "nothing-missing")
+    if case.kind == "numerics":
+        return bool(verdict == "unresolved-numerics")
+    exact, _ = score_law(findings, truth.terms, hidden.parameters)
+    if case.kind == "outside":
+        return bool(verdict == "outside-library" or exact)
+    if case.kind in LAWS or case.kind == "parameter":
+        return bool(exact and verdict in ("missing-term", "parameter"))
+    right = bool(score_cause(findings, bool(truth.terms), hidden))
+    if case.kind == "masked":
+        # Each cause that is named has to be a true one; not all need to be seen.
+        found = law_of_findings(findings)
+        return (
+            right and found.keys() <= law_of_truth(findings, truth.terms, hidden.parameters).keys()
+        )
+    return right
+
+
+def is_listed(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> bool:
+    """Return whether the truth is among the explanations that ambiguous findings list."""
+    truth = concealed.truth
+    rivals = [a["terms"] for a in findings["alternatives"] if a["rival"]][: LISTED - 1]
+    laws = [findings["terms"] or [], *(map(_as_found(findings), rivals))]
+    if case.kind in LAWS or case.kind == "parameter":
+        parameters = truth.concealed.parameters
+        return any(
+            score_law({**findings, "terms": law}, truth.terms, parameters)[0] for law in laws
+        )
+    for cause in findings["causes"][:LISTED]:
+        alone = {**findings, "verdict": cause["kind"], "causes": [cause]}
+        if cause["kind"] in ("missing-term", "parameter"):
+            continue
+        if case.kind == "null" and cause["kind"] == "nothing-missing":
+            return True
+        if score_cause(alone, False, truth.concealed):
+            return True
+    return False
+
+
+def _as_found(findings: Mapping[str, Any]) -> Any:
+    """Return a function that gives an alternative's terms the form of the best law's."""
+    known = findings["input"]["config"]["system"]["parameters"]
+
+    def entries(terms: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+        found = []
+        for term in terms:
+            entry = {**term, "region": _region_of_text(term["region"])}
+            if term["equation"] is None:
+                entry |= {
+                    "parameter": term["term"],
+                    "to": known[term["term"]] + term["coefficient"],
+                }
+            found.append(entry)
+        return found
+
+    return entries
+
+
+def _region_of_text(text: str | None) -> list[dict[str, Any]] | None:
+    """Return what a text like ``for u > 0.6`` bounds."""
+    if text is None:
+        return None
+    match = WINDOW.fullmatch(text)
+    assert match is not None, text
+    of, side = match.groups()
+    if text.count("<") == 2 or of == "t":
+        return [{"axis": of}]
+    return [{"field": of, "above" if side == ">" else "below": 0.0}]
+
+
+def _equation_right(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> bool | None:
+    """Return whether the law of a hidden field stands in its equation, or in one just like it."""
+    if case.kind != "hidden" or findings["terms"] is None:
+        return None
+    true = {term.equation for term in concealed.truth.terms}
+    same = [a["terms"] for a in findings["alternatives"] if a["same_as_best"]]
+    laws = [findings["terms"], *same]
+    return any({term["equation"] for term in law} == true for law in laws)
+
+
+def _region(score: Score, findings: Mapping[str, Any], concealed: Concealed) -> Region | None:
+    """Return how well the window was found, in shares."""
+    found = score["region"]
+    if found is None:
+        return None
+    truth = concealed.truth
+    [window] = [t.window for t in truth.terms if t.window is not None]
+    threshold, share, z = found["threshold"], None, None
+    if threshold is not None:
+        field = concealed.system.fields.index(window[0])
+        values = truth.states[:, field]
+        share = threshold / float(values.max() - values.min())
+        [region] = next(e["region"] for e in findings["terms"] if e.get("region"))
+        z = threshold / region["std"] if region.get("std") else None
+    onset = found["onset"]
+    return {
+        "overlap": found["overlap"],
+        "onset": None if onset is None else onset / truth.duration,
+        "threshold": share,
+        "threshold_z": z,
+    }
+
+
+def _coefficients(findings: Mapping[str, Any], concealed: Concealed) -> list[Coefficient]:
+    """Return found and true coefficients of a law whose form is exact."""
+    truth = concealed.truth
+    found: list[Coefficient] = []
+    for entry in findings["terms"]:
+        if entry["equation"] is None:
+            name = entry["parameter"]
+            true = truth.concealed.parameters.get(name)
+            value = entry["to"]
+        else:
+            name, value = f"{entry['equation']}: {entry['term']}", entry["coefficient"]
+            mine = law_of_findings({**findings, "terms": [{**entry, "coefficient": 1.0}]})
+            [key] = mine
+            theirs = law_of_truth(findings, truth.terms, truth.concealed.parameters)
+            true = theirs[key] / mine[key]
+        if true is not None:
+            window = next((t.window for t in truth.terms if t.window is not None), None)
+            found.append(
+                {
+                    "name": name,
+                    "true": true,
+                    "found": value,
+                    "std": entry["std"],
+                    "window": _sort_of(kind_of(window)),
+                }
+            )
+    return found
+
+
+def _sort_of(kind: str | None) -> Any:
+    if kind is None:
+        return None
+    return {"t": "onset"}.get(kind, "gate" if " " in kind else "box")
+
+
+def _gains(
+    case: Case,
+    findings: Mapping[str, Any],
+    concealed: Concealed,
+    folder: Path,
+    score: Score,
+) -> Gains | None:
+    """Return by how much the law brought the simulation nearer to the truth without noise."""
+    if not findings["terms"] or case.kind in ("null", "start", "fault", "numerics"):
+        return None
+    truth, system = concealed.truth, concealed.system
+    names = findings["input"]["splits"]["test"]
+    sensors = [s for s in concealed.recording.sensors if s.name in names]
+    operator = ObservationOperator(sensors, system)
+    with xr.open_dataset(folder / "estimates.nc", engine="h5netcdf") as estimates:
+        at = np.searchsorted(truth.times.numpy(), estimates["time"].values - CLOCK)
+        real = operator(truth.states[at])
+        errors = {}
+        for method in ("simulation_refit", "corrected"):
+            chosen = estimates.sel({"method": method})
+            states = np.stack([chosen[field].values for field in system.fields], axis=1)
+            wrong = operator(torch.from_numpy(states)) - real
+            errors[method] = float(wrong.square().mean().sqrt())
+    beyond = score["forecast"]
+    before, after = beyond["before_refit"], beyond["after"]
+    return {
+        "test_sensors": _ratio(errors["simulation_refit"], errors["corrected"]),
+        "forecast": _ratio(before, after),
+    }
+
+
+def _noisy(findings: Mapping[str, Any]) -> float | None:
+    known = findings["fit"]["test_sensors"] if findings["fit"] else {}
+    ratio = _ratio(known.get("after"), known.get("before_refit"))
+    return None if ratio is None else ratio - 1
+
+
+def _ratio(value: float | None, reference: float | None) -> float | None:
+    return value / reference if value is not None and reference else None

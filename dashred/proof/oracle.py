@@ -1,0 +1,190 @@
+"""The oracle: the true form, fitted from the true start, in the score by which laws are compared.
+
+Where it does no better than another law, the recording cannot tell them apart: the case is
+undecidable, and no analysis is to be blamed. Where it does better than what was returned, the
+search has failed.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from dashred.config import load_config
+from dashred.discovery.candidates import Candidate, build_candidates
+from dashred.discovery.gauss_newton import Fitted, minimise
+from dashred.discovery.hypothesis import Guess, Hypothesis
+from dashred.discovery.noise_model import NoiseModel
+from dashred.discovery.objective import Objective
+from dashred.discovery.starts import StartModel
+from dashred.physics.library import resolve
+from dashred.physics.system import Term
+from dashred.physics.window import Shape, shapes_of
+from dashred.proof.case_record import Oracle
+from dashred.proof.conceal import Concealed
+from dashred.proof.draw import Case
+from dashred.proof.systems import SYSTEMS
+from dashred.recorder import expression_of
+from dashred.stages.objectives import exact_simulator, pose_objective
+from dashred.stages.problem import Problem, pose
+from dashred.stages.simulation import simulate_nominal
+from dashred.window_kinds import kind_found, kind_of
+
+# What a true form has to beat others by for a case to be decidable.
+DECIDABLE = 6.0
+STEPS, TOLERANCE = 12, 1e-4
+# Where the start is not linear in z, a few steps find it.
+PROJECTIONS, DIFFERENCE = 4, 1e-5
+KEPT: dict[str, tuple[StartModel, list[Candidate]]] = {}
+
+
+@torch.no_grad()
+def consult(case: Case, concealed: Concealed, folder: Path, exact: bool | None) -> Oracle | None:
+    """Return how the true form compares with what was returned; None where no law was hidden.
+
+    The form that was returned keeps its coefficients; start and noise are everybody's own and the
+    true form's own.
+
+    Args:
+        case: what was drawn.
+        concealed: the truth.
+        folder: of the frozen findings.
+        exact: whether these have the true form; None where no law was looked for.
+    """
+    truth = concealed.truth
+    lawful = bool(truth.terms or truth.concealed.parameters)
+    if not lawful or truth.concealed.faults or exact is None:
+        return None
+    findings = json.loads((folder / "findings.json").read_text(encoding="utf-8"))
+    words = (
+        *SYSTEMS[case.system].analysis,
+        f"seed={case.number}",
+        f"recording.path={folder / 'recording.nc'}",
+    )
+    simulator = pose(load_config([f"conf={case.system}", *words], entry="train"))
+    start, library = _known(case.system, simulator)
+    z, p = _project(start, truth.states[0]), len(library)
+
+    candidates = _true_candidates(simulator, library, concealed)
+    mine = _objective(simulator, start, candidates, None)
+    begin = torch.cat([z, torch.tensor(_coefficients(concealed), dtype=torch.float64)])
+    fitted = minimise(mine, begin, STEPS, TOLERANCE)
+    noise = mine.noise_left(fitted.readings, len(begin))
+    fitted = minimise(replace(mine, noise=noise), fitted.phi, STEPS, TOLERANCE)
+    kinds = [kind_of(term.window) for term in truth.terms]
+    kinds += [None] * len(truth.concealed.parameters)
+    score = fitted.cost + _penalty(kinds, noise, p, simulator)
+
+    null = _fit_start(simulator, start, z, noise).cost
+    corrected = pose(load_config([f"conf={folder / 'corrected.yaml'}", *words], entry="train"))
+    found = [kind_found(entry["region"]) for entry in findings["terms"]]
+    returned = _fit_start(corrected, start, z, noise).cost + _penalty(found, noise, p, simulator)
+    lost = returned - score
+    rival = _nearest_rival(findings) if exact else 0.0
+    over_rival = None if rival is None else lost + rival
+    return {
+        "over_null": null - score,
+        "over_rival": over_rival,
+        "decidable": min(null - score, math.inf if over_rival is None else over_rival) > DECIDABLE,
+        "lost": lost,
+        "over_library": None if exact else lost,
+    }
+
+
+def _objective(
+    problem: Problem,
+    start: StartModel,
+    candidates: Sequence[Candidate],
+    noise: NoiseModel | None,
+) -> Objective:
+    """Return F of a law over the fit window."""
+    simulator = exact_simulator(problem, candidates)
+    weak = problem.config.discovery.weak
+    posed = pose_objective(problem, simulator, start, candidates, weak)
+    return posed if noise is None else replace(posed, noise=noise)
+
+
+def _fit_start(problem: Problem, start: StartModel, z: Tensor, noise: NoiseModel) -> Fitted:
+    """Fit the start alone, of a simulator as it is."""
+    return minimise(_objective(problem, start, (), noise), z, STEPS, TOLERANCE)
+
+
+def _true_candidates(
+    problem: Problem, library: Sequence[Candidate], concealed: Concealed
+) -> list[Candidate]:
+    """Return what is true as candidates, the terms with their windows as they are."""
+    system, truth = problem.system, concealed.truth
+    found = []
+    for term in truth.terms:
+        whole = Term(term.equation, expression_of(system, term))
+        [ready] = resolve(system, [whole])
+        scale = abs(term.coefficient)
+        found.append(Candidate(str(whole), term.equation, (ready,), scale))
+    for name in truth.concealed.parameters:
+        found.append(next(c for c in library if name == c.name or name in c.aliases))
+    return found
+
+
+def _coefficients(concealed: Concealed) -> list[float]:
+    truth, known = concealed.truth, concealed.system.config.parameters
+    changes = [value - known[name] for name, value in truth.concealed.parameters.items()]
+    return [*(term.coefficient for term in truth.terms), *changes]
+
+
+def _penalty(kinds: Sequence[str | None], noise: NoiseModel, p: int, problem: Problem) -> float:
+    """Return what a law's freedom costs, by the windows of its terms."""
+    everywhere = tuple(range(kinds.count(None)))
+    inside = tuple(range(len(kinds) - len(everywhere)))
+    guess = None
+    if inside:
+        kind = next(kind for kind in kinds if kind is not None)
+        shape = next(s for s in shapes_of(problem.system) if kind == _name(s))
+        places = (0.0,) * len(shape.names)
+        guess = Guess(shape, places, places)
+    hypothesis = Hypothesis(everywhere, inside, guess)
+    return hypothesis.penalty(noise.effective_count, p, len(problem.system.fields))
+
+
+def _name(shape: Shape) -> str:
+    """Return what the kind of a window is called where windows are compared."""
+    gated = shape.kind.startswith("gate")
+    return f"{shape.of} {shape.kind.removeprefix('gate ')}" if gated else shape.of
+
+
+def _nearest_rival(findings: Mapping[str, Any]) -> float | None:
+    """Return by how much the best law of another form is worse than the best."""
+    mine = {(e["equation"], e["term"]) for e in findings["terms"]}
+    others = [
+        a["delta_bic"]
+        for a in findings["alternatives"]
+        if {(t["equation"], t["term"]) for t in a["terms"]} != mine
+    ]
+    return min(others, default=None)
+
+
+def _project(start: StartModel, state: Tensor) -> Tensor:
+    """Return the z whose start is nearest to a state."""
+    z = torch.zeros(start.size, dtype=torch.float64)
+    eye = DIFFERENCE * torch.eye(start.size, dtype=torch.float64)
+    for _ in range(PROJECTIONS):
+        base = start.start(z[None])
+        slope = ((start.start(z + eye) - base) / DIFFERENCE).flatten(1).T
+        z = z + torch.linalg.lstsq(slope, (state - base[0]).flatten()[:, None]).solution[:, 0]
+    return z
+
+
+def _known(name: str, problem: Problem) -> tuple[StartModel, list[Candidate]]:
+    """Return a system's start prior and its candidates: the same for all of its cases."""
+    if name not in KEPT:
+        nominal = simulate_nominal(problem, {})
+        begin = float(problem.times[0])
+        library = build_candidates(problem.system, problem.library, nominal.states, begin)
+        KEPT[name] = nominal.prior, library
+    return KEPT[name]

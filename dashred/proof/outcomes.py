@@ -1,0 +1,141 @@
+"""What can be read off one case's record: how it ended. What does not apply to a case is null."""
+
+from __future__ import annotations
+
+from dashred.proof.case_record import CaseRecord, Coefficient, Kind
+from dashred.proof.statistics import percent
+
+TRUE_CAUSE: dict[Kind, str] = {
+    "null": "nothing-missing",
+    "start": "initial-condition",
+    "numerics": "unresolved-numerics",
+    "fault": "sensor-fault",
+    "parameter": "parameter",
+    "terms": "missing-term",
+    "hidden": "missing-term",
+    "box": "missing-term",
+    "gate": "missing-term",
+    "onset": "missing-term",
+    "outside": "outside-library",
+}
+"""The cause that findings should put first; of a masked case's several ones none is the first."""
+
+SEARCH_FAILED = 6.0  # a true form that scores better by more was there to be found
+BEYOND = 20.0  # a true form that beats all laws of the library by more is not imitated by them
+WORSE = 0.02  # on noisy test data: as much may be chance
+
+
+def wrong_unflagged(record: CaseRecord) -> bool | None:
+    """Return whether a wrong verdict was told as if it were certain; null of a case that died."""
+    if record["problem"] is not None:
+        return None
+    return not record["right"] and not record["flagged"]
+
+
+def told_as(verdict: str, record: CaseRecord) -> bool | None:
+    """Return whether the verdict was this one; null without a verdict."""
+    return None if record["verdict"] is None else record["verdict"] == verdict
+
+
+def false_alarm(record: CaseRecord) -> bool | None:
+    """Return whether a null was said to hide something, or might: `ambiguous` is one, too."""
+    quiet = told_as("nothing-missing", record)
+    return None if quiet is None else not quiet
+
+
+def false_outside(record: CaseRecord) -> bool | None:
+    """Return whether a law of the library was told to lie outside of it."""
+    return None if record["kind"] == "outside" else told_as("outside-library", record)
+
+
+def outside_told(record: CaseRecord) -> bool | None:
+    """Return whether what is outside was told; null where the library imitates it too well."""
+    beaten = record["oracle"] and record["oracle"]["over_library"]
+    if record["kind"] != "outside" or beaten is None or beaten <= BEYOND:
+        return None
+    return record["right"]
+
+
+def decidable(record: CaseRecord) -> bool | None:
+    """Return whether the recording can tell the true form from every other."""
+    return None if record["oracle"] is None else record["oracle"]["decidable"]
+
+
+def decided(record: CaseRecord) -> bool | None:
+    """Return whether a decidable case has the right verdict and, if a law was found, its form."""
+    if not decidable(record):
+        return None
+    return record["right"] and record["exact"] is not False
+
+
+def search_failed(record: CaseRecord) -> bool | None:
+    """Return whether the search missed a form that scores clearly better: the true one."""
+    return None if record["oracle"] is None else record["oracle"]["lost"] > SEARCH_FAILED
+
+
+def leading_right(record: CaseRecord) -> bool | None:
+    """Return whether the leading cause is of the true kind, also where the verdict is open."""
+    if record["right"] or not record["causes"]:
+        return True if record["right"] else None
+    if record["kind"] == "masked":
+        return None if record["verdict"] == "ambiguous" else False
+    return record["causes"][0] == TRUE_CAUSE[record["kind"]]
+
+
+def onset_near(record: CaseRecord) -> bool | None:
+    """Return whether an onset was found within 5 % of the record."""
+    off = record["region"] and record["region"]["onset"]
+    return None if off is None else off <= 0.05
+
+
+def threshold_near(record: CaseRecord) -> bool | None:
+    """Return whether a threshold was found within 10 % of the state's range, or within 2 std."""
+    region = record["region"]
+    if region is None or region["threshold"] is None:
+        return None
+    z = region["threshold_z"]
+    return region["threshold"] <= 0.1 or (z is not None and abs(z) <= 2)
+
+
+def coefficient_near(coefficient: Coefficient) -> bool:
+    """Return whether a coefficient was found within 5 % or 3 std, whichever is more."""
+    allowed = max(0.05 * abs(coefficient["true"]), 3 * (coefficient["std"] or 0.0))
+    return abs(coefficient["found"] - coefficient["true"]) <= allowed
+
+
+def deviation(coefficient: Coefficient) -> float | None:
+    """Return how far off a coefficient is, with its sign, in standard deviations as told."""
+    if not coefficient["std"]:
+        return None
+    return (coefficient["found"] - coefficient["true"]) / coefficient["std"]
+
+
+def failings(record: CaseRecord) -> list[str]:
+    """Return all that a case falls short in, in words; nothing if it went well."""
+    if record["problem"] is not None:
+        return [f"died: {record['problem']}"]
+    said = [] if record["right"] else [_how_wrong(record)]
+    # Of what no law of the library expresses, none can have the exact form.
+    if record["right"] and record["exact"] is False and record["kind"] != "outside":
+        said.append("not the exact form")
+    if record["group"] == "nulls" and false_alarm(record):
+        said.append("false alarm")
+    if record["oracle"] is not None and search_failed(record):
+        said.append(f"search failure: the true form is better by {record['oracle']['lost']:.3g}")
+    if record["noisy_test"] is not None and record["noisy_test"] > WORSE:
+        said.append(f"noisy test data worse by {percent(record['noisy_test'])} %")
+    missed = {
+        "not the hidden field's equation": record["equation_right"],
+        "the map's peak lies elsewhere": record["peak_inside"],
+        "the onset is off": onset_near(record),
+        "the threshold is off": threshold_near(record),
+    }
+    said += [words for words, met in missed.items() if met is False]
+    off = [c["name"] for c in record["coefficients"] if not coefficient_near(c)]
+    return [*said, *(f"the coefficient of {name} is off" for name in off)]
+
+
+def _how_wrong(record: CaseRecord) -> str:
+    if record["listed"]:
+        return "left open, the truth listed"
+    return "wrong, flagged" if record["flagged"] else "wrong and unflagged"

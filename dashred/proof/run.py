@@ -1,0 +1,161 @@
+"""The proof from its first case to its document."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from queue import SimpleQueue
+from threading import Lock
+from typing import Any
+
+import torch
+
+from dashred.errors import DONE
+from dashred.findings import check_freeze, write_json_atomic
+from dashred.output import make_output
+from dashred.progress import CONSOLE
+from dashred.proof.case_record import CaseRecord
+from dashred.proof.conceal import Concealed, conceal
+from dashred.proof.draw import Case, draw_cases, seed_of
+from dashred.proof.isolation import Analyst, AnalystLostError, analyst, bare_copy
+from dashred.proof.judge import judge, unjudged
+from dashred.proof.oracle import consult
+from dashred.proof.systems import SYSTEMS
+from dashred.proof.words import Request
+from dashred.score import score_findings
+from dashred.sealing import seal
+from dashred.sensing.write_netcdf import write_netcdf
+
+DOCUMENT = "case.json"
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What a finished case leaves: its record, and the seconds by the clock."""
+
+    record: CaseRecord
+    wall: float
+
+
+def run_proof(request: Request) -> list[Kept]:
+    """Run whatever is not done; returns what all cases leave, in order."""
+    torch.set_num_threads(1)
+    output = make_output(str(request.output))
+    cases = draw_cases(seed_of(request.draw), request.cases, request.nulls)
+    kept = {str(case): done for case in cases if (done := _read_done(case, output))}
+    waiting = [case for case in cases if str(case) not in kept]
+    _say(f"{len(cases)} cases, {len(kept)} of them done already; in {output}")
+    if waiting:
+        with tempfile.TemporaryDirectory(prefix="dashred-analyst-") as folder:
+            desk = _Desk(request, bare_copy(Path(folder)), kept, len(cases))
+            desk.work_through(waiting)
+    return [kept[str(case)] for case in cases]
+
+
+class _Desk:
+    """Hands cases to analysts, and scores what comes back: one thing at a time, beside them."""
+
+    def __init__(self, request: Request, copy: Path, kept: dict[str, Kept], total: int) -> None:
+        self.request, self.copy, self.kept, self.total = request, copy, kept, total
+        self.keeper = Lock()
+
+    def work_through(self, waiting: Sequence[Case]) -> None:
+        """Analyse every case, so many at once."""
+        queue: SimpleQueue[Case] = SimpleQueue()
+        for case in waiting:
+            queue.put(case)
+        jobs = min(self.request.jobs, len(waiting))
+        with ThreadPoolExecutor(jobs) as pool:
+            for done in [pool.submit(self._empty, queue) for _ in range(jobs)]:
+                done.result()
+
+    def _empty(self, queue: SimpleQueue[Case]) -> None:
+        while not queue.empty():
+            with analyst(self.copy) as mine:
+                try:
+                    while not queue.empty():
+                        self._finish(queue.get(), mine)
+                except AnalystLostError:
+                    continue
+
+    def _finish(self, case: Case, mine: Analyst) -> None:
+        """See one case through, and keep its record."""
+        began = time.perf_counter()
+        folder = make_output(str(self.request.output / str(case).replace(" ", "-")))
+        with self.keeper:
+            concealed = conceal(case)
+            axes = [axis.name for axis in concealed.system.axes]
+            write_netcdf(concealed.recording, folder / "recording.nc", axes)
+        try:
+            code, seconds = mine.analyse(self._words(case, folder), folder / "log.txt")
+        except AnalystLostError as lost:
+            self._keep(case, unjudged(case, concealed, f"the analyst died: {lost}"), folder, began)
+            raise
+        if code != DONE:
+            record = unjudged(case, concealed, _last_line(folder / "log.txt"))
+        else:
+            with self.keeper:
+                record = self._judged(case, concealed, folder, seconds)
+        self._keep(case, record, folder, began)
+
+    def _judged(self, case: Case, concealed: Concealed, folder: Path, seconds: float) -> CaseRecord:
+        """Open the seal of a case whose findings are frozen, and judge them."""
+        check_freeze(folder)
+        seal(folder / "sealed.nc", concealed.truth, concealed.system)
+        score, _ = score_findings(folder, folder / "sealed.nc")
+        write_json_atomic(folder / "score.json", score)
+        oracle = consult(case, concealed, folder, score["exact_support"])
+        return judge(case, concealed, folder, score, oracle, seconds)
+
+    def _words(self, case: Case, folder: Path) -> list[str]:
+        """Return the words of the analysis: of the case it learns its recording alone."""
+        root = self.request.output / "mlruns"
+        return [
+            f"conf={case.system}",
+            *SYSTEMS[case.system].analysis,
+            *case.words,
+            f"seed={case.number}",
+            f"recording.path={folder / 'recording.nc'}",
+            f"output={folder}",
+            f"tracking.root={root}",
+            "tracking.experiment=proof",
+        ]
+
+    def _keep(self, case: Case, record: CaseRecord, folder: Path, began: float) -> None:
+        wall = time.perf_counter() - began
+        kept = {"key": list(case.key), "record": record, "wall_seconds": wall}
+        write_json_atomic(folder / DOCUMENT, kept)
+        self.kept[str(case)] = Kept(record, wall)
+        how = "right" if record["right"] else "listed" if record["listed"] else "NOT RIGHT"
+        told = record["problem"] or record["told"]
+        _say(
+            f"[{len(self.kept)}/{self.total}] {case} {case.system} {case.kind}: "
+            f"{how}; hidden: {record['hidden']}; told: {told}; {wall:.0f} s"
+        )
+
+
+def _read_done(case: Case, output: Path) -> Kept | None:
+    """Return what a case left that is done; one that crashed is tried again."""
+    try:
+        path = output / str(case).replace(" ", "-") / DOCUMENT
+        kept: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        record: CaseRecord = kept["record"]
+        same = kept["key"] == list(case.key) and record["problem"] is None
+    except (OSError, ValueError, TypeError, KeyError):
+        return None
+    return Kept(record, float(kept["wall_seconds"])) if same else None
+
+
+def _last_line(log: Path) -> str:
+    lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
+    said = [line for line in lines if line.strip() and not line.startswith(" ")]
+    return said[-1][:200] if said else "no findings"
+
+
+def _say(text: str) -> None:
+    CONSOLE.print(text, markup=False, soft_wrap=True)

@@ -1,0 +1,98 @@
+"""The systems of the proof: what may be hidden in each, and how its recordings are made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Proved:
+    """One system, and the ranges from which its cases are drawn.
+
+    Terms that are the effect of one parameter are left to the parameters.
+
+    Attributes:
+        name: of its configuration.
+        terms: of the analysis' library, by equation.
+        local: those of them, pointwise, that may act within a window.
+        beyond: terms that the analysis' library does not have, by equation.
+        hidden: the equation of a field that no sensor reads; None if there is none.
+        parameters: those that may be mis-stated.
+        axis: along which boxes lie, with its length.
+        gated: the field whose value may switch a term, with thresholds from and to.
+        duration: of a recording.
+        sensors: fewest and most fit sensors.
+        noise: least and largest, as a share of each trace's std.
+        coarse: words that make the simulator too coarse for its own equations.
+        analysis: words of every analysis: the networks are short, since laws are judged here.
+    """
+
+    name: str
+    terms: dict[str, tuple[str, ...]]
+    local: dict[str, tuple[str, ...]]
+    beyond: dict[str, tuple[str, ...]]
+    hidden: str | None
+    parameters: tuple[str, ...]
+    axis: tuple[str, float]
+    gated: tuple[str, float, float]
+    duration: float
+    sensors: tuple[int, int]
+    noise: tuple[float, float]
+    coarse: tuple[str, ...]
+    analysis: tuple[str, ...] = field(default=("assimilation.epochs=1", "threads=1"))
+
+
+FHN = Proved(
+    name="fhn",
+    terms={
+        "u": (
+            *("u", "v", "u**2", "u*v", "v**2", "u**3", "u**2*v", "u*v**2", "v**3"),
+            *("d(v, x)", "u*d(u, x)", "v*d(u, x)"),
+        ),
+        "v": (
+            *("u", "u**2", "u*v", "v**2", "u**3", "u**2*v", "u*v**2", "v**3"),
+            *("d(u, x)", "d(v, x)", "u*d(v, x)", "v*d(v, x)"),
+        ),
+    },
+    local={"u": ("1", "u", "v", "u**2", "u*v"), "v": ("1", "u", "v", "u**2")},
+    beyond={
+        "u": (
+            *("u**4", "u**5", "sin(2*u)", "tanh(3*u)", "exp(-u**2)", "abs(u)*u"),
+            *("cos(2*pi*x/20)", "u*sin(2*pi*x/20)", "sin(t/2)", "u*sin(t/3)"),
+        ),
+        "v": ("u**4", "sin(2*u)", "tanh(3*u)", "exp(-u**2)", "cos(2*pi*x/20)", "sin(t/2)"),
+    },
+    hidden="v",
+    parameters=("c", "D", "eps", "a", "b", "I"),
+    axis=("x", 20.0),
+    gated=("u", -0.8, 1.0),
+    duration=30.0,
+    sensors=(8, 16),
+    noise=(0.005, 0.1),
+    coarse=tuple(f"system.axes.x.points={points}" for points in (14, 16, 18, 20, 22)),
+    analysis=("shred.epochs=4", "assimilation.epochs=1", "threads=1"),
+)
+
+RDE = Proved(
+    name="rde",
+    terms={
+        "u": ("u", "u**3", "lam", "lam*u", "lam**2", "lam*u**2"),
+        "lam": ("1", "lam", "lam**2", "u", "lam*u"),
+    },
+    local={"u": ("1", "u", "lam"), "lam": ("1", "lam")},
+    beyond={
+        "u": ("u**4", "tanh(2*u)", "cos(x)", "sin(t)", "u*sin(x)"),
+        "lam": ("exp(-u)", "cos(x)", "lam*sin(t)"),
+    },
+    hidden="lam",
+    parameters=("q", "eps", "s", "nu", "u_c"),
+    axis=("x", 6.283185307179586),
+    gated=("u", 0.6, 1.4),
+    duration=10.0,
+    sensors=(10, 16),
+    noise=(0.005, 0.1),
+    coarse=tuple(f"system.axes.x.points={points}" for points in (48, 64, 72)),
+    analysis=("shred.epochs=8", "assimilation.epochs=1", "threads=1"),
+)
+
+SYSTEMS = {proved.name: proved for proved in (FHN, RDE)}

@@ -1,0 +1,224 @@
+"""The numbers that the proof is to reach, as data, and whether the records reach them.
+
+A share is judged by itself, not by its interval. A record that lacks a value does not count
+towards it; how many count is told with each number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from dashred.proof import outcomes
+from dashred.proof.case_record import KINDS, CaseRecord, Coefficient, Kind, name_of
+from dashred.proof.statistics import Rate, median_of
+
+Records = Sequence[CaseRecord]
+Unit = Literal[" %", "", "×", " s"]
+Outcome = Literal["met", "not met", "nothing to judge by"]
+
+COVERED = 1.959964  # standard deviations to either side of a 95 % interval
+LAWLESS: tuple[Kind, ...] = ("start", "fault", "numerics")
+REGION_OF: dict[Kind, Literal["overlap", "onset", "threshold"]] = {
+    "box": "overlap",
+    "onset": "onset",
+    "gate": "threshold",
+}
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A share, or another number, from `n` values; `note` says what else a reader must know."""
+
+    value: Rate | float | None
+    n: int
+    note: str = ""
+
+    @property
+    def number(self) -> float | None:
+        """What is compared with the target; null where nothing counts."""
+        if not self.n:
+            return None
+        return self.value.share if isinstance(self.value, Rate) else self.value
+
+
+Measure = Callable[[Records], Measured]
+
+
+@dataclass(frozen=True)
+class Target:
+    """A number to reach: at least `low`, at most `high`; shares as fractions."""
+
+    name: str
+    measure: Measure
+    low: float | None = None
+    high: float | None = None
+    unit: Unit = " %"
+
+    def outcome(self, measured: Measured) -> Outcome:
+        """Return whether what was measured reaches the target."""
+        number = measured.number
+        if number is None:
+            return "nothing to judge by"
+        enough = self.low is None or number >= self.low
+        within = self.high is None or number <= self.high
+        return "met" if enough and within else "not met"
+
+
+def cases(records: Records) -> list[CaseRecord]:
+    """Return the scored cases, without the nulls that are counted apart."""
+    return [record for record in records if record["group"] == "cases"]
+
+
+def nulls(records: Records) -> list[CaseRecord]:
+    """Return the nulls that are counted apart."""
+    return [record for record in records if record["group"] == "nulls"]
+
+
+def of_kind(records: Records, *kinds: Kind) -> list[CaseRecord]:
+    """Return the scored cases of these classes."""
+    return [record for record in cases(records) if record["kind"] in kinds]
+
+
+def coefficients(records: Records) -> list[Coefficient]:
+    """Return the coefficients of all exact laws of the scored cases."""
+    return [found for record in cases(records) for found in record["coefficients"]]
+
+
+def coverage(found: Iterable[Coefficient]) -> Rate:
+    """Return how many 95 % intervals cover the true coefficient."""
+    z = map(outcomes.deviation, found)
+    return Rate.of(None if value is None else abs(value) <= COVERED for value in z)
+
+
+def _share(
+    outcome: Callable[[CaseRecord], bool | None],
+    among: Callable[[Records], list[CaseRecord]] = cases,
+    note: Callable[[Records], str] = lambda _: "",
+) -> Measure:
+    """Return how to measure the share of records of which `outcome` holds."""
+
+    def measure(records: Records) -> Measured:
+        rate = Rate.of(map(outcome, among(records)))
+        return Measured(rate, rate.n, note(records))
+
+    return measure
+
+
+def _median(
+    value: Callable[[CaseRecord], float | None], note: Callable[[Records], str] = lambda _: ""
+) -> Measure:
+    """Return how to measure the median of a value of the scored cases."""
+
+    def measure(records: Records) -> Measured:
+        return Measured(*median_of(map(value, cases(records))), note(records))
+
+    return measure
+
+
+def _lacking(kind: Kind) -> Callable[[Records], str]:
+    """Return what says in how many cases no such window was found: these have no value."""
+
+    def note(records: Records) -> str:
+        regions = [record["region"] for record in of_kind(records, kind)]
+        none = sum(region is None or region[REGION_OF[kind]] is None for region in regions)
+        return f"{none} of {len(regions)} cases lack it" if none else ""
+
+    return note
+
+
+def _worst_undecidable(records: Records) -> Measured:
+    rates = {kind: Rate.of(map(_undecidable, of_kind(records, kind))) for kind in KINDS}
+    counted = [kind for kind in KINDS if rates[kind].n]
+    if not counted:
+        return Measured(None, 0)
+    worst = max(counted, key=lambda kind: rates[kind].share)
+    return Measured(rates[worst], rates[worst].n, f"the worst class: {KINDS[worst]}")
+
+
+def _undecidable(record: CaseRecord) -> bool | None:
+    can = outcomes.decidable(record)
+    return None if can is None else not can
+
+
+def _coefficients_within(records: Records) -> Measured:
+    rate = Rate.of(map(outcomes.coefficient_near, coefficients(records)))
+    return Measured(rate, rate.n)
+
+
+def _coefficient_error(records: Records) -> Measured:
+    return Measured(*median_of(abs(c["found"] / c["true"] - 1) for c in coefficients(records)))
+
+
+def _coverage(records: Records) -> Measured:
+    rate = coverage(c for c in coefficients(records) if c["window"] is None)
+    return Measured(rate, rate.n, "terms that act everywhere")
+
+
+def _worst_on_noisy_data(records: Records) -> Measured:
+    known = [(r["noisy_test"], r) for r in records if r["noisy_test"] is not None]
+    if not known:
+        return Measured(None, 0)
+    value, record = max(known, key=lambda pair: pair[0])
+    return Measured(value, len(known), f"the worst: {name_of(record)}")
+
+
+def _mean_seconds(records: Records) -> Measured:
+    mine = [record["seconds"] for record in cases(records) if record["system"] == "fhn"]
+    known = [seconds for seconds in mine if seconds is not None]
+    return Measured(sum(known) / len(known) if known else None, len(known))
+
+
+TARGETS = (
+    Target("verdict right", _share(lambda r: r["right"]), low=0.80),
+    Target("right, or ambiguous with the truth listed", _share(lambda r: r["listed"]), low=0.92),
+    Target("decidable cases: verdict and exact form", _share(outcomes.decided), low=0.90),
+    Target("undecidable cases of a class", _worst_undecidable, high=0.25),
+    Target("wrong and unflagged", _share(outcomes.wrong_unflagged), high=0.03),
+    Target("not converged", _share(lambda r: outcomes.told_as("not-converged", r)), high=0.10),
+    Target("search failures", _share(outcomes.search_failed), high=0.03),
+    Target(
+        "start, sensor fault, numerics: named",
+        _share(lambda r: r["right"], lambda records: of_kind(records, *LAWLESS)),
+        low=0.95,
+    ),
+    Target("false alarms on nulls", _share(outcomes.false_alarm, nulls), high=0.03),
+    Target(
+        "region: intersection over union, median",
+        _median(lambda r: r["region"] and r["region"]["overlap"], _lacking("box")),
+        low=0.85,
+        unit="",
+    ),
+    Target("map's peak inside of the region", _share(lambda r: r["peak_inside"]), low=0.85),
+    Target(
+        "onset within 5 % of the record",
+        _share(outcomes.onset_near, note=_lacking("onset")),
+        low=1.0,
+    ),
+    Target(
+        "threshold within 10 % of the range or 2 std",
+        _share(outcomes.threshold_near, note=_lacking("gate")),
+        low=1.0,
+    ),
+    Target("hidden field: right equation", _share(lambda r: r["equation_right"]), low=0.90),
+    Target("coefficients within 5 % or 3 std", _coefficients_within, low=1.0),
+    Target("error of coefficients, median", _coefficient_error, high=0.025),
+    Target("95 % intervals that cover", _coverage, low=0.90, high=0.98),
+    Target("outside of the library: told", _share(outcomes.outside_told), low=0.85),
+    Target("told to be outside, and is not", _share(outcomes.false_outside), high=0.02),
+    Target(
+        "gain at test sensors, median",
+        _median(lambda r: r["gains"] and r["gains"]["test_sensors"]),
+        low=5.0,
+        unit="×",
+    ),
+    Target(
+        "gain of the forecast, median",
+        _median(lambda r: r["gains"] and r["gains"]["forecast"]),
+        low=10.0,
+        unit="×",
+    ),
+    Target("worse on noisy test data, by at most", _worst_on_noisy_data, high=0.02),
+    Target("seconds of an fhn case, mean", _mean_seconds, high=90.0, unit=" s"),
+)

@@ -1,0 +1,80 @@
+"""What was hidden, and what the findings say, in one line each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from dashred.config import Config
+from dashred.proof.draw import Case
+from dashred.sealing import Truth
+
+BETWEEN = "; "
+
+
+def hidden_in_words(case: Case, truth: Truth, config: Config) -> str:
+    """Say what a case hides."""
+    hidden, known = truth.concealed, config.system.parameters
+    said = [f"{t.equation}: {t.coefficient:+.3g}·{t.term}{_window(t.window)}" for t in truth.terms]
+    said += [f"{n} is {value:g}, not {known[n]:g}" for n, value in hidden.parameters.items()]
+    said += [f"{fault.kind} of {fault.sensor} ({fault.value:g})" for fault in hidden.faults]
+    if hidden.spread > 1:
+        said.append(f"start off by {hidden.spread:g} times its spread")
+    if hidden.correlation:
+        said.append(f"noise correlated by {hidden.correlation:g}")
+    if "stated" in case.hidden:
+        said.append(f"noise stated {case.hidden['stated']:g} times its size")
+    if case.words:
+        said.append(f"a simulator that is too coarse ({', '.join(case.words)})")
+    return BETWEEN.join(said) or "nothing"
+
+
+def told_in_words(findings: Mapping[str, Any]) -> str:
+    """Say what findings say: the verdict, and its best explanation."""
+    verdict = findings["verdict"]
+    if verdict is None:
+        return "nothing"
+    said = [_term(entry) for entry in findings["terms"] or []]
+    causes = findings["causes"] or []
+    if causes and not said and "says" in causes[0]:
+        said.append(str(causes[0]["says"]))
+    if verdict == "ambiguous":
+        said.append("or " + ", or ".join(_alternatives(findings)))
+    return f"{verdict}: {BETWEEN.join(said)}" if said else str(verdict)
+
+
+def _alternatives(findings: Mapping[str, Any]) -> Iterable[str]:
+    laws = [a["terms"] for a in findings["alternatives"] if a["rival"]]
+    for terms in laws[:3]:
+        yield (
+            " + ".join(
+                f"{t['equation'] or 'parameter'}: {t['coefficient']:+.3g}·{t['term']}"
+                f"{' ' + t['region'] if t['region'] else ''}"
+                for t in terms
+            )
+            or "another cause"
+        )
+
+
+def _term(entry: Mapping[str, Any]) -> str:
+    if entry["equation"] is None:
+        return f"{entry['parameter']} is {entry['to']:.4g}, not {entry['from']:.4g}"
+    where = ""
+    if entry.get("region"):
+        [region] = entry["region"]
+        if "axis" in region:
+            upto = f" to {region['to']:.3g}" if region.get("to") is not None else " on"
+            where = f" in {region['axis']} from {region['from']:.3g}{upto}"
+        else:
+            side = "above" if "above" in region else "below"
+            where = f" where {region['field']} is {side} {region[side]:.3g}"
+    return f"{entry['equation']}: {entry['coefficient']:+.3g}·{entry['term']}{where}"
+
+
+def _window(window: tuple[str, float | None, float | None, float] | None) -> str:
+    if window is None:
+        return ""
+    of, begin, end, _ = window
+    if begin is None:
+        return f" for {of} < {end:g}"
+    return f" for {of} > {begin:g}" if end is None else f" for {begin:g} < {of} < {end:g}"

@@ -1,0 +1,30 @@
+"""Prove it on cases whose truth is concealed: ``python -m dashred.prove cases=120 nulls=100``.
+
+Each case is drawn and recorded, analysed by a process that has no way to the truth, frozen,
+opened and scored; the last step writes all of it down.
+"""
+
+from __future__ import annotations
+
+import sys
+
+from dashred.errors import DONE, OUR_FAILURE, run_entry
+
+
+def main(argv: list[str]) -> int:
+    """Run the cases that are not done, and write the document."""
+    from dashred.proof.words import read_words
+
+    request = read_words(argv)
+
+    # Whatever can be wrong with the words has been met by here: torch takes seconds to import.
+    from dashred.proof.conclude import conclude
+    from dashred.proof.run import run_proof
+
+    kept = run_proof(request)
+    conclude(request, kept)
+    return OUR_FAILURE if any(one.record["problem"] for one in kept) else DONE
+
+
+if __name__ == "__main__":
+    sys.exit(run_entry(main))

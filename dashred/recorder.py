@@ -1,0 +1,178 @@
+"""How a hidden truth becomes a recording: its run at doubled resolution, and sensors that read it.
+
+Every draw comes from a stream that the caller hands over: the analysis never receives it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dashred.config import Config
+from dashred.discovery.correction import with_parameters
+from dashred.discovery.starts import ScaledStart
+from dashred.errors import InputError
+from dashred.physics.algebra import Expr, multiply
+from dashred.physics.prior import StartPrior, field_rms, nominal_start, spread_in_percent
+from dashred.physics.simulate import Progress, check_finite, simulate
+from dashred.physics.system import System, Term
+from dashred.physics.window import box, gate, onset
+from dashred.sensing.faulty import correlated, moved, reported
+from dashred.sensing.observation import ObservationOperator
+from dashred.sensing.recording import Recording
+from dashred.sensing.sensors import Sensor
+from dashred.sensing.spreading import spread_out
+
+if TYPE_CHECKING:
+    from dashred.sealing import SealedTerm
+    from dashred.twin_file import Twin
+
+# Truths run this many times as long as the recording, for forecasts.
+FORECAST = 1.5
+
+
+def simulate_truth(
+    system: System, twin: Twin, config: Config, rng: np.random.Generator, progress: Progress | None
+) -> tuple[Tensor, Tensor]:
+    """Return times ``(time,)`` and the truth ``(time, field, *grid)`` on the simulator's grid."""
+    every = config.recording.every
+    assert every is not None
+    samples = round(FORECAST * config.recording.duration / every)
+    times = torch.arange(samples + 1, dtype=torch.float64) * every
+    lawful = with_law(system, twin)
+    start = draw_start(system, lawful if twin.own_start else system, twin, config, rng)
+    return times, run_truth(lawful, start, times, progress)
+
+
+def with_law(system: System, twin: Twin) -> System:
+    """Return the system as it really is."""
+    law = [(Term(t.equation, expression_of(system, t)), t.coefficient) for t in twin.terms]
+    return with_parameters(system, twin.concealed.parameters).with_terms(law)
+
+
+def draw_start(
+    system: System, spun_up: System, twin: Twin, config: Config, rng: np.random.Generator
+) -> Tensor:
+    """Draw a start from the prior, on the doubled grid, ``(1, field, *grid)``.
+
+    Args:
+        system: the simulator, whose nominal run gives the fields' sizes.
+        spun_up: whose established state the prior lies around.
+        twin: may start farther off than its prior says.
+        config: the recording's clock.
+        rng: the twin's own.
+    """
+    every, duration = config.recording.every, config.recording.duration
+    assert every is not None
+    centre = nominal_start(spun_up)
+    rms = torch.ones(len(system.fields), dtype=torch.float64)
+    if spread_in_percent(system):
+        times = torch.arange(round(duration / every) + 1, dtype=torch.float64) * every
+        rms = field_rms(simulate(system, centre, times)[0])
+    fine = spun_up.refined()
+    fine_centre = system.grid.interpolate(centre, fine.grid) if system.axes else centre
+    prior = StartPrior(fine, fine_centre[0], rms, None)
+    return ScaledStart(prior, twin.concealed.spread).draw(1, rng)
+
+
+def run_truth(
+    lawful: System, start: Tensor, times: Tensor, progress: Progress | None = None
+) -> Tensor:
+    """Run the truth at doubled resolution; returns the simulator's points of it.
+
+    Args:
+        lawful: the system as it really is.
+        start: on the doubled grid, ``(1, field, *grid)``.
+        times: ``(time,)``.
+        progress: told the share done.
+
+    Returns:
+        ``(time, field, *grid)``.
+
+    Raises:
+        InputError: the truth blows up.
+    """
+    truth = lawful.refined()
+    path = simulate(truth, start, times, progress=progress)
+    check_finite(path, times, truth)
+    coarse = path[0]
+    for dim in range(2, coarse.dim()):
+        coarse = coarse[(slice(None),) * dim + (slice(None, None, 2),)]
+    return coarse.contiguous()
+
+
+def expression_of(system: System, term: SealedTerm) -> Expr:
+    """Return a true term with its window, in the equation language."""
+    expression = system.parse(term.term, "recording.twin", equation=term.equation)
+    if term.window is None:
+        return expression
+    of, begin, end, edge = term.window
+    axes = {axis.name: axis for axis in system.axes}
+    width = math.log(edge)
+    if of in axes:
+        assert begin is not None and end is not None
+        window = box(axes[of]).at(((begin + end) / 2, (end - begin) / 2, width))
+    elif of == "t":
+        assert begin is not None
+        window = onset().at((begin, width))
+    elif begin is not None:
+        window = gate(of, 1).at((begin, width))
+    else:
+        assert end is not None
+        window = gate(of, -1).at((end, width))
+    return multiply((window.expression, expression))
+
+
+def observe(
+    system: System,
+    states: Tensor,
+    times: Tensor,
+    twin: Twin,
+    config: Config,
+    rng: np.random.Generator,
+) -> Recording:
+    """Read the truth at random places, with noise of a fraction of each quantity's std."""
+    places, hidden = place_sensors(system, config, rng), twin.concealed
+    real = [moved(sensor, hidden.faults, system) for sensor in places]
+    clean = ObservationOperator(real, system)(states).numpy()
+    noisy, sensors = np.empty_like(clean), []
+    for column, sensor in enumerate(places):
+        whole = system.evaluate(sensor.reads, states)
+        std = config.recording.noise * float(whole.std())
+        noise = std * correlated(rng.standard_normal(len(times)), hidden.correlation)
+        read = clean[:, column] + noise
+        noisy[:, column] = reported(read, times.numpy(), sensor, hidden.faults)
+        stated = std * twin.stated if std > 0 else None
+        sensors.append(type(sensor)(sensor.name, sensor.reads, sensor.position, stated))
+    return Recording(tuple(sensors), times.numpy(), noisy)
+
+
+def place_sensors(system: System, config: Config, rng: np.random.Generator) -> list[Sensor]:
+    """Draw places for the fit sensors, and for the validation and test sensors on top.
+
+    Each place is the best of 20 random ones, so that sensors keep a distance but no pattern.
+    An ODE system has no places: its sensors read their quantities, over and over.
+    """
+    count, reads = config.recording.sensors, config.recording.reads
+    if not isinstance(count, int):
+        raise InputError("a twin's sensors are a number", where=config.where("recording.sensors"))
+    if not system.axes:
+        return [Sensor(_name(i, count), reads[i % len(reads)], (), None) for i in range(count)]
+    for role in ("validate", "test"):
+        extra = getattr(config.splits.sensors, role)
+        count += extra if isinstance(extra, int) else len(extra)
+    lengths = np.array([axis.length for axis in system.axes])
+    candidates = rng.random((20 * count, len(lengths))) * lengths
+    chosen = spread_out(candidates, count, rng, candidates=range(len(candidates)))
+    order = sorted(tuple(candidates[i].tolist()) for i in chosen)
+    return [
+        Sensor(_name(i, count), reads[i % len(reads)], place, None) for i, place in enumerate(order)
+    ]
+
+
+def _name(index: int, count: int) -> str:
+    return f"s{index + 1:0{len(str(count))}d}"
