@@ -12,7 +12,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from sysconfig import get_path
@@ -77,7 +77,7 @@ def bare_copy(to: Path) -> Path:
 def analyst(copy: Path) -> Iterator[Analyst]:
     """Start an analyst in a bare copy; it ends with the block."""
     command, surroundings = python(copy)
-    started = subprocess.Popen(
+    process = subprocess.Popen(
         [*command, "-m", "dashred.analyst"],
         cwd=copy,
         env=surroundings,
@@ -87,8 +87,10 @@ def analyst(copy: Path) -> Iterator[Analyst]:
         # Its own group: Ctrl-C reaches it through us alone.
         start_new_session=True,
     )
-    with started as process:
-        try:
-            yield Analyst(process)
-        finally:
-            process.kill()
+    try:
+        yield Analyst(process)
+    finally:
+        process.kill()
+        # Words that it did not live to read are lost with it.
+        with suppress(BrokenPipeError), process:
+            pass

@@ -1,0 +1,79 @@
+"""Recording a case: what is hidden has the effect that was drawn."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dashred.proof.case_record import Kind
+from dashred.proof.conceal import conceal
+from dashred.proof.draw import Case
+from dashred.recorder import run_truth
+from dashred.sensing.observation import ObservationOperator
+
+
+def case_of(kind: Kind, effect: float | None = None, **hidden: Any) -> Case:
+    """Return a case of the proof's smallest system."""
+    entry = {"terms": []} | hidden
+    return Case(3, "cases", "fhn", kind, (7, 0, 3), 0.03, 10, entry, effect)
+
+
+TERM = {"equation": "v", "term": "v**2", "coefficient": 1.0}
+
+
+@pytest.mark.parametrize("effect", [2.0, 10.0])
+def test_a_law_moves_the_sensors_by_what_was_drawn(effect) -> None:
+    concealed = conceal(case_of("terms", effect, terms=[TERM]))
+    assert concealed.effect == pytest.approx(effect, rel=0.25)
+    [term] = concealed.truth.terms
+    assert (term.equation, term.term) == ("v", "v**2") and term.coefficient > 0
+
+
+def test_a_stronger_effect_is_a_larger_coefficient_of_the_same_case() -> None:
+    weak, strong = (conceal(case_of("terms", effect, terms=[TERM])) for effect in (2.0, 8.0))
+    ratio = strong.truth.terms[0].coefficient / weak.truth.terms[0].coefficient
+    assert 2.0 < ratio < 8.0
+    assert np.array_equal(weak.truth.states[0], strong.truth.states[0])
+
+
+def test_the_noise_is_that_which_was_drawn() -> None:
+    concealed = conceal(case_of("null"))
+    operator = ObservationOperator(concealed.recording.sensors, concealed.system)
+    clean = operator(concealed.truth.states)[: len(concealed.recording.times)].numpy()
+    stated = np.array([sensor.std for sensor in concealed.recording.sensors])
+    z = (concealed.recording.values - clean) / stated
+    assert z.std() == pytest.approx(1.0, abs=4 / math.sqrt(2 * z.size))
+
+
+def test_a_case_is_recorded_again_to_the_same_values() -> None:
+    case = case_of("fault", 5.0, faults=[{"sensor": 0.4, "kind": "drift", "value": 1.0}])
+    first, again = conceal(case), conceal(case)
+    assert np.array_equal(first.recording.values, again.recording.values)
+    assert first.truth.concealed == again.truth.concealed
+    other = conceal(replace(case, key=(8, 0, 3)))
+    assert not np.array_equal(first.recording.values, other.recording.values)
+
+
+@pytest.mark.parametrize("kind", ["bias", "drift", "stuck", "spikes", "misplaced"])
+def test_a_fault_stands_at_a_sensor_that_the_analysis_fits(kind) -> None:
+    from dashred.sensing.splits import split_recording
+
+    case = case_of("fault", 6.0, faults=[{"sensor": 0.99, "kind": kind, "value": -1.0}])
+    concealed = conceal(case)
+    [fault] = concealed.truth.concealed.faults
+    split = split_recording(concealed.recording, concealed.config.splits, case.number)
+    assert fault.kind == kind and fault.sensor in split.fit.names
+
+
+def test_a_mis_stated_parameter_changes_the_truth_and_no_term_does() -> None:
+    concealed = conceal(case_of("parameter", 5.0, parameters={"c": -1.0}))
+    assert concealed.truth.concealed.parameters["c"] < 1.0
+    assert not concealed.truth.terms
+    start = concealed.truth.states[0]
+    fine = concealed.system.grid.interpolate(start[None], concealed.system.refined().grid)
+    plain = run_truth(concealed.system, fine, concealed.truth.times[:40])
+    assert not np.allclose(plain, concealed.truth.states[:40], atol=1e-3)
