@@ -86,8 +86,7 @@ def weigh(
         best, null = _again(best, noise), _again(null, noise)
     found = [best, null] if best.law.candidates else [null]
     found += faults(null.objective, null.phi, best.law.score + RIVAL)
-    if unclear or best.law.candidates:
-        found += wider_starts(null.objective, null.phi)
+    found += wider_starts(null.objective, null.phi)
     explained = min(found, key=_score)
     if explained is not found[0] and explained.law.chi2 < EXPLAINED:
         gain = 0.0

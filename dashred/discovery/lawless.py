@@ -45,17 +45,22 @@ def faults(objective: Objective, phi: Tensor, bound: float) -> list[Cause]:
 def wider_starts(objective: Objective, phi: Tensor) -> list[Cause]:
     """Return what a start outside of its prior explains, by Laplace's evidence.
 
-    A wider prior lets F fall in any case: what it may move more is held against it.
+    A wider prior lets F fall in any case: what it may move more is held against it. Factors that
+    the linearised problem holds nothing of are not tried.
 
     Args:
         objective: F of the start alone.
         phi: its minimum.
     """
     every = range(len(phi))
+    normal = objective.linearise(phi)
+    linear = evidence(normal, every)
     [cost], _ = objective.values(phi[None])
-    plain = evidence(objective.linearise(phi), every) - float(cost)
+    plain = linear - float(cost)
     found = []
     for factor in WIDER:
+        if evidence(replace(normal, precision=normal.precision / factor**2), every) > linear:
+            continue
         shooting = objective.shooting
         wide = replace(shooting, start=ScaledStart(shooting.start, factor))
         mine = replace(objective, shooting=wide)

@@ -10,26 +10,21 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.gauss_newton import chord_refits, minimise
+from dashred.discovery.neighbours import Set, neighbours, promising
 from dashred.discovery.objective import Objective
-from dashred.discovery.subsets import Eliminated, backward_path, small_sets
+from dashred.discovery.subsets import Eliminated
 from dashred.progress import Report
 
-Set = tuple[int, ...]
-
-LARGEST = 3
-LARGEST_ON_PATH = 6
-# Sets refitted at first, by size; the backward path and the proposals come on top.
-REFITTED = {1: 6, 2: 8, 3: 8}
-NEIGHBOURS = 16
 ROUNDS = 6
 CHORD_STEPS = 6
 # A row that gains less than this in F has come to its minimum, as far as ranking needs it.
 SETTLED = 0.5
 POLISH_STEPS = 6
+# Rivals of the best set that get Jacobians of their own: about another law's trajectory a fit may
+# get stuck far from where it belongs, if a field that no sensor reads has to move along.
+RIVALS, RIVAL_STEPS, RIVAL_TOLERANCE = 4, 4, 1e-3
 # Sets whose score lies farther than this from the best are given up.
 HOPELESS = 40.0
-# A fit that the linearisation about a better one undercuts by this has got stuck.
-STUCK = 2.0
 # A smaller change of σ, or of its correlation, changes no choice.
 NOTICEABLE = 0.02
 
@@ -79,7 +74,7 @@ def select(
     """
     search = _Search(objective)
     problem = search.linearise(phi)
-    first = [(), *_promising(problem), *proposals]
+    first = [(), *promising(problem), *proposals]
     search.refit(first)
     report(0.4, f"{len(search.tried)} sets refitted")
     exhausted = False
@@ -89,20 +84,23 @@ def select(
             search.rescore()
             best = search.best
         problem = search.linearise(best.phi)
-        search.refit(_neighbours(problem, best.members, search.tried))
+        costs = {members: found.cost for members, found in search.tried.items()}
+        search.refit(neighbours(problem, best.members, costs))
         report(0.4 + 0.6 * (turn + 1) / ROUNDS, f"{len(search.tried)} sets refitted")
-        if search.best.members == best.members:
+        if search.best.members == best.members and not search.settle_rivals():
             exhausted = True
             break
     ranked = sorted(search.tried.values(), key=lambda found: found.score)
     return Selection(search.objective, ranked, exhausted)
 
 
-def polish(objective: Objective, tried: Tried, tolerance: float) -> Tried:
+def polish(
+    objective: Objective, tried: Tried, tolerance: float, steps: int = POLISH_STEPS
+) -> Tried:
     """Return the fit of one set with fresh Jacobians, until a step gains less than a share of F."""
     mine = objective.only(tried.members)
     begin = tried.phi[objective.places(tried.members)]
-    fitted = minimise(mine, begin, POLISH_STEPS, tolerance)
+    fitted = minimise(mine, begin, steps, tolerance)
     score = fitted.cost + penalty(objective) * len(tried.members)
     return Tried(tried.members, objective.embed(fitted.phi, tried.members), fitted.cost, score)
 
@@ -119,6 +117,7 @@ class _Search:
     def __init__(self, objective: Objective) -> None:
         self.objective = objective
         self.tried: dict[Set, Tried] = {}
+        self.settled: set[Set] = set()
 
     @property
     def best(self) -> Tried:
@@ -170,49 +169,38 @@ class _Search:
             if members not in self.tried or score < self.tried[members].score:
                 self.tried[members] = Tried(members, found.phi[row], cost, score)
 
+    def settle_rivals(self) -> bool:
+        """Fit the nearest sets of another form, no larger, to the end; tell if one wins."""
+        best = self.best
+        others = [
+            found
+            for members, found in self.tried.items()
+            if 0 < len(members) <= len(best.members)
+            and not set(members) <= set(best.members)
+            and math.isfinite(found.score)
+        ]
+        for rival in sorted(others, key=lambda found: found.score)[:RIVALS]:
+            if rival.members in self.settled:
+                continue
+            self.settled.add(rival.members)
+            begin = replace(rival, phi=self._at_start_of(best, rival))
+            fitted = polish(self.objective, begin, RIVAL_TOLERANCE, RIVAL_STEPS)
+            if fitted.score < rival.score:
+                self.tried[rival.members] = fitted
+        return self.best.members != best.members
+
+    def _at_start_of(self, best: Tried, rival: Tried) -> Tensor:
+        """Return the better beginning: where the rival is, or its law at the best one's start."""
+        moved = rival.phi.clone()
+        moved[: self.objective.modes] = best.phi[: self.objective.modes]
+        begins = torch.stack([rival.phi, moved])
+        costs, _ = self.objective.values(begins)
+        return begins[int(costs.argmin())]
+
     def _begin(self, members: Set) -> Tensor:
         """Return the best unknowns of the linearised problem."""
         solution = self.normal.solution(self.objective.places(members))
         return self.objective.embed(solution, members)
-
-
-def _promising(problem: Eliminated) -> list[Set]:
-    count = len(problem.target)
-    found: list[Set] = []
-    for sets in small_sets(count, min(LARGEST, count)):
-        size = len(sets[0])
-        if size:
-            order = problem.costs(sets).argsort()[: REFITTED[size]]
-            found += [sets[i] for i in order.tolist()]
-    path = backward_path(problem, LARGEST_ON_PATH)
-    return found + [members for members in path if len(members) > LARGEST]
-
-
-def _neighbours(problem: Eliminated, members: Set, tried: dict[Set, Tried]) -> list[Set]:
-    """Return the best sets that one swap, one addition or one omission makes of a set.
-
-    And small ones that are promising from here. A set that was tried before stays out, unless
-    its fit falls short of what the linearisation promises: from afar a fit may have got stuck.
-    """
-    others = [j for j in range(len(problem.target)) if j not in members]
-    drops = [tuple(j for j in members if j != out) for out in members]
-    swaps = [tuple(sorted((*kept, other))) for kept in drops for other in others]
-    adds = [tuple(sorted((*members, other))) for other in others]
-    found: list[Set] = _unreached(problem, _promising(problem), tried)
-    for moves, most in ((drops, len(drops)), (swaps, NEIGHBOURS // 2), (adds, NEIGHBOURS // 2)):
-        if moves:
-            order = problem.costs(moves).argsort().tolist()
-            found += _unreached(problem, [moves[i] for i in order], tried)[:most]
-    return found
-
-
-def _unreached(problem: Eliminated, sets: Sequence[Set], tried: dict[Set, Tried]) -> list[Set]:
-    """Return the sets that were not tried, or whose fit falls short of the linearised one."""
-    return [
-        members
-        for members in sets
-        if members not in tried or float(problem.costs([members])) < tried[members].cost - STUCK
-    ]
 
 
 def _free(objective: Objective, sets: Sequence[Set]) -> Tensor:

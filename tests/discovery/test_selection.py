@@ -9,8 +9,9 @@ import pytest
 import torch
 
 from dashred.discovery.gauss_newton import minimise
+from dashred.discovery.neighbours import Set
 from dashred.discovery.objective import Objective
-from dashred.discovery.selection import Selection, Set, penalty, polish, select
+from dashred.discovery.selection import Selection, penalty, polish, select
 from tests.swing import FORCES, Swing, noisy
 
 SIGMA, WEAK = 0.05, 1.0
@@ -89,6 +90,22 @@ def test_scores_are_what_they_say_and_sorted(swing: Swing) -> None:
         assert fresh.score == pytest.approx(fresh.cost + per_term * len(fresh.members), rel=1e-9)
 
 
+def test_rivals_whose_refits_get_stuck_are_fitted_to_the_end(
+    swing: Swing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without a step of their own, sets stand where the linearisation about another put them."""
+    monkeypatch.setattr("dashred.discovery.selection.CHORD_STEPS", 1)
+    found = searched(problem(swing, "one term", 0))
+    best, *others = found.tried
+    [rival] = [t for t in others if len(t.members) == 1][:1]
+    assert rival.cost - polish(found.objective, rival, 1e-8).cost < 0.01
+    monkeypatch.setattr("dashred.discovery.selection.RIVALS", 0)
+    stuck = searched(problem(swing, "one term", 0))
+    left = next(t for t in stuck.tried if t.members == rival.members)
+    assert left.cost > rival.cost + 0.01
+    assert best.members == members("x**3") == stuck.tried[0].members
+
+
 @pytest.mark.parametrize("believed", [0.3, 3.0])
 def test_a_wrong_belief_in_the_noise_is_mended(swing: Swing, believed: float) -> None:
     objective = problem(swing, "drag and a hardening spring", 0, believed * SIGMA)
@@ -110,8 +127,8 @@ def test_a_proposal_is_always_among_the_tried(swing: Swing) -> None:
 @pytest.fixture
 def _narrow(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have no sets refitted at first but the empty one and the proposals."""
-    monkeypatch.setattr("dashred.discovery.selection.REFITTED", {1: 0, 2: 0, 3: 0})
-    monkeypatch.setattr("dashred.discovery.selection.LARGEST_ON_PATH", 0)
+    monkeypatch.setattr("dashred.discovery.neighbours.REFITTED", {1: 0, 2: 0, 3: 0})
+    monkeypatch.setattr("dashred.discovery.neighbours.LARGEST_ON_PATH", 0)
 
 
 @pytest.mark.usefixtures("_narrow")
