@@ -74,8 +74,7 @@ def conceal(case: Case) -> Concealed:
     effect = None
     entry: dict[str, Any] = bench.sized(case.hidden, 0.0)
     if case.effect is not None and (case.hidden["terms"] or "parameters" in case.hidden):
-        wanted = max(1.5, min(case.effect, FARTHEST / case.noise))
-        wanted = min(wanted, case.effect)
+        wanted = min(case.effect, FARTHEST / case.noise)
         size, effect = _search(lambda size: bench.effect(case.hidden, size), wanted)
         entry = bench.sized(case.hidden, size)
     twin = bench.twin(entry)

@@ -35,8 +35,6 @@ TABLES = {
 # What a third of the nulls suffer from without anything being missing.
 NUISANCES = ("correlated", "stated", "misplaced")
 FAULTS = ("bias", "drift", "stuck", "spikes", "misplaced")
-# The hidden effect, rms over the sensors, in units of the noise.
-EFFECT = (1.5, 15.0)
 # Of masked cases: below what a single sample shows.
 FAINT = (0.5, 1.0)
 
@@ -104,7 +102,7 @@ def _draw(proved: Proved, group: str, number: int, kind: Kind, key: tuple[int, .
     rng = np.random.default_rng([*key, *b"what"])
     noise = _rounded(_log_uniform(rng, *proved.noise))
     sensors = int(rng.integers(proved.sensors[0], proved.sensors[1] + 1))
-    effect: float | None = float(_log_uniform(rng, *EFFECT))
+    effect: float | None = float(_log_uniform(rng, *proved.effect))
     words: tuple[str, ...] = ()
     hidden: dict[str, Any] = {"terms": []}
     if kind == "null":

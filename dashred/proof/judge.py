@@ -125,8 +125,8 @@ def is_listed(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> 
     truth = concealed.truth
     rivals = [a["terms"] for a in findings["alternatives"] if a["rival"]][: LISTED - 1]
     laws = [findings["terms"] or [], *(map(_as_found(findings), rivals))]
-    if case.kind in LAWS or case.kind == "parameter":
-        parameters = truth.concealed.parameters
+    parameters = truth.concealed.parameters
+    if truth.terms or parameters:
         return any(
             score_law({**findings, "terms": law}, truth.terms, parameters)[0] for law in laws
         )

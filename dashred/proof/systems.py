@@ -23,6 +23,7 @@ class Proved:
         duration: of a recording.
         sensors: fewest and most fit sensors.
         noise: least and largest, as a share of each trace's std.
+        effect: least and largest rms of what is hidden over the sensors, in units of the noise.
         coarse: words that make the simulator too coarse for its own equations.
         analysis: words of every analysis: the networks are short, since laws are judged here.
     """
@@ -38,6 +39,7 @@ class Proved:
     duration: float
     sensors: tuple[int, int]
     noise: tuple[float, float]
+    effect: tuple[float, float]
     coarse: tuple[str, ...]
     analysis: tuple[str, ...] = field(default=("assimilation.epochs=1", "threads=1"))
 
@@ -69,6 +71,7 @@ FHN = Proved(
     duration=30.0,
     sensors=(8, 16),
     noise=(0.005, 0.1),
+    effect=(2.0, 20.0),
     coarse=tuple(f"system.axes.x.points={points}" for points in (14, 16, 18, 20, 22)),
     analysis=("shred.epochs=4", "assimilation.epochs=1", "threads=1"),
 )
@@ -91,6 +94,8 @@ RDE = Proved(
     duration=10.0,
     sensors=(10, 16),
     noise=(0.005, 0.1),
+    # Whatever is missing moves the front, and each in much the same way: less is undecidable.
+    effect=(5.0, 50.0),
     coarse=tuple(f"system.axes.x.points={points}" for points in (48, 64, 72)),
     analysis=("shred.epochs=8", "assimilation.epochs=1", "threads=1"),
 )

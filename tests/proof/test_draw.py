@@ -10,7 +10,7 @@ from dashred.config import load_config
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
 from dashred.proof.case_record import KINDS
-from dashred.proof.draw import DECKS, EFFECT, Case, draw_cases, seed_of
+from dashred.proof.draw import DECKS, Case, draw_cases, seed_of
 from dashred.proof.systems import SYSTEMS, Proved
 
 CASES = draw_cases(seed_of("a commit"), 120, 100)
@@ -55,8 +55,11 @@ def test_laws_have_one_to_three_terms_over_a_decade() -> None:
     drawn = of_kind("terms")
     counts = Counter(len(case.hidden["terms"]) for case in drawn)
     assert counts.keys() == {1, 2, 3}
-    effects = [case.effect for case in drawn if case.effect is not None]
-    assert min(effects) < 2 * EFFECT[0] and max(effects) > EFFECT[1] / 2
+    for proved in SYSTEMS.values():
+        low, high = proved.effect
+        effects = [c.effect for c in drawn if c.effect is not None and c.system == proved.name]
+        assert low <= min(effects) < 1.5 * low and high / 1.5 < max(effects) <= high
+        assert high / low >= 10
     for case in drawn:
         names = [(term["equation"], term["term"]) for term in case.hidden["terms"]]
         assert len(set(names)) == len(names)
