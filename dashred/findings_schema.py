@@ -126,8 +126,27 @@ class Profile(TypedDict):
     after: list[float | None]
 
 
+class Forcing(TypedDict):
+    """What would have to be added where and when, in units of each equation's own tendency.
+
+    `places` holds the middle of each cell along every axis; amplitudes and their standard
+    deviations are, by equation, lists of cells of lists of knots; `peak` is where they are largest;
+    `gain` is the evidence for them.
+    """
+
+    places: list[list[float]]
+    times: list[float]
+    amplitude: dict[str, list[list[float]]]
+    std: dict[str, list[list[float]]]
+    peak: list[float]
+    gain: float
+
+
 class Where(TypedDict):
-    """Where the law acts: in which equation, when, in what part of state space, at what sensors."""
+    """Where the law acts: in which equation, when, in what part of state space, at what sensors.
+
+    `forcing` is the map of a free forcing, where the best law left a question; else null.
+    """
 
     equation: dict[str, float]
     region: list[dict[str, Any]] | None
@@ -136,6 +155,7 @@ class Where(TypedDict):
     sensors: list[SensorGain]
     significance: float | None
     profile: Profile
+    forcing: Forcing | None
 
 
 class Share(TypedDict):

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.discovered import MISSING
+from dashred.discovery.forcing_map import ForcingMap, map_of
 from dashred.discovery.free_forcing import FreeForcing, force
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import Law, law_of
@@ -47,12 +48,15 @@ class Weighed:
         nothing: the simulator as it is, with its own best start.
         noise: under which they were scored.
         gain: evidence for a free forcing on top of the best.
+        forcing: the map of one on top of the simulator as it is; None where the best law leaves
+            no question, or nothing is missing.
     """
 
     laws: list[Law]
     nothing: Law
     noise: NoiseModel
     gain: float
+    forcing: ForcingMap | None
 
 
 def weigh(
@@ -76,11 +80,14 @@ def weigh(
         report: progress.
     """
     forced, gain = force(best.objective, best.phi, size)
+    forcing = None
     report(0.2, f"a free forcing gains {gain:.0f}")
     unclear = gain > MISSING or len(best.law.candidates) > SIMPLE
     if unclear:
+        missing = gain
         if best is not null:
-            forced, _ = force(null.objective, null.phi, size)
+            forced, missing = force(null.objective, null.phi, size)
+        forcing = map_of(forced, missing)
         noise = _noise_under(forced)
         everything = replace(everything, noise=noise)
         best, null = _again(best, noise), _again(null, noise)
@@ -102,7 +109,7 @@ def weigh(
         found = _under_its_own_noise(found)
     noise = next(cause for cause in found if not cause.law.parts).objective.noise
     nothing = next(cause.law for cause in found if not cause.law.parts)
-    return Weighed(unlike([cause.law for cause in found]), nothing, noise, gain)
+    return Weighed(unlike([cause.law for cause in found]), nothing, noise, gain, forcing)
 
 
 def _under_its_own_noise(found: Sequence[Cause]) -> list[Cause]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
+from dashred.discovery.forcing_map import ForcingMap
 from dashred.discovery.law import Law
 from dashred.discovery.noise_model import NoiseModel
 
@@ -32,6 +33,7 @@ class Discovered:
         path: ``(candidates, score of the best set of that size)``.
         tried: how many sets were refitted.
         beyond: evidence for a free forcing on top of the best law.
+        forcing: the map of a free forcing on top of the simulator as it is, where one was needed.
     """
 
     laws: list[Law]
@@ -46,6 +48,7 @@ class Discovered:
     path: list[tuple[int, float]]
     tried: int
     beyond: float = 0.0
+    forcing: ForcingMap | None = None
 
     @property
     def best(self) -> Law:

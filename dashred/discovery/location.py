@@ -10,9 +10,10 @@ from torch import Tensor
 
 from dashred.discovery.discovered import Discovered
 from dashred.discovery.explanation import region_of
+from dashred.discovery.forcing_map import ForcingMap
 from dashred.discovery.law import Law
 from dashred.discovery.regime import regime
-from dashred.findings_schema import Profile, SensorGain, Where
+from dashred.findings_schema import Forcing, Profile, SensorGain, Where
 from dashred.physics import algebra
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
@@ -56,6 +57,20 @@ def locate(
         sensors=_sensors(sensors, before, after, seen, len(law.candidates)),
         significance=_significance(before, after, len(law.candidates), discovered.tried),
         profile=_profile(times, before, after, seen),
+        forcing=_forcing(system, discovered.forcing),
+    )
+
+
+def _forcing(system: System, found: ForcingMap | None) -> Forcing | None:
+    if found is None:
+        return None
+    return Forcing(
+        places=found.places.tolist(),
+        times=found.times.tolist(),
+        amplitude=dict(zip(system.fields, found.amplitudes.tolist(), strict=True)),
+        std=dict(zip(system.fields, found.stds.tolist(), strict=True)),
+        peak=found.peak,
+        gain=found.gain,
     )
 
 

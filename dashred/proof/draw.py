@@ -24,12 +24,16 @@ DECKS: dict[str, tuple[Kind, ...]] = {
         *("gate", "fault", "outside", "start", "onset", "terms", "masked", "fault", "hidden"),
         *("box", "parameter", "terms"),
     ),
+    "ks1d": (
+        *("terms", "fault", "box", "terms", "parameter", "null", "terms", "outside", "fault"),
+        *("start", "terms", "onset"),
+    ),
     "rde": ("terms", "hidden", "parameter", "fault", "terms", "box", "null", "outside", "start"),
 }
 NOTHING: tuple[Kind, ...] = ("null",)
 # Systems of the cases, and of the nulls, dealt out likewise.
 TABLES = {
-    "cases": ("fhn", "fhn", "fhn", "rde", "fhn"),
+    "cases": ("fhn", "fhn", "rde", "fhn", "fhn", "ks1d", "fhn", "rde", "fhn", "fhn"),
     "nulls": (*("fhn",) * 9, "rde"),
 }
 # What a third of the nulls suffer from without anything being missing.

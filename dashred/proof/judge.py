@@ -56,6 +56,7 @@ def judge(
         "flagged": verdict in FLAGGED,
         "equation_right": _equation_right(case, findings, concealed),
         "region": _region(score, findings, concealed),
+        "peak_inside": _peak_inside(case, findings, concealed),
         "coefficients": _coefficients(findings, concealed) if score["exact_support"] else [],
         "oracle": oracle,
         "gains": _gains(case, findings, concealed, folder, score),
@@ -102,7 +103,9 @@ def is_right(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> b
     verdict, truth = findings["verdict"], concealed.truth
     hidden = truth.concealed
     if case.kind == "null":
-        return bool(verdict == "nothing-missing")
+        # A sensor that stands a little off its place may be named, if it is that one.
+        named = hidden.faults and score_cause(findings, False, hidden)
+        return bool(verdict == "nothing-missing" or named)
     if case.kind == "numerics":
         return bool(verdict == "unresolved-numerics")
     exact, _ = score_law(findings, truth.terms, hidden.parameters)
@@ -203,6 +206,18 @@ def _region(score: Score, findings: Mapping[str, Any], concealed: Concealed) -> 
         "threshold": share,
         "threshold_z": z,
     }
+
+
+def _peak_inside(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> bool | None:
+    """Return whether the map of a free forcing is largest where the hidden law acts."""
+    where = findings["where"]
+    if case.kind != "box" or where is None or where["forcing"] is None:
+        return None
+    [peak] = where["forcing"]["peak"]
+    [window] = [t.window for t in concealed.truth.terms if t.window is not None]
+    _, begin, end, _ = window
+    assert begin is not None and end is not None
+    return bool(begin <= peak <= end)
 
 
 def _coefficients(findings: Mapping[str, Any], concealed: Concealed) -> list[Coefficient]:

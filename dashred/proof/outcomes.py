@@ -38,9 +38,11 @@ def told_as(verdict: str, record: CaseRecord) -> bool | None:
 
 
 def false_alarm(record: CaseRecord) -> bool | None:
-    """Return whether a null was said to hide something, or might: `ambiguous` is one, too."""
-    quiet = told_as("nothing-missing", record)
-    return None if quiet is None else not quiet
+    """Return whether a null was said to hide something that it does not, or that it might.
+
+    `ambiguous` is one, too; that the sensor which stands off its place does so is none.
+    """
+    return None if record["verdict"] is None else not record["right"]
 
 
 def false_outside(record: CaseRecord) -> bool | None:

@@ -100,4 +100,26 @@ RDE = Proved(
     analysis=("shred.epochs=8", "assimilation.epochs=1", "threads=1"),
 )
 
-SYSTEMS = {proved.name: proved for proved in (FHN, RDE)}
+KS1D = Proved(
+    name="ks1d",
+    terms={
+        "u": (
+            *("u", "u**2", "u**3", "d(u, x)", "d(u, x, 3)", "d(u, x)**2", "u**2*d(u, x)"),
+            *("u*d(u, x, 2)", "d(u, x, 2)", "u*d(u, x)"),
+        )
+    },
+    local={"u": ("1", "u", "u**2", "u**3")},
+    beyond={"u": ("sin(2*u)", "abs(u)*u", "tanh(2*u)", "cos(2*pi*x/38)", "u*cos(2*pi*x/38)")},
+    hidden=None,
+    parameters=("nu",),
+    axis=("x", 38.0),
+    gated=("u", -1.0, 1.0),
+    duration=60.0,
+    sensors=(10, 14),
+    noise=(0.005, 0.1),
+    effect=(3.0, 30.0),
+    coarse=tuple(f"system.axes.x.points={points}" for points in (24, 28, 32)),
+    analysis=("shred.epochs=4", "assimilation.epochs=1", "threads=1"),
+)
+
+SYSTEMS = {proved.name: proved for proved in (FHN, RDE, KS1D)}

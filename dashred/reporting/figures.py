@@ -3,6 +3,7 @@
 from dashred.reporting.coefficients import coefficients_against_epoch
 from dashred.reporting.curves import learning_curves, rmse_against_time, sparsity_path
 from dashred.reporting.evidence import evidence_figure
+from dashred.reporting.forcing import forcing_figure
 from dashred.reporting.location import LawMap, where_figure
 from dashred.reporting.space_time import space_time_panels
 from dashred.reporting.style import save_figure
@@ -13,6 +14,7 @@ __all__ = [
     "LawMap",
     "coefficients_against_epoch",
     "evidence_figure",
+    "forcing_figure",
     "learning_curves",
     "rmse_against_time",
     "save_figure",

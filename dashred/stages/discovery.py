@@ -97,6 +97,7 @@ def discover(
         path=_path(selection),
         tried=len(selection.tried),
         beyond=weighed.gain,
+        forcing=weighed.forcing,
     )
 
 

@@ -17,6 +17,7 @@ from dashred.reporting.figures import (
     LawMap,
     coefficients_against_epoch,
     evidence_figure,
+    forcing_figure,
     learning_curves,
     save_figure,
     sensor_traces,
@@ -40,6 +41,7 @@ PANELS = ("simulation", "dashred", "corrected")
 FIGURES = {
     "What was left out, and how sure that is": "evidence.png",
     "Where the law acts, and at which sensors it shows": "where.png",
+    "What a free forcing would add, where and when": "forcing.png",
     "What the law is worth on data that no fit has seen": "verification.png",
     "The reconstructed field": "space_time.png",
     "All sensors": "sensor_traces.png",
@@ -108,6 +110,10 @@ def _where(problem: Problem, analysis: Analysis, where: Where, output: Path) -> 
             tendency.square().sum(dim=1).sqrt().numpy(),
             {sensor.name: sensor.position[0] for sensor in fit.sensors},
         )
+        if where["forcing"] is not None:
+            places = list(law_map.sensors.values())
+            figure = forcing_figure(where["forcing"], axis.name, axis.length, places)
+            save_figure(figure, output / "forcing.png")
     save_figure(where_figure(where, law_map), output / "where.png")
 
 

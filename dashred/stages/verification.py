@@ -101,7 +101,10 @@ def refuse_unresolved(problem: Problem, resolution: Resolution) -> Findings:
     enough = None
     if resolution.enough is not None:
         enough = {name: count * resolution.enough for name, count in points.items()}
-    advice = f"{enough} points would do" if enough else "even twice the points would not do"
+    advice = "even doubling it twice would not do"
+    if enough:
+        listed = " and ".join(f"{count} points along {name}" for name, count in enough.items())
+        advice = " with ".join(filter(None, [listed, "half the time step"])) + " would do"
     says = (
         f"doubling the resolution moves a sensor trace by {resolution.error:.1%} of its standard "
         f"deviation, above the limit of {resolution.limit:.1%}; {advice}"

@@ -60,6 +60,14 @@ def test_a_null_is_right_if_nothing_is_missing() -> None:
     assert not is_right(case, findings(None), truth)
 
 
+def test_a_null_whose_misplaced_sensor_is_named_is_right() -> None:
+    truth = concealed(faults=(SealedFault("s05", "misplaced", 0.05),))
+    cause = {"kind": "sensor-fault", "sensor": "s05", "fault": "misplaced", "probability": 1.0}
+    assert is_right(case_of("null"), findings("sensor-fault", causes=(cause,)), truth)
+    other = findings("sensor-fault", causes=(cause | {"sensor": "s06"},))
+    assert not is_right(case_of("null"), other, truth)
+
+
 def test_a_law_is_right_in_its_exact_form_alone() -> None:
     case, truth = case_of("terms"), concealed(V2)
     assert is_right(case, findings("missing-term", term("v", "v**2")), truth)

@@ -65,7 +65,7 @@ FLIPS: list[tuple[str, list[CaseRecord], CaseRecord]] = [
     ("not converged", [GOOD] * 9 + [STUCK], STUCK),
     ("search failures", [case(oracle=oracle(lost=6.0))] * 97 + [MISSED] * 3, MISSED),
     ("start, sensor fault", [*NAMED, wrong(kind="fault")], wrong(kind="numerics")),
-    ("false alarms", [null()] * 97 + [null(verdict="ambiguous")] * 3, null(verdict="parameter")),
+    ("false alarms", [null()] * 97 + [null(right=False)] * 3, null(right=False)),
     ("region", [case(region=region(overlap=0.9))], case(region=region(overlap=0.7))),
     ("map's peak", [case(peak_inside=True)] * 17 + [OFF_PEAK] * 3, OFF_PEAK),
     ("onset", [case(region=region(onset=0.05))], case(region=region(onset=0.06))),
@@ -165,11 +165,15 @@ def test_the_leading_cause_may_be_right_where_the_verdict_is_open() -> None:
         (case(region=region(onset=0.2)), "the onset is off"),
         (case(region=region(threshold=0.2)), "the threshold is off"),
         (case(coefficients=[coefficient(found=-0.3)]), "the coefficient of u: u**2 is off"),
-        (null(verdict="sensor-fault"), "false alarm"),
     ],
 )
 def test_what_a_case_falls_short_in_is_said(record: CaseRecord, words: str) -> None:
     assert failings(record) == [words]
+
+
+def test_a_null_that_is_not_right_is_a_false_alarm() -> None:
+    assert "false alarm" in failings(null(verdict="sensor-fault", right=False))
+    assert "false alarm" not in failings(null(verdict="sensor-fault"))
 
 
 def test_what_went_well_has_no_failings() -> None:

@@ -53,6 +53,7 @@ def where(sensors: int = 4, fields: tuple[str, ...] = ("u", "lam")) -> dict[str,
         "regime": "u > 1.2 (39 % of space and time carries 80 % of it)",
         "sensors": gains,
         "profile": {"times": list(TIMES), "before": before, "after": [None] + [1.0] * 40},
+        "forcing": None,
     }
 
 
@@ -164,3 +165,22 @@ def test_without_test_sensors_the_bars_stand_alone_with_a_legend() -> None:
     figure = verified(sensors=0)
     assert len(figure.axes) == 1
     assert "corrected simulation" in texts(figure)
+
+
+def test_the_map_of_a_forcing_shows_the_equations_of_which_it_is_sure() -> None:
+    from dashred.reporting.figures import forcing_figure
+
+    size = np.zeros((4, 3))
+    size[1] = 0.5
+    forcing = {
+        "times": [0.0, 1.0, 2.0],
+        "amplitude": {"u": size.tolist(), "v": (0.1 * size).tolist()},
+        "std": {"u": np.full((4, 3), 0.1).tolist(), "v": np.full((4, 3), 0.1).tolist()},
+    }
+    figure = forcing_figure(forcing, "x", 8.0, [1.0, 5.0])
+    panels = [axes for axes in figure.axes if axes.images]
+    assert [axes.get_title(loc="left") for axes in panels] == ["equation of u"]
+    [image] = panels[0].images
+    assert np.array_equal(np.asarray(image.get_array()), size) and image.get_clim() == (-0.5, 0.5)
+    [dots] = [line for line in panels[0].lines if line.get_marker() == "."]
+    assert np.size(dots.get_xdata()) == 9

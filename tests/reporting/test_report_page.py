@@ -53,6 +53,7 @@ WHERE: Any = {
     "sensors": [],
     "significance": 1e-40,
     "profile": {"times": [], "before": [], "after": []},
+    "forcing": None,
 }
 NEXT: Any = {
     "terms": [{"equation": "u", "term": "u**2", "coefficient": -0.03123, "region": None}],

@@ -34,7 +34,7 @@ def test_a_refusal_says_so_when_twice_the_points_are_not_enough(posed) -> None:
     found = verification.refuse_unresolved(posed, Resolution(0.5, 0.01, None))
     assert found["causes"] is not None
     assert found["causes"][0]["enough"] is None
-    assert "even twice the points would not do" in found["causes"][0]["says"]
+    assert "even doubling it twice would not do" in found["causes"][0]["says"]
 
 
 def test_errors_count_in_stds_of_each_trace_and_pass_over_missing_samples() -> None:

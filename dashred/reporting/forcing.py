@@ -1,0 +1,84 @@
+"""The map of a free forcing: what would have to be added where and when, and how sure that is."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+
+from dashred.reporting.space_time import mark_sensors
+from dashred.reporting.style import BLUE, VERMILION, new_figure, style
+
+# What lies within so many standard deviations of nothing is dotted.
+SURE = 2.0
+SIGNED = LinearSegmentedColormap.from_list(
+    "signed", ["#08306b", BLUE, "#ffffff", VERMILION, "#4a1500"]
+)
+TITLE = "What a free forcing adds to the simulation"
+EXPLAINED = (
+    f"dotted: within {SURE:g} standard deviations of nothing. Which equation, laws tell better."
+)
+
+
+def forcing_figure(
+    forcing: Mapping[str, Any], axis: str, length: float, sensors: Sequence[float]
+) -> Figure:
+    """Draw ``findings["where"]["forcing"]`` of a system on a line, one panel an equation.
+
+    Args:
+        forcing: as in the findings.
+        axis: the coordinate's name.
+        length: of the axis.
+        sensors: positions of the fit sensors, marked at the left edge.
+    """
+    found = {
+        field: np.asarray(values, float)
+        for field, values in forcing["amplitude"].items()
+        if np.any(np.abs(values) > SURE * np.asarray(forcing["std"][field], float))
+    }
+    shown = found or {f: np.asarray(v, float) for f, v in forcing["amplitude"].items()}
+    limit = max(float(np.abs(values).max()) for values in shown.values()) or 1.0
+    times = np.asarray(forcing["times"], float)
+    with style():
+        figure = new_figure(7.4, 0.9 + 2.1 * len(shown))
+        grid = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, (field, values) in zip(grid, shown.items(), strict=True):
+            std = np.asarray(forcing["std"][field], float)
+            image = _draw(axes, times, length, values, limit)
+            _dot(axes, times, length, np.abs(values) < SURE * std)
+            mark_sensors(axes, sensors)
+            axes.set_ylabel(axis)
+            axes.set_title(f"equation of {field}", fontsize=9)
+            figure.colorbar(image, ax=axes, label="share of its\ntendency", pad=0.015, aspect=14)
+        grid[-1].set_xlabel("time")
+        figure.suptitle(f"{TITLE}\n{EXPLAINED}", x=0.01, ha="left", fontsize=10)
+    return figure
+
+
+def _draw(
+    axes: Axes, times: np.ndarray, length: float, values: np.ndarray, limit: float
+) -> AxesImage:
+    axes.grid(False)
+    half = (times[1] - times[0]) / 2
+    image = axes.imshow(
+        values,
+        origin="lower",
+        aspect="auto",
+        extent=(times[0] - half, times[-1] + half, 0.0, length),
+        cmap=SIGNED,
+        vmin=-limit,
+        vmax=limit,
+        interpolation="nearest",
+    )
+    axes.set_xlim(times[0], times[-1])
+    return image
+
+
+def _dot(axes: Axes, times: np.ndarray, length: float, unsure: np.ndarray) -> None:
+    """Mark the cells whose forcing may as well be nothing."""
+    cells, knots = np.nonzero(unsure)
+    places = (cells + 0.5) * length / len(unsure)
+    axes.plot(times[knots], places, ".", color="#7a7a7a", markersize=2.5, linewidth=0)

@@ -1,0 +1,37 @@
+"""The map of a free forcing: where it is largest, and how sure it is."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from dashred.discovery.forcing_map import map_of
+from dashred.discovery.free_forcing import force
+from dashred.discovery.local_shooting import localised
+from dashred.physics.window import box
+from tests.waves import TIMES, Waves, fitted
+
+SIGMA = 0.01
+
+
+@pytest.mark.parametrize("middle", [2.5, 7.0])
+def test_it_is_largest_where_a_law_acts(waves: Waves, middle: float) -> None:
+    [axis] = waves.system.axes
+    [everywhere] = waves.candidates(["u: 1"])
+    [hidden] = localised([everywhere], box(axis).at((middle, 1.5, math.log(0.3))))
+    objective = waves.objective(waves.recorded(SIGMA, 3, [(hidden, 0.2)]), SIGMA)
+    forced, gain = force(objective, fitted(objective), waves.size)
+    found = map_of(forced, gain)
+    assert found is not None and found.gain > 100
+    [peak] = found.peak
+    assert abs(peak - middle) < 1.5 + 0.5
+    assert found.amplitudes.shape == found.stds.shape == (2, len(found.places), len(found.times))
+    assert found.times[[0, -1]].tolist() == TIMES[[0, -1]].tolist()
+    assert (found.stds > 0).all()
+
+
+def test_where_nothing_is_missing_there_is_no_map(waves: Waves) -> None:
+    objective = waves.objective(waves.recorded(SIGMA, 6), SIGMA)
+    forced, gain = force(objective, fitted(objective), waves.size)
+    assert map_of(forced, gain) is None
