@@ -11,6 +11,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from dashred.discovery.beyond import candidates_beyond
 from dashred.discovery.candidates import Candidate, build_candidates, forcing_of
 from dashred.discovery.causes import grow
 from dashred.discovery.gauss_newton import minimise
@@ -62,6 +63,18 @@ class Waves:
         everything = build_candidates(system, library, states, 0.0)
         simulator = Simulator(system, system.dt, everything, shapes_of(system))
         return cls(system, simulator, {str(found): found for found in everything})
+
+    @cached_property
+    def beyond(self) -> list[Candidate]:
+        """Candidates that the library does not have."""
+        states = simulate(self.system, nominal_start(self.system), TIMES)[0]
+        library = [Term(e, self.system.parse(t, "library", equation=e)) for e, t in TERMS]
+        return candidates_beyond(self.system, library, states, 0.0)
+
+    @cached_property
+    def simulator_beyond(self) -> Simulator:
+        """Return the simulator with these in reach."""
+        return Simulator(self.system, self.system.dt, self.beyond)
 
     @cached_property
     def operator(self) -> ObservationOperator:

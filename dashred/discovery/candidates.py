@@ -31,6 +31,7 @@ class Candidate:
         aliases: parameters whose change has the same effect to first order.
         replaces: library terms, ``equation: term``, that a parameter stands for.
         window: where alone it acts; None everywhere.
+        beyond: whether it is a term that the library does not have.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Candidate:
     aliases: tuple[str, ...] = ()
     replaces: tuple[str, ...] = ()
     window: Window | None = None
+    beyond: bool = False
 
     @property
     def key(self) -> str:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from dashred.discovery.beyond import laws_beyond
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.discovered import MISSING
 from dashred.discovery.forcing_map import ForcingMap, map_of
@@ -27,8 +28,8 @@ from dashred.progress import Report
 
 # A score this much worse than the best is a rival's.
 RIVAL = 6.0
-# A law of more candidates than this may imitate one that acts somewhere only.
-SIMPLE = 2
+# A law of more candidates may imitate one that acts somewhere only, or is beyond the library.
+SIMPLE = 1
 # χ²/n, under the noise that a free forcing leaves, of what needs no further explanation.
 EXPLAINED = 1.1
 # By how much the horizon of the simulator as it is grows at once.
@@ -66,6 +67,7 @@ def weigh(
     null: Cause,
     size: Tensor,
     compiled: Callable[[], Simulator],
+    beyond: Callable[[], tuple[Simulator, Sequence[Candidate]]],
     report: Report,
 ) -> Weighed:
     """Weigh the best law that acts everywhere against other explanations.
@@ -77,6 +79,7 @@ def weigh(
         null: the simulator as it is.
         size: rms of each equation's own tendency, ``(equation,)``.
         compiled: the simulator with windows in reach: worth its seconds only if they are needed.
+        beyond: terms that the library does not have, and the simulator with them in reach.
         report: progress.
     """
     forced, gain = force(best.objective, best.phi, size)
@@ -105,11 +108,25 @@ def weigh(
         found += local
         first = min([best, *local], key=_score)
         _, gain = force(first.objective, first.phi, size)
+        if gain > MISSING or len(first.law.candidates) > SIMPLE:
+            report(0.8, "screening terms beyond the library")
+            further = laws_beyond(_of(everything, *beyond()), forced, everywhere)
+            found += further
+            nearest = min(further, key=_score)
+            if nearest.law.score < first.law.score:
+                _, gain = force(nearest.objective, nearest.phi, size)
     if unclear:
         found = _under_its_own_noise(found)
     noise = next(cause for cause in found if not cause.law.parts).objective.noise
     nothing = next(cause.law for cause in found if not cause.law.parts)
     return Weighed(unlike([cause.law for cause in found]), nothing, noise, gain, forcing)
+
+
+def _of(objective: Objective, simulator: Simulator, candidates: Sequence[Candidate]) -> Objective:
+    """Return F of other candidates; their prior is their natural scale."""
+    scales = torch.tensor([c.scale for c in candidates], dtype=torch.float64)
+    shooting = replace(objective.shooting, simulator=simulator, candidates=candidates)
+    return replace(objective, shooting=shooting, prior_std=scales)
 
 
 def _under_its_own_noise(found: Sequence[Cause]) -> list[Cause]:

@@ -82,6 +82,11 @@ class Law:
         return frozenset(found)
 
     @property
+    def beyond(self) -> bool:
+        """Whether it has terms that the library does not have."""
+        return any(candidate.beyond for candidate in self.candidates)
+
+    @property
     def window(self) -> Window | None:
         """The window in which some of it acts."""
         return next((c.window for c in self.candidates if c.window is not None), None)

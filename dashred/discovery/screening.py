@@ -91,7 +91,7 @@ def screen(
         *(localised([candidates[p.candidate]], p.window)[0] for p in pieces),
     ]
     stds = torch.cat([objective.prior_std, *[objective.prior_std[[p.candidate]] for p in pieces]])
-    problem = _eliminated(objective, forced, columns, stds)
+    problem = eliminated(objective, forced, columns, stds)
     found = [_screened(problem, Hypothesis((j,)), {j: 1.0}) for j in range(everywhere)]
     pairs = [(i, j) for j in range(everywhere) for i in range(j)]
     costs = problem.costs(pairs).tolist() if pairs else []
@@ -103,10 +103,17 @@ def screen(
     return found
 
 
-def _eliminated(
+def eliminated(
     objective: Objective, forced: FreeForcing, columns: Sequence[Candidate], stds: Tensor
 ) -> Eliminated:
-    """Linearise about the forced trajectory, and take the forcing out."""
+    """Linearise about the forced trajectory, and take the forcing out.
+
+    Args:
+        objective: F of a law.
+        forced: a forcing that explains the recording.
+        columns: candidates, in a window or not.
+        stds: prior std of each one's coefficient.
+    """
     driven = forced.objective.shooting
     assert isinstance(driven, DrivenShooting)
     modes, amplitudes = objective.modes, driven.pulses.count

@@ -16,6 +16,10 @@ from dashred.findings_schema import Verdict
 
 # Misfit, relative to the fit of all candidates, at which a law has not been fitted to the end.
 STUCK = 1.5
+EXTENDED = (
+    "no law of the library explains the recording; one term from beyond it, of functions, higher "
+    "powers and waves, does"
+)
 
 
 def verdict(discovered: Discovered) -> tuple[Verdict, list[dict[str, Any]]]:
@@ -97,6 +101,8 @@ def _kind(law: Law) -> Verdict:
         return "initial-condition"
     if not law.candidates:
         return "nothing-missing"
+    if law.beyond:
+        return "outside-library"
     if all(candidate.equation is None for candidate in law.candidates):
         return "parameter"
     return "missing-term"
@@ -114,4 +120,7 @@ def _details(law: Law) -> dict[str, Any]:
         return {"where": None, "start": law.widened, "says": says}
     if _kind(law) == "parameter":
         return where | {"parameter": [candidate.name for candidate in law.candidates]}
-    return where | {"terms": [str(candidate) for candidate in law.candidates]}
+    terms = {"terms": [str(candidate) for candidate in law.candidates]}
+    if _kind(law) == "outside-library":
+        return where | terms | {"says": EXTENDED}
+    return where | terms

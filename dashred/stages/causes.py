@@ -8,6 +8,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from dashred.discovery.beyond import candidates_beyond
 from dashred.discovery.candidates import Candidate, replaced_terms
 from dashred.discovery.causes import Weighed, grow, weigh
 from dashred.discovery.gauss_newton import minimise
@@ -68,6 +69,7 @@ def weigh_causes(
         empty,
         _tendency_size(problem.system, nominal.states, begin),
         lambda: _with_windows(problem, [*known, *local]),
+        lambda: _beyond(problem, nominal),
         report,
     )
     if weighed.noise is not objective.noise:
@@ -91,6 +93,13 @@ def _with(objective: Objective, local: Sequence[Candidate], weak: float) -> Obje
 def _with_windows(problem: Problem, candidates: Sequence[Candidate]) -> Simulator:
     system = problem.system
     return Simulator(system, problem.ensemble_system.dt, candidates, shapes_of(system))
+
+
+def _beyond(problem: Problem, nominal: Nominal) -> tuple[Simulator, list[Candidate]]:
+    """Return the simulator with terms in reach that the library does not have."""
+    system, begin = problem.system, float(problem.times[0])
+    further = candidates_beyond(system, problem.library, nominal.states, begin)
+    return Simulator(system, problem.ensemble_system.dt, further), further
 
 
 def _tendency_size(system: System, states: Tensor, t: float) -> Tensor:

@@ -26,7 +26,8 @@ def weighed(
     """Return what is found of a hidden term, beginning at the simulator as it is."""
     law = []
     if name is not None:
-        [candidate] = waves.candidates([name])
+        known = waves.everything | {str(found): found for found in waves.beyond}
+        candidate = known[name]
         law = [(localised([candidate], shape.at(edges))[0] if shape else candidate, xi)]
     recorded = waves.recorded(SIGMA, 1, law)
     everything = waves.objective(recorded, SIGMA, list(waves.everything))
@@ -35,7 +36,14 @@ def weighed(
     empty = Cause(law_of(null, found, (), found.cost), null, found.phi)
     count = len(waves.everything)
     return weigh(
-        everything, count, empty, empty, waves.size, lambda: waves.simulator, lambda *_: None
+        everything,
+        count,
+        empty,
+        empty,
+        waves.size,
+        lambda: waves.simulator,
+        lambda: (waves.simulator_beyond, waves.beyond),
+        lambda *_: None,
     )
 
 
@@ -93,3 +101,19 @@ def test_where_nothing_is_missing_nothing_is_found(waves: Waves, seed: int) -> N
     found = weighed(waves, None, None, [], 0.0)
     assert not found.laws[0].parts and torch.isfinite(found.noise.std).all()
     assert len(TIMES) == len(recorded)
+
+
+def test_a_law_beyond_the_library_is_found_there(waves: Waves) -> None:
+    found = weighed(waves, "u: sin(2*u)", None, [], 0.3)
+    best = found.laws[0]
+    [candidate] = best.candidates
+    assert candidate.beyond and candidate.key == "u: sin(2*u)"
+    assert abs(float(best.coefficients[0]) - 0.3) < 3 * float(best.std[0]) < 0.1
+    assert found.gain < MISSING
+    assert best.score < min(law.score for law in found.laws if not law.beyond) - 6
+
+
+def test_a_law_of_the_library_is_not_looked_for_beyond(waves: Waves) -> None:
+    found = weighed(waves, "u: u**2", None, [], 0.1)
+    assert not any(law.beyond for law in found.laws[:1])
+    assert term(found.laws[0]) == "u: u**2"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -53,6 +55,17 @@ def test_what_a_free_forcing_finds_beyond_the_best_law_lies_outside_of_the_libra
     found, [outside, nearest, *_] = verdict(laws.discovery(best, beyond=30.0))
     assert found == outside["kind"] == "outside-library" and outside["probability"] > 0.99
     assert nearest["terms"] == ["u: u"]
+
+
+def test_a_law_beyond_the_library_is_said_to_be_that(flow: System) -> None:
+    term = replace(laws.term(flow, "u", "sin(2*u)"), beyond=True)
+    best = laws.law([term], [0.1])
+    found, [cause, *_] = verdict(laws.discovery(best, laws.law(score=50.0)))
+    assert found == cause["kind"] == "outside-library"
+    assert cause["terms"] == ["u: sin(2*u)"] and "beyond" in cause["says"]
+    # Where the library does as well, it is left open.
+    near = laws.law([laws.term(flow, "u", "u")], [0.1], score=3.0)
+    assert verdict(laws.discovery(best, near))[0] == "ambiguous"
 
 
 def test_a_rival_makes_it_ambiguous_and_the_classes_share_the_probability(flow: System) -> None:
