@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import signal
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from filelock import FileLock, Timeout
 from rich.console import Console
 
 from dashred.benchmark.plan import Row
@@ -26,6 +24,7 @@ from dashred.benchmark.table import (
 from dashred.benchmark.words import Request
 from dashred.errors import DONE, OUR_FAILURE, InputError
 from dashred.findings import write_json_atomic
+from dashred.long_run import alone_in, signals_as_interrupt
 from dashred.mlflow_store import find_run, open_store
 from dashred.output import make_output
 from dashred.progress import CONSOLE
@@ -38,7 +37,7 @@ WIDE = 240
 def run_bench(request: Request, rows: Sequence[Row]) -> int:
     """Run what is not done, write and print the tables; 1 when a row failed."""
     output = make_output(str(request.output))
-    with _alone_in(output), _signals_as_interrupt():
+    with alone_in(output, "bench"), signals_as_interrupt():
         records = {row.folder: done for row in rows if (done := read_done(row))}
         waiting = [row for row in rows if row.folder not in records]
         CONSOLE.print(f"{len(rows)} rows, {len(records)} of them done already; in {output}")
@@ -107,29 +106,3 @@ def _earlier_run(file: Path, root: str, experiment: str) -> str | None:
         return find_run(open_store(root, experiment), known["run"])
     except (OSError, ValueError, TypeError, KeyError, InputError):
         return None
-
-
-@contextmanager
-def _alone_in(output: Path) -> Iterator[None]:
-    try:
-        with FileLock(output / ".bench.lock", timeout=0):
-            yield
-    except Timeout:
-        raise InputError(
-            "another bench is running in this folder",
-            where=str(output),
-            hint="wait for it, or choose another: output=DIR",
-        ) from None
-
-
-@contextmanager
-def _signals_as_interrupt() -> Iterator[None]:
-    """Let a plain ``kill`` end the rows, too, and Ctrl-C where a shell had it ignored."""
-    before = {how: signal.getsignal(how) for how in (signal.SIGINT, signal.SIGTERM)}
-    for how in before:
-        signal.signal(how, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        for how, handler in before.items():
-            signal.signal(how, handler)

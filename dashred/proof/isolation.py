@@ -33,7 +33,7 @@ class AnalystLostError(Exception):
     """An analyst's process has ended, though nobody told it to."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Analyst:
     """A process that analyses one recording after another."""
 

@@ -6,17 +6,18 @@ import json
 import tempfile
 import time
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
-from threading import Lock
+from threading import Event, Lock
 from typing import Any
 
 import torch
 
 from dashred.errors import DONE
 from dashred.findings import check_freeze, write_json_atomic
+from dashred.long_run import alone_in, signals_as_interrupt
 from dashred.output import make_output
 from dashred.progress import CONSOLE
 from dashred.proof.case_record import CaseRecord
@@ -46,6 +47,11 @@ def run_proof(request: Request) -> list[Kept]:
     """Run whatever is not done; returns what all cases leave, in order."""
     torch.set_num_threads(1)
     output = make_output(str(request.output))
+    with alone_in(output, "proof"), signals_as_interrupt():
+        return _run(request, output)
+
+
+def _run(request: Request, output: Path) -> list[Kept]:
     cases = draw_cases(seed_of(request.draw), request.cases, request.nulls)
     kept = {str(case): done for case in cases if (done := _read_done(case, output))}
     waiting = [case for case in cases if str(case) not in kept]
@@ -62,7 +68,8 @@ class _Desk:
 
     def __init__(self, request: Request, copy: Path, kept: dict[str, Kept], total: int) -> None:
         self.request, self.copy, self.kept, self.total = request, copy, kept, total
-        self.keeper = Lock()
+        self.keeper, self.stopped = Lock(), Event()
+        self.analysts: set[Analyst] = set()
 
     def work_through(self, waiting: Sequence[Case]) -> None:
         """Analyse every case, so many at once."""
@@ -71,17 +78,28 @@ class _Desk:
             queue.put(case)
         jobs = min(self.request.jobs, len(waiting))
         with ThreadPoolExecutor(jobs) as pool:
-            for done in [pool.submit(self._empty, queue) for _ in range(jobs)]:
-                done.result()
+            working = [pool.submit(self._empty, queue) for _ in range(jobs)]
+            try:
+                for done in as_completed(working):
+                    done.result()
+            except BaseException:
+                # The pool waits for its threads, and these for their analysts.
+                self.stopped.set()
+                for mine in list(self.analysts):
+                    mine.process.kill()
+                raise
 
     def _empty(self, queue: SimpleQueue[Case]) -> None:
-        while not queue.empty():
+        while not (queue.empty() or self.stopped.is_set()):
             with analyst(self.copy) as mine:
+                self.analysts.add(mine)
                 try:
-                    while not queue.empty():
+                    while not (queue.empty() or self.stopped.is_set()):
                         self._finish(queue.get(), mine)
                 except AnalystLostError:
                     continue
+                finally:
+                    self.analysts.discard(mine)
 
     def _finish(self, case: Case, mine: Analyst) -> None:
         """See one case through, and keep its record."""
@@ -94,7 +112,10 @@ class _Desk:
         try:
             code, seconds = mine.analyse(self._words(case, folder), folder / "log.txt")
         except AnalystLostError as lost:
-            self._keep(case, unjudged(case, concealed, f"the analyst died: {lost}"), folder, began)
+            if not self.stopped.is_set():
+                self._keep(
+                    case, unjudged(case, concealed, f"the analyst died: {lost}"), folder, began
+                )
             raise
         if code != DONE:
             record = unjudged(case, concealed, _last_line(folder / "log.txt"))

@@ -1,0 +1,43 @@
+"""What a command of hours needs: its folder to itself, and the same end by whatever signal."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from dashred.errors import InputError
+
+
+@contextmanager
+def alone_in(output: Path, what: str) -> Iterator[None]:
+    """Keep a second command of the same kind out of a folder.
+
+    Raises:
+        InputError: one is running there.
+    """
+    try:
+        with FileLock(output / f".{what}.lock", timeout=0):
+            yield
+    except Timeout:
+        raise InputError(
+            f"another {what} is running in this folder",
+            where=str(output),
+            hint="wait for it, or choose another: output=DIR",
+        ) from None
+
+
+@contextmanager
+def signals_as_interrupt() -> Iterator[None]:
+    """Let a plain ``kill`` end a command as Ctrl-C does, and this where a shell had it ignored."""
+    before = {how: signal.getsignal(how) for how in (signal.SIGINT, signal.SIGTERM)}
+    for how in before:
+        signal.signal(how, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for how, handler in before.items():
+            signal.signal(how, handler)
