@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dashred.findings import write_json_atomic
 from dashred.output import make_output
 from dashred.progress import CONSOLE
+from dashred.proof.appendix import analyse_pendulum
 from dashred.proof.document import ProtocolFacts, write_document
 from dashred.proof.draw import seed_of
 from dashred.proof.figures import save_figures
@@ -29,7 +30,10 @@ def conclude(request: Request, kept: Sequence[Kept]) -> None:
     write_json_atomic(request.output / "records.json", {"records": records})
     make_output(str(request.document.parent))
     save_figures(records, request.document.parent / "figures")
-    write_document(records, request.document, facts)
+    appendix = ""
+    if request.pendulum is not None:
+        appendix = analyse_pendulum(request.pendulum, request.output)
+    write_document(records, request.document, facts, appendix)
     for target in TARGETS:
         measured = target.measure(records)
         CONSOLE.print(

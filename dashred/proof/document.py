@@ -87,11 +87,14 @@ class ProtocolFacts:
     processes: int
 
 
-def write_document(records: Records, path: Path, protocol_facts: ProtocolFacts) -> None:
+def write_document(
+    records: Records, path: Path, protocol_facts: ProtocolFacts, appendix: str = ""
+) -> None:
     """Write the page, whole or not at all; its figures are looked for in `figures` beside it."""
+    page = "\n".join(filter(None, [document(records, protocol_facts), appendix]))
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
-        partial.write_text(document(records, protocol_facts), encoding="utf-8")
+        partial.write_text(page, encoding="utf-8")
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)

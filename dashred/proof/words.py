@@ -11,7 +11,7 @@ from dashred.errors import InputError, nearest
 from dashred.proof.isolation import CHECKOUT
 
 PLACE = "command line"
-KNOWN = ("cases", "nulls", "jobs", "output", "draw", "document")
+KNOWN = ("cases", "nulls", "jobs", "output", "draw", "document", "pendulum")
 MOST = 100_000
 
 USAGE = """\
@@ -26,6 +26,7 @@ give the same command again.
   jobs=2          cases at once, each on one core; default: 1
   output=DIR      default: {output}/COMMIT (not tracked by git)
   document=FILE   writes the result as Markdown, its figures beside it; default: DIR/proof.md
+  pendulum=FILE   the recording of a real pendulum, for the document's appendix
   draw=TEXT       draws other cases, for practice: the document says so. By default the hash of the
                   commit under test gives the draw, so that nothing can have been tuned to it
 
@@ -43,7 +44,8 @@ class Request:
         nulls: how many more that do not.
         jobs: cases at once.
         output: folder of the cases.
-        document: file of the result; None for the folder's own.
+        document: file of the result.
+        pendulum: a real recording; None for no appendix.
         draw: what the seed of the draw is made of.
         practice: whether that is another text than the commit's hash.
     """
@@ -53,6 +55,7 @@ class Request:
     jobs: int
     output: Path
     document: Path
+    pendulum: Path | None
     draw: str
     practice: bool
 
@@ -84,6 +87,7 @@ def read_words(argv: list[str]) -> Request:
         jobs=max(1, _count("jobs", given.get("jobs", "1"))),
         output=output.absolute(),
         document=document.absolute(),
+        pendulum=_recording(given.get("pendulum")),
         draw=draw,
         practice=practice,
     )
@@ -112,6 +116,15 @@ def commit_under_test() -> str:
             hint=hint,
         )
     return commit
+
+
+def _recording(text: str | None) -> Path | None:
+    if text is None:
+        return None
+    path = Path(text)
+    if not path.is_file():
+        raise InputError("there is no such recording", where=text)
+    return path.absolute()
 
 
 def _count(key: str, text: str) -> int:

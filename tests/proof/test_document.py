@@ -123,3 +123,9 @@ def test_a_page_is_written_whole_or_not_at_all(
         write_document([wrong()], path, FACTS)
     assert [file.name for file in tmp_path.iterdir()] == ["proof.md"]
     assert path.read_text(encoding="utf-8") == before
+
+
+def test_an_appendix_stands_at_the_end(tmp_path) -> None:
+    path = tmp_path / "proof.md"
+    write_document([case()], path, FACTS, "## Appendix: a real recording\n")
+    assert path.read_text().endswith("\n\n## Appendix: a real recording\n")
