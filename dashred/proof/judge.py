@@ -44,6 +44,9 @@ def judge(
     findings = json.loads((folder / "findings.json").read_text(encoding="utf-8"))
     verdict = findings["verdict"]
     right = is_right(case, findings, concealed)
+    exact = score["exact_support"]
+    if exact is False and _is_alias(findings, concealed):
+        exact = True
     causes = findings["causes"] or []
     record = unjudged(case, concealed) | {
         "told": told_in_words(findings),
@@ -52,7 +55,7 @@ def judge(
         "causes": [cause["kind"] for cause in causes],
         "right": right,
         "listed": right or (verdict == "ambiguous" and is_listed(case, findings, concealed)),
-        "exact": score["exact_support"],
+        "exact": exact,
         "flagged": verdict in FLAGGED,
         "equation_right": _equation_right(case, findings, concealed),
         "region": _region(score, findings, concealed),
@@ -112,7 +115,8 @@ def is_right(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> b
     if case.kind == "outside":
         return bool(verdict == "outside-library" or exact)
     if case.kind in LAWS or case.kind == "parameter":
-        return bool(exact and verdict in ("missing-term", "parameter"))
+        named = exact or _is_alias(findings, concealed)
+        return bool(named and verdict in ("missing-term", "parameter"))
     right = bool(score_cause(findings, bool(truth.terms), hidden))
     if case.kind == "masked":
         # Each cause that is named has to be a true one; not all need to be seen.
@@ -121,6 +125,15 @@ def is_right(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> b
             right and found.keys() <= law_of_truth(findings, truth.terms, hidden.parameters).keys()
         )
     return right
+
+
+def _is_alias(findings: Mapping[str, Any], concealed: Concealed) -> bool:
+    """Return whether a parameter was named that does the same as the true one, and says so."""
+    true = concealed.truth.concealed.parameters
+    if len(findings["terms"] or []) != 1 or len(true) != 1 or concealed.truth.terms:
+        return False
+    [entry], [name] = findings["terms"], true
+    return name in entry.get("aliases", ())
 
 
 def is_listed(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> bool:
