@@ -74,8 +74,7 @@ def conceal(case: Case) -> Concealed:
     effect = None
     entry: dict[str, Any] = bench.sized(case.hidden, 0.0)
     if case.effect is not None and (case.hidden["terms"] or "parameters" in case.hidden):
-        wanted = min(case.effect, FARTHEST / case.noise)
-        size, effect = _search(lambda size: bench.effect(case.hidden, size), wanted)
+        size, effect = bench.fitting_size(case)
         entry = bench.sized(case.hidden, size)
     twin = bench.twin(entry)
     states = run_truth(with_law(system, twin), bench.start, bench.times)
@@ -140,6 +139,18 @@ class _Bench:
     def twin(self, entry: dict[str, Any]) -> Twin:
         """Return the twin that an entry describes."""
         return twin_of(str(self.case), entry, str(self.case), self.config)
+
+    def fitting_size(self, case: Case) -> tuple[float, float | None]:
+        """Return the size of what is hidden, and its effect.
+
+        Raises:
+            InputError: nothing that was tried could be simulated.
+        """
+        if case.share is not None:
+            return case.share, self.effect(case.hidden, case.share)
+        assert case.effect is not None
+        wanted = min(case.effect, FARTHEST / case.noise)
+        return _search(lambda size: self.effect(case.hidden, size), wanted)
 
     def effect(self, hidden: dict[str, Any], size: float) -> float | None:
         """Return by how many σ a hidden law moves the readings, rms; None if it blows up."""

@@ -58,6 +58,7 @@ class Case:
         hidden: a twin's entry, its coefficients relative to each other alone.
         effect: rms over the sensors in units of the noise that what is hidden shall have; None
             where the entry is final.
+        share: its size, where that is drawn and not the effect.
         words: of the analysis, beside the recording.
     """
 
@@ -70,6 +71,7 @@ class Case:
     sensors: int
     hidden: dict[str, Any]
     effect: float | None
+    share: float | None = None
     words: tuple[str, ...] = ()
 
     def stream(self, of: str) -> np.random.Generator:
@@ -134,6 +136,7 @@ def _draw(proved: Proved, group: str, number: int, kind: Kind, key: tuple[int, .
         sensors=sensors,
         hidden=hidden,
         effect=effect,
+        share=None if effect is None or proved.share is None else _log_uniform(rng, *proved.share),
         words=words,
     )
 

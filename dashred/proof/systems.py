@@ -24,6 +24,8 @@ class Proved:
         sensors: fewest and most fit sensors.
         noise: least and largest, as a share of each trace's std.
         effect: least and largest rms of what is hidden over the sensors, in units of the noise.
+        share: least and largest size of what is hidden, as a share of its equation's tendency, or
+            of a parameter's value; None where the effect decides that.
         coarse: words that make the simulator too coarse for its own equations.
         analysis: words of every analysis: the networks are short, since laws are judged here.
     """
@@ -40,6 +42,7 @@ class Proved:
     sensors: tuple[int, int]
     noise: tuple[float, float]
     effect: tuple[float, float]
+    share: tuple[float, float] | None
     coarse: tuple[str, ...]
     analysis: tuple[str, ...] = field(default=("assimilation.epochs=1", "threads=1"))
 
@@ -73,7 +76,8 @@ FHN = Proved(
     duration=30.0,
     sensors=(8, 16),
     noise=(0.005, 0.1),
-    effect=(2.0, 20.0),
+    effect=(3.0, 30.0),
+    share=None,
     coarse=tuple(f"system.axes.x.points={points}" for points in (14, 16, 18, 20, 22)),
     analysis=("shred.epochs=4", "assimilation.epochs=1", "threads=1"),
 )
@@ -97,7 +101,8 @@ RDE = Proved(
     sensors=(10, 16),
     noise=(0.005, 0.1),
     # Whatever is missing moves the front, and each in much the same way: less is undecidable.
-    effect=(5.0, 50.0),
+    effect=(10.0, 100.0),
+    share=None,
     coarse=tuple(f"system.axes.x.points={points}" for points in (48, 64, 72)),
     analysis=("shred.epochs=8", "assimilation.epochs=1", "threads=1"),
 )
@@ -120,6 +125,8 @@ KS1D = Proved(
     sensors=(10, 14),
     noise=(0.005, 0.1),
     effect=(3.0, 30.0),
+    # Chaos makes a large effect of whatever is missing, and another start takes it away again.
+    share=(0.01, 0.1),
     coarse=tuple(f"system.axes.x.points={points}" for points in (24, 28, 32)),
     analysis=("shred.epochs=4", "assimilation.epochs=1", "threads=1"),
 )
