@@ -1,4 +1,4 @@
-"""What a command of hours needs: its folder to itself, and the same end by whatever signal."""
+"""What a command of hours needs: its folder to itself, an end by whatever signal, logs' ends."""
 
 from __future__ import annotations
 
@@ -41,3 +41,10 @@ def signals_as_interrupt() -> Iterator[None]:
     finally:
         for how, handler in before.items():
             signal.signal(how, handler)
+
+
+def last_line(log: Path) -> str:
+    """Return the end of a log: what it died of, an error's hint left out."""
+    lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
+    said = [line for line in lines if line.strip() and not line.startswith(" ")]
+    return said[-1][:200] if said else ""

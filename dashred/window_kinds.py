@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 TrueWindow = tuple[str, float | None, float | None, float]
 """``(of, from, to, edge)``; None for no bound."""
+
+TEXT = re.compile(r"for (?:\S+ < )?(\w+) ([<>]) \S+\Z")
 
 
 def kind_of(window: TrueWindow | None) -> str | None:
@@ -27,3 +30,15 @@ def kind_found(region: Sequence[Mapping[str, Any]] | None) -> str | None:
     if "axis" in only:
         return str(only["axis"])
     return f"{only['field']} {'above' if 'above' in only else 'below'}"
+
+
+def kind_in_text(text: str | None) -> str | None:
+    """Return the same of a text like ``for u > 0.6``, as alternatives have it."""
+    if text is None:
+        return None
+    match = TEXT.fullmatch(text)
+    assert match is not None, text
+    of, side = match.groups()
+    if text.count("<") == 2 or of == "t":
+        return of
+    return f"{of} {'above' if side == '>' else 'below'}"

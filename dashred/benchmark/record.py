@@ -10,6 +10,7 @@ from dashred.benchmark.plan import Row
 from dashred.benchmark.processes import LOG
 from dashred.errors import DONE
 from dashred.findings import canonical, write_json_atomic
+from dashred.long_run import last_line
 
 FLAGGED = {"ambiguous", "not-converged", "outside-library", "unresolved-numerics"}
 RATIOS = {
@@ -44,7 +45,7 @@ def write_record(row: Row, code: int, seconds: float) -> Record:
         "words": list(row.words),
         "exit_code": code,
         "wall_seconds": round(seconds, 2),
-        "problem": None if code == DONE else _last_line(row.folder / LOG) or f"exit code {code}",
+        "problem": None if code == DONE else last_line(row.folder / LOG) or f"exit code {code}",
     }
     if code == DONE:
         try:
@@ -80,10 +81,3 @@ def _results(folder: Path) -> Record:
 
 def _ratio(value: float | None, reference: float | None) -> float | None:
     return value / reference if value is not None and reference else None
-
-
-def _last_line(path: Path) -> str:
-    """Return the end of a log: what it died of, an error's hint left out."""
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
-    said = [line for line in lines if line.strip() and not line.startswith(" ")]
-    return said[-1][:200] if said else ""

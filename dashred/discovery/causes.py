@@ -95,7 +95,9 @@ def weigh(
         everything = replace(everything, noise=noise)
         best, null = _again(best, noise), _again(null, noise)
     found = [best, null] if best.law.candidates else [null]
-    found += faults(null.objective, null.phi, best.law.score + RIVAL)
+    found += faults(null, best.law.score + RIVAL)
+    if best.law.candidates:
+        found += faults(best, best.law.score)
     found += wider_starts(null.objective, null.phi)
     explained = min(found, key=_score)
     if explained is not found[0] and explained.law.chi2 < EXPLAINED:

@@ -73,8 +73,13 @@ class Law:
 
     @property
     def parts(self) -> frozenset[str]:
-        """Everything that it says is otherwise than believed; nothing for the empty law."""
-        found = {str(candidate) for candidate in self.candidates}
+        """Everything that it says is otherwise than believed; nothing for the empty law.
+
+        A term in a window is that term with a freedom more: everywhere, it is nested in it.
+        """
+        found = {candidate.key for candidate in self.candidates}
+        if self.window is not None:
+            found.add(f"in a {self.window.shape.kind} of {self.window.shape.of}")
         if self.fault is not None:
             found.add(f"{self.fault.kind} of {self.fault.sensor}")
         if self.widened > 1:
@@ -108,7 +113,11 @@ class Law:
             f"{candidate} × {value:.4g}"
             for candidate, value in zip(self.candidates, self.coefficients.tolist(), strict=True)
         ]
-        others = sorted(self.parts - {str(candidate) for candidate in self.candidates})
+        others = []
+        if self.fault is not None:
+            others.append(f"{self.fault.kind} of {self.fault.sensor}")
+        if self.widened > 1:
+            others.append("start outside of its prior")
         return ", ".join([*parts, *others]) or "nothing"
 
 

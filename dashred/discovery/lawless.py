@@ -21,22 +21,27 @@ WIDER = (3.0, 6.0)
 STEPS, TOLERANCE = 10, 1e-4
 
 
-def faults(objective: Objective, phi: Tensor, bound: float) -> list[Cause]:
-    """Return what a fault of one sensor explains.
+def faults(cause: Cause, bound: float) -> list[Cause]:
+    """Return what a fault of one sensor explains, beside a law or without one.
 
     Args:
-        objective: F of the start alone.
-        phi: its minimum.
+        cause: a law that acts everywhere, or the simulator as it is.
         bound: faults that are predicted to score worse are left out.
     """
+    objective, phi = cause.objective, cause.phi
+    [cost], _ = objective.values(phi[None])
+    freedom = cause.law.score - float(cost)
     normal = objective.linearise(phi)
     [states] = objective.shooting.states(*objective.split(phi[None]))
     scored = [(predicted(objective, normal, f, states), f) for f in suspects(objective, normal)]
-    chosen = sorted((pair for pair in scored if pair[0] < bound), key=lambda pair: pair[0])
+    chosen = sorted(
+        (pair for pair in scored if pair[0] + freedom < bound), key=lambda pair: pair[0]
+    )
     found = []
     for _, fault in chosen[:FAULTS]:
         tested = fit_fault(objective, fault, phi)
-        law = law_of(tested.objective, tested.fitted, (), tested.score)
+        candidates = objective.shooting.candidates
+        law = law_of(tested.objective, tested.fitted, candidates, tested.score + freedom)
         law = replace(law, fault=describe(objective, tested))
         found.append(Cause(law, tested.objective, tested.fitted.phi))
     return found

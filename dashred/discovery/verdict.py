@@ -9,7 +9,7 @@ from torch import Tensor
 
 from dashred.discovery.discovered import MISSING, Discovered
 from dashred.discovery.explanation import fault_in_words
-from dashred.discovery.law import Law
+from dashred.discovery.law import Law, SensorFault
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.plausibility import plausibility
 from dashred.findings_schema import Verdict
@@ -77,11 +77,14 @@ def _causes(discovered: Discovered) -> list[dict[str, Any]]:
         kind = _kind(law)
         best.setdefault(kind, law)
         probabilities[kind] = probabilities.get(kind, 0.0) + p
-    ranked = sorted(probabilities, key=lambda kind: -probabilities[kind])
-    return [
-        {"kind": kind, "probability": min(1.0, probabilities[kind])} | _details(best[kind])
-        for kind in ranked
-    ]
+    causes = []
+    for kind in sorted(probabilities, key=lambda kind: -probabilities[kind]):
+        probability = {"probability": min(1.0, probabilities[kind])}
+        causes.append({"kind": kind} | probability | _details(best[kind]))
+        # More than one cause may be true: of a law and a fault the law stands first.
+        if best[kind].fault is not None and best[kind].candidates:
+            causes.append({"kind": "sensor-fault"} | probability | _fault(best[kind].fault))
+    return causes
 
 
 def _outside(discovered: Discovered) -> dict[str, Any]:
@@ -95,7 +98,7 @@ def _outside(discovered: Discovered) -> dict[str, Any]:
 
 
 def _kind(law: Law) -> Verdict:
-    if law.fault is not None:
+    if law.fault is not None and not law.candidates:
         return "sensor-fault"
     if law.widened > 1:
         return "initial-condition"
@@ -111,10 +114,8 @@ def _kind(law: Law) -> Verdict:
 def _details(law: Law) -> dict[str, Any]:
     touched = {term.equation for candidate in law.candidates for term in candidate.terms}
     where = {"where": {"equations": sorted(touched)} if touched else None}
-    if law.fault is not None:
-        fault = law.fault
-        told = {"sensor": fault.sensor, "fault": fault.kind, "value": fault.value}
-        return {"where": None, **told, "says": fault_in_words(fault)}
+    if law.fault is not None and not law.candidates:
+        return _fault(law.fault)
     if law.widened > 1:
         says = f"the start lies outside of its prior, some {law.widened:g} times its spread"
         return {"where": None, "start": law.widened, "says": says}
@@ -124,3 +125,9 @@ def _details(law: Law) -> dict[str, Any]:
     if _kind(law) == "outside-library":
         return where | terms | {"says": EXTENDED}
     return where | terms
+
+
+def _fault(fault: SensorFault | None) -> dict[str, Any]:
+    assert fault is not None
+    told = {"sensor": fault.sensor, "fault": fault.kind, "value": fault.value}
+    return {"where": None, **told, "says": fault_in_words(fault)}

@@ -7,11 +7,14 @@ import tempfile
 from pathlib import Path
 
 from dashred.errors import DONE, InputError
+from dashred.findings import check_freeze
 from dashred.output import make_output
 from dashred.proof.isolation import analyst, bare_copy
 from dashred.reporting.verdict_words import verdict_lines
 
 FOLDER = "real-pendulum"
+# An analysis that takes so many seconds will not end.
+LIMIT = 3600.0
 TEXT = """\
 ## Appendix: a real recording
 
@@ -40,13 +43,14 @@ def analyse_pendulum(recording: Path, output: Path) -> str:
             words = ["conf=pendulum", f"recording.path={recording}", f"output={folder}"]
             words += [f"tracking.root={output / 'mlruns'}", "tracking.experiment=proof"]
             with analyst(bare_copy(Path(copy))) as mine:
-                code, _ = mine.analyse(words, folder / "log.txt")
+                code, _ = mine.analyse(words, folder / "log.txt", LIMIT)
         if code != DONE:
             raise InputError(
                 "the pendulum's recording could not be analysed",
                 where=str(recording),
                 hint=f"see {folder / 'log.txt'}",
             )
+    check_freeze(folder)
     return _appendix(folder)
 
 

@@ -20,7 +20,8 @@ def conclude(request: Request, kept: Sequence[Kept]) -> None:
     """Write the document, and print the targets."""
     records = [one.record for one in kept]
     facts = ProtocolFacts(
-        commit=f"practice draw {request.draw!r}" if request.practice else request.draw,
+        commit=None if request.practice else request.draw,
+        draw=request.draw,
         seed=seed_of(request.draw),
         cases=request.cases,
         nulls=request.nulls,
@@ -30,10 +31,10 @@ def conclude(request: Request, kept: Sequence[Kept]) -> None:
     write_json_atomic(request.output / "records.json", {"records": records})
     make_output(str(request.document.parent))
     save_figures(records, request.document.parent / "figures")
-    appendix = ""
+    write_document(records, request.document, facts)
     if request.pendulum is not None:
         appendix = analyse_pendulum(request.pendulum, request.output)
-    write_document(records, request.document, facts, appendix)
+        write_document(records, request.document, facts, appendix)
     for target in TARGETS:
         measured = target.measure(records)
         CONSOLE.print(

@@ -16,7 +16,7 @@ import numpy as np
 from dashred.proof.case_record import Kind
 from dashred.proof.systems import SYSTEMS, Proved
 
-# Kinds of cases by system, dealt out in this order, over and over.
+# Kinds of cases by system, dealt out over and over, each time in another order.
 DECKS: dict[str, tuple[Kind, ...]] = {
     "fhn": (
         *("terms", "fault", "hidden", "box", "parameter", "outside", "gate", "terms", "start"),
@@ -30,7 +30,6 @@ DECKS: dict[str, tuple[Kind, ...]] = {
     ),
     "rde": ("terms", "hidden", "parameter", "fault", "terms", "box", "null", "outside", "start"),
 }
-NOTHING: tuple[Kind, ...] = ("null",)
 # Systems of the cases, and of the nulls, dealt out likewise.
 TABLES = {
     "cases": ("fhn", "fhn", "rde", "fhn", "fhn", "ks1d", "fhn", "rde", "fhn", "fhn"),
@@ -78,6 +77,11 @@ class Case:
         """Return the random stream of one of its draws: none can shift another's."""
         return np.random.default_rng([*self.key, *of.encode()])
 
+    @property
+    def analysis_seed(self) -> int:
+        """The seed that the analysis is handed: it says nothing of the case."""
+        return int(self.stream("analysis").integers(2**31))
+
     def __str__(self) -> str:
         """``case 17``, ``null 3``."""
         return f"{self.group.removesuffix('s')} {self.number}"
@@ -98,10 +102,18 @@ def draw_cases(seed: int, cases: int, nulls: int) -> list[Case]:
             system = table[number % len(table)]
             turn = dealt.get(system, 0)
             dealt[system] = turn + 1
-            deck = DECKS[system] if group == "cases" else NOTHING
+            kind = _dealt(seed, system, turn) if group == "cases" else "null"
             key = (seed, list(TABLES).index(group), number)
-            found.append(_draw(SYSTEMS[system], group, number, deck[turn % len(deck)], key))
+            found.append(_draw(SYSTEMS[system], group, number, kind, key))
     return found
+
+
+def _dealt(seed: int, system: str, turn: int) -> Kind:
+    """Return the kind of a system's next case: no order tells it beforehand."""
+    deck = DECKS[system]
+    again, place = divmod(turn, len(deck))
+    order = np.random.default_rng([seed, again, *system.encode()]).permutation(len(deck))
+    return deck[order[place]]
 
 
 def _draw(proved: Proved, group: str, number: int, kind: Kind, key: tuple[int, ...]) -> Case:
@@ -114,7 +126,7 @@ def _draw(proved: Proved, group: str, number: int, kind: Kind, key: tuple[int, .
     if kind == "null":
         effect = None
         if group == "nulls":
-            hidden |= _nuisance(proved, number, rng)
+            hidden |= _nuisance(proved, key, rng)
     elif kind == "start":
         effect = None
         hidden["spread"] = _rounded(rng.uniform(3.0, 6.0))
@@ -184,10 +196,11 @@ def _in_window(proved: Proved, window: dict[str, Any], rng: np.random.Generator)
 
 
 def _outside(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
-    """Return a law with a term that the analysis' library lacks; half of them with another."""
-    every = [(equation, term) for equation in proved.beyond for term in proved.beyond[equation]]
-    terms = [_term(*every[int(rng.integers(len(every)))], rng)]
-    return {"terms": terms}
+    """Return a law of a term that the analysis' library lacks, its constants drawn, too."""
+    every = [(equation, form) for equation in proved.beyond for form in proved.beyond[equation]]
+    equation, form = every[int(rng.integers(len(every)))]
+    text = form.format(a=_rounded(rng.uniform(1.2, 3.2)), p=_rounded(rng.uniform(0.0, 6.28)))
+    return {"terms": [_term(equation, text, rng)]}
 
 
 def _parameter(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
@@ -212,11 +225,13 @@ def _masked(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
     return law | _fault(proved, rng) if how == 1 else law
 
 
-def _nuisance(proved: Proved, number: int, rng: np.random.Generator) -> dict[str, Any]:
-    """Return what every third null suffers from."""
-    if number % 3:
+def _nuisance(proved: Proved, key: tuple[int, ...], rng: np.random.Generator) -> dict[str, Any]:
+    """Return what one of every three nulls suffers from."""
+    seed, group, number = key
+    block, place = divmod(number, 3)
+    if np.random.default_rng([seed, group, block]).integers(3) != place:
         return {}
-    kind = NUISANCES[(number // 3) % len(NUISANCES)]
+    kind = NUISANCES[block % len(NUISANCES)]
     if kind == "correlated":
         return {"correlation": _rounded(rng.uniform(0.3, 0.6))}
     if kind == "stated":

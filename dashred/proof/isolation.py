@@ -1,7 +1,8 @@
 """Analysts that have no way to the seal.
 
 Each is a process of its own, in a copy of the package without the recorder, the scorer, the draw
-and the twins: it could not make a truth if it tried, and while it works no truth is on any disk.
+and the twins. It is handed a recording in a folder that holds nothing else, a seed that says
+nothing, and no name. While it works, the truth of its case is on no disk.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from sysconfig import get_path
+from threading import Timer
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 NEEDED = ("dashred", "datamodules", "callbacks", "conf")
@@ -23,7 +25,8 @@ NEEDED = ("dashred", "datamodules", "callbacks", "conf")
 CONCEALED = (
     *("twins", "proof", "benchmark", "__pycache__"),
     *("record.py", "recorder.py", "sealing.py", "twin_file.py", "twin_experiment.py"),
-    *("score.py", "scoring.py", "cause_scoring.py", "bench.py", "prove.py", "standby.py"),
+    *("score.py", "scoring.py", "cause_scoring.py", "window_kinds.py", "bench.py", "prove.py"),
+    *("publish.py", "standby.py"),
 )
 # Of our own surroundings an analyst needs no more.
 SURROUNDINGS = ("PATH", "HOME", "LANG", "TMPDIR", "MPLCONFIGDIR")
@@ -39,19 +42,23 @@ class Analyst:
 
     process: subprocess.Popen[str]
 
-    def analyse(self, words: Sequence[str], log: Path) -> tuple[int, float]:
+    def analyse(self, words: Sequence[str], log: Path, limit: float) -> tuple[int, float]:
         """Return the exit code of one analysis, and the CPU seconds that it took.
 
         Raises:
-            AnalystLostError: the process died of it.
+            AnalystLostError: the process died of it, or took longer than so many seconds.
         """
         assert self.process.stdin is not None and self.process.stdout is not None
+        watch = Timer(limit, self.process.kill)
+        watch.start()
         try:
             print(json.dumps({"words": list(words), "log": str(log)}), file=self.process.stdin)
             self.process.stdin.flush()
             answer = json.loads(self.process.stdout.readline())
         except (BrokenPipeError, ValueError):
             raise AnalystLostError(f"exit code {self.process.poll()}") from None
+        finally:
+            watch.cancel()
         return int(answer["code"]), float(answer["cpu_seconds"])
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,6 @@ import numpy as np
 import torch
 import xarray as xr
 
-from dashred.benchmark.record import FLAGGED
 from dashred.cause_scoring import score_cause
 from dashred.findings import canonical
 from dashred.findings_schema import Score
@@ -22,14 +20,15 @@ from dashred.proof.draw import Case
 from dashred.proof.telling import hidden_in_words, told_in_words
 from dashred.scoring import law_of_findings, law_of_truth, score_law
 from dashred.sensing.observation import ObservationOperator
-from dashred.window_kinds import kind_of
+from dashred.window_kinds import kind_in_text, kind_of
 
+# Verdicts that themselves say that they may be wrong.
+FLAGGED = ("ambiguous", "not-converged")
 LAWS = ("terms", "hidden", "box", "gate", "onset")
 # Times that differ by less are the same.
 CLOCK = 1e-9
 # So many explanations may be listed for the truth to count as listed.
 LISTED = 3
-WINDOW = re.compile(r"for (?:\S+ < )?(\w+) ([<>]) \S+\Z")
 
 
 def judge(
@@ -70,8 +69,11 @@ def judge(
     return found
 
 
-def unjudged(case: Case, concealed: Concealed, problem: str | None = None) -> CaseRecord:
-    """Return the record of a case of which there are no findings."""
+def unjudged(case: Case, concealed: Concealed | None, problem: str | None = None) -> CaseRecord:
+    """Return the record of a case of which there are no findings, or not even a recording."""
+    hidden = "unknown"
+    if concealed is not None:
+        hidden = hidden_in_words(case, concealed.truth, concealed.config)
     return {
         "number": case.number,
         "system": case.system,
@@ -79,9 +81,9 @@ def unjudged(case: Case, concealed: Concealed, problem: str | None = None) -> Ca
         "kind": case.kind,
         "noise": case.noise,
         "sensors": case.sensors,
-        "hidden": hidden_in_words(case, concealed.truth, concealed.config),
+        "hidden": hidden,
         "told": "nothing",
-        "mismatch": concealed.effect,
+        "mismatch": None if concealed is None else concealed.effect,
         "verdict": None,
         "probability": None,
         "causes": [],
@@ -113,7 +115,7 @@ def is_right(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> b
         return bool(verdict == "unresolved-numerics")
     exact, _ = score_law(findings, truth.terms, hidden.parameters)
     if case.kind == "outside":
-        return bool(verdict == "outside-library" or exact)
+        return bool(verdict == "outside-library" or (exact and verdict == "missing-term"))
     if case.kind in LAWS or case.kind == "parameter":
         named = exact or _is_alias(findings, concealed)
         return bool(named and verdict in ("missing-term", "parameter"))
@@ -177,15 +179,12 @@ def _as_found(findings: Mapping[str, Any]) -> Any:
 
 
 def _region_of_text(text: str | None) -> list[dict[str, Any]] | None:
-    """Return what a text like ``for u > 0.6`` bounds."""
-    if text is None:
+    """Return what a text like ``for u > 0.6`` bounds, in the form of the findings' regions."""
+    kind = kind_in_text(text)
+    if kind is None:
         return None
-    match = WINDOW.fullmatch(text)
-    assert match is not None, text
-    of, side = match.groups()
-    if text.count("<") == 2 or of == "t":
-        return [{"axis": of}]
-    return [{"field": of, "above" if side == ">" else "below": 0.0}]
+    of, _, side = kind.partition(" ")
+    return [{"field": of, side: 0.0}] if side else [{"axis": of}]
 
 
 def _equation_right(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> bool | None:
@@ -208,7 +207,7 @@ def _region(score: Score, findings: Mapping[str, Any], concealed: Concealed) -> 
     threshold, share, z = found["threshold"], None, None
     if threshold is not None:
         field = concealed.system.fields.index(window[0])
-        values = truth.states[:, field]
+        values = truth.states[truth.times <= truth.duration, field]
         share = threshold / float(values.max() - values.min())
         [region] = next(e["region"] for e in findings["terms"] if e.get("region"))
         z = threshold / region["std"] if region.get("std") else None
@@ -239,9 +238,10 @@ def _coefficients(findings: Mapping[str, Any], concealed: Concealed) -> list[Coe
     found: list[Coefficient] = []
     for entry in findings["terms"]:
         if entry["equation"] is None:
-            name = entry["parameter"]
+            name, value = entry["parameter"], entry["coefficient"]
             true = truth.concealed.parameters.get(name)
-            value = entry["to"]
+            # The change is what was found: the old value was known.
+            true = None if true is None else true - entry["from"]
         else:
             name, value = f"{entry['equation']}: {entry['term']}", entry["coefficient"]
             mine = law_of_findings({**findings, "terms": [{**entry, "coefficient": 1.0}]})

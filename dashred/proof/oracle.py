@@ -35,11 +35,14 @@ from dashred.recorder import expression_of
 from dashred.stages.objectives import exact_simulator, pose_objective
 from dashred.stages.problem import Problem, pose
 from dashred.stages.simulation import simulate_nominal
-from dashred.window_kinds import kind_found, kind_of
+from dashred.window_kinds import kind_found, kind_in_text, kind_of
 
 # What a true form has to beat others by for a case to be decidable.
 DECIDABLE = 6.0
 STEPS, TOLERANCE = 12, 1e-4
+WORST = 1e6
+# In units of its size, the prior of a true coefficient: hardly any, as of those returned.
+FREE = 100.0
 # Where the start is not linear in z, a few steps find it.
 PROJECTIONS, DIFFERENCE = 4, 1e-5
 KEPT: dict[str, tuple[StartModel, list[Candidate]]] = {}
@@ -65,7 +68,7 @@ def consult(case: Case, concealed: Concealed, folder: Path, exact: bool | None) 
     findings = json.loads((folder / "findings.json").read_text(encoding="utf-8"))
     words = (
         *SYSTEMS[case.system].analysis,
-        f"seed={case.number}",
+        f"seed={case.analysis_seed}",
         f"recording.path={folder / 'recording.nc'}",
     )
     simulator = pose(load_config([f"conf={case.system}", *words], entry="train"))
@@ -86,15 +89,17 @@ def consult(case: Case, concealed: Concealed, folder: Path, exact: bool | None) 
     corrected = pose(load_config([f"conf={folder / 'corrected.yaml'}", *words], entry="train"))
     found = [kind_found(entry["region"]) for entry in findings["terms"]]
     returned = _fit_start(corrected, start, z, noise).cost + _penalty(found, noise, p, simulator)
-    lost = returned - score
+    # What blows up from the true start is worse than anything that does not.
+    lost, over_null = (min(value - score, WORST) for value in (returned, null))
     rival = _nearest_rival(findings) if exact else 0.0
     over_rival = None if rival is None else lost + rival
+    nearest = _nearest_of_library(simulator, findings)
     return {
-        "over_null": null - score,
+        "over_null": over_null,
         "over_rival": over_rival,
-        "decidable": min(null - score, math.inf if over_rival is None else over_rival) > DECIDABLE,
+        "decidable": min(over_null, math.inf if over_rival is None else over_rival) > DECIDABLE,
         "lost": lost,
-        "over_library": None if exact else lost,
+        "over_library": None if nearest is None else lost + nearest,
     }
 
 
@@ -125,7 +130,7 @@ def _true_candidates(
     for term in truth.terms:
         whole = Term(term.equation, expression_of(system, term))
         [ready] = resolve(system, [whole])
-        scale = abs(term.coefficient)
+        scale = FREE * abs(term.coefficient)
         found.append(Candidate(str(whole), term.equation, (ready,), scale))
     for name in truth.concealed.parameters:
         found.append(next(c for c in library if name == c.name or name in c.aliases))
@@ -160,12 +165,25 @@ def _name(shape: Shape) -> str:
 
 def _nearest_rival(findings: Mapping[str, Any]) -> float | None:
     """Return by how much the best law of another form is worse than the best."""
-    mine = {(e["equation"], e["term"]) for e in findings["terms"]}
+    mine = {(e["equation"], e["term"], kind_found(e["region"])) for e in findings["terms"]}
     others = [
         a["delta_bic"]
         for a in findings["alternatives"]
-        if {(t["equation"], t["term"]) for t in a["terms"]} != mine
+        if {(t["equation"], t["term"], kind_in_text(t["region"])) for t in a["terms"]} != mine
     ]
+    return min(others, default=None)
+
+
+def _nearest_of_library(problem: Problem, findings: Mapping[str, Any]) -> float | None:
+    """Return by how much the best law of the library is worse than the one that was returned."""
+    known = {(term.equation, str(term)) for term in problem.library}
+
+    def inside(terms: Sequence[Mapping[str, Any]]) -> bool:
+        return all(t["equation"] is None or (t["equation"], t["term"]) in known for t in terms)
+
+    if inside(findings["terms"]):
+        return 0.0
+    others = [a["delta_bic"] for a in findings["alternatives"] if inside(a["terms"])]
     return min(others, default=None)
 
 

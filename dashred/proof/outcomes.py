@@ -67,12 +67,18 @@ def decided(record: CaseRecord) -> bool | None:
     """Return whether a decidable case has the right verdict and, if a law was found, its form."""
     if not decidable(record):
         return None
-    return record["right"] and record["exact"] is not False
+    # What lies outside is rightly told without its form.
+    return record["right"] and (record["kind"] == "outside" or record["exact"] is not False)
 
 
 def search_failed(record: CaseRecord) -> bool | None:
-    """Return whether the search missed a form that scores clearly better: the true one."""
-    return None if record["oracle"] is None else record["oracle"]["lost"] > SEARCH_FAILED
+    """Return whether the search missed a form that scores clearly better: the true one.
+
+    Null of what lies outside of the library: no search of it could have found that.
+    """
+    if record["oracle"] is None or record["kind"] == "outside":
+        return None
+    return record["oracle"]["lost"] > SEARCH_FAILED
 
 
 def leading_right(record: CaseRecord) -> bool | None:

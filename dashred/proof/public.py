@@ -61,8 +61,9 @@ def publish(cases: Sequence[Case], folder: Path, truths: Path) -> None:
             "recording_sha256": sha256_of(folder / f"{name}.csv"),
             "truth_sha256": hash_of(kept[name]),
         }
-    write_json_atomic(folder / HASHES, hashes)
+    # The truths first: without their salts nobody could show them any more.
     write_json_atomic(truths, kept)
+    write_json_atomic(folder / HASHES, hashes)
 
 
 def check(folder: Path, truths: Path) -> dict[str, bool]:

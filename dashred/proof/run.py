@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import shutil
 import tempfile
 import time
+import traceback
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from threading import Event, Lock
 from typing import Any
 
@@ -17,7 +20,7 @@ import torch
 
 from dashred.errors import DONE
 from dashred.findings import check_freeze, write_json_atomic
-from dashred.long_run import alone_in, signals_as_interrupt
+from dashred.long_run import alone_in, last_line, signals_as_interrupt
 from dashred.output import make_output
 from dashred.progress import CONSOLE
 from dashred.proof.case_record import CaseRecord
@@ -32,7 +35,9 @@ from dashred.score import score_findings
 from dashred.sealing import seal
 from dashred.sensing.write_netcdf import write_netcdf
 
-DOCUMENT = "case.json"
+DOCUMENT, LOG = "case.json", "log.txt"
+# An analysis that takes so many seconds will not end.
+LIMIT = 3600.0
 
 
 @dataclass(frozen=True)
@@ -94,62 +99,73 @@ class _Desk:
             with analyst(self.copy) as mine:
                 self.analysts.add(mine)
                 try:
-                    while not (queue.empty() or self.stopped.is_set()):
-                        self._finish(queue.get(), mine)
-                except AnalystLostError:
+                    while not self.stopped.is_set():
+                        self._finish(queue.get_nowait(), mine)
+                except (AnalystLostError, Empty):
                     continue
                 finally:
                     self.analysts.discard(mine)
 
     def _finish(self, case: Case, mine: Analyst) -> None:
-        """See one case through, and keep its record."""
+        """See one case through, and keep its record: whatever goes wrong is part of it."""
         began = time.perf_counter()
-        folder = make_output(str(self.request.output / str(case).replace(" ", "-")))
+        concealed, problem, record = None, "", None
+        with tempfile.TemporaryDirectory(prefix="dashred-recording-") as name:
+            desk = Path(name)
+            try:
+                concealed = self._recorded(case, desk)
+                code, seconds = mine.analyse(self._words(case, desk), desk / LOG, LIMIT)
+                if code == DONE:
+                    record = self._judged(case, concealed, desk, seconds)
+                else:
+                    problem = last_line(desk / LOG) or f"exit code {code}"
+            except AnalystLostError as lost:
+                if not self.stopped.is_set():
+                    record = unjudged(case, concealed, f"the analyst died: {lost}")
+                    self._keep(case, record, desk, began)
+                raise
+            except Exception as error:  # The other cases have a right to their turn.
+                (desk / "problem.txt").write_text(traceback.format_exc(), encoding="utf-8")
+                problem = f"{type(error).__name__}: {error}"
+            self._keep(case, record or unjudged(case, concealed, problem), desk, began)
+
+    def _recorded(self, case: Case, desk: Path) -> Concealed:
         with self.keeper:
             concealed = conceal(case)
             axes = [axis.name for axis in concealed.system.axes]
-            write_netcdf(concealed.recording, folder / "recording.nc", axes)
-        try:
-            code, seconds = mine.analyse(self._words(case, folder), folder / "log.txt")
-        except AnalystLostError as lost:
-            if not self.stopped.is_set():
-                self._keep(
-                    case, unjudged(case, concealed, f"the analyst died: {lost}"), folder, began
-                )
-            raise
-        if code != DONE:
-            record = unjudged(case, concealed, _last_line(folder / "log.txt"))
-        else:
-            with self.keeper:
-                record = self._judged(case, concealed, folder, seconds)
-        self._keep(case, record, folder, began)
+            write_netcdf(concealed.recording, desk / "recording.nc", axes)
+        return concealed
 
-    def _judged(self, case: Case, concealed: Concealed, folder: Path, seconds: float) -> CaseRecord:
+    def _judged(self, case: Case, concealed: Concealed, desk: Path, seconds: float) -> CaseRecord:
         """Open the seal of a case whose findings are frozen, and judge them."""
-        check_freeze(folder)
-        seal(folder / "sealed.nc", concealed.truth, concealed.system)
-        score, _ = score_findings(folder, folder / "sealed.nc")
-        write_json_atomic(folder / "score.json", score)
-        oracle = consult(case, concealed, folder, score["exact_support"])
-        return judge(case, concealed, folder, score, oracle, seconds)
+        with self.keeper:
+            check_freeze(desk)
+            seal(desk / "sealed.nc", concealed.truth, concealed.system)
+            score, _ = score_findings(desk, desk / "sealed.nc")
+            write_json_atomic(desk / "score.json", score)
+            oracle = consult(case, concealed, desk, score["exact_support"])
+            return judge(case, concealed, desk, score, oracle, seconds)
 
-    def _words(self, case: Case, folder: Path) -> list[str]:
+    def _words(self, case: Case, desk: Path) -> list[str]:
         """Return the words of the analysis: of the case it learns its recording alone."""
-        root = self.request.output / "mlruns"
         return [
             f"conf={case.system}",
             *SYSTEMS[case.system].analysis,
             *case.words,
-            f"seed={case.number}",
-            f"recording.path={folder / 'recording.nc'}",
-            f"output={folder}",
-            f"tracking.root={root}",
-            "tracking.experiment=proof",
+            f"seed={case.analysis_seed}",
+            f"recording.path={desk / 'recording.nc'}",
+            f"output={desk}",
+            f"tracking.root={self.copy / 'mlruns'}",
+            "tracking.experiment=analysis",
         ]
 
-    def _keep(self, case: Case, record: CaseRecord, folder: Path, began: float) -> None:
+    def _keep(self, case: Case, record: CaseRecord, desk: Path, began: float) -> None:
+        """Move what a case left out of the analysts' sight, its record last."""
         wall = time.perf_counter() - began
-        kept = {"key": list(case.key), "record": record, "wall_seconds": wall}
+        folder = self.request.output / str(case).replace(" ", "-")
+        shutil.rmtree(folder, ignore_errors=True)
+        shutil.copytree(desk, folder)
+        kept = {"case_sha256": _hash_of(case), "record": record, "wall_seconds": wall}
         write_json_atomic(folder / DOCUMENT, kept)
         self.kept[str(case)] = Kept(record, wall)
         how = "right" if record["right"] else "listed" if record["listed"] else "NOT RIGHT"
@@ -166,16 +182,16 @@ def _read_done(case: Case, output: Path) -> Kept | None:
         path = output / str(case).replace(" ", "-") / DOCUMENT
         kept: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
         record: CaseRecord = kept["record"]
-        same = kept["key"] == list(case.key) and record["problem"] is None
+        same = kept["case_sha256"] == _hash_of(case) and record["problem"] is None
+        return Kept(record, float(kept["wall_seconds"])) if same else None
     except (OSError, ValueError, TypeError, KeyError):
         return None
-    return Kept(record, float(kept["wall_seconds"])) if same else None
 
 
-def _last_line(log: Path) -> str:
-    lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
-    said = [line for line in lines if line.strip() and not line.startswith(" ")]
-    return said[-1][:200] if said else "no findings"
+def _hash_of(case: Case) -> str:
+    """Return the hash of all that was drawn: no record tells from what seed."""
+    text = json.dumps(asdict(case), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _say(text: str) -> None:

@@ -15,7 +15,8 @@ class Proved:
         name: of its configuration.
         terms: of the analysis' library, by equation.
         local: those of them, pointwise, that may act within a window.
-        beyond: terms that the analysis' library does not have, by equation.
+        beyond: forms that the analysis' library does not have, by equation; a is a number that is
+            drawn, p a phase.
         hidden: the equation of a field that no sensor reads; None if there is none.
         parameters: those that may be mis-stated.
         axis: along which boxes lie, with its length.
@@ -64,10 +65,14 @@ FHN = Proved(
     local={"u": ("1", "u", "v", "u**2", "u*v"), "v": ("1", "u", "v", "u**2")},
     beyond={
         "u": (
-            *("u**4", "u**5", "sin(2*u)", "tanh(3*u)", "exp(-u**2)", "abs(u)*u"),
-            *("cos(2*pi*x/20)", "u*sin(2*pi*x/20)", "sin(t/2)", "u*sin(t/3)"),
+            *("u**4", "u**5", "sin({a}*u)", "tanh({a}*u)", "exp(-{a}*u**2)", "abs(u)*u"),
+            *("1/(1 + {a}*u**2)", "cos(2*pi*x/20 + {p})", "u*sin(2*pi*x/20 + {p})"),
+            *("sin({a}*t)", "u*sin(t/{a})", "sqrt(1 + {a}*u**2)"),
         ),
-        "v": ("u**4", "sin(2*u)", "tanh(3*u)", "exp(-u**2)", "cos(2*pi*x/20)", "sin(t/2)"),
+        "v": (
+            *("u**4", "sin({a}*u)", "tanh({a}*u)", "exp(-{a}*u**2)", "1/(1 + {a}*u**2)"),
+            *("cos(2*pi*x/20 + {p})", "sin({a}*t)"),
+        ),
     },
     hidden="v",
     parameters=("c", "D", "eps", "a", "b", "I"),
@@ -90,8 +95,8 @@ RDE = Proved(
     },
     local={"u": ("1", "u", "lam"), "lam": ("1", "lam")},
     beyond={
-        "u": ("u**4", "tanh(2*u)", "cos(x)", "sin(t)", "u*sin(x)"),
-        "lam": ("exp(-u)", "cos(x)", "lam*sin(t)"),
+        "u": ("tanh({a}*u)", "1/(1 + {a}*u**2)", "cos(x + {p})", "sin({a}*t)", "u*sin(x + {p})"),
+        "lam": ("exp(-{a}*u)", "cos(x + {p})", "lam*sin({a}*t)"),
     },
     hidden="lam",
     parameters=("q", "eps", "s", "nu", "u_c"),
@@ -116,7 +121,12 @@ KS1D = Proved(
         )
     },
     local={"u": ("1", "u", "u**2", "u**3")},
-    beyond={"u": ("sin(2*u)", "abs(u)*u", "tanh(2*u)", "cos(2*pi*x/38)", "u*cos(2*pi*x/38)")},
+    beyond={
+        "u": (
+            *("sin({a}*u)", "abs(u)*u", "tanh({a}*u)"),
+            *("cos(2*pi*x/38 + {p})", "u*cos(2*pi*x/38 + {p})"),
+        )
+    },
     hidden=None,
     parameters=("nu",),
     axis=("x", 38.0),

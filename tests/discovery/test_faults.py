@@ -12,8 +12,10 @@ from torch import Tensor
 from dashred.discovery.faults import describe, fit_fault, predicted, suspects
 from dashred.discovery.law import SensorFault
 from dashred.discovery.lawless import faults
+from dashred.discovery.local_laws import Cause
 from dashred.discovery.objective import Objective
 from dashred.sensing.observation import ObservationOperator
+from tests import laws
 from tests.waves import TIMES, Waves, fitted
 
 SIGMA = 0.03
@@ -43,11 +45,12 @@ def expect(objective: Objective) -> tuple[float, list[SensorFault], float]:
     """Return the score without a fault, and what faults explain, the best first."""
     phi = fitted(objective)
     [cost], _ = objective.values(phi[None])
-    causes = faults(objective, phi, float(cost))
-    laws = sorted((cause.law for cause in causes), key=lambda law: law.score)
-    assert all(not law.candidates for law in laws)
-    best = laws[0].score if laws else float("inf")
-    return float(cost), [law.fault for law in laws if law.fault], best
+    law = laws.law(score=float(cost))
+    causes = faults(Cause(law, objective, phi), float(cost))
+    found = sorted((cause.law for cause in causes), key=lambda law: law.score)
+    assert all(not law.candidates for law in found)
+    best = found[0].score if found else float("inf")
+    return float(cost), [law.fault for law in found if law.fault], best
 
 
 @pytest.mark.parametrize(

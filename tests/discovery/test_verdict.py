@@ -42,6 +42,12 @@ def test_a_sensor_and_the_start_may_be_the_cause(flow: System) -> None:
     assert causes[0]["says"] == "sensor s03 drifts by 0.0123 ± 0.0011 per unit time"
     found, causes = verdict(laws.discovery(laws.law(widened=3.0), laws.law(score=50.0)))
     assert found == causes[0]["kind"] == "initial-condition" and causes[0]["start"] == 3.0
+    # Both may be true at once: then the law stands first, and each is told.
+    both = laws.law([laws.term(flow, "u", "u")], [1.0], fault=fault)
+    found, causes = verdict(laws.discovery(both, laws.law(score=50.0)))
+    assert [cause["kind"] for cause in causes[:2]] == ["missing-term", "sensor-fault"]
+    assert found == "missing-term" and causes[1]["sensor"] == "s03"
+    assert causes[0]["probability"] == causes[1]["probability"]
     # Either of two causes of different kinds may be the right one.
     other = laws.law([laws.term(flow, "u", "u")], [1.0], score=3.0)
     assert verdict(laws.discovery(laws.law(fault=fault), other))[0] == "ambiguous"

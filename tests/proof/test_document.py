@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,9 @@ from dashred.proof.outcomes import failings
 from dashred.proof.targets import TARGETS
 from tests.proof.invented import case, dead, null, proof, wrong
 
-FACTS = ProtocolFacts(commit="0123abc", seed=77, cases=120, nulls=100, hours=5.25, processes=2)
+FACTS = ProtocolFacts(
+    commit="0123abc", draw="0123abc", seed=77, cases=120, nulls=100, hours=5.25, processes=2
+)
 
 
 def table(page: str, heading: str) -> list[list[str]]:
@@ -129,3 +132,11 @@ def test_an_appendix_stands_at_the_end(tmp_path) -> None:
     path = tmp_path / "proof.md"
     write_document([case()], path, FACTS, "## Appendix: a real recording\n")
     assert path.read_text().endswith("\n\n## Appendix: a real recording\n")
+
+
+def test_a_draw_for_practice_is_not_passed_off_as_the_proof() -> None:
+    practice = replace(FACTS, commit=None, draw="mine")
+    assert "this is a draw for practice, and not the proof" in document([case()], practice)
+    page = document([case()], FACTS)
+    assert "practice" not in page and "the commit under test (0123abc)" in page
+    assert "3 to 30 (`fhn`) or 10 to 100 (`rde`)" in " ".join(page.split())

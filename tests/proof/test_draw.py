@@ -68,6 +68,24 @@ def test_laws_have_one_to_three_terms_over_a_decade() -> None:
         assert len(set(names)) == len(names)
 
 
+def test_no_order_tells_the_kinds() -> None:
+    orders = {
+        tuple(case.kind for case in draw_cases(seed_of(f"draw {j}"), 30, 0)) for j in range(10)
+    }
+    assert len(orders) == 10
+    troubled = {
+        tuple(len(case.hidden) > 1 for case in draw_cases(seed_of(f"draw {j}"), 0, 12))
+        for j in range(10)
+    }
+    assert len(troubled) > 5
+
+
+def test_the_constants_of_what_lies_outside_are_drawn() -> None:
+    drawn = [case.hidden["terms"][0]["term"] for case in of_kind("outside")]
+    assert not any("{" in text for text in drawn)
+    assert len({text for text in drawn if text.startswith("sin(")}) > 5
+
+
 def test_windows_lie_within_the_axis_and_the_record() -> None:
     for kind in ("box", "onset", "gate"):
         for case in of_kind(kind):
@@ -93,7 +111,8 @@ def test_the_terms_are_those_of_the_analysis_and_what_lies_beyond_is_not(proved:
         found = set()
         for equation, texts in terms.items():
             for text in texts:
-                parsed = system.parse(text, "test", equation=equation)
+                drawn = text.format(a=2.34, p=1.2)
+                parsed = system.parse(drawn, "test", equation=equation)
                 found.add((equation, str(Term(equation, parsed))))
         return found
 

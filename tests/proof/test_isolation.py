@@ -50,7 +50,7 @@ def test_the_analyst_runs_the_copy_and_no_other(copy) -> None:
 def test_an_analyst_answers_each_recording_and_outlives_a_wrong_one(copy, tmp_path) -> None:
     with analyst(copy) as mine:
         for words in (["conf=nowhere"], ["conf=fhn", f"recording.path={tmp_path}/none.nc"]):
-            code, _ = mine.analyse(words, tmp_path / "log.txt")
+            code, _ = mine.analyse(words, tmp_path / "log.txt", 100.0)
             assert code == 2
             assert "error:" in (tmp_path / "log.txt").read_text()
 
@@ -60,4 +60,4 @@ def test_an_analyst_that_dies_is_told_apart_from_one_that_fails(copy, tmp_path) 
         mine.process.kill()
         mine.process.wait()
         with pytest.raises(AnalystLostError):
-            mine.analyse(["conf=fhn"], tmp_path / "log.txt")
+            mine.analyse(["conf=fhn"], tmp_path / "log.txt", 100.0)

@@ -31,7 +31,8 @@ def keep(folder: Path, seed: str, cases: int) -> None:
     for case in draw_cases(seed_of(seed), cases, 0):
         place = folder / str(case).replace(" ", "-")
         place.mkdir(parents=True)
-        kept = {"key": list(case.key), "record": record_of(case.number), "wall_seconds": 10.0}
+        sha = proof._hash_of(case)
+        kept = {"case_sha256": sha, "record": record_of(case.number), "wall_seconds": 10.0}
         write_json_atomic(place / "case.json", kept)
 
 
@@ -40,7 +41,7 @@ def analysed(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
     """Have analysts note their words, and fail."""
     told: list[list[str]] = []
 
-    def analyse(self: Analyst, words: list[str], log: Path) -> tuple[int, float]:
+    def analyse(self: Analyst, words: list[str], log: Path, limit: float) -> tuple[int, float]:
         told.append(list(words))
         log.write_text("Traceback\n  deep inside\nValueError: out of luck\n")
         return 1, 0.5
@@ -73,7 +74,7 @@ def test_a_crash_is_a_record_and_is_tried_again(tmp_path, analysed) -> None:
 def test_an_interruption_ends_the_analysts_and_keeps_no_record(tmp_path, monkeypatch) -> None:
     begun = threading.Event()
 
-    def analyse(self: Analyst, words: list[str], log: Path) -> tuple[int, float]:
+    def analyse(self: Analyst, words: list[str], log: Path, limit: float) -> tuple[int, float]:
         begun.set()
         self.process.wait()
         raise AnalystLostError("killed")
@@ -101,7 +102,41 @@ def test_an_analyst_is_told_of_its_recording_alone(tmp_path, analysed) -> None:
         assert set(told) <= set(keys)
         others = {"shred.epochs", "assimilation.epochs", "threads", *case.words}
         assert set(keys) - set(told) <= others
-        assert str(case.key[0]) not in " ".join(words)
+        said = " ".join(words)
+        assert str(case.key[0]) not in said and str(tmp_path) not in said
+        assert f"seed={case.analysis_seed}" in words and str(case).replace(" ", "-") not in said
+
+
+def test_a_case_that_cannot_be_recorded_or_judged_is_a_record(tmp_path, monkeypatch) -> None:
+    def fail(*_: object) -> None:
+        raise ValueError("out of reach")
+
+    monkeypatch.setattr(Analyst, "analyse", lambda *_: (0, 1.0))
+    monkeypatch.setattr(proof, "check_freeze", fail)
+    [kept] = proof.run_proof(request(tmp_path, 1))
+    assert kept.record["problem"] == "ValueError: out of reach"
+    assert kept.record["hidden"] != "unknown"
+    assert "out of reach" in (tmp_path / "case-0" / "problem.txt").read_text()
+    monkeypatch.setattr(proof, "conceal", fail)
+    [kept] = proof.run_proof(request(tmp_path, 1))
+    assert kept.record["hidden"] == "unknown"
+
+
+def test_an_analysis_finds_its_recording_and_nothing_else(tmp_path, monkeypatch) -> None:
+    """Also where an earlier try had gone as far as to open the seal."""
+    seen: list[list[str]] = []
+
+    def analyse(self: Analyst, words: list[str], log: Path, limit: float) -> tuple[int, float]:
+        folder = next(Path(w.partition("=")[2]) for w in words if w.startswith("output="))
+        seen.append(sorted(path.name for path in folder.iterdir()))
+        log.write_text("failed\n")
+        return 1, 0.5
+
+    monkeypatch.setattr(Analyst, "analyse", analyse)
+    (tmp_path / "case-0").mkdir()
+    (tmp_path / "case-0" / "sealed.nc").write_text("the truth")
+    proof.run_proof(request(tmp_path, 1))
+    assert seen == [["recording.nc"]]
 
 
 @pytest.mark.parametrize("word", ["cases=many", "case=3", "jobs", "nulls=-1"])
@@ -129,7 +164,7 @@ def test_a_proof_from_the_draw_to_the_document(tmp_path) -> None:
     assert not any(record["problem"] for record in records)
     assert sum(record["right"] or record["listed"] for record in records) >= 2
     page = (tmp_path / "proof.md").read_text()
-    assert "practice draw 'test'" in page
+    assert "this is a draw for practice" in page
     for folder in ("case-0", "case-1", "null-0"):
         frozen, opened = (tmp_path / folder / n for n in ("freeze.json", "sealed.nc"))
         assert frozen.stat().st_mtime <= opened.stat().st_mtime
