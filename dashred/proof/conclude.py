@@ -8,9 +8,10 @@ from dashred.findings import write_json_atomic
 from dashred.output import make_output
 from dashred.progress import CONSOLE
 from dashred.proof.appendix import analyse_pendulum
-from dashred.proof.document import ProtocolFacts, write_document
+from dashred.proof.document import write_document
 from dashred.proof.draw import seed_of
 from dashred.proof.figures import save_figures
+from dashred.proof.protocol import ProtocolFacts
 from dashred.proof.run import Kept
 from dashred.proof.targets import TARGETS
 from dashred.proof.words import Request

@@ -5,15 +5,14 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from statistics import mean, median
 
 from dashred.proof import outcomes
 from dashred.proof.case_record import KINDS, CaseRecord, Kind, name_of
 from dashred.proof.figures import FIGURES, WINDOWS, reliability
+from dashred.proof.protocol import ProtocolFacts, protocol
 from dashred.proof.statistics import Rate, percent
-from dashred.proof.systems import SYSTEMS
 from dashred.proof.targets import (
     TARGETS,
     Records,
@@ -31,35 +30,6 @@ POOLS: dict[str, tuple[Kind, ...]] = {
     "pooled: region, state, onset": ("box", "gate", "onset"),
 }
 
-PROTOCOL = """\
-Each case hides something in a system, records it with a few noisy sensors, and asks the tool what
-its simulation leaves out. `python -m dashred.prove` does all of this and writes this page.
-
-1. **Drawn.** What is hidden follows from one number, {seed}, which comes from {origin}. Laws have
-   one to three terms of the analysis's library and act everywhere, in a region, gated by the state,
-   or from an onset on; those *outside* have a term that the library lacks, its constants drawn,
-   too. Their size is such that the sensors read {effects} times their noise apart from the
-   simulation's, rms, and at most 0.7 of a trace's std; of `ks1d`, where chaos makes much of little,
-   it is 1 to 10 % of the equation's tendency. Other cases have a wrong parameter, a faulty sensor
-   (one that the analysis fits), a start outside of its prior, numerics that are not resolved, or
-   nothing at all. *Masked* ones have a law beside a wrong parameter or a faulty sensor, or one
-   below the noise of a single sample: there each cause that is named has to be a true one. Sensors,
-   noise (0.5 to 10 %) and starts are drawn, too. Not drawn are two terms of `fhn` that no recording
-   of u tells apart. A third of the nulls have correlated noise, noise of another size than stated,
-   or a sensor 0.25 % of the axis off its place, which may be named.
-2. **Sealed.** The truth runs at doubled resolution. The analysis runs in a process of its own, in a
-   copy of the package without draw, recorder, scorer and twins. It is handed the recording, in a
-   folder with nothing else in it, and a seed that says nothing; while it works, the truth of its
-   case is on no disk.
-3. **Frozen, opened, scored.** The findings are hashed before the seal is written and opened. A law
-   is right in its exact form alone, its window's kind included; a parameter that does the same as
-   the true one, and says so, is right. The scorer also fits the true form from the true start, its
-   edges as they are: the *oracle*. A case is *decidable* if that form beats the simulation as it
-   is, and every rival, by more than 6 in the score that compares laws; the law that was returned
-   keeps its coefficients there. Seconds are those of the analysis's CPU.
-
-Drawn: {cases} cases, and {nulls} nulls, which are counted apart. Finished: {finished}, in
-{hours:.1f} h, {processes} processes side by side."""
 JUDGED = (
     "A share is judged by itself; its interval is Wilson's, at 95 %. What has no value for a case "
     "leaves the case out of that number: n tells how many count."
@@ -73,29 +43,6 @@ CALIBRATED = (
     "how many hold the true coefficient, of laws whose form is exact; z is the error in standard "
     "deviations as told, and its rms is 1 where these are right."
 )
-
-
-@dataclass(frozen=True)
-class ProtocolFacts:
-    """How this draw came to be: what no case's record knows.
-
-    Attributes:
-        commit: hash of the code under test; None of a draw for practice.
-        draw: what the seed of the draw was made of.
-        seed: of the draw.
-        cases: how many were drawn.
-        nulls: how many were drawn apart.
-        hours: that all took, on the clock.
-        processes: that ran side by side.
-    """
-
-    commit: str | None
-    draw: str
-    seed: int
-    cases: int
-    nulls: int
-    hours: float
-    processes: int
 
 
 def write_document(
@@ -117,9 +64,7 @@ def document(records: Records, facts: ProtocolFacts) -> str:
         "# The proof: effects that are concealed",
         _headline(records),
         "## Protocol",
-        PROTOCOL.format(
-            **vars(facts), finished=len(records), origin=_origin(facts), effects=_effects()
-        ),
+        protocol(facts, len(records)),
         "## Targets",
         _targets(records),
         JUDGED,
@@ -141,23 +86,6 @@ def document(records: Records, facts: ProtocolFacts) -> str:
         _seconds(records),
     ]
     return "\n\n".join(parts) + "\n"
-
-
-def _origin(facts: ProtocolFacts) -> str:
-    if facts.commit is None:
-        return f"the text {facts.draw!r}: this is a draw for practice, and not the proof"
-    return f"the hash of the commit under test ({facts.commit}): nothing can have been tuned to it"
-
-
-def _effects() -> str:
-    """Return the ranges of effects by system."""
-    ranges = [
-        f"{low:g} to {high:g} (`{proved.name}`)"
-        for proved in SYSTEMS.values()
-        if proved.share is None
-        for low, high in [proved.effect]
-    ]
-    return " or ".join(ranges)
 
 
 def _headline(records: Records) -> str:

@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 
 from dashred.proof.case_record import CaseRecord
-from dashred.proof.document import ProtocolFacts, document, write_document
+from dashred.proof.document import document, write_document
 from dashred.proof.figures import FIGURES
 from dashred.proof.outcomes import failings
+from dashred.proof.protocol import ProtocolFacts
 from dashred.proof.targets import TARGETS
 from tests.proof.invented import case, dead, null, proof, wrong
 

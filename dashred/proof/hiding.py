@@ -1,0 +1,139 @@
+"""What a case of each kind hides, drawn: as a twin's entry, its sizes still relative."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dashred.proof.systems import Proved
+
+FAULTS = ("bias", "drift", "stuck", "spikes", "misplaced")
+# What a third of the nulls suffer from without anything being missing.
+NUISANCES = ("correlated", "stated", "misplaced")
+
+
+def _terms(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
+    """Return a law of one to three terms, of whatever equations."""
+    every = [(equation, term) for equation in proved.terms for term in proved.terms[equation]]
+    count = int(rng.choice([1, 2, 3], p=[0.5, 0.35, 0.15]))
+    chosen = rng.choice(len(every), size=count, replace=False)
+    return {"terms": [_term(*every[int(j)], rng) for j in chosen]}
+
+
+def _in_the_hidden_equation(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
+    assert proved.hidden is not None
+    term = str(rng.choice(proved.terms[proved.hidden]))
+    return {"terms": [_term(proved.hidden, term, rng)]}
+
+
+def _box(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
+    axis, length = proved.axis
+    width = length * rng.uniform(0.15, 0.45)
+    begin = rng.uniform(0.0, length - width)
+    edge = length * rng.uniform(0.01, 0.03)
+    return _in_window(proved, {axis: [begin, begin + width], "edge": edge}, rng)
+
+
+def _onset(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
+    begin = proved.duration * rng.uniform(0.2, 0.55)
+    edge = proved.duration * rng.uniform(0.005, 0.03)
+    return _in_window(proved, {"t": [begin, None], "edge": edge}, rng)
+
+
+def _gate(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
+    of, low, high = proved.gated
+    threshold = rounded(rng.uniform(low, high))
+    bounds = [threshold, None] if rng.random() < 0.5 else [None, threshold]
+    return _in_window(proved, {of: bounds, "edge": (high - low) * rng.uniform(0.03, 0.12)}, rng)
+
+
+def _in_window(proved: Proved, window: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
+    every = [(equation, term) for equation in proved.local for term in proved.local[equation]]
+    entry = _term(*every[int(rng.integers(len(every)))], rng)
+    ends = {key: _rounded_ends(value) for key, value in window.items()}
+    return {"terms": [entry | {"window": ends}]}
+
+
+def _outside(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
+    """Return a law of a term that the analysis' library lacks, its constants drawn, too."""
+    every = [(equation, form) for equation in proved.beyond for form in proved.beyond[equation]]
+    equation, form = every[int(rng.integers(len(every)))]
+    text = form.format(a=rounded(rng.uniform(1.2, 3.2)), p=rounded(rng.uniform(0.0, 6.28)))
+    return {"terms": [_term(equation, text, rng)]}
+
+
+def _parameter(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
+    """Return the share by which a parameter is off; how much, the effect decides."""
+    name = str(rng.choice(proved.parameters))
+    return {"parameters": {name: float(rng.choice([-1.0, 1.0]))}}
+
+
+def _fault(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
+    """Return a fault of an effect of one on a sensor that is drawn when there are some."""
+    kind = str(rng.choice(FAULTS))
+    return {"faults": [{"sensor": float(rng.random()), "kind": kind, "value": _sign(rng)}]}
+
+
+def masked(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
+    """Return a law beside a parameter or a fault that hides it, or a law that is faint alone."""
+    how = int(rng.integers(3))
+    every = [(equation, term) for equation in proved.terms for term in proved.terms[equation]]
+    law = {"terms": [_term(*every[int(rng.integers(len(every)))], rng)]}
+    if how == 0:
+        return law | _parameter(proved, rng)
+    return law | _fault(proved, rng) if how == 1 else law
+
+
+def nuisance(proved: Proved, key: tuple[int, ...], rng: np.random.Generator) -> dict[str, Any]:
+    """Return what one of every three nulls suffers from."""
+    seed, group, number = key
+    block, place = divmod(number, 3)
+    if np.random.default_rng([seed, group, block]).integers(3) != place:
+        return {}
+    kind = NUISANCES[block % len(NUISANCES)]
+    if kind == "correlated":
+        return {"correlation": rounded(rng.uniform(0.3, 0.6))}
+    if kind == "stated":
+        return {"stated": float(rng.choice([0.9, 1.1]))}
+    distance = 0.0025 * proved.axis[1] * _sign(rng)
+    fault = {"sensor": float(rng.random()), "kind": "misplaced", "value": distance}
+    return {"faults": [fault]}
+
+
+HIDE = {
+    "terms": _terms,
+    "hidden": _in_the_hidden_equation,
+    "box": _box,
+    "onset": _onset,
+    "gate": _gate,
+    "outside": _outside,
+    "parameter": _parameter,
+    "fault": _fault,
+}
+
+
+def _term(equation: str, term: str, rng: np.random.Generator) -> dict[str, Any]:
+    """Return a term; its coefficient is a share of the equation's tendency, between its like."""
+    share = _sign(rng) * log_uniform(rng, 0.5, 2.0)
+    return {"equation": equation, "term": term, "coefficient": share}
+
+
+def _sign(rng: np.random.Generator) -> float:
+    return float(rng.choice([-1.0, 1.0]))
+
+
+def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    """Draw a number whose logarithm is uniform."""
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def rounded(value: float) -> float:
+    """Return a number to three digits, as it is told."""
+    return float(f"{value:.3g}")
+
+
+def _rounded_ends(value: Any) -> Any:
+    if isinstance(value, list):
+        return [None if end is None else rounded(end) for end in value]
+    return rounded(value)

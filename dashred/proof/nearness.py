@@ -1,0 +1,135 @@
+"""How near a case's law came to what was hidden: its window, its coefficients, its gains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import xarray as xr
+
+from dashred.findings_schema import Score
+from dashred.proof.case_record import Coefficient, Gains, Region
+from dashred.proof.conceal import Concealed
+from dashred.proof.draw import Case
+from dashred.scoring import law_of_findings, law_of_truth
+from dashred.sensing.observation import ObservationOperator
+from dashred.window_kinds import kind_of
+
+# Times that differ by less are the same.
+CLOCK = 1e-9
+
+
+def region_off(score: Score, findings: Mapping[str, Any], concealed: Concealed) -> Region | None:
+    """Return how well the window was found, in shares."""
+    found = score["region"]
+    if found is None:
+        return None
+    truth = concealed.truth
+    [window] = [t.window for t in truth.terms if t.window is not None]
+    threshold, share, z = found["threshold"], None, None
+    if threshold is not None:
+        field = concealed.system.fields.index(window[0])
+        values = truth.states[truth.times <= truth.duration, field]
+        share = threshold / float(values.max() - values.min())
+        [region] = next(e["region"] for e in findings["terms"] if e.get("region"))
+        z = threshold / region["std"] if region.get("std") else None
+    onset = found["onset"]
+    return {
+        "overlap": found["overlap"],
+        "onset": None if onset is None else onset / truth.duration,
+        "threshold": share,
+        "threshold_z": z,
+    }
+
+
+def peak_inside(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> bool | None:
+    """Return whether the map of a free forcing is largest where the hidden law acts."""
+    where = findings["where"]
+    if case.kind != "box" or where is None or where["forcing"] is None:
+        return None
+    [peak] = where["forcing"]["peak"]
+    [window] = [t.window for t in concealed.truth.terms if t.window is not None]
+    _, begin, end, _ = window
+    assert begin is not None and end is not None
+    return bool(begin <= peak <= end)
+
+
+def coefficients_found(findings: Mapping[str, Any], concealed: Concealed) -> list[Coefficient]:
+    """Return found and true coefficients of a law whose form is exact."""
+    truth = concealed.truth
+    found: list[Coefficient] = []
+    for entry in findings["terms"]:
+        if entry["equation"] is None:
+            name, value = entry["parameter"], entry["coefficient"]
+            true = truth.concealed.parameters.get(name)
+            # The change is what was found: the old value was known.
+            true = None if true is None else true - entry["from"]
+        else:
+            name, value = f"{entry['equation']}: {entry['term']}", entry["coefficient"]
+            mine = law_of_findings({**findings, "terms": [{**entry, "coefficient": 1.0}]})
+            [key] = mine
+            theirs = law_of_truth(findings, truth.terms, truth.concealed.parameters)
+            true = theirs[key] / mine[key]
+        if true is not None:
+            window = next((t.window for t in truth.terms if t.window is not None), None)
+            found.append(
+                {
+                    "name": name,
+                    "true": true,
+                    "found": value,
+                    "std": entry["std"],
+                    "window": _sort_of(kind_of(window)),
+                }
+            )
+    return found
+
+
+def _sort_of(kind: str | None) -> Any:
+    if kind is None:
+        return None
+    return {"t": "onset"}.get(kind, "gate" if " " in kind else "box")
+
+
+def gains(
+    case: Case,
+    findings: Mapping[str, Any],
+    concealed: Concealed,
+    folder: Path,
+    score: Score,
+) -> Gains | None:
+    """Return by how much the law brought the simulation nearer to the truth without noise."""
+    if not findings["terms"] or case.kind in ("null", "start", "fault", "numerics"):
+        return None
+    truth, system = concealed.truth, concealed.system
+    names = findings["input"]["splits"]["test"]
+    sensors = [s for s in concealed.recording.sensors if s.name in names]
+    operator = ObservationOperator(sensors, system)
+    with xr.open_dataset(folder / "estimates.nc", engine="h5netcdf") as estimates:
+        at = np.searchsorted(truth.times.numpy(), estimates["time"].values - CLOCK)
+        real = operator(truth.states[at])
+        errors = {}
+        for method in ("simulation_refit", "corrected"):
+            chosen = estimates.sel({"method": method})
+            states = np.stack([chosen[field].values for field in system.fields], axis=1)
+            wrong = operator(torch.from_numpy(states)) - real
+            errors[method] = float(wrong.square().mean().sqrt())
+    beyond = score["forecast"]
+    before, after = beyond["before_refit"], beyond["after"]
+    return {
+        "test_sensors": _ratio(errors["simulation_refit"], errors["corrected"]),
+        "forecast": _ratio(before, after),
+    }
+
+
+def noisy_test(findings: Mapping[str, Any]) -> float | None:
+    """Return by what share the corrected simulation is worse on the noisy data held out."""
+    known = findings["fit"]["test_sensors"] if findings["fit"] else {}
+    ratio = _ratio(known.get("after"), known.get("before_refit"))
+    return None if ratio is None else ratio - 1
+
+
+def _ratio(value: float | None, reference: float | None) -> float | None:
+    return value / reference if value is not None and reference else None

@@ -1,0 +1,82 @@
+"""The oracle: it knows the true form, and says whether the recording could have told it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dashred.findings import write_json_atomic
+from dashred.proof.conceal import Concealed, conceal
+from dashred.proof.draw import Case
+from dashred.proof.oracle import consult
+from dashred.sensing.write_netcdf import write_netcdf
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+TERM = {"equation": "v", "term": "v**2", "coefficient": 1.0}
+CASE = Case(0, "cases", "fhn", "terms", (5, 0, 0), 0.03, 10, {"terms": [TERM]}, 8.0)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Concealed]:
+    folder = tmp_path_factory.mktemp("case")
+    concealed = conceal(CASE)
+    write_netcdf(concealed.recording, folder / "recording.nc", ["x"])
+    return folder, concealed
+
+
+def told(
+    folder: Path, law: str, term: dict[str, Any] | None, alternatives: list[dict[str, Any]]
+) -> None:
+    """Leave the findings and the corrected simulator that a run leaves which found one term."""
+    terms = [] if term is None else [term | {"region": None}]
+    write_json_atomic(folder / "findings.json", {"terms": terms, "alternatives": alternatives})
+    text = (CHECKOUT / "conf" / "fhn.yaml").read_text()
+    right = "    v: eps*(u + a - b*v) + Dv*lap(v)"
+    assert right in text
+    (folder / "corrected.yaml").write_text(text.replace(right, right + law))
+
+
+def alternative(term: dict[str, Any], delta: float) -> dict[str, Any]:
+    return {"terms": [term | {"region": None}], "delta_bic": delta, "rival": delta < 6}
+
+
+def test_a_law_that_was_found_loses_nothing_and_its_rivals_decide(recorded) -> None:
+    folder, concealed = recorded
+    coefficient = concealed.truth.terms[0].coefficient
+    found = {"equation": "v", "term": "v**2", "coefficient": coefficient}
+    other = {"equation": "u", "term": "u", "coefficient": 0.1}
+    told(folder, f" + {coefficient}*v**2", found, [alternative(other, 9.0)])
+    answer = consult(CASE, concealed, folder, exact=True)
+    assert answer is not None and abs(answer["lost"]) < 3 < 50 < answer["over_null"]
+    assert answer["over_rival"] == pytest.approx(9.0 + answer["lost"])
+    assert answer["decidable"] and answer["over_library"] == pytest.approx(answer["lost"])
+    told(folder, f" + {coefficient}*v**2", found, [alternative(other, 2.0)])
+    near = consult(CASE, concealed, folder, exact=True)
+    assert near is not None and not near["decidable"]
+
+
+def test_what_was_missed_is_lost(recorded) -> None:
+    folder, concealed = recorded
+    told(folder, "", None, [])
+    answer = consult(CASE, concealed, folder, exact=False)
+    assert answer is not None and answer["lost"] == pytest.approx(answer["over_null"])
+    assert answer["lost"] > 50 and answer["decidable"]
+
+
+def test_a_law_that_blows_up_loses_all(recorded) -> None:
+    folder, concealed = recorded
+    wrong = {"equation": "v", "term": "v**3", "coefficient": 50.0}
+    told(folder, " + 50*v**3", wrong, [])
+    answer = consult(CASE, concealed, folder, exact=False)
+    assert answer is not None and 1e5 < answer["lost"] < float("inf")
+    json.dumps(answer, allow_nan=False)
+
+
+def test_it_has_nothing_to_say_where_no_law_was_hidden(recorded, tmp_path) -> None:
+    folder, concealed = recorded
+    shutil.copy(folder / "recording.nc", tmp_path)
+    assert consult(CASE, concealed, tmp_path, exact=None) is None
