@@ -111,7 +111,8 @@ class _Here:
     def advance(self, further: int, steps: int) -> bool:
         """Fit more samples; tell whether the misfit stayed near its level."""
         tried = self._fit(self.members, further, steps)
-        if self._level(tried, further) > LOST * self._usual:
+        # A run that blows up has no level, and is not near any.
+        if not self._level(tried, further) <= LOST * self._usual:
             return False
         self._adopt(tried, further)
         return True

@@ -21,10 +21,15 @@ from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.physics.window import shapes_of
 from dashred.progress import Report
+from dashred.stages.objectives import fit_noise
 from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal
 
 STEPS, TOLERANCE = 10, 1e-4
+# Noise that is this many times the stated one is not noise.
+INFLATED = 1.5
+# Samples from which the simulator as it is grows, where nothing that was fitted is trusted.
+FIRST = 6
 
 
 def weigh_causes(
@@ -50,14 +55,17 @@ def weigh_causes(
         report: progress.
     """
     begin = float(problem.times[0])
+    reached = samples == len(objective.recorded) and not _inflated(problem, objective)
+    if not reached:
+        # What a lost walk left says nothing of the noise, nor do laws that were fitted under it.
+        objective = replace(objective, noise=fit_noise(problem))
     known = list(objective.shooting.candidates)
     local = replaced_terms(problem.system, problem.library, known, nominal.states, begin)
     everything = _with(objective, local, problem.config.discovery.weak)
     null = objective.only(())
     phi = nothing.phi[: null.modes]
-    reached = samples == len(objective.recorded)
     if not reached:
-        phi = grow(null, phi, samples)
+        phi = grow(null, phi, min(samples, FIRST))
     fitted = minimise(null, phi, STEPS, TOLERANCE)
     empty = Cause(law_of(null, fitted, (), fitted.cost), null, fitted.phi)
     law = objective.only(best.members)
@@ -72,11 +80,21 @@ def weigh_causes(
         lambda: _beyond(problem, nominal),
         report,
     )
-    if weighed.noise is not objective.noise:
+    if not reached or weighed.noise is not objective.noise:
         return weighed
     # Under the same noise the rivals that act everywhere stand beside the others.
     everywhere = [*laws, *(law for law in weighed.laws if law.fault or law.widened > 1)]
     return replace(weighed, laws=sorted(everywhere, key=lambda law: law.score))
+
+
+def _inflated(problem: Problem, objective: Objective) -> bool:
+    """Tell whether the noise that was found is far above what the recording says of itself.
+
+    One sensor at fault can do that: the noise of all then hides it.
+    """
+    stated = all(sensor.std is not None for sensor in problem.split.fit.sensors)
+    ratio = float((objective.noise.std / fit_noise(problem).std).median())
+    return stated and ratio > INFLATED
 
 
 def _with(objective: Objective, local: Sequence[Candidate], weak: float) -> Objective:

@@ -92,7 +92,8 @@ def discover(
         seed=seed.name,
         levels=walked.levels,
         reached=walked.reached or _explains(weighed),
-        free_chi2=float(free) / part.noise.count,
+        # A walk that got lost says nothing of what can be reached over the whole record.
+        free_chi2=float(free) / part.noise.count if walked.reached else weighed.laws[0].chi2,
         exhausted=selection.exhausted,
         path=_path(selection),
         tried=len(selection.tried),
@@ -150,7 +151,9 @@ def _walk(
 
 
 def _with_noise_after(objective: Objective, walked: Walk) -> Objective:
-    """Return F with the noise that the residuals of the walk speak for."""
+    """Return F with the noise that the residuals of the walk speak for, if it was not lost."""
+    if not walked.reached:
+        return objective
     part = objective.until(walked.samples)
     found = part.noise_left(walked.readings, objective.modes + len(walked.members))
     return replace(objective, noise=replace(found, seen=objective.noise.seen))
