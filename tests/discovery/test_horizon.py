@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from itertools import pairwise
 from statistics import median
 
@@ -9,6 +11,7 @@ import pytest
 from torch import Tensor
 
 from dashred.discovery.first_window import first_samples, fit_first_window
+from dashred.discovery.gauss_newton import Fitted, minimise
 from dashred.discovery.horizon import GROWTH, LOST, Walk, walk
 from dashred.discovery.objective import Objective
 from tests.swing import FORCES, TIMES, Swing, noisy
@@ -73,6 +76,20 @@ def test_the_walk_stops_where_another_law_takes_over(
     clean = swing.clean(Z, (), ())[: LATE - 5]
     gap = found.readings[: LATE - 5] - clean
     assert float(gap.square().mean().sqrt()) < SIGMA
+
+
+def test_what_blows_up_is_not_near_the_level(
+    swing: Swing, missing: Tensor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def blown(objective: Objective, phi: Tensor, steps: int, tolerance: float) -> Fitted:
+        found = minimise(objective, phi, steps, tolerance)
+        lost = len(objective.recorded) > LATE
+        return replace(found, cost=math.inf, chi2=math.nan) if lost else found
+
+    monkeypatch.setattr("dashred.discovery.horizon.minimise", blown)
+    found = walked(swing, missing)
+    assert not found.reached and LATE - 5 <= found.samples <= LATE
+    assert all(math.isfinite(level) for _, level in found.levels)
 
 
 def test_a_walk_that_carries_few_reaches_the_end_too(swing: Swing, missing: Tensor) -> None:

@@ -1,0 +1,26 @@
+"""When what the global search left is trusted, and when not."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+import torch
+
+from dashred.stages import causes
+from dashred.stages.problem import Problem
+
+
+@pytest.mark.parametrize(
+    ("found", "stated", "inflated"), [(1.1, 1.0, False), (1.6, 1.0, True), (9.0, None, False)]
+)
+def test_noise_far_above_the_stated_one_is_no_noise(monkeypatch, found, stated, inflated) -> None:
+    """What nobody stated may be as large as it likes: a real recording always has some misfit."""
+    sensors = [SimpleNamespace(std=stated), SimpleNamespace(std=1.0)]
+    split = SimpleNamespace(fit=SimpleNamespace(sensors=sensors))
+    problem = cast(Problem, SimpleNamespace(split=split))
+    believed = SimpleNamespace(std=torch.ones(2))
+    monkeypatch.setattr(causes, "fit_noise", lambda _: believed)
+    objective: Any = SimpleNamespace(noise=SimpleNamespace(std=torch.tensor([found, found])))
+    assert causes._inflated(problem, objective) is inflated
