@@ -26,10 +26,13 @@ DECKS: dict[str, tuple[Kind, ...]] = {
         *("box", "parameter", "terms"),
     ),
     "ks1d": (
-        *("terms", "fault", "box", "terms", "parameter", "null", "terms", "outside", "fault"),
+        *("terms", "fault", "box", "terms", "parameter", "null", "numerics", "outside", "gate"),
         *("start", "terms", "onset"),
     ),
-    "rde": ("terms", "hidden", "parameter", "fault", "terms", "box", "null", "outside", "start"),
+    "rde": (
+        *("terms", "hidden", "parameter", "fault", "terms", "box", "null", "outside", "start"),
+        *("gate", "numerics"),
+    ),
 }
 # Systems of the cases, and of the nulls, dealt out likewise.
 TABLES = {

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from dashred.proof.systems import Proved
+from dashred.twin_file import FAULTS
 
-FAULTS = ("bias", "drift", "stuck", "spikes", "misplaced")
 # What a third of the nulls suffer from without anything being missing.
 NUISANCES = ("correlated", "stated", "misplaced")
 
