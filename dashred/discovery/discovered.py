@@ -65,7 +65,8 @@ class Discovered:
         found = []
         for law in self.laws[1:]:
             theirs = law.parts
-            nested = theirs < mine or (self.exhausted and theirs > mine)
+            # Of one cause in two sizes, as of a start, neither is a rival of the other.
+            nested = theirs <= mine or (self.exhausted and theirs > mine)
             if law.score < self.best.score + AMBIGUOUS and not nested:
                 found.append(law)
         return found

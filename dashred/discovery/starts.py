@@ -10,6 +10,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+PROJECTIONS, DIFFERENCE = 4, 1e-5
+
 
 class StartModel(Protocol):
     """A prior on starts: ``u₀ = start(z)`` with z ~ N(0, I) (design §4.2).
@@ -78,3 +80,20 @@ class ScaledStart:
     def draw(self, count: int, rng: np.random.Generator) -> Tensor:
         """Return ``count`` random starts."""
         return self.start(torch.from_numpy(rng.standard_normal((count, self.size))))
+
+
+def nearest(model: StartModel, state: Tensor) -> Tensor:
+    """Return the z whose start is nearest to a state, ``(mode,)``.
+
+    Args:
+        model: u₀(z); where it is not linear, a few steps find it.
+        state: ``(field, *grid)``.
+    """
+    z = torch.zeros(model.size, dtype=torch.float64)
+    eye = DIFFERENCE * torch.eye(model.size, dtype=torch.float64)
+    for _ in range(PROJECTIONS):
+        base = model.start(z[None])
+        slope = ((model.start(z + eye) - base) / DIFFERENCE).flatten(1).T
+        rest = (state - base[0]).flatten()[:, None]
+        z = z + torch.linalg.lstsq(slope, rest, driver="gelsd").solution[:, 0]
+    return z

@@ -23,7 +23,7 @@ from dashred.discovery.gauss_newton import Fitted, minimise
 from dashred.discovery.hypothesis import Guess, Hypothesis
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
-from dashred.discovery.starts import StartModel
+from dashred.discovery.starts import StartModel, nearest
 from dashred.physics.library import resolve
 from dashred.physics.system import Term
 from dashred.physics.window import Shape, shapes_of
@@ -43,8 +43,6 @@ STEPS, TOLERANCE = 12, 1e-4
 WORST = 1e6
 # In units of its size, the prior of a true coefficient: hardly any, as of those returned.
 FREE = 100.0
-# Where the start is not linear in z, a few steps find it.
-PROJECTIONS, DIFFERENCE = 4, 1e-5
 KEPT: dict[str, tuple[StartModel, list[Candidate]]] = {}
 
 
@@ -73,7 +71,7 @@ def consult(case: Case, concealed: Concealed, folder: Path, exact: bool | None) 
     )
     simulator = pose(load_config([f"conf={case.system}", *words], entry="train"))
     start, library = _known(case.system, simulator)
-    z, p = _project(start, truth.states[0]), len(library)
+    z, p = nearest(start, truth.states[0]), len(library)
 
     candidates = _true_candidates(simulator, library, concealed)
     mine = _objective(simulator, start, candidates, None)
@@ -93,13 +91,13 @@ def consult(case: Case, concealed: Concealed, folder: Path, exact: bool | None) 
     lost, over_null = (min(value - score, WORST) for value in (returned, null))
     rival = _nearest_rival(findings) if exact else 0.0
     over_rival = None if rival is None else lost + rival
-    nearest = _nearest_of_library(simulator, findings)
+    of_library = _nearest_of_library(simulator, findings)
     return {
         "over_null": over_null,
         "over_rival": over_rival,
         "decidable": min(over_null, math.inf if over_rival is None else over_rival) > DECIDABLE,
         "lost": lost,
-        "over_library": None if nearest is None else lost + nearest,
+        "over_library": None if of_library is None else lost + of_library,
     }
 
 
@@ -185,17 +183,6 @@ def _nearest_of_library(problem: Problem, findings: Mapping[str, Any]) -> float 
         return 0.0
     others = [a["delta_bic"] for a in findings["alternatives"] if inside(a["terms"])]
     return min(others, default=None)
-
-
-def _project(start: StartModel, state: Tensor) -> Tensor:
-    """Return the z whose start is nearest to a state."""
-    z = torch.zeros(start.size, dtype=torch.float64)
-    eye = DIFFERENCE * torch.eye(start.size, dtype=torch.float64)
-    for _ in range(PROJECTIONS):
-        base = start.start(z[None])
-        slope = ((start.start(z + eye) - base) / DIFFERENCE).flatten(1).T
-        z = z + torch.linalg.lstsq(slope, (state - base[0]).flatten()[:, None]).solution[:, 0]
-    return z
 
 
 def _known(name: str, problem: Problem) -> tuple[StartModel, list[Candidate]]:

@@ -11,12 +11,13 @@ from torch import Tensor
 from dashred.discovery.beyond import candidates_beyond
 from dashred.discovery.candidates import Candidate, replaced_terms
 from dashred.discovery.causes import Weighed, grow, weigh
-from dashred.discovery.gauss_newton import minimise
+from dashred.discovery.gauss_newton import Fitted, minimise
 from dashred.discovery.law import Law, law_of
 from dashred.discovery.local_laws import Cause
 from dashred.discovery.objective import Objective
 from dashred.discovery.selection import Tried
 from dashred.discovery.shooting import Simulator
+from dashred.discovery.starts import nearest
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.physics.window import shapes_of
@@ -28,6 +29,8 @@ from dashred.stages.simulation import Nominal
 STEPS, TOLERANCE = 10, 1e-4
 # Noise that is this many times the stated one is not noise.
 INFLATED = 1.5
+# A start that the prior reaches fits as well about it; far out, its prior holds it back a little.
+NO_WORSE = 1.3
 # Samples from which the simulator as it is grows, where nothing that was fitted is trusted.
 FIRST = 6
 
@@ -67,6 +70,8 @@ def weigh_causes(
     if not reached:
         phi = grow(null, phi, min(samples, FIRST))
     fitted = minimise(null, phi, STEPS, TOLERANCE)
+    if not (reached and best.members):
+        everything, null, fitted = _about_the_prior(nominal, everything, null, fitted)
     empty = Cause(law_of(null, fitted, (), fitted.cost), null, fitted.phi)
     law = objective.only(best.members)
     found = Cause(laws[0], law, best.phi[objective.places(best.members)]) if reached else empty
@@ -80,11 +85,31 @@ def weigh_causes(
         lambda: _beyond(problem, nominal),
         report,
     )
-    if not reached or weighed.noise is not objective.noise:
+    same_start = null.shooting.start is objective.shooting.start
+    if not reached or weighed.noise is not objective.noise or not same_start:
         return weighed
     # Under the same noise the rivals that act everywhere stand beside the others.
     everywhere = [*laws, *(law for law in weighed.laws if law.fault or law.widened > 1)]
     return replace(weighed, laws=sorted(everywhere, key=lambda law: law.score))
+
+
+def _about_the_prior(
+    nominal: Nominal, everything: Objective, null: Objective, fitted: Fitted
+) -> tuple[Objective, Objective, Fitted]:
+    """Return the same about the prior of the start, if that reaches the start that was found.
+
+    A seed that was made from the recording cannot tell whether this lies outside of the prior.
+    """
+    if null.shooting.start is nominal.prior:
+        return everything, null, fitted
+    z, _ = null.split(fitted.phi)
+    prior = nominal.prior
+    begin = nearest(prior, null.shooting.start.start(z[None])[0])
+    mine = replace(null, shooting=replace(null.shooting, start=prior))
+    found = minimise(mine, begin, STEPS, TOLERANCE)
+    if not found.chi2 < NO_WORSE * fitted.chi2:
+        return everything, null, fitted
+    return replace(everything, shooting=replace(everything.shooting, start=prior)), mine, found
 
 
 def _inflated(problem: Problem, objective: Objective) -> bool:

@@ -42,6 +42,8 @@ def test_a_sensor_and_the_start_may_be_the_cause(flow: System) -> None:
     assert causes[0]["says"] == "sensor s03 drifts by 0.0123 ± 0.0011 per unit time"
     found, causes = verdict(laws.discovery(laws.law(widened=3.0), laws.law(score=50.0)))
     assert found == causes[0]["kind"] == "initial-condition" and causes[0]["start"] == 3.0
+    far = laws.law(widened=6.0, score=2.0)
+    assert verdict(laws.discovery(laws.law(widened=3.0), far))[0] == "initial-condition"
     # Both may be true at once: then the law stands first, and each is told.
     both = laws.law([laws.term(flow, "u", "u")], [1.0], fault=fault)
     found, causes = verdict(laws.discovery(both, laws.law(score=50.0)))

@@ -8,6 +8,7 @@ from typing import Any, cast
 import pytest
 import torch
 
+from dashred.discovery.starts import nearest
 from dashred.stages import causes
 from dashred.stages.problem import Problem
 
@@ -24,3 +25,15 @@ def test_noise_far_above_the_stated_one_is_no_noise(monkeypatch, found, stated, 
     monkeypatch.setattr(causes, "fit_noise", lambda _: believed)
     objective: Any = SimpleNamespace(noise=SimpleNamespace(std=torch.tensor([found, found])))
     assert causes._inflated(problem, objective) is inflated
+
+
+def test_a_start_is_found_again_in_a_prior_that_is_not_linear() -> None:
+    class Bent:
+        size = 2
+
+        def start(self, z: torch.Tensor) -> torch.Tensor:
+            return torch.stack([z[:, 0].exp(), z[:, 1] + z[:, 0] ** 2], dim=1)[:, None]
+
+    z = torch.tensor([0.7, -1.2], dtype=torch.float64)
+    found = nearest(Bent(), Bent().start(z[None])[0])
+    torch.testing.assert_close(found, z, atol=1e-4, rtol=0)
