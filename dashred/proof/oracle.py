@@ -162,14 +162,19 @@ def _name(shape: Shape) -> str:
 
 
 def _nearest_rival(findings: Mapping[str, Any]) -> float | None:
-    """Return by how much the best law of another form is worse than the best."""
-    mine = {(e["equation"], e["term"], kind_found(e["region"])) for e in findings["terms"]}
-    others = [
-        a["delta_bic"]
-        for a in findings["alternatives"]
-        if {(t["equation"], t["term"], kind_in_text(t["region"])) for t in a["terms"]} != mine
-    ]
-    return min(others, default=None)
+    """Return by how much the best law of another form is worse than the best.
+
+    A law that holds the best one, and more, is no rival of it; nor is the same in a window.
+    """
+    mine = {(e["equation"], e["term"]) for e in findings["terms"]}
+    window = {kind_found(e["region"]) for e in findings["terms"]} - {None}
+
+    def holds(terms: Sequence[Mapping[str, Any]]) -> bool:
+        windows = {kind_in_text(t["region"]) for t in terms} - {None}
+        return mine <= {(t["equation"], t["term"]) for t in terms} and window <= windows
+
+    laws = [(a["delta_bic"], a["terms"]) for a in findings["alternatives"]]
+    return min((delta for delta, terms in laws if not holds(terms)), default=None)
 
 
 def _nearest_of_library(problem: Problem, findings: Mapping[str, Any]) -> float | None:

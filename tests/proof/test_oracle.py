@@ -12,7 +12,7 @@ import pytest
 from dashred.findings import write_json_atomic
 from dashred.proof.conceal import Concealed, conceal
 from dashred.proof.draw import Case
-from dashred.proof.oracle import consult
+from dashred.proof.oracle import _nearest_rival, consult
 from dashred.sensing.write_netcdf import write_netcdf
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -57,6 +57,23 @@ def test_a_law_that_was_found_loses_nothing_and_its_rivals_decide(recorded) -> N
     told(folder, f" + {coefficient}*v**2", found, [alternative(other, 2.0)])
     near = consult(CASE, concealed, folder, exact=True)
     assert near is not None and not near["decidable"]
+
+
+def test_a_law_that_holds_the_best_one_is_no_rival_of_it() -> None:
+    best = {"equation": "v", "term": "v**2", "region": None}
+    more = [best, {"equation": "u", "term": "u", "region": None}]
+    later = [best | {"region": "for t > -0.2"}]
+    other = [{"equation": "u", "term": "u", "region": None}]
+
+    def nearest(*laws: list[dict[str, Any]], best: dict[str, Any] = best) -> float | None:
+        alternatives = [{"terms": law, "delta_bic": float(j)} for j, law in enumerate(laws)]
+        return _nearest_rival({"terms": [best], "alternatives": alternatives})
+
+    assert nearest(more, later, other) == 2.0
+    assert nearest(more, later) is None
+    # Of a law in a window the one everywhere is a rival, and so is another window.
+    boxed = best | {"region": [{"axis": "x", "from": 1.0, "to": 2.0}]}
+    assert nearest([best], best=boxed) == nearest(later, best=boxed) == 0.0
 
 
 def test_what_was_missed_is_lost(recorded) -> None:
