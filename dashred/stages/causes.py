@@ -58,10 +58,10 @@ def weigh_causes(
         report: progress.
     """
     begin = float(problem.times[0])
-    reached = samples == len(objective.recorded) and not _inflated(problem, objective)
-    if not reached:
-        # What a lost walk left says nothing of the noise, nor do laws that were fitted under it.
-        objective = replace(objective, noise=fit_noise(problem))
+    reached = samples == len(objective.recorded)
+    if _inflated(problem, objective):
+        # A sensor at fault can do that, and laws that were fitted under such noise say nothing.
+        reached, objective = False, replace(objective, noise=fit_noise(problem))
     known = list(objective.shooting.candidates)
     local = replaced_terms(problem.system, problem.library, known, nominal.states, begin)
     everything = _with(objective, local, problem.config.discovery.weak)
@@ -85,12 +85,23 @@ def weigh_causes(
         lambda: _beyond(problem, nominal),
         report,
     )
-    same_start = null.shooting.start is objective.shooting.start
-    if not reached or weighed.noise is not objective.noise or not same_start:
+    if not reached or null.shooting.start is not objective.shooting.start:
         return weighed
-    # Under the same noise the rivals that act everywhere stand beside the others.
-    everywhere = [*laws, *(law for law in weighed.laws if law.fault or law.widened > 1)]
-    return replace(weighed, laws=sorted(everywhere, key=lambda law: law.score))
+    return _beside(weighed, laws, objective) if weighed.laws[0].parts == laws[0].parts else weighed
+
+
+def _beside(weighed: Weighed, laws: Sequence[Law], objective: Objective) -> Weighed:
+    """Return the laws that act everywhere, where the best of them has won, beside the others.
+
+    It keeps the fit and the rivals that the search gave it; the others their distance from it.
+    """
+    shift = laws[0].score - weighed.laws[0].score
+    known = {law.parts for law in laws}
+    others = [
+        replace(law, score=law.score + shift) for law in weighed.laws if law.parts not in known
+    ]
+    ranked = sorted([*laws, *others], key=lambda law: law.score)
+    return replace(weighed, laws=ranked, noise=objective.noise)
 
 
 def _about_the_prior(
@@ -113,10 +124,7 @@ def _about_the_prior(
 
 
 def _inflated(problem: Problem, objective: Objective) -> bool:
-    """Tell whether the noise that was found is far above what the recording says of itself.
-
-    One sensor at fault can do that: the noise of all then hides it.
-    """
+    """Tell whether the noise that was found is far above what the recording says of itself."""
     stated = all(sensor.std is not None for sensor in problem.split.fit.sensors)
     ratio = float((objective.noise.std / fit_noise(problem).std).median())
     return stated and ratio > INFLATED

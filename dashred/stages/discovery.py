@@ -151,9 +151,7 @@ def _walk(
 
 
 def _with_noise_after(objective: Objective, walked: Walk) -> Objective:
-    """Return F with the noise that the residuals of the walk speak for, if it was not lost."""
-    if not walked.reached:
-        return objective
+    """Return F with the noise that the residuals of the walk speak for."""
     part = objective.until(walked.samples)
     found = part.noise_left(walked.readings, objective.modes + len(walked.members))
     return replace(objective, noise=replace(found, seen=objective.noise.seen))
