@@ -29,7 +29,7 @@ from dashred.progress import Report
 # A score this much worse than the best is a rival's.
 RIVAL = 6.0
 # A law of more candidates may imitate one that acts somewhere only, or is beyond the library.
-SIMPLE = 1
+SIMPLE = 2
 # χ²/n, under the noise that a free forcing leaves, of what needs no further explanation.
 EXPLAINED = 1.1
 # By how much the horizon of the simulator as it is grows at once.
@@ -65,6 +65,7 @@ def weigh(
     everywhere: int,
     best: Cause,
     null: Cause,
+    contested: bool,
     size: Tensor,
     compiled: Callable[[], Simulator],
     beyond: Callable[[], tuple[Simulator, Sequence[Candidate]]],
@@ -77,6 +78,7 @@ def weigh(
         everywhere: how many of the candidates, the first, may act everywhere.
         best: the best law that acts everywhere.
         null: the simulator as it is.
+        contested: whether another law that acts everywhere does as well as the best.
         size: rms of each equation's own tendency, ``(equation,)``.
         compiled: the simulator with windows in reach: worth its seconds only if they are needed.
         beyond: terms that the library does not have, and the simulator with them in reach.
@@ -85,7 +87,7 @@ def weigh(
     forced, gain = force(best.objective, best.phi, size)
     forcing = None
     report(0.2, f"a free forcing gains {gain:.0f}")
-    unclear = gain > MISSING or len(best.law.candidates) > SIMPLE
+    unclear = gain > MISSING or contested or len(best.law.candidates) > SIMPLE
     if unclear:
         missing = gain
         if best is not null:
@@ -110,7 +112,7 @@ def weigh(
         found += local
         first = min([best, *local], key=_score)
         _, gain = force(first.objective, first.phi, size)
-        if gain > MISSING or len(first.law.candidates) > SIMPLE:
+        if gain > MISSING or len(first.law.candidates) >= SIMPLE:
             report(0.8, "screening terms beyond the library")
             further = laws_beyond(_of(everything, *beyond()), forced, everywhere)
             found += further

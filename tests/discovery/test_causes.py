@@ -40,6 +40,7 @@ def weighed(
         count,
         empty,
         empty,
+        False,
         waves.size,
         lambda: waves.simulator,
         lambda: (waves.simulator_beyond, waves.beyond),
