@@ -72,12 +72,13 @@ def _results(folder: Path) -> Record:
         "field_rmse": rmse,
         "field_rmse_by_field": score["field_rmse_by_field"],
         "forecast": score["forecast"],
-        "ratios": {name: _ratio(rmse.get(a), rmse.get(b)) for name, (a, b) in RATIOS.items()},
+        "ratios": {name: ratio_of(rmse.get(a), rmse.get(b)) for name, (a, b) in RATIOS.items()},
         "seconds": run["seconds"],
         "git_commit": run["git_commit"],
         "mlflow_run": run["mlflow_run"],
     }
 
 
-def _ratio(value: float | None, reference: float | None) -> float | None:
+def ratio_of(value: float | None, reference: float | None) -> float | None:
+    """Return a ratio; None where one of the two is unknown, or there is nothing to divide by."""
     return value / reference if value is not None and reference else None

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from dashred.discovery.beyond import laws_beyond
 from dashred.discovery.candidates import Candidate
-from dashred.discovery.discovered import MISSING
+from dashred.discovery.discovered import AMBIGUOUS, MISSING
 from dashred.discovery.forcing_map import ForcingMap, map_of
 from dashred.discovery.free_forcing import FreeForcing, force
 from dashred.discovery.gauss_newton import minimise
@@ -26,8 +26,6 @@ from dashred.discovery.objective import Objective
 from dashred.discovery.shooting import Simulator
 from dashred.progress import Report
 
-# A score this much worse than the best is a rival's.
-RIVAL = 6.0
 # A law of more candidates may imitate one that acts somewhere only, or is beyond the library.
 SIMPLE = 2
 # χ²/n, under the noise that a free forcing leaves, of what needs no further explanation.
@@ -97,10 +95,10 @@ def weigh(
         everything = replace(everything, noise=noise)
         best, null = _again(best, noise), _again(null, noise)
     found = [best, null] if best.law.candidates else [null]
-    found += faults(null, best.law.score + RIVAL)
+    found += faults(null, best.law.score + AMBIGUOUS)
     if best.law.candidates:
         found += faults(best, best.law.score)
-    found += wider_starts(null.objective, null.phi)
+    found += wider_starts(null)
     explained = min(found, key=_score)
     if explained is not found[0] and explained.law.chi2 < EXPLAINED:
         gain = 0.0
@@ -109,21 +107,27 @@ def weigh(
         shooting = replace(everything.shooting, simulator=compiled())
         whole = replace(everything, shooting=shooting)
         local = local_laws(whole, everywhere, forced, null.law.score)
-        found += local
         first = min([best, *local], key=_score)
         _, gain = force(first.objective, first.phi, size)
+        found += local
         if gain > MISSING or len(first.law.candidates) >= SIMPLE:
             report(0.8, "screening terms beyond the library")
             further = laws_beyond(_of(everything, *beyond()), forced, everywhere)
+            gain = _gain_of(further, first, gain, size)
             found += further
-            nearest = min(further, key=_score)
-            if nearest.law.score < first.law.score:
-                _, gain = force(nearest.objective, nearest.phi, size)
     if unclear:
         found = _under_its_own_noise(found)
-    noise = next(cause for cause in found if not cause.law.parts).objective.noise
-    nothing = next(cause.law for cause in found if not cause.law.parts)
-    return Weighed(unlike([cause.law for cause in found]), nothing, noise, gain, forcing)
+    nothing = next(cause for cause in found if not cause.law.parts)
+    laws = unlike([cause.law for cause in found])
+    return Weighed(laws, nothing.law, nothing.objective.noise, gain, forcing)
+
+
+def _gain_of(further: Sequence[Cause], first: Cause, gain: float, size: Tensor) -> float:
+    """Return what a free forcing gains on top of the best of further laws, if that is the best."""
+    nearest = min(further, key=_score)
+    if nearest.law.score >= first.law.score:
+        return gain
+    return force(nearest.objective, nearest.phi, size)[1]
 
 
 def _of(objective: Objective, simulator: Simulator, candidates: Sequence[Candidate]) -> Objective:

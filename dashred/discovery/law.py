@@ -80,11 +80,17 @@ class Law:
         found = {candidate.key for candidate in self.candidates}
         if self.window is not None:
             found.add(f"in a {self.window.shape.kind} of {self.window.shape.of}")
+        return frozenset([*found, *self._lawless])
+
+    @property
+    def _lawless(self) -> list[str]:
+        """What it says beside its terms."""
+        found = []
         if self.fault is not None:
-            found.add(f"{self.fault.kind} of {self.fault.sensor}")
+            found.append(f"{self.fault.kind} of {self.fault.sensor}")
         if self.widened > 1:
-            found.add("start outside of its prior")
-        return frozenset(found)
+            found.append("start outside of its prior")
+        return found
 
     @property
     def beyond(self) -> bool:
@@ -113,12 +119,7 @@ class Law:
             f"{candidate} × {value:.4g}"
             for candidate, value in zip(self.candidates, self.coefficients.tolist(), strict=True)
         ]
-        others = []
-        if self.fault is not None:
-            others.append(f"{self.fault.kind} of {self.fault.sensor}")
-        if self.widened > 1:
-            others.append("start outside of its prior")
-        return ", ".join([*parts, *others]) or "nothing"
+        return ", ".join([*parts, *self._lawless]) or "nothing"
 
 
 def posterior(

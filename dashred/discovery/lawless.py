@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from torch import Tensor
-
 from dashred.discovery.faults import describe, fit_fault, predicted, suspects
 from dashred.discovery.free_forcing import evidence
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import law_of
 from dashred.discovery.local_laws import Cause
-from dashred.discovery.objective import Objective
 from dashred.discovery.starts import ScaledStart
 
 # Faults that are fitted, of those that the linearised problem says explain something.
@@ -30,8 +27,7 @@ def faults(cause: Cause, bound: float) -> list[Cause]:
     """
     objective, phi = cause.objective, cause.phi
     [cost], _ = objective.values(phi[None])
-    freedom = cause.law.score - float(cost)
-    normal = objective.linearise(phi)
+    freedom, normal = cause.law.score - float(cost), cause.normal
     [states] = objective.shooting.states(*objective.split(phi[None]))
     scored = [(predicted(objective, normal, f, states), f) for f in suspects(objective, normal)]
     chosen = sorted(
@@ -47,18 +43,17 @@ def faults(cause: Cause, bound: float) -> list[Cause]:
     return found
 
 
-def wider_starts(objective: Objective, phi: Tensor) -> list[Cause]:
+def wider_starts(null: Cause) -> list[Cause]:
     """Return what a start outside of its prior explains, by Laplace's evidence.
 
     A wider prior lets F fall in any case: what it may move more is held against it. Factors that
     the linearised problem holds nothing of are not tried.
 
     Args:
-        objective: F of the start alone.
-        phi: its minimum.
+        null: the simulator as it is.
     """
+    objective, phi, normal = null.objective, null.phi, null.normal
     every = range(len(phi))
-    normal = objective.linearise(phi)
     linear = evidence(normal, every)
     [cost], _ = objective.values(phi[None])
     plain = linear - float(cost)

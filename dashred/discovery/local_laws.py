@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from torch import Tensor
 
@@ -15,7 +16,7 @@ from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.hypothesis import Tested, first_unknowns, test
 from dashred.discovery.law import Law, law_of
-from dashred.discovery.objective import Objective
+from dashred.discovery.objective import Normal, Objective
 from dashred.discovery.screening import Screened, screen
 
 # Hypotheses that are fitted, of which so many to the end; of one kind and law not more than two.
@@ -39,6 +40,11 @@ class Cause:
     law: Law
     objective: Objective
     phi: Tensor
+
+    @cached_property
+    def normal(self) -> Normal:
+        """F linearised about its minimum: several questions are put to it, and it is dear."""
+        return self.objective.linearise(self.phi)
 
 
 def local_laws(

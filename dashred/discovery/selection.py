@@ -111,6 +111,14 @@ def penalty(objective: Objective) -> float:
     return math.log(objective.noise.effective_count) + 2 * math.log(candidates)
 
 
+def better(objective: Objective, first: Tensor, second: Tensor) -> tuple[Tensor, float]:
+    """Return the better of two beginnings, ``(unknown,)``, and F there."""
+    begins = torch.stack([first, second])
+    costs, _ = objective.values(begins)
+    chosen = int(costs.argmin())
+    return begins[chosen], float(costs[chosen])
+
+
 class _Search:
     """All sets tried so far, under one noise model and one linearisation."""
 
@@ -193,9 +201,7 @@ class _Search:
         """Return the better beginning: where the rival is, or its law at the best one's start."""
         moved = rival.phi.clone()
         moved[: self.objective.modes] = best.phi[: self.objective.modes]
-        begins = torch.stack([rival.phi, moved])
-        costs, _ = self.objective.values(begins)
-        return begins[int(costs.argmin())]
+        return better(self.objective, rival.phi, moved)[0]
 
     def _begin(self, members: Set) -> Tensor:
         """Return the best unknowns of the linearised problem."""

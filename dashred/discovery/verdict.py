@@ -79,11 +79,11 @@ def _causes(discovered: Discovered) -> list[dict[str, Any]]:
         probabilities[kind] = probabilities.get(kind, 0.0) + p
     causes = []
     for kind in sorted(probabilities, key=lambda kind: -probabilities[kind]):
-        probability = {"probability": min(1.0, probabilities[kind])}
-        causes.append({"kind": kind} | probability | _details(best[kind]))
+        law, probability = best[kind], {"probability": min(1.0, probabilities[kind])}
+        causes.append({"kind": kind} | probability | _details(law))
         # More than one cause may be true: of a law and a fault the law stands first.
-        if best[kind].fault is not None and best[kind].candidates:
-            causes.append({"kind": "sensor-fault"} | probability | _fault(best[kind].fault))
+        if law.fault is not None and law.candidates:
+            causes.append({"kind": "sensor-fault"} | probability | _fault(law.fault))
     return causes
 
 
@@ -127,7 +127,6 @@ def _details(law: Law) -> dict[str, Any]:
     return where | terms
 
 
-def _fault(fault: SensorFault | None) -> dict[str, Any]:
-    assert fault is not None
+def _fault(fault: SensorFault) -> dict[str, Any]:
     told = {"sensor": fault.sensor, "fault": fault.kind, "value": fault.value}
     return {"where": None, **told, "says": fault_in_words(fault)}

@@ -9,12 +9,10 @@ from pathlib import Path
 from dashred.errors import DONE, InputError
 from dashred.findings import check_freeze
 from dashred.output import make_output
-from dashred.proof.isolation import analyst, bare_copy
+from dashred.proof.isolation import LIMIT, analyst, bare_copy
 from dashred.reporting.verdict_words import verdict_lines
 
 FOLDER = "real-pendulum"
-# An analysis that takes so many seconds will not end.
-LIMIT = 3600.0
 TEXT = """\
 ## Appendix: a real recording
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import torch
@@ -168,8 +169,7 @@ class _Bench:
             states = run_truth(with_law(self.system, twin), self.start, self.times[: self.recorded])
         except InputError:
             return None
-        operator = ObservationOperator(self.sensors, self.system)
-        moved = (operator(states) - operator(self.plain)) / self._sigma
+        moved = (self._operator(states) - self._clean) / self._sigma
         return float(moved.square().mean().sqrt())
 
     def sized(self, hidden: dict[str, Any], size: float) -> dict[str, Any]:
@@ -187,7 +187,16 @@ class _Bench:
         entry["faults"] = [self._fault(fault) for fault in entry.get("faults", [])]
         return entry
 
-    @property
+    @cached_property
+    def _operator(self) -> ObservationOperator:
+        return ObservationOperator(self.sensors, self.system)
+
+    @cached_property
+    def _clean(self) -> Tensor:
+        """What the sensors read of the simulator as it is, ``(time, sensor)``."""
+        return self._operator(self.plain)
+
+    @cached_property
     def _sigma(self) -> Tensor:
         reads = [self.system.evaluate(sensor.reads, self.plain) for sensor in self.sensors]
         return self.case.noise * torch.stack([whole.std() for whole in reads])
@@ -202,7 +211,7 @@ class _Bench:
 
     def _fault(self, fault: dict[str, Any]) -> dict[str, Any]:
         """Give a fault its sensor, one that the analysis fits, and its size."""
-        names = self._fitted()
+        names = self._fitted
         name = names[int(fault["sensor"] * len(names))]
         index = [sensor.name for sensor in self.sensors].index(name)
         kind, sign = fault["kind"], fault["value"]
@@ -234,9 +243,10 @@ class _Bench:
         here, there = ObservationOperator([sensor, beside], self.system)(self.plain).unbind(-1)
         return float(((there - here) / step).square().mean().sqrt())
 
+    @cached_property
     def _fitted(self) -> list[str]:
-        """Return the sensors that the analysis will fit: a fault of another cannot be found."""
-        clean = ObservationOperator(self.sensors, self.system)(self.plain).numpy()
-        recording = Recording(tuple(self.sensors), self.times[: self.recorded].numpy(), clean)
+        """The sensors that the analysis will fit: a fault of another cannot be found."""
+        times = self.times[: self.recorded].numpy()
+        recording = Recording(tuple(self.sensors), times, self._clean.numpy())
         split = split_recording(recording, self.config.splits, self.case.analysis_seed)
         return list(split.fit.names)

@@ -83,6 +83,11 @@ class Case:
         """The seed that the analysis is handed: it says nothing of the case."""
         return int(self.stream("analysis").integers(2**31))
 
+    @property
+    def analysis_words(self) -> tuple[str, ...]:
+        """The words of its analysis, but for the system and where recording and results are."""
+        return (*SYSTEMS[self.system].analysis, *self.words, f"seed={self.analysis_seed}")
+
     def __str__(self) -> str:
         """``case 17``, ``null 3``."""
         return f"{self.group.removesuffix('s')} {self.number}"

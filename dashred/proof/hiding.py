@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ NUISANCES = ("correlated", "stated", "misplaced")
 
 def _terms(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
     """Return a law of one to three terms, of whatever equations."""
-    every = [(equation, term) for equation in proved.terms for term in proved.terms[equation]]
+    every = _pairs(proved.terms)
     count = int(rng.choice([1, 2, 3], p=[0.5, 0.35, 0.15]))
     chosen = rng.choice(len(every), size=count, replace=False)
     return {"terms": [_term(*every[int(j)], rng) for j in chosen]}
@@ -49,16 +50,14 @@ def _gate(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
 
 
 def _in_window(proved: Proved, window: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
-    every = [(equation, term) for equation in proved.local for term in proved.local[equation]]
-    entry = _term(*every[int(rng.integers(len(every)))], rng)
+    entry = _term(*_one_of(proved.local, rng), rng)
     ends = {key: _rounded_ends(value) for key, value in window.items()}
     return {"terms": [entry | {"window": ends}]}
 
 
 def _outside(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
     """Return a law of a term that the analysis' library lacks, its constants drawn, too."""
-    every = [(equation, form) for equation in proved.beyond for form in proved.beyond[equation]]
-    equation, form = every[int(rng.integers(len(every)))]
+    equation, form = _one_of(proved.beyond, rng)
     text = form.format(a=rounded(rng.uniform(1.2, 3.2)), p=rounded(rng.uniform(0.0, 6.28)))
     return {"terms": [_term(equation, text, rng)]}
 
@@ -66,7 +65,7 @@ def _outside(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
 def _parameter(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
     """Return the share by which a parameter is off; how much, the effect decides."""
     name = str(rng.choice(proved.parameters))
-    return {"parameters": {name: float(rng.choice([-1.0, 1.0]))}}
+    return {"parameters": {name: _sign(rng)}}
 
 
 def _fault(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
@@ -78,8 +77,7 @@ def _fault(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
 def masked(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
     """Return a law beside a parameter or a fault that hides it, or a law that is faint alone."""
     how = int(rng.integers(3))
-    every = [(equation, term) for equation in proved.terms for term in proved.terms[equation]]
-    law = {"terms": [_term(*every[int(rng.integers(len(every)))], rng)]}
+    law = {"terms": [_term(*_one_of(proved.terms, rng), rng)]}
     if how == 0:
         return law | _parameter(proved, rng)
     return law | _fault(proved, rng) if how == 1 else law
@@ -111,6 +109,16 @@ HIDE = {
     "parameter": _parameter,
     "fault": _fault,
 }
+
+
+def _pairs(terms: Mapping[str, Sequence[str]]) -> list[tuple[str, str]]:
+    """Return every equation with each of its terms."""
+    return [(equation, term) for equation in terms for term in terms[equation]]
+
+
+def _one_of(terms: Mapping[str, Sequence[str]], rng: np.random.Generator) -> tuple[str, str]:
+    every = _pairs(terms)
+    return every[int(rng.integers(len(every)))]
 
 
 def _term(equation: str, term: str, rng: np.random.Generator) -> dict[str, Any]:

@@ -28,6 +28,8 @@ CONCEALED = (
     *("score.py", "scoring.py", "cause_scoring.py", "window_kinds.py", "bench.py", "prove.py"),
     *("publish.py", "standby.py"),
 )
+# An analysis that takes so many seconds will not end.
+LIMIT = 3600.0
 # Of our own surroundings an analyst needs no more.
 SURROUNDINGS = ("PATH", "HOME", "LANG", "TMPDIR", "MPLCONFIGDIR")
 

@@ -142,7 +142,8 @@ def is_listed(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> 
     """Return whether the truth is among the explanations that ambiguous findings list."""
     truth = concealed.truth
     rivals = [a["terms"] for a in findings["alternatives"] if a["rival"]][: LISTED - 1]
-    laws = [findings["terms"] or [], *(map(_as_found(findings), rivals))]
+    known = findings["input"]["config"]["system"]["parameters"]
+    laws = [findings["terms"] or [], *(_as_found(rival, known) for rival in rivals)]
     parameters = truth.concealed.parameters
     if truth.terms or parameters:
         return any(
@@ -159,23 +160,23 @@ def is_listed(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> 
     return False
 
 
-def _as_found(findings: Mapping[str, Any]) -> Any:
-    """Return a function that gives an alternative's terms the form of the best law's."""
-    known = findings["input"]["config"]["system"]["parameters"]
+def _as_found(
+    terms: Sequence[Mapping[str, Any]], parameters: Mapping[str, float]
+) -> list[dict[str, Any]]:
+    """Return an alternative's terms in the form of the best law's.
 
-    def entries(terms: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-        found = []
-        for term in terms:
-            entry = {**term, "region": _region_of_text(term["region"])}
-            if term["equation"] is None:
-                entry |= {
-                    "parameter": term["term"],
-                    "to": known[term["term"]] + term["coefficient"],
-                }
-            found.append(entry)
-        return found
-
-    return entries
+    Args:
+        terms: as alternatives have them.
+        parameters: values that the simulator has.
+    """
+    found = []
+    for term in terms:
+        entry = {**term, "region": _region_of_text(term["region"])}
+        if term["equation"] is None:
+            name = term["term"]
+            entry |= {"parameter": name, "to": parameters[name] + term["coefficient"]}
+        found.append(entry)
+    return found
 
 
 def _region_of_text(text: str | None) -> list[dict[str, Any]] | None:

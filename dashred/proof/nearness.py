@@ -10,6 +10,7 @@ import numpy as np
 import torch
 import xarray as xr
 
+from dashred.benchmark.record import ratio_of
 from dashred.findings_schema import Score
 from dashred.proof.case_record import Coefficient, Gains, Region
 from dashred.proof.conceal import Concealed
@@ -119,17 +120,13 @@ def gains(
     beyond = score["forecast"]
     before, after = beyond["before_refit"], beyond["after"]
     return {
-        "test_sensors": _ratio(errors["simulation_refit"], errors["corrected"]),
-        "forecast": _ratio(before, after),
+        "test_sensors": ratio_of(errors["simulation_refit"], errors["corrected"]),
+        "forecast": ratio_of(before, after),
     }
 
 
 def noisy_test(findings: Mapping[str, Any]) -> float | None:
     """Return by what share the corrected simulation is worse on the noisy data held out."""
     known = findings["fit"]["test_sensors"] if findings["fit"] else {}
-    ratio = _ratio(known.get("after"), known.get("before_refit"))
+    ratio = ratio_of(known.get("after"), known.get("before_refit"))
     return None if ratio is None else ratio - 1
-
-
-def _ratio(value: float | None, reference: float | None) -> float | None:
-    return value / reference if value is not None and reference else None

@@ -30,7 +30,6 @@ from dashred.physics.window import Shape, shapes_of
 from dashred.proof.case_record import Oracle
 from dashred.proof.conceal import Concealed
 from dashred.proof.draw import Case
-from dashred.proof.systems import SYSTEMS
 from dashred.recorder import expression_of
 from dashred.stages.objectives import exact_simulator, pose_objective
 from dashred.stages.problem import Problem, pose
@@ -64,11 +63,7 @@ def consult(case: Case, concealed: Concealed, folder: Path, exact: bool | None) 
     if not lawful or truth.concealed.faults or exact is None:
         return None
     findings = json.loads((folder / "findings.json").read_text(encoding="utf-8"))
-    words = (
-        *SYSTEMS[case.system].analysis,
-        f"seed={case.analysis_seed}",
-        f"recording.path={folder / 'recording.nc'}",
-    )
+    words = (*case.analysis_words, f"recording.path={folder / 'recording.nc'}")
     simulator = pose(load_config([f"conf={case.system}", *words], entry="train"))
     start, library = _known(case.system, simulator)
     z, p = nearest(start, truth.states[0]), len(library)

@@ -26,18 +26,15 @@ from dashred.progress import CONSOLE
 from dashred.proof.case_record import CaseRecord
 from dashred.proof.conceal import Concealed, conceal
 from dashred.proof.draw import Case, draw_cases, seed_of
-from dashred.proof.isolation import Analyst, AnalystLostError, analyst, bare_copy
+from dashred.proof.isolation import LIMIT, Analyst, AnalystLostError, analyst, bare_copy
 from dashred.proof.judge import judge, unjudged
 from dashred.proof.oracle import consult
-from dashred.proof.systems import SYSTEMS
 from dashred.proof.words import Request
 from dashred.score import score_findings
 from dashred.sealing import seal
 from dashred.sensing.write_netcdf import write_netcdf
 
 DOCUMENT, LOG = "case.json", "log.txt"
-# An analysis that takes so many seconds will not end.
-LIMIT = 3600.0
 
 
 @dataclass(frozen=True)
@@ -150,9 +147,7 @@ class _Desk:
         """Return the words of the analysis: of the case it learns its recording alone."""
         return [
             f"conf={case.system}",
-            *SYSTEMS[case.system].analysis,
-            *case.words,
-            f"seed={case.analysis_seed}",
+            *case.analysis_words,
             f"recording.path={desk / 'recording.nc'}",
             f"output={desk}",
             f"tracking.root={self.copy / 'mlruns'}",

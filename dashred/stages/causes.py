@@ -10,7 +10,8 @@ from torch import Tensor
 
 from dashred.discovery.beyond import candidates_beyond
 from dashred.discovery.candidates import Candidate, replaced_terms
-from dashred.discovery.causes import RIVAL, Weighed, grow, weigh
+from dashred.discovery.causes import Weighed, grow, weigh
+from dashred.discovery.discovered import AMBIGUOUS
 from dashred.discovery.gauss_newton import Fitted, minimise
 from dashred.discovery.law import Law, law_of
 from dashred.discovery.local_laws import Cause
@@ -80,7 +81,7 @@ def weigh_causes(
         len(known),
         found,
         empty,
-        len(best.members) > 1 and len(laws) > 1 and laws[1].score < laws[0].score + RIVAL,
+        len(best.members) > 1 and len(laws) > 1 and laws[1].score < laws[0].score + AMBIGUOUS,
         _tendency_size(problem.system, nominal.states, begin),
         lambda: _with_windows(problem, [*known, *local]),
         lambda: _beyond(problem, nominal),

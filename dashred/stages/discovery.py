@@ -15,7 +15,7 @@ from dashred.discovery.first_window import first_samples
 from dashred.discovery.horizon import Walk, walk
 from dashred.discovery.law import Law, posterior
 from dashred.discovery.objective import Objective
-from dashred.discovery.selection import Selection, Tried, polish, select
+from dashred.discovery.selection import Selection, Tried, better, polish, select
 from dashred.discovery.shooting import Simulator
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.resolution import Resolution
@@ -211,10 +211,9 @@ def _empty(selection: Selection, best: Tried) -> Tried:
     """Return the better beginning for the empty law: as the search left it, or the best's start."""
     objective = selection.objective
     left = next(tried for tried in selection.tried if not tried.members)
-    begins = torch.stack([left.phi, objective.embed(best.phi[: objective.modes], [])])
-    costs, _ = objective.values(begins)
-    chosen = int(costs.argmin())
-    return Tried((), begins[chosen], float(costs[chosen]), float(costs[chosen]))
+    moved = objective.embed(best.phi[: objective.modes], [])
+    phi, cost = better(objective, left.phi, moved)
+    return Tried((), phi, cost, cost)
 
 
 def _path(selection: Selection) -> list[tuple[int, float]]:
