@@ -24,6 +24,9 @@ from dashred.physics.system import System, Term
 from dashred.sensing.observation import ObservationOperator
 
 FEWEST_LEFT = 0.5
+# A member so many times larger than half of the others is blowing up: finite yet, but the sample's
+# covariances would be its own alone, or overflow.
+LARGEST = 1e3
 
 
 class FilterLostError(Exception):
@@ -115,7 +118,7 @@ def ensemble_filter(
         if i:
             forcing = Forcing(resolved, coefficients)
             states = simulate(system, states, times[i - 1 : i + 1], forcing)[:, -1]
-            whole = torch.isfinite(states).flatten(1).all(dim=1)
+            whole = _whole(states)
             _check_left(whole, len(members), float(times[i]))
             states, starts, coefficients = states[whole], starts[whole], coefficients[whole]
         centre = states.mean(dim=0)
@@ -197,8 +200,15 @@ def _mean_and_anomalies(members: Tensor) -> tuple[Tensor, Tensor]:
     return mean, members - mean
 
 
+def _whole(states: Float[Tensor, "member field ..."]) -> Tensor:
+    """Return which members have not blown up, and are not about to."""
+    size = states.abs().flatten(1).amax(dim=1)
+    half = size.nan_to_num(nan=torch.inf).median()
+    return torch.isfinite(size) & ((size <= LARGEST * half) | (half == 0))
+
+
 def _check_left(whole: Tensor, members: int, time: float) -> None:
     if int(whole.sum()) < max(2, FEWEST_LEFT * members):
         raise FilterLostError(
-            f"of {members} members only {int(whole.sum())} are finite at t = {time:g}"
+            f"of {members} members only {int(whole.sum())} are still whole at t = {time:g}"
         )

@@ -140,8 +140,19 @@ def test_members_that_blow_up_are_left_out(system: System) -> None:
     found = run(case, (growth,), coefficients, held)
     assert len(found.anomalies) == len(case.members) - 3
     assert torch.isfinite(found.start_mean).all()
-    with pytest.raises(FilterLostError, match="only 0 are finite"):
+    with pytest.raises(FilterLostError, match="only 0 are still whole"):
         run(case, (growth,), torch.full_like(coefficients, 1e6), held)
+
+
+def test_members_that_are_about_to_blow_up_are_left_out_too(system: System) -> None:
+    case = Case(system, forced=True)
+    growth = Term("u", system.parse("u", "library.u", equation="u"))
+    coefficients = torch.zeros(len(case.members), 1, dtype=torch.float64)
+    # e³⁴⁵ = 1e150 after one step: finite, but not its square.
+    coefficients[:3] = 345 / float(TIMES[1] - TIMES[0])
+    found = run(case, (growth,), coefficients, FilterSettings(damping=0.0))
+    assert len(found.anomalies) == len(case.members) - 3
+    assert torch.isfinite(found.start_mean).all()
 
 
 def test_taper_is_one_at_the_sensor_and_nothing_far_away() -> None:
