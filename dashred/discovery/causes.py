@@ -30,6 +30,9 @@ from dashred.progress import Report
 SIMPLE = 2
 # χ²/n, under the noise that a free forcing leaves, of what needs no further explanation.
 EXPLAINED = 1.1
+# Noise this many times as large as under the best law says that a forcing alone has gone astray: it
+# cannot steer chaos over a long record.
+ASTRAY = 1.2
 # By how much the horizon of the simulator as it is grows at once.
 GROWTH = 1.4
 # A score this much worse than the best is out of the question.
@@ -48,7 +51,7 @@ class Weighed:
         noise: under which they were scored.
         gain: evidence for a free forcing on top of the best.
         forcing: the map of one on top of the simulator as it is; None where the best law leaves
-            no question, or nothing is missing.
+            no question, nothing is missing, or no forcing can be fitted.
     """
 
     laws: list[Law]
@@ -87,11 +90,14 @@ def weigh(
     report(0.2, f"a free forcing gains {gain:.0f}")
     unclear = gain > MISSING or contested or len(best.law.candidates) > SIMPLE
     if unclear:
-        missing = gain
+        carrier, missing = forced, gain
         if best is not null:
             forced, missing = force(null.objective, null.phi, size)
-        forcing = map_of(forced, missing)
-        noise = _noise_under(forced)
+        noise, beside = _noise_under(forced), _noise_under(carrier)
+        if float((noise.std / beside.std).median()) > ASTRAY:
+            forced, noise = carrier, beside
+        else:
+            forcing = map_of(forced, missing)
         everything = replace(everything, noise=noise)
         best, null = _again(best, noise), _again(null, noise)
     found = [best, null] if best.law.candidates else [null]
@@ -167,7 +173,7 @@ def _noise_under(forced: FreeForcing) -> NoiseModel:
     """Return the noise that is left under a free forcing: no wrong law has a part in it."""
     objective, phi = forced.objective, forced.phi
     [readings] = objective.shooting.readings(*objective.split(phi[None]))
-    normal = objective.linearise(phi, readings)
+    normal = objective.linearise(phi, readings).without_blow_ups()
     information = normal.hessian - torch.diag(normal.precision)
     spent = float(torch.linalg.solve(normal.hessian, information).trace())
     return replace(objective.noise_left(readings, round(spent)), seen=objective.noise.seen)

@@ -6,6 +6,7 @@ edges, widths and all (design §4.3.7).
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,8 +20,9 @@ from dashred.discovery.law import Law, law_of
 from dashred.discovery.objective import Normal, Objective
 from dashred.discovery.screening import Screened, screen
 
-# Hypotheses that are fitted, of which so many to the end; of one kind and law not more than two.
-TRIED, FINALISTS, ALIKE = 24, 8, 2
+# Hypotheses that are fitted, of which so many to the end; of one kind of window, and of one kind
+# and law, not more than some: before its edges are fitted, a window screens worse than it is.
+TRIED, FINALISTS, KIND, ALIKE = 24, 8, 8, 2
 FIRST_STEPS, FIRST_TOLERANCE = 3, 1e-2
 LAST_STEPS, LAST_TOLERANCE = 10, 1e-4
 # Those whose score is farther than this from the best after the first steps are given up.
@@ -44,7 +46,7 @@ class Cause:
     @cached_property
     def normal(self) -> Normal:
         """F linearised about its minimum: several questions are put to it, and it is dear."""
-        return self.objective.linearise(self.phi)
+        return self.objective.linearise(self.phi).without_blow_ups()
 
 
 def local_laws(
@@ -72,13 +74,15 @@ def local_laws(
 
 def _various(ranked: Iterable[Screened]) -> list[Screened]:
     """Return the best, but of one kind and law not more than a few."""
-    counts: dict[object, int] = {}
+    kinds: Counter[str] = Counter()
+    laws: Counter[object] = Counter()
     chosen = []
     for found in ranked:
         h = found.hypothesis
         alike = h.kind, h.everywhere, h.inside
-        counts[alike] = counts.get(alike, 0) + 1
-        if counts[alike] <= ALIKE:
+        if kinds[h.kind] < KIND and laws[alike] < ALIKE:
+            kinds[h.kind] += 1
+            laws[alike] += 1
             chosen.append(found)
         if len(chosen) == TRIED:
             break

@@ -1,8 +1,8 @@
 """Which terms, and where: every term by cells, by times and by states, linearised, only algebra.
 
-The columns are taken about a trajectory that a free forcing has brought to the recording, with
-the forcing itself taken out: about the uncorrected trajectory a large mismatch misleads
-(design §4.3.6).
+The columns are taken about a trajectory that a free forcing, or a law under one, has brought to the
+recording, with forcing and law taken out: about the uncorrected trajectory a large mismatch
+misleads (design §4.3.6).
 """
 
 from __future__ import annotations
@@ -28,7 +28,9 @@ from dashred.physics.system import System
 from dashred.physics.window import Shape, Window, box, gate, onset
 
 CELLS, TIMES = 12, 10
-QUANTILES = (0.2, 0.35, 0.5, 0.65, 0.8)
+# Thresholds of gates, even between these quantiles of a field: few samples lie between two wells,
+# and yet a gate may.
+THRESHOLDS, TAIL = 9, 0.05
 # A run of cells longer than this share of an axis is no region any more.
 LONGEST = 0.75
 
@@ -106,28 +108,28 @@ def screen(
 def eliminated(
     objective: Objective, forced: FreeForcing, columns: Sequence[Candidate], stds: Tensor
 ) -> Eliminated:
-    """Linearise about the forced trajectory, and take the forcing out.
+    """Linearise about the forced trajectory, and take out the forcing and the law under it.
 
     Args:
         objective: F of a law.
-        forced: a forcing that explains the recording.
+        forced: a forcing that explains the recording, on top of a law or of none.
         columns: candidates, in a window or not.
         stds: prior std of each one's coefficient.
     """
     driven = forced.objective.shooting
     assert isinstance(driven, DrivenShooting)
-    modes, amplitudes = objective.modes, driven.pulses.count
-    law = replace(objective.shooting, candidates=tuple(columns))
+    modes = objective.modes
+    law = replace(objective.shooting, candidates=(*columns, *driven.candidates))
     shooting = DrivenShooting.on(law, driven.pulses, driven.size)
-    forcing = forced.objective.prior_std
-    whole = replace(objective, shooting=shooting, prior_std=torch.cat([stds, forcing]))
+    carrier = forced.objective.prior_std
+    whole = replace(objective, shooting=shooting, prior_std=torch.cat([stds, carrier]))
     phi = forced.phi
     zero = torch.zeros(len(columns), dtype=torch.float64)
     at = torch.cat([phi[:modes], zero, phi[modes:]])
     normal = whole.linearise(at).without_blow_ups()
     target = normal.target
     kept = modes + len(columns)
-    # F(φ) ≈ ‖J φ - b‖²: without the forcing's columns the law itself has to bear b.
+    # F(φ) ≈ ‖J φ - b‖²: without the carrier's columns the law that is asked has to bear b.
     without = replace(
         normal,
         jacobian=normal.jacobian[:, :kept],
@@ -135,7 +137,6 @@ def eliminated(
         phi=torch.zeros(kept, dtype=torch.float64),
         residuals=-target,
     )
-    assert amplitudes == normal.jacobian.shape[1] - kept
     return Eliminated.of(without, modes)
 
 
@@ -180,10 +181,10 @@ def _states(system: System, states: Tensor) -> list[Window]:
     found = []
     for field, name in enumerate(system.fields):
         values = states[:, field].flatten()
-        width = float(values.std()) / 4
-        for q in QUANTILES:
-            threshold = float(values.quantile(q))
-            found.append(gate(name, 1).at((threshold, math.log(width))))
+        low, high = float(values.quantile(TAIL)), float(values.quantile(1 - TAIL))
+        thresholds = np.linspace(low, high, THRESHOLDS + 2)[1:-1].tolist()
+        width = math.log((high - low) / THRESHOLDS / 2)
+        found += [gate(name, 1).at((threshold, width)) for threshold in thresholds]
     return found
 
 

@@ -205,9 +205,14 @@ class _Bench:
         """Return the coefficient that gives a term the rms of its equation's tendency."""
         own = Term(equation, self.system.equations[equation])
         mine = Term(equation, self.system.parse(term, str(self.case), equation=equation))
-        whole, part = evaluate_terms(self.system, [own, mine], self.plain, 0.0).flatten(1)
-        size = part.square().mean().sqrt().clamp(min=1e-12)
-        return float(whole.square().mean().sqrt() / size)
+        columns = torch.stack(
+            [
+                evaluate_terms(self.system, [own, mine], states[None], t)
+                for t, states in zip(self.times.tolist(), self.plain, strict=False)
+            ]
+        )
+        whole, part = columns.transpose(0, 1).flatten(1).square().mean(dim=1).sqrt()
+        return float(whole / part.clamp(min=1e-12))
 
     def _fault(self, fault: dict[str, Any]) -> dict[str, Any]:
         """Give a fault its sensor, one that the analysis fits, and its size."""

@@ -135,7 +135,7 @@ def _draw(proved: Proved, group: str, number: int, kind: Kind, key: tuple[int, .
             hidden |= nuisance(proved, key, rng)
     elif kind == "start":
         effect = None
-        hidden["spread"] = rounded(rng.uniform(3.0, 6.0))
+        hidden["spread"] = rounded(rng.uniform(*proved.starts))
     elif kind == "numerics":
         effect, words = None, (str(rng.choice(proved.coarse)),)
     elif kind == "masked":

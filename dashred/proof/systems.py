@@ -25,6 +25,7 @@ class Proved:
         sensors: fewest and most fit sensors.
         noise: least and largest, as a share of each trace's std.
         effect: least and largest rms of what is hidden over the sensors, in units of the noise.
+        starts: least and largest factor on its spread of a start that lies outside of its prior.
         share: least and largest size of what is hidden, as a share of its equation's tendency, or
             of a parameter's value; None where the effect decides that.
         coarse: words that make the simulator too coarse for its own equations.
@@ -43,6 +44,7 @@ class Proved:
     sensors: tuple[int, int]
     noise: tuple[float, float]
     effect: tuple[float, float]
+    starts: tuple[float, float]
     share: tuple[float, float] | None
     coarse: tuple[str, ...]
     analysis: tuple[str, ...] = field(default=("assimilation.epochs=1", "threads=1"))
@@ -75,13 +77,15 @@ FHN = Proved(
         ),
     },
     hidden="v",
-    parameters=("c", "D", "eps", "a", "b", "I"),
+    # Nor are a and I, which another v at the start turns into each other.
+    parameters=("c", "D", "eps", "b"),
     axis=("x", 20.0),
     gated=("u", -0.8, 1.0),
     duration=30.0,
     sensors=(8, 16),
     noise=(0.005, 0.1),
     effect=(3.0, 30.0),
+    starts=(3.0, 6.0),
     share=None,
     coarse=tuple(f"system.axes.x.points={points}" for points in (14, 16, 18, 20, 22)),
     analysis=("shred.epochs=4", "assimilation.epochs=1", "threads=1"),
@@ -99,14 +103,18 @@ RDE = Proved(
         "lam": ("exp(-{a}*u)", "cos(x + {p})", "lam*sin({a}*t)"),
     },
     hidden="lam",
-    parameters=("q", "eps", "s", "nu", "u_c"),
+    # s is not drawn: it refills as u_p does, and no front tells them apart.
+    parameters=("q", "eps", "nu", "u_c"),
     axis=("x", 6.283185307179586),
     gated=("u", 0.6, 1.4),
     duration=10.0,
     sensors=(10, 16),
-    noise=(0.005, 0.1),
-    # Whatever is missing moves the front, and each in much the same way: less is undecidable.
-    effect=(10.0, 100.0),
+    # Whatever is missing moves the front, and each in much the same way: less is undecidable. The
+    # front can be moved by no more than 14 times a noise of 5 %.
+    noise=(0.005, 0.05),
+    effect=(20.0, 100.0),
+    # From farther off the front rises so high that the simulator's step does not resolve it.
+    starts=(2.0, 3.0),
     share=None,
     coarse=tuple(f"system.axes.x.points={points}" for points in (48, 64, 72)),
     analysis=("shred.epochs=8", "assimilation.epochs=1", "threads=1"),
@@ -135,6 +143,7 @@ KS1D = Proved(
     sensors=(10, 14),
     noise=(0.005, 0.1),
     effect=(3.0, 30.0),
+    starts=(3.0, 6.0),
     # Chaos makes a large effect of whatever is missing, and another start takes it away again.
     share=(0.01, 0.1),
     coarse=tuple(f"system.axes.x.points={points}" for points in (24, 28, 32)),

@@ -33,6 +33,12 @@ def test_a_law_moves_the_sensors_by_what_was_drawn(effect) -> None:
     assert (term.equation, term.term) == ("v", "v**2") and term.coefficient > 0
 
 
+def test_a_term_that_begins_at_nothing_is_sized_by_the_whole_record() -> None:
+    term = {"equation": "v", "term": "sin(0.5*t)", "coefficient": 1.0}
+    concealed = conceal(case_of("outside", 5.0, terms=[term]))
+    assert concealed.effect == pytest.approx(5.0, rel=0.25)
+
+
 def test_a_stronger_effect_is_a_larger_coefficient_of_the_same_case() -> None:
     weak, strong = (conceal(case_of("terms", effect, terms=[TERM])) for effect in (2.0, 8.0))
     ratio = strong.truth.terms[0].coefficient / weak.truth.terms[0].coefficient

@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 
 from dashred.findings import write_json_atomic
 from dashred.proof.conceal import Concealed, conceal
 from dashred.proof.draw import Case
 from dashred.proof.oracle import _nearest_rival, consult
 from dashred.sensing.write_netcdf import write_netcdf
+from dashred.stages.verification import write_estimates
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 TERM = {"equation": "v", "term": "v**2", "coefficient": 1.0}
@@ -25,6 +27,11 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Concealed]
     folder = tmp_path_factory.mktemp("case")
     concealed = conceal(CASE)
     write_netcdf(concealed.recording, folder / "recording.nc", ["x"])
+    times = concealed.truth.times[:3]
+    # Its start is the true one but for a tenth, as no run would find it.
+    found = {"simulation": torch.zeros_like(concealed.truth.states[:3])}
+    found["corrected"] = 1.1 * concealed.truth.states[:3]
+    write_estimates(folder / "estimates.nc", concealed.system, times, found)
     return folder, concealed
 
 
