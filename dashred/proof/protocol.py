@@ -19,9 +19,10 @@ its simulation leaves out. `python -m dashred.prove` does all of this and writes
    (one that the analysis fits), a start outside of its prior, numerics that are not resolved, or
    nothing at all. *Masked* ones have a law beside a wrong parameter or a faulty sensor, or one
    below the noise of a single sample: there each cause that is named has to be a true one. Sensors,
-   noise (0.5 to 10 %) and starts are drawn, too. Not drawn are two terms of `fhn` that no recording
-   of u tells apart. A third of the nulls have correlated noise, noise of another size than stated,
-   or a sensor 0.25 % of the axis off its place, which may be named.
+   noise ({noises}) and starts are drawn, too. Not drawn are terms and parameters that no recording
+   of these sensors tells from others: `systems.py` names them. A third of the nulls have correlated
+   noise, noise of another size than stated, or a sensor 0.25 % of the axis off its place, which may
+   be named.
 2. **Sealed.** The truth runs at doubled resolution. The analysis runs in a process of its own, in a
    copy of the package without draw, recorder, scorer and twins. It is handed the recording, in a
    folder with nothing else in it, and a seed that says nothing; while it works, the truth of its
@@ -63,7 +64,11 @@ class ProtocolFacts:
 def protocol(facts: ProtocolFacts, finished: int) -> str:
     """Return the protocol of one draw, of whose cases so many are finished."""
     return PROTOCOL.format(
-        **vars(facts), finished=finished, origin=_origin(facts), effects=_effects()
+        **vars(facts),
+        finished=finished,
+        origin=_origin(facts),
+        effects=_effects(),
+        noises=_noises(),
     )
 
 
@@ -71,6 +76,15 @@ def _origin(facts: ProtocolFacts) -> str:
     if facts.commit is None:
         return f"the text {facts.draw!r}: this is a draw for practice, and not the proof"
     return f"the hash of the commit under test ({facts.commit}): nothing can have been tuned to it"
+
+
+def _noises() -> str:
+    """Return the ranges of noise by system."""
+    return ", ".join(
+        f"`{proved.name}` {100 * low:g} to {100 * high:g} %"
+        for proved in SYSTEMS.values()
+        for low, high in [proved.noise]
+    )
 
 
 def _effects() -> str:
