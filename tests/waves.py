@@ -71,10 +71,9 @@ class Waves:
         library = [Term(e, self.system.parse(t, "library", equation=e)) for e, t in TERMS]
         return candidates_beyond(self.system, library, states, 0.0)
 
-    @cached_property
-    def simulator_beyond(self) -> Simulator:
-        """Return the simulator with these in reach."""
-        return Simulator(self.system, self.system.dt, self.beyond)
+    def simulator_beyond(self, carried: Sequence[Candidate]) -> Simulator:
+        """Return the simulator with these in reach, and with some of the library."""
+        return Simulator(self.system, self.system.dt, [*self.beyond, *carried])
 
     @cached_property
     def operator(self) -> ObservationOperator:

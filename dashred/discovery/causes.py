@@ -69,7 +69,7 @@ def weigh(
     contested: bool,
     size: Tensor,
     compiled: Callable[[], Simulator],
-    beyond: Callable[[], tuple[Simulator, Sequence[Candidate]]],
+    beyond: Callable[[Sequence[Candidate]], tuple[Simulator, Sequence[Candidate]]],
     report: Report,
 ) -> Weighed:
     """Weigh the best law that acts everywhere against other explanations.
@@ -82,7 +82,8 @@ def weigh(
         contested: whether another law that acts everywhere does as well as the best.
         size: rms of each equation's own tendency, ``(equation,)``.
         compiled: the simulator with windows in reach: worth its seconds only if they are needed.
-        beyond: terms that the library does not have, and the simulator with them in reach.
+        beyond: terms that the library does not have, and the simulator with them in reach, and
+            with some that it has.
         report: progress.
     """
     forced, gain = force(best.objective, best.phi, size)
@@ -118,7 +119,8 @@ def weigh(
         found += local
         if gain > MISSING or len(first.law.candidates) >= SIMPLE:
             report(0.8, "screening terms beyond the library")
-            further = laws_beyond(_of(everything, *beyond()), forced, everywhere)
+            reach = beyond(forced.objective.shooting.candidates)
+            further = laws_beyond(_of(everything, *reach), forced, everywhere)
             gain = _gain_of(further, first, gain, size)
             found += further
     if unclear:

@@ -84,7 +84,7 @@ def weigh_causes(
         len(best.members) > 1 and len(laws) > 1 and laws[1].score < laws[0].score + AMBIGUOUS,
         _tendency_size(problem.system, nominal.states, begin),
         lambda: _with_windows(problem, [*known, *local]),
-        lambda: _beyond(problem, nominal),
+        lambda carried: _beyond(problem, nominal, carried),
         report,
     )
     if not reached or null.shooting.start is not objective.shooting.start:
@@ -148,11 +148,13 @@ def _with_windows(problem: Problem, candidates: Sequence[Candidate]) -> Simulato
     return Simulator(system, problem.ensemble_system.dt, candidates, shapes_of(system))
 
 
-def _beyond(problem: Problem, nominal: Nominal) -> tuple[Simulator, list[Candidate]]:
-    """Return the simulator with terms in reach that the library does not have."""
+def _beyond(
+    problem: Problem, nominal: Nominal, carried: Sequence[Candidate]
+) -> tuple[Simulator, list[Candidate]]:
+    """Return the simulator with terms in reach that the library does not have, and these."""
     system, begin = problem.system, float(problem.times[0])
     further = candidates_beyond(system, problem.library, nominal.states, begin)
-    return Simulator(system, problem.ensemble_system.dt, further), further
+    return Simulator(system, problem.ensemble_system.dt, [*further, *carried]), further
 
 
 def _tendency_size(system: System, states: Tensor, t: float) -> Tensor:

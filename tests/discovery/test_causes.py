@@ -43,7 +43,7 @@ def weighed(
         False,
         waves.size,
         lambda: waves.simulator,
-        lambda: (waves.simulator_beyond, waves.beyond),
+        lambda carried: (waves.simulator_beyond(carried), waves.beyond),
         lambda *_: None,
     )
 

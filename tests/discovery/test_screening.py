@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
 
+from dashred.discovery.beyond import laws_beyond
 from dashred.discovery.free_forcing import FreeForcing, force
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.local_shooting import localised
@@ -58,3 +60,21 @@ def test_a_gate_between_two_quantiles_screens_where_it_is(waves: Waves) -> None:
     assert best.guess is not None
     assert [str(list(waves.everything.values())[j]) for j in best.inside] == ["u: v**2"]
     assert abs(best.guess.values[0] - 0.2) < 0.1 * float(states[:, 0].max() - states[:, 0].min())
+
+
+def test_a_term_beyond_the_library_is_found_about_a_law_of_it(waves: Waves) -> None:
+    hidden = {str(candidate): candidate for candidate in waves.beyond}["u: sin(2*u)"]
+    recorded = waves.recorded(SIGMA, 1, [(hidden, 0.3)])
+    forced = carried_by(waves, recorded, ["u: u", "u: u**2"])
+    inside = everything(waves, recorded)
+    carried = forced.objective.shooting.candidates
+    shooting = replace(
+        inside.shooting, simulator=waves.simulator_beyond(carried), candidates=waves.beyond
+    )
+    scales = torch.tensor([c.scale for c in waves.beyond], dtype=torch.float64)
+    found = laws_beyond(
+        replace(inside, shooting=shooting, prior_std=scales), forced, len(waves.everything)
+    )
+    best = min(found, key=lambda cause: cause.law.score).law
+    assert [candidate.key for candidate in best.candidates] == ["u: sin(2*u)"]
+    assert float(best.coefficients[0]) == pytest.approx(0.3, rel=0.15)
