@@ -26,7 +26,8 @@ from dashred.discovery.objective import Objective
 from dashred.discovery.shooting import Simulator
 from dashred.progress import Report
 
-# A law of more candidates may imitate one that acts somewhere only, or is beyond the library.
+# A law of more candidates may imitate one that acts somewhere only, or is beyond the library; of so
+# many, one in a window of the same equations.
 SIMPLE = 2
 # χ²/n, under the noise that a free forcing leaves, of what needs no further explanation.
 EXPLAINED = 1.1
@@ -111,9 +112,9 @@ def weigh(
         gain = 0.0
     elif unclear:
         report(0.4, "screening terms by place, time and state")
-        shooting = replace(everything.shooting, simulator=compiled())
-        whole = replace(everything, shooting=shooting)
-        local = local_laws(whole, everywhere, forced, null.law.score)
+        every = range(len(everything.prior_std))
+        whole = _with_windows(everything, compiled())
+        local = local_laws(whole, everywhere, every, forced, null.law.score)
         first = min([best, *local], key=_score)
         _, gain = force(first.objective, first.phi, size)
         found += local
@@ -123,11 +124,27 @@ def weigh(
             further = laws_beyond(_of(everything, *reach), forced, everywhere)
             gain = _gain_of(further, first, gain, size)
             found += further
+    elif len(best.law.candidates) == SIMPLE:
+        report(0.4, "asking whether one term in a window does what two do")
+        whole = _with_windows(everything, compiled())
+        found += local_laws(whole, 0, _alike(everything, best), forced, null.law.score)
     if unclear:
         found = _under_its_own_noise(found)
     nothing = next(cause for cause in found if not cause.law.parts)
     laws = unlike([cause.law for cause in found])
     return Weighed(laws, nothing.law, nothing.objective.noise, gain, forcing)
+
+
+def _with_windows(everything: Objective, compiled: Simulator) -> Objective:
+    """Return F with windows in reach."""
+    return replace(everything, shooting=replace(everything.shooting, simulator=compiled))
+
+
+def _alike(everything: Objective, best: Cause) -> list[int]:
+    """Return the candidates in the equations of a law."""
+    equations = {candidate.equation for candidate in best.law.candidates}
+    candidates = everything.shooting.candidates
+    return [j for j, candidate in enumerate(candidates) if candidate.equation in equations]
 
 
 def _gain_of(further: Sequence[Cause], first: Cause, gain: float, size: Tensor) -> float:

@@ -7,7 +7,7 @@ edges, widths and all (design §4.3.7).
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -50,23 +50,28 @@ class Cause:
 
 
 def local_laws(
-    objective: Objective, everywhere: int, forced: FreeForcing, nothing: float
+    objective: Objective,
+    everywhere: int,
+    inside: Sequence[int],
+    forced: FreeForcing,
+    nothing: float,
 ) -> list[Cause]:
     """Return laws that act somewhere only, and others that screening finds.
 
     Args:
         objective: F of all candidates, its simulator with windows in reach.
         everywhere: how many of these, the first, may act everywhere.
-        forced: a free forcing that explains the recording without a law.
+        inside: those that may act in a window.
+        forced: a free forcing that explains the recording, on top of a law or of none.
         nothing: score of the simulator as it is.
     """
     shooting = forced.objective.shooting
     [states] = shooting.states(*forced.objective.split(forced.phi[None]))
-    screened = screen(objective, everywhere, forced, states)
+    screened = screen(objective, everywhere, inside, forced, states)
     chosen = _various(sorted(screened, key=lambda found: found.cost + _penalty(objective, found)))
     z = forced.phi[: objective.modes]
     tried = [_try(objective, found, z) for found in chosen]
-    best = min(tested.score for tested in tried)
+    best = min((tested.score for tested in tried), default=nothing)
     kept = [tested for tested in tried if tested.score < min(best + HOPELESS, nothing)]
     kept = sorted(kept, key=lambda tested: tested.score)[:FINALISTS]
     return [_finish(tested) for tested in kept]

@@ -75,19 +75,24 @@ def can_be_local(system: System, candidate: Candidate) -> bool:
 
 
 def screen(
-    objective: Objective, everywhere: int, forced: FreeForcing, states: Tensor
+    objective: Objective,
+    everywhere: int,
+    inside: Sequence[int],
+    forced: FreeForcing,
+    states: Tensor,
 ) -> list[Screened]:
-    """Return every single term with every window, and every pair of terms everywhere.
+    """Return single terms with every window, and every pair of terms everywhere.
 
     Args:
         objective: F of all candidates.
         everywhere: how many of these, the first, may act everywhere.
+        inside: those that may act in a window.
         forced: a forcing that explains the recording.
         states: of its trajectory, ``(time, field, *grid)``: thresholds of gates lie among them.
     """
     system = objective.shooting.simulator.system
     candidates = objective.shooting.candidates
-    pieces = list(_pieces(system, candidates, objective.shooting.times, states))
+    pieces = list(_pieces(system, candidates, inside, objective.shooting.times, states))
     columns = [
         *candidates,
         *(localised([candidates[p.candidate]], p.window)[0] for p in pieces),
@@ -153,15 +158,19 @@ def _screened(problem: Eliminated, hypothesis: Hypothesis, weights: dict[int, fl
 
 
 def _pieces(
-    system: System, candidates: Sequence[Candidate], times: Tensor, states: Tensor
+    system: System,
+    candidates: Sequence[Candidate],
+    inside: Sequence[int],
+    times: Tensor,
+    states: Tensor,
 ) -> Iterator[Piece]:
     windows = [
         *(w for axis in system.axes for w in _cells(axis)),
         *_periods(times),
         *_states(system, states),
     ]
-    for j, candidate in enumerate(candidates):
-        if can_be_local(system, candidate):
+    for j in inside:
+        if can_be_local(system, candidates[j]):
             yield from (Piece(j, window) for window in windows)
 
 

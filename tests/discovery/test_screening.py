@@ -54,7 +54,8 @@ def test_a_gate_between_two_quantiles_screens_where_it_is(waves: Waves) -> None:
     forced = carried_by(waves, recorded, [])
     shooting = forced.objective.shooting
     [states] = shooting.states(*forced.objective.split(forced.phi[None]))
-    found = screen(everything(waves, recorded), len(waves.everything), forced, states)
+    count = len(waves.everything)
+    found = screen(everything(waves, recorded), count, range(count), forced, states)
     gates = [f for f in found if f.hypothesis.guess and f.hypothesis.guess.shape == gate("u", 1)]
     best = min(gates, key=lambda f: f.cost).hypothesis
     assert best.guess is not None
