@@ -127,7 +127,8 @@ def weigh(
     elif len(best.law.candidates) == SIMPLE:
         report(0.4, "asking whether one term in a window does what two do")
         whole = _with_windows(everything, compiled())
-        found += local_laws(whole, 0, _alike(everything, best), forced, null.law.score)
+        bound = best.law.score + HOPELESS
+        found += local_laws(whole, 0, _alike(everything, best), forced, null.law.score, bound)
     if unclear:
         found = _under_its_own_noise(found)
     nothing = next(cause for cause in found if not cause.law.parts)

@@ -6,6 +6,7 @@ edges, widths and all (design §4.3.7).
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -55,6 +56,7 @@ def local_laws(
     inside: Sequence[int],
     forced: FreeForcing,
     nothing: float,
+    bound: float = math.inf,
 ) -> list[Cause]:
     """Return laws that act somewhere only, and others that screening finds.
 
@@ -64,11 +66,14 @@ def local_laws(
         inside: those that may act in a window.
         forced: a free forcing that explains the recording, on top of a law or of none.
         nothing: score of the simulator as it is.
+        bound: what screens worse is not fitted.
     """
     shooting = forced.objective.shooting
     [states] = shooting.states(*forced.objective.split(forced.phi[None]))
     screened = screen(objective, everywhere, inside, forced, states)
-    chosen = _various(sorted(screened, key=lambda found: found.cost + _penalty(objective, found)))
+    scored = [(found.cost + _penalty(objective, found), found) for found in screened]
+    near = sorted((pair for pair in scored if pair[0] < bound), key=lambda pair: pair[0])
+    chosen = _various(found for _, found in near)
     z = forced.phi[: objective.modes]
     tried = [_try(objective, found, z) for found in chosen]
     best = min((tested.score for tested in tried), default=nothing)
