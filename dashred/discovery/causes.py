@@ -92,28 +92,17 @@ def weigh(
     report(0.2, f"a free forcing gains {gain:.0f}")
     unclear = gain > MISSING or contested or len(best.law.candidates) > SIMPLE
     if unclear:
-        carrier, missing = forced, gain
-        if best is not null:
-            forced, missing = force(null.objective, null.phi, size)
-        noise, beside = _noise_under(forced), _noise_under(carrier)
-        if float((noise.std / beside.std).median()) > ASTRAY:
-            forced, noise = carrier, beside
-        else:
-            forcing = map_of(forced, missing)
+        forced, noise, forcing = _carried(forced, gain, best, null, size)
         everything = replace(everything, noise=noise)
         best, null = _again(best, noise), _again(null, noise)
-    found = [best, null] if best.law.candidates else [null]
-    found += faults(null, best.law.score + AMBIGUOUS)
-    if best.law.candidates:
-        found += faults(best, best.law.score)
-    found += wider_starts(null)
+    found = _without_places(best, null)
     explained = min(found, key=_score)
     if explained is not found[0] and explained.law.chi2 < EXPLAINED:
         gain = 0.0
     elif unclear:
         report(0.4, "screening terms by place, time and state")
         every = range(len(everything.prior_std))
-        whole = _with_windows(everything, compiled())
+        whole = _through(everything, compiled())
         local = local_laws(whole, everywhere, every, forced, null.law.score)
         first = min([best, *local], key=_score)
         _, gain = force(first.objective, first.phi, size)
@@ -126,7 +115,7 @@ def weigh(
             found += further
     elif len(best.law.candidates) == SIMPLE:
         report(0.4, "asking whether one term in a window does what two do")
-        whole = _with_windows(everything, compiled())
+        whole = _through(everything, compiled())
         bound = best.law.score + HOPELESS
         found += local_laws(whole, 0, _alike(everything, best), forced, null.law.score, bound)
     if unclear:
@@ -136,9 +125,32 @@ def weigh(
     return Weighed(laws, nothing.law, nothing.objective.noise, gain, forcing)
 
 
-def _with_windows(everything: Objective, compiled: Simulator) -> Objective:
-    """Return F with windows in reach."""
-    return replace(everything, shooting=replace(everything.shooting, simulator=compiled))
+def _carried(
+    on_best: FreeForcing, gain: float, best: Cause, null: Cause, size: Tensor
+) -> tuple[FreeForcing, NoiseModel, ForcingMap | None]:
+    """Return a free forcing on the simulator as it is, the noise it leaves, and its map.
+
+    Where it goes astray, the best law carries the trajectory, and there is no map.
+    """
+    alone, missing = (on_best, gain) if best is null else force(null.objective, null.phi, size)
+    noise, beside = _noise_under(alone), _noise_under(on_best)
+    if float((noise.std / beside.std).median()) > ASTRAY:
+        return on_best, beside, None
+    return alone, noise, map_of(alone, missing)
+
+
+def _without_places(best: Cause, null: Cause) -> list[Cause]:
+    """Return the explanations that need no further term: faults and starts beside the laws."""
+    found = [best, null] if best.law.candidates else [null]
+    found += faults(null, best.law.score + AMBIGUOUS)
+    if best.law.candidates:
+        found += faults(best, best.law.score)
+    return found + wider_starts(null)
+
+
+def _through(everything: Objective, simulator: Simulator) -> Objective:
+    """Return F run by another simulator: one with windows in reach."""
+    return replace(everything, shooting=replace(everything.shooting, simulator=simulator))
 
 
 def _alike(everything: Objective, best: Cause) -> list[int]:
@@ -159,8 +171,9 @@ def _gain_of(further: Sequence[Cause], first: Cause, gain: float, size: Tensor) 
 def _of(objective: Objective, simulator: Simulator, candidates: Sequence[Candidate]) -> Objective:
     """Return F of other candidates; their prior is their natural scale."""
     scales = torch.tensor([c.scale for c in candidates], dtype=torch.float64)
-    shooting = replace(objective.shooting, simulator=simulator, candidates=candidates)
-    return replace(objective, shooting=shooting, prior_std=scales)
+    other = _through(objective, simulator)
+    shooting = replace(other.shooting, candidates=candidates)
+    return replace(other, shooting=shooting, prior_std=scales)
 
 
 def _under_its_own_noise(found: Sequence[Cause]) -> list[Cause]:
@@ -193,7 +206,7 @@ def _noise_under(forced: FreeForcing) -> NoiseModel:
     """Return the noise that is left under a free forcing: no wrong law has a part in it."""
     objective, phi = forced.objective, forced.phi
     [readings] = objective.shooting.readings(*objective.split(phi[None]))
-    normal = objective.linearise(phi, readings).without_blow_ups()
+    normal = objective.linearise(phi, readings)
     information = normal.hessian - torch.diag(normal.precision)
     spent = float(torch.linalg.solve(normal.hessian, information).trace())
     return replace(objective.noise_left(readings, round(spent)), seen=objective.noise.seen)

@@ -166,8 +166,7 @@ def describe(objective: Objective, tested: TestedFault) -> SensorFault:
         tail = objective.recorded[fault.samples, fault.sensor]
         begin = float(times[int(torch.nonzero(fault.samples)[0])])
         return SensorFault(fault.kind, name, float(tail.nanmean()), None, begin)
-    there = tested.objective.linearise(tested.fitted.phi, tested.fitted.readings)
-    normal = there.without_blow_ups()
+    normal = tested.objective.linearise(tested.fitted.phi, tested.fitted.readings)
     every = range(len(tested.fitted.phi))
     own = tested.fitted.phi[-extra:]
     stds = normal.covariance(every).diagonal()[-extra:].sqrt()

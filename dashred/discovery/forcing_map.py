@@ -44,7 +44,7 @@ def map_of(forced: FreeForcing, gain: float) -> ForcingMap | None:
     objective, shooting = forced.objective, forced.objective.shooting
     assert isinstance(shooting, DrivenShooting)
     pulses, size = shooting.pulses, shooting.size[:, None, None]
-    normal = objective.linearise(forced.phi).without_blow_ups()
+    normal = objective.linearise(forced.phi)
     variance = normal.covariance(range(len(forced.phi))).diagonal()[-pulses.count :]
     stds = variance.clamp(min=0).sqrt().reshape(pulses.shape)
     system = shooting.simulator.system

@@ -89,7 +89,7 @@ def fit_free_forcing(
     [readings] = driven.readings(*found.split(phi[None]))
     levels: tuple[float, ...] = ()
     for _ in range(ROUNDS):
-        normal = found.linearise(phi, readings).without_blow_ups()
+        normal = found.linearise(phi, readings)
         before, levels = levels, _best_levels(normal, pulses, size, equations)
         found = replace(found, prior_std=torch.cat([law, _stds(pulses, size, levels)]))
         if not any(levels):
@@ -99,7 +99,7 @@ def fit_free_forcing(
         if levels == before and fitted.converged:
             break
     if any(levels):
-        normal = found.linearise(phi, readings).without_blow_ups()
+        normal = found.linearise(phi, readings)
     else:
         # Nothing has moved but the prior: the Jacobian, the dearest of all, is still right.
         start = normal.precision[: objective.modes]
@@ -120,7 +120,7 @@ def force(objective: Objective, phi: Tensor, size: Tensor) -> tuple[FreeForcing,
     cells = CELLS if shooting.simulator.system.axes else 1
     pulses = Pulses.over(shooting.simulator.system, shooting.times, cells, KNOTS)
     forced = fit_free_forcing(objective, phi, pulses, size, range(len(size)))
-    before = evidence(objective.linearise(phi).without_blow_ups(), range(len(phi)))
+    before = evidence(objective.linearise(phi), range(len(phi)))
     return forced, before - forced.evidence
 
 

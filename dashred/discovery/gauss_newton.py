@@ -59,7 +59,7 @@ def minimise(
     fitted = Fitted(phi, float(cost), float(residuals.square().sum()), readings[0], False, 0)
     while fitted.jacobians < steps and not fitted.converged:
         normal = objective.linearise(fitted.phi, fitted.readings)
-        if not torch.isfinite(normal.jacobian).all():
+        if not normal.finite:
             break
         lower = _step(objective, normal, fitted, LADDER)
         converged = fitted.cost - lower.cost < tolerance * fitted.cost

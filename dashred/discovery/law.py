@@ -176,7 +176,7 @@ def law_of(
     """
     count, modes = len(candidates), objective.modes
     z, xi = objective.split(fitted.phi)
-    normal = objective.linearise(fitted.phi, fitted.readings).without_blow_ups()
+    normal = objective.linearise(fitted.phi, fitted.readings)
     covariance = normal.covariance(range(len(fitted.phi)))
     stds = covariance.diagonal().clamp(min=0).sqrt().tolist()
     return Law(

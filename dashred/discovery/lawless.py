@@ -65,7 +65,7 @@ def wider_starts(null: Cause) -> list[Cause]:
         wide = replace(shooting, start=ScaledStart(shooting.start, factor))
         mine = replace(objective, shooting=wide)
         fitted = minimise(mine, phi / factor, STEPS, TOLERANCE)
-        there = mine.linearise(fitted.phi, fitted.readings).without_blow_ups()
+        there = mine.linearise(fitted.phi, fitted.readings)
         volume = evidence(there, every) - fitted.cost
         law = law_of(mine, fitted, (), fitted.cost + volume - plain)
         found.append(Cause(replace(law, widened=factor), mine, fitted.phi))

@@ -47,7 +47,7 @@ class Cause:
     @cached_property
     def normal(self) -> Normal:
         """F linearised about its minimum: several questions are put to it, and it is dear."""
-        return self.objective.linearise(self.phi).without_blow_ups()
+        return self.objective.linearise(self.phi)
 
 
 def local_laws(

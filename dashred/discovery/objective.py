@@ -113,7 +113,9 @@ class Objective:
         jacobian = self.noise.whiten(columns).flatten(1).T
         ones = torch.ones(self.modes, dtype=torch.float64)
         precision = torch.cat([ones, self.prior_std.double() ** -2])
-        return Normal(jacobian, precision, phi, self.residuals(point.readings))
+        residuals = self.residuals(point.readings)
+        finite = bool(torch.isfinite(jacobian).all() and torch.isfinite(residuals).all())
+        return Normal(_or_zero(jacobian), precision, phi, _or_zero(residuals), finite)
 
     def values(self, phi: Float[Tensor, "batch unknown"]) -> tuple[Tensor, Trials]:
         """Return F ``(batch,)``, infinite where a trajectory blows up, and what it is made of."""
@@ -132,12 +134,14 @@ class Normal:
         precision: diagonal of P, ``(unknown,)``.
         phi: the point φ₀, ``(unknown,)``.
         residuals: r there, whitened, ``(time·sensor,)``.
+        finite: whether nothing blew up; what did is zero in J and r and so says nothing.
     """
 
     jacobian: Tensor
     precision: Tensor
     phi: Tensor
     residuals: Tensor
+    finite: bool = True
 
     @cached_property
     def hessian(self) -> Tensor:
@@ -148,18 +152,6 @@ class Normal:
     def target(self) -> Tensor:
         """b, what the model would have to produce, were it linear, ``(time·sensor,)``."""
         return self.jacobian @ self.phi - self.residuals
-
-    @cached_property
-    def finite(self) -> bool:
-        """Whether nothing blew up."""
-        return bool(torch.isfinite(self.residuals).all() and torch.isfinite(self.jacobian).all())
-
-    def without_blow_ups(self) -> Normal:
-        """Return the same with zeros for whatever is not finite, which then says nothing."""
-        jacobian = torch.nan_to_num(self.jacobian, 0.0, 0.0, 0.0)
-        return replace(
-            self, jacobian=jacobian, residuals=torch.nan_to_num(self.residuals, 0.0, 0.0, 0.0)
-        )
 
     def solution(self, index: Sequence[int]) -> Tensor:
         """Return the minimum over some of the unknowns, the others zero: ``(len(index),)``."""
@@ -201,3 +193,7 @@ class Normal:
     @cached_property
     def _goal(self) -> Tensor:
         return self.jacobian.T @ self.target
+
+
+def _or_zero(values: Tensor) -> Tensor:
+    return torch.nan_to_num(values, 0.0, 0.0, 0.0)

@@ -131,7 +131,7 @@ def eliminated(
     phi = forced.phi
     zero = torch.zeros(len(columns), dtype=torch.float64)
     at = torch.cat([phi[:modes], zero, phi[modes:]])
-    normal = whole.linearise(at).without_blow_ups()
+    normal = whole.linearise(at)
     target = normal.target
     kept = modes + len(columns)
     # F(φ) ≈ ‖J φ - b‖²: without the carrier's columns the law that is asked has to bear b.

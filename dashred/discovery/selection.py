@@ -135,7 +135,7 @@ class _Search:
     def linearise(self, phi: Tensor) -> Eliminated:
         """Move the linearisation to ``phi``."""
         # What blows up has no derivative, and its fits will not be chosen.
-        self.normal = self.objective.linearise(phi).without_blow_ups()
+        self.normal = self.objective.linearise(phi)
         return Eliminated.of(self.normal, self.objective.modes)
 
     def adopt_noise(self, best: Tried) -> bool:
