@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from dashred.config import Config
 from dashred.errors import InputError
 
 # What one run leaves and the next may not write again: it would pass for part of that one.
@@ -16,6 +17,22 @@ OF_ONE_RUN = (
     "report.html",
     "score.json",
 )
+
+
+def named_output(config: Config) -> Path | None:
+    """Make the folder of `output=DIR`; None where the user has named none.
+
+    Raises:
+        InputError: it cannot be made, or holds MLflow's store, which keeps a copy of it.
+    """
+    if not config.output:
+        return None
+    folder, store = Path(config.output), Path(config.tracking.root).expanduser()
+    if store.resolve().is_relative_to(folder.resolve()):
+        what = f"MLflow's store, {store}, lies in this folder, and would keep a copy of itself"
+        hint = "name a folder of its own: output=DIR or tracking.root=DIR"
+        raise InputError(what, where=config.output, hint=hint)
+    return make_output(config.output)
 
 
 def make_output(path: str) -> Path:

@@ -38,7 +38,7 @@ def analyse(config: Config) -> Path:
     Raises:
         InputError: the input is wrong; nothing is written then, though the folder may be made.
     """
-    from dashred.output import clear_output, make_output
+    from dashred.output import clear_output, named_output
     from dashred.stages import (
         assimilation,
         discovery,
@@ -56,7 +56,7 @@ def analyse(config: Config) -> Path:
 
     provenance.prepare_torch(config)
     posed = problem.pose(config)
-    named = make_output(config.output) if config.output else None
+    named = named_output(config)
     seconds: dict[str, float] = {}
     began = time.perf_counter()
     nominal = simulation.simulate_nominal(posed, seconds)

@@ -18,7 +18,7 @@ from pathlib import Path
 from dashred.config import Config
 from dashred.errors import DONE, OUR_FAILURE, WRONG_INPUT
 from dashred.mlflow_store import Store, open_store
-from dashred.output import make_output
+from dashred.output import named_output
 from dashred.tracking import Tracker
 
 OWN = ("output=", "tracking.run=", "tracking.parent=")
@@ -47,7 +47,7 @@ class _EndedError(Exception):
 def run_twin(config: Config, argv: list[str]) -> int:
     """Record, analyse, score; returns the exit code of the first process that fails."""
     words = [word for word in argv if not word.startswith(OWN)]
-    named = make_output(config.output) if config.output else None
+    named = named_output(config)
     with (
         tempfile.TemporaryDirectory(prefix="dashred-seal-") as private,
         tempfile.TemporaryDirectory(prefix="dashred-recording-") as open_to_all,

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+import torch
 from torch import Tensor
 
 from dashred.discovery.candidates import Candidate, build_candidates
@@ -51,30 +52,39 @@ def candidates_beyond(
 
 
 def laws_beyond(objective: Objective, forced: FreeForcing, library: int) -> list[Cause]:
-    """Return laws of one term from beyond the library.
+    """Return laws of one term from beyond the library, or of a wave whose phase is free.
 
     Args:
         objective: F of these terms, over the whole record.
         forced: a free forcing that explains the recording without a law.
         library: how many candidates the library has: each more that is asked makes chance likelier.
     """
-    modes, terms = objective.modes, range(len(objective.prior_std))
-    columns = list(objective.shooting.candidates)
+    modes, columns = objective.modes, list(objective.shooting.candidates)
     fields = len(objective.shooting.simulator.system.fields)
     problem = eliminated(objective, forced, columns, objective.prior_std)
-    ranked = problem.costs([(j,) for j in terms]).argsort().tolist()
-    penalty = Hypothesis((0,)).penalty(
-        objective.noise.effective_count, library + len(terms), fields
-    )
+    singles = [(j,) for j in range(len(columns))]
+    samples, count = objective.noise.effective_count, library + len(columns)
+    ranked = []
+    for laws in (singles, _waves(columns)):
+        penalties = [Hypothesis(law).penalty(samples, count, fields) for law in laws]
+        costs = problem.costs(laws).tolist() if laws else []
+        ranked += [(c + p, p, law) for c, p, law in zip(costs, penalties, laws, strict=True)]
     found = []
-    for j in ranked[:TRIED]:
-        mine = objective.only((j,))
-        begin = forced.phi[: modes + 1].clone()
-        begin[modes:] = problem.coefficients((j,))
+    for _, penalty, law in sorted(ranked)[:TRIED]:
+        mine = objective.only(law)
+        begin = torch.cat([forced.phi[:modes], problem.coefficients(law)])
         fitted = minimise(mine, begin, STEPS, TOLERANCE)
-        law = law_of(mine, fitted, (columns[j],), fitted.cost + penalty)
-        found.append(Cause(law, mine, fitted.phi))
+        terms = tuple(columns[j] for j in law)
+        told = law_of(mine, fitted, terms, fitted.cost + penalty)
+        found.append(Cause(told, mine, fitted.phi))
     return found
+
+
+def _waves(candidates: Sequence[Candidate]) -> list[tuple[int, int]]:
+    """Return the pairs of a sine and the same cosine: their sum is a wave of any phase."""
+    place = {candidate.key: j for j, candidate in enumerate(candidates)}
+    swapped = {j: key.replace("sin(", "cos(") for key, j in place.items() if "sin(" in key}
+    return [(j, place[key]) for j, key in swapped.items() if key in place]
 
 
 def _texts(system: System) -> Iterator[str]:

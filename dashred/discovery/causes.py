@@ -17,8 +17,15 @@ from dashred.discovery.discovered import AMBIGUOUS, MISSING
 from dashred.discovery.forcing_map import ForcingMap, map_of
 from dashred.discovery.free_forcing import FreeForcing, force
 from dashred.discovery.gauss_newton import minimise
-from dashred.discovery.law import Law, law_of
+from dashred.discovery.law import Law, law_of, unlike
 from dashred.discovery.lawless import faults, wider_starts
+from dashred.discovery.left_out import (
+    Beside,
+    beside_the_fault,
+    fault_beneath,
+    faulty_or_not,
+    forced_without,
+)
 from dashred.discovery.local_laws import Cause, local_laws
 from dashred.discovery.local_shooting import found_by
 from dashred.discovery.noise_model import NoiseModel
@@ -88,11 +95,16 @@ def weigh(
         report: progress.
     """
     forced, gain = force(best.objective, best.phi, size)
-    forcing = None
+    forcing = fault = None
     report(0.2, f"a free forcing gains {gain:.0f}")
     unclear = gain > MISSING or contested or len(best.law.candidates) > SIMPLE
     if unclear:
-        forced, noise, forcing = _carried(forced, gain, best, null, size)
+        forced, forcing = _carried(forced, gain, best, null, size)
+        fault = fault_beneath(forced)
+        if fault is not None:
+            report(0.3, f"a {fault.kind} beneath the mismatch: looking on without that sensor")
+            forced = forced_without(forced, fault.sensor)
+        noise = _noise_under(forced)
         everything = replace(everything, noise=noise)
         best, null = _again(best, noise), _again(null, noise)
     found = _without_places(best, null)
@@ -104,6 +116,8 @@ def weigh(
         every = range(len(everything.prior_std))
         whole = _through(everything, compiled())
         local = local_laws(whole, everywhere, every, forced, null.law.score)
+        if fault is not None:
+            local = faulty_or_not(local, fault.sensor)
         first = min([best, *local], key=_score)
         _, gain = force(first.objective, first.phi, size)
         found += local
@@ -111,6 +125,8 @@ def weigh(
             report(0.8, "screening terms beyond the library")
             reach = beyond(forced.objective.shooting.candidates)
             further = laws_beyond(_of(everything, *reach), forced, everywhere)
+            if fault is not None:
+                further = faulty_or_not(further, fault.sensor)
             gain = _gain_of(further, first, gain, size)
             found += further
     elif len(best.law.candidates) == SIMPLE:
@@ -127,16 +143,14 @@ def weigh(
 
 def _carried(
     on_best: FreeForcing, gain: float, best: Cause, null: Cause, size: Tensor
-) -> tuple[FreeForcing, NoiseModel, ForcingMap | None]:
-    """Return a free forcing on the simulator as it is, the noise it leaves, and its map.
+) -> tuple[FreeForcing, ForcingMap | None]:
+    """Return a free forcing on the simulator as it is, and its map.
 
     Where it goes astray, the best law carries the trajectory, and there is no map.
     """
     alone, missing = (on_best, gain) if best is null else force(null.objective, null.phi, size)
-    noise, beside = _noise_under(alone), _noise_under(on_best)
-    if float((noise.std / beside.std).median()) > ASTRAY:
-        return on_best, beside, None
-    return alone, noise, map_of(alone, missing)
+    astray = float((_noise_under(alone).std / _noise_under(on_best).std).median()) > ASTRAY
+    return (on_best, None) if astray else (alone, map_of(alone, missing))
 
 
 def _without_places(best: Cause, null: Cause) -> list[Cause]:
@@ -214,6 +228,8 @@ def _noise_under(forced: FreeForcing) -> NoiseModel:
 
 def _again(cause: Cause, noise: NoiseModel) -> Cause:
     """Return an explanation fitted under another noise; the samples that it sees stay its own."""
+    if isinstance(cause, Beside):
+        return beside_the_fault(_again(cause.bare, noise), cause.sensor)
     law, before = cause.law, cause.objective
     mine = replace(before, noise=replace(noise, seen=before.noise.seen))
     fitted = minimise(mine, cause.phi, STEPS, TOLERANCE)
@@ -223,22 +239,3 @@ def _again(cause: Cause, noise: NoiseModel) -> Cause:
     found = law_of(mine, fitted, candidates, score, len(law.edges))
     again = replace(found, fault=law.fault, widened=law.widened)
     return Cause(again, mine, fitted.phi)
-
-
-def unlike(laws: Sequence[Law]) -> list[Law]:
-    """Return the laws, the best first, of several with the same candidates in like windows one."""
-    kept: dict[object, Law] = {}
-    for law in sorted(laws, key=lambda law: law.score):
-        kept.setdefault(_form(law), law)
-    return list(kept.values())
-
-
-def _form(law: Law) -> object:
-    parts = tuple(sorted(_form_of(candidate) for candidate in law.candidates))
-    fault = (law.fault.kind, law.fault.sensor) if law.fault else None
-    return parts, fault, law.widened
-
-
-def _form_of(candidate: Candidate) -> tuple[str, str, str]:
-    window = candidate.window
-    return candidate.key, *((window.shape.kind, window.shape.of) if window else ("", ""))

@@ -69,6 +69,21 @@ class TestedFault:
     score: float
 
 
+@dataclass(frozen=True)
+class Predicted:
+    """A fault as the linearised problem sees it.
+
+    Attributes:
+        score: ``F + constant + penalty``, start and law at their best.
+        own: the numbers that describe it, ``(number,)``; none of one that only takes samples away.
+        stds: their posterior standard deviations.
+    """
+
+    score: float
+    own: Tensor
+    stds: Tensor
+
+
 def suspects(objective: Objective, normal: Normal) -> Iterator[Fault]:
     """Yield the faults that each sensor may have, by what the other sensors say of it.
 
@@ -93,8 +108,8 @@ def suspects(objective: Objective, normal: Normal) -> Iterator[Fault]:
             yield Fault("spikes", sensor, spikes, parameters=1.5 * groups)
 
 
-def predicted(objective: Objective, normal: Normal, fault: Fault, states: Tensor) -> float:
-    """Return the score that a fault would have, were the readings linear in the start.
+def predicted(objective: Objective, normal: Normal, fault: Fault, states: Tensor) -> Predicted:
+    """Return what a fault would be, were the readings linear in the start and the law.
 
     Args:
         objective: F of a law.
@@ -116,8 +131,12 @@ def predicted(objective: Objective, normal: Normal, fault: Fault, states: Tensor
         precision = torch.cat([precision, mine.prior_std[-extra:] ** -2])
     goal = jacobian.T @ target
     hessian = jacobian.T @ jacobian + torch.diag(precision)
-    least = float(target.square().sum() - goal @ torch.linalg.solve(hessian, goal))
-    return least + fault.constant + _penalty(objective, fault)
+    phi = torch.linalg.solve(hessian, goal)
+    score = float(target.square().sum() - goal @ phi) + fault.constant
+    first = len(phi) - extra
+    own = torch.eye(len(phi), dtype=hessian.dtype)[:, first:]
+    stds = torch.linalg.solve(hessian, own)[first:].diagonal().sqrt()
+    return Predicted(score + _penalty(objective, fault), phi[first:], stds)
 
 
 def _columns(objective: Objective, states: Tensor) -> Tensor:
@@ -155,23 +174,33 @@ def _posed(objective: Objective, fault: Fault) -> tuple[Objective, int]:
     return found or without, len(found.prior_std) - len(objective.prior_std) if found else 0
 
 
-def describe(objective: Objective, tested: TestedFault) -> SensorFault:
-    """Return what was found to be wrong with the sensor, in the user's units."""
-    fault, times = tested.fault, objective.shooting.times
-    extra = len(tested.fitted.phi) - objective.modes - len(objective.prior_std)
+def describe_fitted(objective: Objective, tested: TestedFault) -> SensorFault:
+    """Return what was found to be wrong with the sensor of a fitted fault, in the user's units."""
+    first = objective.modes + len(objective.prior_std)
+    normal = tested.objective.linearise(tested.fitted.phi, tested.fitted.readings)
+    stds = normal.covariance(range(len(tested.fitted.phi))).diagonal().sqrt()
+    return describe(objective, tested.fault, tested.fitted.phi[first:], stds[first:])
+
+
+def describe(objective: Objective, fault: Fault, own: Tensor, stds: Tensor) -> SensorFault:
+    """Return what is wrong with a sensor, in the user's units.
+
+    Args:
+        objective: F of the law.
+        fault: what it is.
+        own: the numbers that describe it, ``(number,)``.
+        stds: their standard deviations.
+    """
+    times = objective.shooting.times
     name = objective.shooting.operator.sensors[fault.sensor].name
-    if not extra:
+    if not len(own):
         if fault.kind == "spikes":
             return SensorFault(fault.kind, name, float(fault.samples.sum()), None, None)
         tail = objective.recorded[fault.samples, fault.sensor]
         begin = float(times[int(torch.nonzero(fault.samples)[0])])
         return SensorFault(fault.kind, name, float(tail.nanmean()), None, begin)
-    normal = tested.objective.linearise(tested.fitted.phi, tested.fitted.readings)
-    every = range(len(tested.fitted.phi))
-    own = tested.fitted.phi[-extra:]
-    stds = normal.covariance(every).diagonal()[-extra:].sqrt()
     length = float(times[-1] - times[0]) if fault.kind == "drift" else 1.0
-    value = float(own[0]) if extra == 1 else float(own.norm())
+    value = float(own[0]) if len(own) == 1 else float(own.norm())
     return SensorFault(fault.kind, name, value / length, float(stds.norm()) / length, None)
 
 

@@ -50,8 +50,8 @@ class Hypothesis:
 
     @property
     def kind(self) -> str:
-        """``everywhere``, or the kind of its window."""
-        return self.guess.shape.kind if self.guess else "everywhere"
+        """The kind of its window, or how many candidates act everywhere."""
+        return self.guess.shape.kind if self.guess else f"{len(self.everywhere)} everywhere"
 
     def penalty(self, samples: float, candidates: int, fields: int) -> float:
         """Return what its freedom costs, beside its priors (design §4.3.7).

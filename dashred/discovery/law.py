@@ -191,3 +191,22 @@ def law_of(
         ),
         edges=tuple(stds[len(stds) - edges :]) if edges else (),
     )
+
+
+def unlike(laws: Sequence[Law]) -> list[Law]:
+    """Return the laws, the best first, of several with the same candidates in like windows one."""
+    kept: dict[object, Law] = {}
+    for law in sorted(laws, key=lambda law: law.score):
+        kept.setdefault(_form(law), law)
+    return list(kept.values())
+
+
+def _form(law: Law) -> object:
+    parts = tuple(sorted(_form_of(candidate) for candidate in law.candidates))
+    fault = (law.fault.kind, law.fault.sensor) if law.fault else None
+    return parts, fault, law.widened
+
+
+def _form_of(candidate: Candidate) -> tuple[str, str, str]:
+    window = candidate.window
+    return candidate.key, *((window.shape.kind, window.shape.of) if window else ("", ""))

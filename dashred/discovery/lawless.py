@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from dashred.discovery.faults import describe, fit_fault, predicted, suspects
+from dashred.discovery.faults import describe_fitted, fit_fault, predicted, suspects
 from dashred.discovery.free_forcing import evidence
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import law_of
@@ -29,7 +29,9 @@ def faults(cause: Cause, bound: float) -> list[Cause]:
     [cost], _ = objective.values(phi[None])
     freedom, normal = cause.law.score - float(cost), cause.normal
     [states] = objective.shooting.states(*objective.split(phi[None]))
-    scored = [(predicted(objective, normal, f, states), f) for f in suspects(objective, normal)]
+    scored = [
+        (predicted(objective, normal, f, states).score, f) for f in suspects(objective, normal)
+    ]
     chosen = sorted(
         (pair for pair in scored if pair[0] + freedom < bound), key=lambda pair: pair[0]
     )
@@ -38,7 +40,7 @@ def faults(cause: Cause, bound: float) -> list[Cause]:
         tested = fit_fault(objective, fault, phi)
         candidates = objective.shooting.candidates
         law = law_of(tested.objective, tested.fitted, candidates, tested.score + freedom)
-        law = replace(law, fault=describe(objective, tested))
+        law = replace(law, fault=describe_fitted(objective, tested))
         found.append(Cause(law, tested.objective, tested.fitted.phi))
     return found
 

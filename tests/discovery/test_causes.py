@@ -6,6 +6,7 @@ import math
 
 import pytest
 import torch
+from torch import Tensor
 
 from dashred.discovery.causes import Weighed, weigh
 from dashred.discovery.discovered import MISSING
@@ -26,10 +27,13 @@ def weighed(
     """Return what is found of a hidden term, beginning at the simulator as it is."""
     law = []
     if name is not None:
-        known = waves.everything | {str(found): found for found in waves.beyond}
-        candidate = known[name]
+        candidate = waves.everything[name]
         law = [(localised([candidate], shape.at(edges))[0] if shape else candidate, xi)]
-    recorded = waves.recorded(SIGMA, 1, law)
+    return explained(waves, waves.recorded(SIGMA, 1, law))
+
+
+def explained(waves: Waves, recorded: Tensor) -> Weighed:
+    """Return what is found of a recording, beginning at the simulator as it is."""
     everything = waves.objective(recorded, SIGMA, list(waves.everything))
     null = waves.objective(recorded, SIGMA)
     found = minimise(null, fitted(null), 6, 1e-4)
@@ -105,13 +109,39 @@ def test_where_nothing_is_missing_nothing_is_found(waves: Waves, seed: int) -> N
 
 
 def test_a_law_beyond_the_library_is_found_there(waves: Waves) -> None:
-    found = weighed(waves, "u: sin(2*u)", None, [], 0.3)
+    known = {str(found): found for found in waves.beyond}
+    found = explained(waves, waves.recorded(SIGMA, 1, [(known["u: sin(2*u)"], 0.3)]))
     best = found.laws[0]
     [candidate] = best.candidates
     assert candidate.beyond and candidate.key == "u: sin(2*u)"
     assert abs(float(best.coefficients[0]) - 0.3) < 3 * float(best.std[0]) < 0.1
     assert found.gain < MISSING
     assert best.score < min(law.score for law in found.laws if not law.beyond) - 6
+
+
+def test_a_wave_is_found_whatever_its_phase(waves: Waves) -> None:
+    known = {str(found): found for found in waves.beyond}
+    names = [f"u: u*{wave}(0.6283185307179586*x)" for wave in ("sin", "cos")]
+    law = [(known[name], xi) for name, xi in zip(names, (0.2, -0.2), strict=True)]
+    found = explained(waves, waves.recorded(SIGMA, 1, law))
+    best = found.laws[0]
+    true = {candidate.key: xi for candidate, xi in law}
+    assert {candidate.key for candidate in best.candidates} == true.keys()
+    for candidate, xi, std in zip(best.candidates, best.coefficients, best.std, strict=True):
+        assert abs(float(xi) - true[candidate.key]) < 3 * float(std) < 0.1
+    assert found.gain < MISSING
+
+
+def test_a_faulty_sensor_beneath_a_law_is_named_and_left_out(waves: Waves) -> None:
+    recorded = waves.recorded(SIGMA, 1, [(waves.everything["u: u**2"], -0.15)])
+    recorded[:, 2] += 0.4
+    best = explained(waves, recorded).laws[0]
+    assert term(best) == "u: u**2" and best.window is None
+    assert abs(float(best.coefficients[0]) + 0.15) < 4 * float(best.std[0]) < 0.05
+    fault = best.fault
+    assert fault is not None and fault.std is not None
+    assert (fault.kind, fault.sensor) == ("bias", "s2")
+    assert abs(fault.value - 0.4) < 4 * fault.std < 0.1
 
 
 def test_a_law_of_the_library_is_not_looked_for_beyond(waves: Waves) -> None:

@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.discovery.faults import describe, fit_fault, predicted, suspects
+from dashred.discovery.faults import describe_fitted, fit_fault, predicted, suspects
 from dashred.discovery.law import SensorFault
 from dashred.discovery.lawless import faults
 from dashred.discovery.local_laws import Cause
@@ -106,5 +106,6 @@ def test_the_prediction_is_the_fit_where_the_readings_are_nearly_linear(waves: W
     assert {fault.kind for fault in every} >= {"bias", "drift", "misplaced"}
     right = next(f for f in every if (f.kind, f.sensor) == ("bias", 2))
     tested = fit_fault(objective, right, phi)
-    assert predicted(objective, normal, right, states) == pytest.approx(tested.score, abs=15)
-    assert describe(objective, tested).sensor == "s2"
+    found = predicted(objective, normal, right, states)
+    assert found.score == pytest.approx(tested.score, abs=15)
+    assert describe_fitted(objective, tested).sensor == "s2"

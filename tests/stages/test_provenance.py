@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import subprocess
+from pathlib import Path
 
 import pytest
 import torch
 
 from dashred.config import load_config
 from dashred.errors import InputError
-from dashred.output import clear_output, make_output
+from dashred.output import clear_output, make_output, named_output
 from dashred.physics.side_by_side import use_threads
 from dashred.stages import provenance
 
@@ -67,3 +68,11 @@ def test_an_output_folder_is_made_and_cleared_of_results_alone(tmp_path) -> None
     assert {path.name for path in folder.iterdir()} == {"recording.nc", "sealed.nc", "notes.txt"}
     with pytest.raises(InputError, match="cannot be made"):
         make_output(str(folder / "notes.txt" / "c"))
+
+
+def test_an_output_that_holds_the_store_would_copy_itself(tmp_path: Path) -> None:
+    words = ["conf=rde", f"output={tmp_path}", f"tracking.root={tmp_path / 'runs'}"]
+    with pytest.raises(InputError, match="copy of itself"):
+        named_output(load_config(words, entry="train"))
+    beside = load_config([*words[:2], f"tracking.root={tmp_path}-runs"], entry="train")
+    assert named_output(beside) == tmp_path

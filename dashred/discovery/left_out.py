@@ -1,0 +1,104 @@
+"""A sensor at fault beneath a mismatch: found by what the others say of it, then left out.
+
+While a law is missing too, no fit of the simulator can tell the fault. A free forcing explains what
+the other sensors read, whatever the law; laws are then looked for without that sensor, and what is
+wrong with it is read off the law that was found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from dashred.discovery.faults import Fault, describe, predicted, suspects
+from dashred.discovery.free_forcing import FreeForcing, evidence
+from dashred.discovery.gauss_newton import minimise
+from dashred.discovery.law import law_of
+from dashred.discovery.local_laws import Cause
+from dashred.discovery.local_shooting import found_by
+from dashred.discovery.objective import Objective
+
+# A forcing is coarse: what it leaves at a sensor may look like a fault that gains as much as this.
+COARSE = 40.0
+STEPS, TOLERANCE = 10, 1e-4
+
+
+def fault_beneath(forced: FreeForcing) -> Fault | None:
+    """Return the fault of a sensor that even a free forcing needs; None if it needs none."""
+    objective, phi = forced.objective, forced.phi
+    normal = objective.linearise(phi)
+    [states] = objective.shooting.states(*objective.split(phi[None]))
+    scored = [
+        (predicted(objective, normal, f, states).score, f) for f in suspects(objective, normal)
+    ]
+    score, fault = min(scored, key=lambda pair: pair[0])
+    return fault if score < forced.cost - COARSE else None
+
+
+def forced_without(forced: FreeForcing, sensor: int) -> FreeForcing:
+    """Return a free forcing of the same size that one of the sensors has no part in."""
+    seen = forced.objective.noise.seen.clone()
+    seen[:, sensor] = False
+    noise = replace(forced.objective.noise, seen=seen)
+    mine = replace(forced.objective, noise=noise)
+    fitted = minimise(mine, forced.phi, STEPS, TOLERANCE)
+    normal = mine.linearise(fitted.phi, fitted.readings)
+    spent = evidence(normal, range(len(fitted.phi)))
+    return replace(forced, objective=mine, phi=fitted.phi, cost=fitted.cost, evidence=spent)
+
+
+@dataclass(frozen=True)
+class Beside(Cause):
+    """An explanation that was fitted without a sensor, beside what is wrong with that.
+
+    Attributes:
+        bare: the explanation alone.
+        sensor: index of the sensor.
+    """
+
+    bare: Cause
+    sensor: int
+
+
+def beside_the_fault(bare: Cause, sensor: int) -> Beside:
+    """Return an explanation that was fitted without a sensor, beside what is wrong with that."""
+    whole, phi = _whole(bare.objective), bare.phi
+    normal = whole.linearise(phi)
+    [states] = whole.shooting.states(*whole.split(phi[None]))
+    mine = [fault for fault in suspects(whole, normal) if fault.sensor == sensor]
+    found = [(predicted(whole, normal, fault, states), fault) for fault in mine]
+    best, fault = min(found, key=lambda pair: pair[0].score)
+    [cost], _ = bare.objective.values(phi[None])
+    score = bare.law.score - float(cost) + best.score
+    law = replace(bare.law, score=score, fault=describe(whole, fault, best.own, best.stds))
+    return Beside(law, bare.objective, phi, bare, sensor)
+
+
+def with_all_sensors(bare: Cause) -> Cause:
+    """Return an explanation that was fitted without a sensor, fitted to that too."""
+    whole = _whole(bare.objective)
+    fitted = minimise(whole, bare.phi, STEPS, TOLERANCE)
+    [cost], _ = bare.objective.values(bare.phi[None])
+    score = bare.law.score - float(cost) + fitted.cost
+    found = law_of(whole, fitted, found_by(whole, fitted.phi), score, len(bare.law.edges))
+    return Cause(found, whole, fitted.phi)
+
+
+def faulty_or_not(laws: Sequence[Cause], sensor: int) -> list[Cause]:
+    """Return laws that were fitted without a sensor as the best of them has it.
+
+    Beside the sensor's fault, if that explains what it reads; else fitted to it, too.
+    """
+    if not laws:
+        return []
+    found = [beside_the_fault(law, sensor) for law in laws]
+    best = min(found, key=lambda cause: cause.law.score)
+    without = with_all_sensors(best.bare)
+    if without.law.score < best.law.score:
+        return [with_all_sensors(law) for law in laws]
+    return [*found, without]
+
+
+def _whole(objective: Objective) -> Objective:
+    """Return F of all samples that there are."""
+    return replace(objective, noise=replace(objective.noise, seen=~objective.recorded.isnan()))
