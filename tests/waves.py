@@ -13,8 +13,7 @@ from torch import Tensor
 
 from dashred.discovery.beyond import candidates_beyond
 from dashred.discovery.candidates import Candidate, build_candidates, forcing_of
-from dashred.discovery.causes import grow
-from dashred.discovery.gauss_newton import minimise
+from dashred.discovery.gauss_newton import grow, minimise
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.shooting import Shooting, Simulator

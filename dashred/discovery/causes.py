@@ -41,11 +41,8 @@ EXPLAINED = 1.1
 # Noise this many times as large as under the best law says that a forcing alone has gone astray: it
 # cannot steer chaos over a long record.
 ASTRAY = 1.2
-# By how much the horizon of the simulator as it is grows at once.
-GROWTH = 1.4
 # A score this much worse than the best is out of the question.
 HOPELESS = 60.0
-GROWING_STEPS, GROWING_TOLERANCE = 3, 1e-2
 STEPS, TOLERANCE = 10, 1e-4
 
 
@@ -109,7 +106,8 @@ def weigh(
         best, null = _again(best, noise), _again(null, noise)
     found = _without_places(best, null)
     explained = min(found, key=_score)
-    if explained is not found[0] and explained.law.chi2 < EXPLAINED:
+    simple = len(explained.law.candidates) <= SIMPLE
+    if explained is not found[0] and simple and explained.law.chi2 < EXPLAINED:
         gain = 0.0
     elif unclear:
         report(0.4, "screening terms by place, time and state")
@@ -205,15 +203,6 @@ def _under_its_own_noise(found: Sequence[Cause]) -> list[Cause]:
 
 def _score(cause: Cause) -> float:
     return cause.law.score
-
-
-def grow(objective: Objective, phi: Tensor, samples: int) -> Tensor:
-    """Return a fit of the whole record, however bad, grown from one of its first samples."""
-    total = len(objective.recorded)
-    while samples < total:
-        samples = min(total, max(samples + 1, round(samples * GROWTH)))
-        phi = minimise(objective.until(samples), phi, GROWING_STEPS, GROWING_TOLERANCE).phi
-    return phi
 
 
 def _noise_under(forced: FreeForcing) -> NoiseModel:

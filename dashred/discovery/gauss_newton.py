@@ -17,6 +17,8 @@ from dashred.discovery.objective import Normal, Objective
 
 # One run tries all of a rung; the next, where none of it lowers F. In units of each curvature.
 LADDER = ((0.0, 0.1, 3.0), (30.0, 300.0, 3000.0))
+# By how much a horizon grows at once, and the steps at each.
+GROWTH, GROWING_STEPS, GROWING_TOLERANCE = 1.4, 3, 1e-2
 # Further steps with one Jacobian.
 CHORDS = 3
 # A chord fit that needs more than this goes nowhere.
@@ -67,6 +69,21 @@ def minimise(
             lower = _chord_steps(objective, normal, lower, tolerance)
         fitted = replace(lower, converged=converged, jacobians=fitted.jacobians + 1)
     return fitted
+
+
+def grow(objective: Objective, phi: Tensor, samples: int) -> Tensor:
+    """Return a fit of the whole record, however bad, grown from one of its first samples.
+
+    Args:
+        objective: F over the whole record.
+        phi: where to begin.
+        samples: how many are fitted first.
+    """
+    total = len(objective.recorded)
+    while samples < total:
+        samples = min(total, max(samples + 1, round(samples * GROWTH)))
+        phi = minimise(objective.until(samples), phi, GROWING_STEPS, GROWING_TOLERANCE).phi
+    return phi
 
 
 def _chord_steps(objective: Objective, normal: Normal, fitted: Fitted, tolerance: float) -> Fitted:

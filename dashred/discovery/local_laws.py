@@ -15,8 +15,8 @@ from functools import cached_property
 from torch import Tensor
 
 from dashred.discovery.free_forcing import FreeForcing
-from dashred.discovery.gauss_newton import minimise
-from dashred.discovery.hypothesis import Tested, first_unknowns, test
+from dashred.discovery.gauss_newton import grow, minimise
+from dashred.discovery.hypothesis import Tested, first_unknowns, pose, test
 from dashred.discovery.law import Law, law_of
 from dashred.discovery.objective import Normal, Objective
 from dashred.discovery.screening import Screened, screen
@@ -26,6 +26,8 @@ from dashred.discovery.screening import Screened, screen
 TRIED, FINALISTS, KIND, ALIKE = 24, 8, 8, 2
 FIRST_STEPS, FIRST_TOLERANCE = 3, 1e-2
 LAST_STEPS, LAST_TOLERANCE = 10, 1e-4
+# How many are fitted first; where all get lost, how many grow, from what share of the record.
+PROBES, AGAIN, BEGIN = 4, 6, 0.25
 # Those whose score is farther than this from the best after the first steps are given up.
 HOPELESS = 60.0
 
@@ -71,32 +73,59 @@ def local_laws(
     shooting = forced.objective.shooting
     [states] = shooting.states(*forced.objective.split(forced.phi[None]))
     screened = screen(objective, everywhere, inside, forced, states)
-    scored = [(found.cost + _penalty(objective, found), found) for found in screened]
-    near = sorted((pair for pair in scored if pair[0] < bound), key=lambda pair: pair[0])
-    chosen = _various(found for _, found in near)
+    near = [found for found in screened if _expected(objective, found) < bound]
+    ranked = sorted(near, key=lambda found: _expected(objective, found))
+    chosen = _various(ranked, ALIKE, TRIED)
     z = forced.phi[: objective.modes]
-    tried = [_try(objective, found, z) for found in chosen]
+    tried = _tries(objective, chosen, z)
     best = min((tested.score for tested in tried), default=nothing)
     kept = [tested for tested in tried if tested.score < min(best + HOPELESS, nothing)]
     kept = sorted(kept, key=lambda tested: tested.score)[:FINALISTS]
     return [_finish(tested) for tested in kept]
 
 
-def _various(ranked: Iterable[Screened]) -> list[Screened]:
-    """Return the best, but of one kind and law not more than a few."""
+def _various(ranked: Iterable[Screened], alike: int, most: int) -> list[Screened]:
+    """Return the best, but of one kind, and of one kind and law, not more than a few."""
     kinds: Counter[str] = Counter()
     laws: Counter[object] = Counter()
     chosen = []
     for found in ranked:
         h = found.hypothesis
-        alike = h.kind, h.everywhere, h.inside
-        if kinds[h.kind] < KIND and laws[alike] < ALIKE:
+        law = h.kind, h.everywhere, h.inside
+        if kinds[h.kind] < KIND and laws[law] < alike:
             kinds[h.kind] += 1
-            laws[alike] += 1
+            laws[law] += 1
             chosen.append(found)
-        if len(chosen) == TRIED:
+        if len(chosen) == most:
             break
     return chosen
+
+
+def _tries(objective: Objective, chosen: Sequence[Screened], z: Tensor) -> list[Tested]:
+    """Give what screens well a few steps.
+
+    Over a long record an edge that is a little off may carry the trajectory away from the
+    recording. What gets lost so is fitted over a horizon that grows; and where the first do all
+    of them, the others would too.
+    """
+
+    def lost(found: Screened, tested: Tested) -> bool:
+        return tested.score > _expected(objective, found) + objective.noise.count
+
+    first, rest = chosen[:PROBES], chosen[PROBES:]
+    tried = [_try(objective, found, z) for found in first]
+    again = [found for found, tested in zip(first, tried, strict=True) if lost(found, tested)]
+    if len(again) < len(first):
+        tried += [_try(objective, found, z) for found in rest]
+    else:
+        again = _various(chosen, 1, AGAIN)
+    samples = round(len(objective.recorded) * BEGIN)
+    return tried + [_try(objective, found, z, samples) for found in again]
+
+
+def _expected(objective: Objective, found: Screened) -> float:
+    """Return the score that the linearised problem promises."""
+    return found.cost + _penalty(objective, found)
 
 
 def _penalty(objective: Objective, found: Screened) -> float:
@@ -105,8 +134,10 @@ def _penalty(objective: Objective, found: Screened) -> float:
     return found.hypothesis.penalty(objective.noise.effective_count, count, fields)
 
 
-def _try(objective: Objective, found: Screened, z: Tensor) -> Tested:
+def _try(objective: Objective, found: Screened, z: Tensor, samples: int | None = None) -> Tested:
     begin = first_unknowns(z, found.coefficients, found.hypothesis.guess)
+    if samples is not None:
+        begin = grow(pose(objective, found.hypothesis), begin, samples)
     penalty = _penalty(objective, found)
     return test(objective, found.hypothesis, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
 

@@ -10,9 +10,9 @@ from torch import Tensor
 
 from dashred.discovery.beyond import candidates_beyond
 from dashred.discovery.candidates import Candidate, replaced_terms
-from dashred.discovery.causes import Weighed, grow, weigh
+from dashred.discovery.causes import Weighed, weigh
 from dashred.discovery.discovered import AMBIGUOUS
-from dashred.discovery.gauss_newton import Fitted, minimise
+from dashred.discovery.gauss_newton import Fitted, grow, minimise
 from dashred.discovery.law import Law, law_of
 from dashred.discovery.local_laws import Cause
 from dashred.discovery.objective import Objective
