@@ -18,9 +18,10 @@ from dashred.discovery.local_laws import Cause
 from dashred.discovery.local_shooting import found_by
 from dashred.discovery.objective import Objective
 
-# A forcing is coarse: what it leaves at a sensor may look like a fault that gains as much as this.
+# A forcing is coarse: what it leaves at a sensor may look like a fault that gains as much as this,
+# in units of the misfit that it leaves everywhere.
 COARSE = 40.0
-STEPS, TOLERANCE = 10, 1e-4
+STEPS, TOLERANCE = 6, 1e-3
 
 
 def fault_beneath(forced: FreeForcing) -> Fault | None:
@@ -32,7 +33,8 @@ def fault_beneath(forced: FreeForcing) -> Fault | None:
         (predicted(objective, normal, f, states).score, f) for f in suspects(objective, normal)
     ]
     score, fault = min(scored, key=lambda pair: pair[0])
-    return fault if score < forced.cost - COARSE else None
+    misfit = max(1.0, forced.cost / objective.noise.count)
+    return fault if score < forced.cost - COARSE * misfit else None
 
 
 def forced_without(forced: FreeForcing, sensor: int) -> FreeForcing:
