@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dashred.physics.algebra import ZERO, Expr
 from dashred.physics.compiled_step import Modes, Parts
 from dashred.physics.kernel import Array, Body, compile_kernel, read_by
-from dashred.physics.linear import is_linear, symbols
+from dashred.physics.linear import symbols
 from dashred.physics.linearisation import (
     OPERAND,
     Input,
@@ -53,12 +53,8 @@ class CompiledTendency:
         axes = [axis.name for axis in system.axes]
         base = separate(system.resolved, axes)
         empty = dict.fromkeys(system.fields, ZERO)
-        self.linear_terms = [is_linear(term.expression, term.equation) for term in terms]
-        parts = [
-            separate(empty if linear else {**empty, term.equation: term.expression}, axes)
-            for term, linear in zip(terms, self.linear_terms, strict=True)
-        ]
-        self._symbols = self._linear_symbols(system, terms)
+        parts = [separate({**empty, term.equation: term.expression}, axes) for term in terms]
+        self._symbols = self._linear_symbols(parts)
         self._own = symbols(list(base.linear.values()), self.operators, CPU).numpy()
         self._channels: dict[tuple[str, Expr], int] = {}
         self.bodies = [*self._bodies(base, None)]
@@ -130,12 +126,9 @@ class CompiledTendency:
             for field, operator in couplings.items()
         ]
 
-    def _linear_symbols(self, system: System, terms: Sequence[Term]) -> Modes:
-        """Return what each linear term adds to L, ``(term, field, *modes)``."""
-        found = []
-        for term, linear in zip(terms, self.linear_terms, strict=True):
-            own = [[term.expression] if linear and f == term.equation else [] for f in self.fields]
-            found.append(symbols(own, self.operators, CPU).numpy())
+    def _linear_symbols(self, parts: Sequence[Separated]) -> Modes:
+        """Return what each term adds to L, ``(term, field, *modes)``."""
+        found = [symbols(list(p.linear.values()), self.operators, CPU).numpy() for p in parts]
         *first, last = self.grid.shape
         shape = (len(self.fields), *first, last // 2 + 1)
         return np.array(found).reshape(-1, *shape)

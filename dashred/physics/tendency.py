@@ -5,13 +5,13 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from dashred.physics.algebra import names
+from dashred.physics.algebra import ZERO, names
 from dashred.physics.dense_forcing import TermwiseForcing, forcing_evaluator
 from dashred.physics.forcing import Forcing
-from dashred.physics.linear import is_linear, split_linear, symbol, symbols
+from dashred.physics.linear import split_linear, symbols
 from dashred.physics.program import Program
 from dashred.physics.spectral import Spectral
-from dashred.physics.system import System
+from dashred.physics.system import System, Term
 from dashred.physics.value import Value, total
 
 
@@ -80,18 +80,22 @@ class SpectralTendency:
 
     def _take_linear(self, forcing: Forcing, device: torch.device) -> TermwiseForcing:
         space = (1,) * len(self.system.grid.shape)
-        linear = [is_linear(term.expression, term.equation) for term in forcing.terms]
-        for term, column, taken in zip(forcing.terms, forcing.coefficients.T, linear, strict=True):
+        split = [split_linear(term.expression, term.equation) for term in forcing.terms]
+        for term, column, (taken, _) in zip(
+            forcing.terms, forcing.coefficients.T, split, strict=True
+        ):
             if not taken or not (column.any() or column.requires_grad):
                 continue
             field = self.system.fields.index(term.equation)
-            added = symbol(term.expression, self.operators, device) * column.reshape(-1, *space)
+            [operator] = symbols([taken], self.operators, device)
+            added = operator * column.reshape(-1, *space)
             one_field = torch.zeros(len(self.system.fields), dtype=torch.float64, device=device)
             one_field[field] = 1.0
             self.linear = self.linear + added[:, None] * one_field.reshape(1, -1, *space)
-        left = [j for j, taken in enumerate(linear) if not taken]
-        rest = Forcing(tuple(forcing.terms[j] for j in left), forcing.coefficients[:, left])
-        return forcing_evaluator(rest, self.system.fields, self.operators)
+        left = [j for j, (_, rest) in enumerate(split) if rest != ZERO]
+        rest = tuple(Term(forcing.terms[j].equation, split[j][1]) for j in left)
+        kept = Forcing(rest, forcing.coefficients[:, left])
+        return forcing_evaluator(kept, self.system.fields, self.operators)
 
 
 def _summed(left: list[Value], right: list[Value]) -> list[Value]:

@@ -72,6 +72,7 @@ MIXED: Listed = [
     ("v", "sin(x)*cos(t)*u", 0.3),
     ("u", "1", -0.1),
     ("v", "sech(u)*sqrt(v**2 + 1)/(2 + u)", 0.2),
+    ("v", "0.7 + u - 0.8*v + 0.3*u**2", 0.2),  # all of it at once, as a parameter's may be
 ]
 PLANE: Listed = [
     ("w", "grad2(w)", 0.05), ("w", "lap(w**3)", 0.01), ("w", "d(w, x)", 0.3),
