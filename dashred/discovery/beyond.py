@@ -90,7 +90,8 @@ def _waves(candidates: Sequence[Candidate]) -> list[tuple[int, int]]:
 def _texts(system: System) -> Iterator[str]:
     """Yield functions of each field, higher powers, and waves along each axis."""
     for f in system.fields:
-        yield from (f"sin({f})", f"sin(2*{f})", f"cos({f})", f"cos(2*{f})", f"exp({f})")
+        yield from (f"{wave}({k}*{f})" for wave in ("sin", "cos") for k in (1, 2, 3))
+        yield f"exp({f})"
         yield from (f"tanh({f})", f"tanh(3*{f})", f"exp(-{f})", f"exp(-{f}**2)")
         yield from (f"abs({f})", f"abs({f})*{f}", f"{f}**4", f"{f}**5")
     for axis in system.axes:

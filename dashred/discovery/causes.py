@@ -209,7 +209,7 @@ def _noise_under(forced: FreeForcing) -> NoiseModel:
     """Return the noise that is left under a free forcing: no wrong law has a part in it."""
     objective, phi = forced.objective, forced.phi
     [readings] = objective.shooting.readings(*objective.split(phi[None]))
-    normal = objective.linearise(phi, readings)
+    normal = forced.normal
     information = normal.hessian - torch.diag(normal.precision)
     spent = float(torch.linalg.solve(normal.hessian, information).trace())
     return replace(objective.noise_left(readings, round(spent)), seen=objective.noise.seen)

@@ -7,7 +7,7 @@ without it, on the linearised problem, and its fault read off what then remains 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -137,6 +137,21 @@ def predicted(objective: Objective, normal: Normal, fault: Fault, states: Tensor
     own = torch.eye(len(phi), dtype=hessian.dtype)[:, first:]
     stds = torch.linalg.solve(hessian, own)[first:].diagonal().sqrt()
     return Predicted(score + _penalty(objective, fault), phi[first:], stds)
+
+
+def predicted_faults(
+    objective: Objective, phi: Tensor, normal: Normal, faults: Sequence[Fault]
+) -> list[tuple[Predicted, Fault]]:
+    """Return what each fault would be.
+
+    Args:
+        objective: F of a law.
+        phi: its fit.
+        normal: linearised there.
+        faults: those that are suspected.
+    """
+    [states] = objective.shooting.states(*objective.split(phi[None]))
+    return [(predicted(objective, normal, fault, states), fault) for fault in faults]
 
 
 def _columns(objective: Objective, states: Tensor) -> Tensor:

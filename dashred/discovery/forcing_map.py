@@ -41,11 +41,10 @@ def map_of(forced: FreeForcing, gain: float) -> ForcingMap | None:
     """Return the map of a free forcing; None of one that is none."""
     if not any(forced.levels):
         return None
-    objective, shooting = forced.objective, forced.objective.shooting
+    shooting = forced.objective.shooting
     assert isinstance(shooting, DrivenShooting)
     pulses, size = shooting.pulses, shooting.size[:, None, None]
-    normal = objective.linearise(forced.phi)
-    variance = normal.covariance(range(len(forced.phi))).diagonal()[-pulses.count :]
+    variance = forced.normal.covariance(range(len(forced.phi))).diagonal()[-pulses.count :]
     stds = variance.clamp(min=0).sqrt().reshape(pulses.shape)
     system = shooting.simulator.system
     return ForcingMap(

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.driven_shooting import DrivenShooting
-from dashred.discovery.gauss_newton import minimise
+from dashred.discovery.gauss_newton import grow, minimise
 from dashred.discovery.objective import Normal, Objective
 from dashred.physics.pulses import Pulses
 
@@ -25,6 +25,9 @@ LEVELS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0)
 # Stands for none: an amplitude of this share is too small for anything.
 NONE = 1e-6
 ROUNDS, STEPS, TOLERANCE = 3, 2, 0.01
+# A forcing that leaves so many times the noise has lost the trajectory, and grows anew from this
+# share of the record.
+LOST, BEGIN = 2.0, 0.25
 
 
 @dataclass(frozen=True)
@@ -35,15 +38,20 @@ class FreeForcing:
         objective: F, in the start and the amplitudes.
         phi: its minimum, ``(unknown,)``.
         cost: F there.
-        evidence: ``-2 ln`` of the probability of the recording, up to a constant.
+        normal: F linearised there: several questions are put to it, and it is dear.
         levels: chosen prior std of each equation's amplitudes, as a share of its tendency.
     """
 
     objective: Objective
     phi: Tensor
     cost: float
-    evidence: float
+    normal: Normal
     levels: tuple[float, ...]
+
+    @property
+    def evidence(self) -> float:
+        """``-2 ln`` of the probability of the recording, up to a constant."""
+        return evidence(self.normal, range(len(self.phi)))
 
     @property
     def amplitudes(self) -> Tensor:
@@ -81,31 +89,54 @@ def fit_free_forcing(
         size: rms of each equation's own tendency, ``(equation,)``.
         equations: those that are forced; of the others the forcing is none.
     """
-    law = objective.prior_std
     driven = DrivenShooting.on(objective.shooting, pulses, size)
-    phi = torch.cat([phi, torch.zeros(pulses.count, dtype=torch.float64)])
     stds = _stds(pulses, size, LEVELS[-1:] * len(size))
-    found = replace(objective, shooting=driven, prior_std=torch.cat([law, stds]))
-    [readings] = driven.readings(*found.split(phi[None]))
+    largest = torch.cat([objective.prior_std, stds])
+    whole = replace(objective, shooting=driven, prior_std=largest)
+    begin = torch.cat([phi, torch.zeros(pulses.count, dtype=torch.float64)])
+    found = _forced(whole, begin, equations)
+    if not _lost(found):
+        return found
+    grown = grow(whole, begin, round(BEGIN * len(objective.recorded)))
+    return min(found, _forced(whole, grown, equations), key=lambda forced: forced.cost)
+
+
+def _forced(objective: Objective, phi: Tensor, equations: Sequence[int]) -> FreeForcing:
+    """Fit start, law and forcing from where they are, the forcing's size by the evidence."""
+    driven = objective.shooting
+    assert isinstance(driven, DrivenShooting)
+    pulses, size = driven.pulses, driven.size
+    law = objective.prior_std[: -pulses.count]
+    [readings] = driven.readings(*objective.split(phi[None]))
     levels: tuple[float, ...] = ()
     for _ in range(ROUNDS):
-        normal = found.linearise(phi, readings)
+        normal = objective.linearise(phi, readings)
         before, levels = levels, _best_levels(normal, pulses, size, equations)
-        found = replace(found, prior_std=torch.cat([law, _stds(pulses, size, levels)]))
+        objective = replace(objective, prior_std=torch.cat([law, _stds(pulses, size, levels)]))
         if not any(levels):
             break
-        fitted = minimise(found, phi, STEPS, TOLERANCE)
+        fitted = minimise(objective, phi, STEPS, TOLERANCE)
         phi, readings = fitted.phi, fitted.readings
         if levels == before and fitted.converged:
             break
     if any(levels):
-        normal = found.linearise(phi, readings)
+        normal = objective.linearise(phi, readings)
     else:
         # Nothing has moved but the prior: the Jacobian, the dearest of all, is still right.
         start = normal.precision[: objective.modes]
-        normal = replace(normal, precision=torch.cat([start, found.prior_std**-2]))
-    [cost], _ = found.values(phi[None])
-    return FreeForcing(found, phi, float(cost), evidence(normal, range(len(phi))), levels)
+        normal = replace(normal, precision=torch.cat([start, objective.prior_std**-2]))
+    [cost], _ = objective.values(phi[None])
+    return FreeForcing(objective, phi, float(cost), normal, levels)
+
+
+def _lost(forced: FreeForcing) -> bool:
+    """Tell whether a forcing, as large as it may be, leaves far more than noise at most sensors."""
+    objective = forced.objective
+    [readings] = objective.shooting.readings(*objective.split(forced.phi[None]))
+    left = objective.noise.whiten(readings - objective.recorded).square().sum(dim=0)
+    ratios = (left / objective.noise.seen.sum(dim=0).clamp(min=1)).sqrt()
+    # A trajectory that blows up leaves no number at all.
+    return not float(ratios.median()) <= LOST
 
 
 def force(objective: Objective, phi: Tensor, size: Tensor) -> tuple[FreeForcing, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from dashred.discovery.faults import describe_fitted, fit_fault, predicted, suspects
+from dashred.discovery.faults import describe_fitted, fit_fault, predicted_faults, suspects
 from dashred.discovery.free_forcing import evidence
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import law_of
@@ -28,13 +28,9 @@ def faults(cause: Cause, bound: float) -> list[Cause]:
     objective, phi = cause.objective, cause.phi
     [cost], _ = objective.values(phi[None])
     freedom, normal = cause.law.score - float(cost), cause.normal
-    [states] = objective.shooting.states(*objective.split(phi[None]))
-    scored = [
-        (predicted(objective, normal, f, states).score, f) for f in suspects(objective, normal)
-    ]
-    chosen = sorted(
-        (pair for pair in scored if pair[0] + freedom < bound), key=lambda pair: pair[0]
-    )
+    every = predicted_faults(objective, phi, normal, suspects(objective, normal))
+    near = [pair for pair in every if pair[0].score + freedom < bound]
+    chosen = sorted(near, key=lambda pair: pair[0].score)
     found = []
     for _, fault in chosen[:FAULTS]:
         tested = fit_fault(objective, fault, phi)

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from dashred.discovery.faults import Fault, describe, predicted, suspects
-from dashred.discovery.free_forcing import FreeForcing, evidence
+from dashred.discovery.faults import Fault, describe, predicted_faults, suspects
+from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import law_of
 from dashred.discovery.local_laws import Cause
@@ -27,14 +27,11 @@ STEPS, TOLERANCE = 6, 1e-3
 def fault_beneath(forced: FreeForcing) -> Fault | None:
     """Return the fault of a sensor that even a free forcing needs; None if it needs none."""
     objective, phi = forced.objective, forced.phi
-    normal = objective.linearise(phi)
-    [states] = objective.shooting.states(*objective.split(phi[None]))
-    scored = [
-        (predicted(objective, normal, f, states).score, f) for f in suspects(objective, normal)
-    ]
-    score, fault = min(scored, key=lambda pair: pair[0])
+    faults = suspects(objective, forced.normal)
+    found = predicted_faults(objective, phi, forced.normal, faults)
+    best, fault = min(found, key=lambda pair: pair[0].score)
     misfit = max(1.0, forced.cost / objective.noise.count)
-    return fault if score < forced.cost - COARSE * misfit else None
+    return fault if best.score < forced.cost - COARSE * misfit else None
 
 
 def forced_without(forced: FreeForcing, sensor: int) -> FreeForcing:
@@ -45,8 +42,7 @@ def forced_without(forced: FreeForcing, sensor: int) -> FreeForcing:
     mine = replace(forced.objective, noise=noise)
     fitted = minimise(mine, forced.phi, STEPS, TOLERANCE)
     normal = mine.linearise(fitted.phi, fitted.readings)
-    spent = evidence(normal, range(len(fitted.phi)))
-    return replace(forced, objective=mine, phi=fitted.phi, cost=fitted.cost, evidence=spent)
+    return replace(forced, objective=mine, phi=fitted.phi, cost=fitted.cost, normal=normal)
 
 
 @dataclass(frozen=True)
@@ -66,9 +62,8 @@ def beside_the_fault(bare: Cause, sensor: int) -> Beside:
     """Return an explanation that was fitted without a sensor, beside what is wrong with that."""
     whole, phi = _whole(bare.objective), bare.phi
     normal = whole.linearise(phi)
-    [states] = whole.shooting.states(*whole.split(phi[None]))
     mine = [fault for fault in suspects(whole, normal) if fault.sensor == sensor]
-    found = [(predicted(whole, normal, fault, states), fault) for fault in mine]
+    found = predicted_faults(whole, phi, normal, mine)
     best, fault = min(found, key=lambda pair: pair[0].score)
     [cost], _ = bare.objective.values(phi[None])
     score = bare.law.score - float(cost) + best.score
@@ -97,7 +92,7 @@ def faulty_or_not(laws: Sequence[Cause], sensor: int) -> list[Cause]:
     best = min(found, key=lambda cause: cause.law.score)
     without = with_all_sensors(best.bare)
     if without.law.score < best.law.score:
-        return [with_all_sensors(law) for law in laws]
+        return [without if law is best.bare else with_all_sensors(law) for law in laws]
     return [*found, without]
 
 

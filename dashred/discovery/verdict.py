@@ -35,7 +35,10 @@ def verdict(discovered: Discovered) -> tuple[Verdict, list[dict[str, Any]]]:
     causes = _causes(discovered)
     if discovered.beyond > MISSING:
         return "outside-library", [_outside(discovered), *causes]
-    return ("ambiguous" if discovered.rivals else _kind(discovered.best)), causes
+    kinds = {_kind(law) for law in (discovered.best, *discovered.rivals)}
+    # Which of the laws beyond the library it is may be open, and yet that none of it does is not.
+    clear = not discovered.rivals or kinds == {"outside-library"}
+    return (_kind(discovered.best) if clear else "ambiguous"), causes
 
 
 def unexplained(stated: Tensor | None, found: NoiseModel) -> float | None:

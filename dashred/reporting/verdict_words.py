@@ -64,7 +64,9 @@ def sentence(text: str) -> str:
 
 def _law(findings: Mapping[str, Any]) -> list[str]:
     terms = findings["terms"] or []
-    guess = "As the best guess, " if findings["verdict"] == "ambiguous" and terms else ""
+    rivals = any(other["rival"] for other in findings["alternatives"] or [])
+    undecided = findings["verdict"] == "ambiguous" or rivals
+    guess = "As the best guess, " if undecided and terms else ""
     missing = [term["says"] for term in terms if term["equation"] is not None]
     changed = [term["says"] for term in terms if term["equation"] is None]
     lines = []

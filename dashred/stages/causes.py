@@ -15,6 +15,7 @@ from dashred.discovery.discovered import AMBIGUOUS
 from dashred.discovery.gauss_newton import Fitted, grow, minimise
 from dashred.discovery.law import Law, law_of
 from dashred.discovery.local_laws import Cause
+from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.selection import Tried
 from dashred.discovery.shooting import Simulator
@@ -60,7 +61,7 @@ def weigh_causes(
     """
     begin = float(problem.times[0])
     reached = samples == len(objective.recorded)
-    if _inflated(problem, objective):
+    if inflated(problem, objective.noise):
         # A sensor at fault can do that, and laws that were fitted under such noise say nothing.
         reached, objective = False, replace(objective, noise=fit_noise(problem))
     known = list(objective.shooting.candidates)
@@ -125,10 +126,10 @@ def _about_the_prior(
     return replace(everything, shooting=replace(everything.shooting, start=prior)), mine, found
 
 
-def _inflated(problem: Problem, objective: Objective) -> bool:
+def inflated(problem: Problem, noise: NoiseModel) -> bool:
     """Tell whether the noise that was found is far above what the recording says of itself."""
     stated = all(sensor.std is not None for sensor in problem.split.fit.sensors)
-    ratio = float((objective.noise.std / fit_noise(problem).std).median())
+    ratio = float((noise.std / fit_noise(problem).std).median())
     return stated and ratio > INFLATED
 
 

@@ -21,7 +21,7 @@ from dashred.physics.ensemble import Ensemble
 from dashred.physics.resolution import Resolution
 from dashred.progress import Report, stage
 from dashred.stages.assimilation import Assimilated
-from dashred.stages.causes import weigh_causes
+from dashred.stages.causes import inflated, weigh_causes
 from dashred.stages.learning import Learned
 from dashred.stages.objectives import exact_simulator, pose_objective, rough_simulator
 from dashred.stages.problem import Problem
@@ -91,7 +91,7 @@ def discover(
         seeds={s.name: s.error for s in seeds},
         seed=seed.name,
         levels=walked.levels,
-        reached=walked.reached or _explains(weighed),
+        reached=walked.reached or _explains(problem, weighed),
         # A walk that got lost says nothing of what can be reached over the whole record.
         free_chi2=float(free) / part.noise.count if walked.reached else weighed.laws[0].chi2,
         exhausted=selection.exhausted,
@@ -102,11 +102,14 @@ def discover(
     )
 
 
-def _explains(weighed: Weighed) -> bool:
+def _explains(problem: Problem, weighed: Weighed) -> bool:
     """Tell whether another cause explains the whole record, where no law everywhere could follow.
 
-    What is fitted to all of it, and leaves nothing to a free forcing, has got lost nowhere.
+    What is fitted to all of it, and leaves nothing to a free forcing, has got lost nowhere: if what
+    it leaves is noise.
     """
+    if inflated(problem, weighed.noise):
+        return False
     best = weighed.laws[0]
     found = best.window is not None or best.fault is not None or best.widened > 1
     return found or weighed.gain <= MISSING

@@ -74,6 +74,10 @@ def test_a_law_beyond_the_library_is_said_to_be_that(flow: System) -> None:
     # Where the library does as well, it is left open.
     near = laws.law([laws.term(flow, "u", "u")], [0.1], score=3.0)
     assert verdict(laws.discovery(best, near))[0] == "ambiguous"
+    # Which wave it is may be open: that it is none of the library's is not.
+    wave = replace(laws.term(flow, "lam", "cos(2*u)"), beyond=True)
+    found, [cause, *_] = verdict(laws.discovery(best, laws.law([wave], [0.1], score=3.0)))
+    assert found == "outside-library" and cause["probability"] == pytest.approx(1.0)
 
 
 def test_a_rival_makes_it_ambiguous_and_the_classes_share_the_probability(flow: System) -> None:
