@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import torch
@@ -29,8 +30,10 @@ from dashred.physics.window import Shape, Window, box, gate, onset
 
 CELLS, TIMES = 12, 10
 # Thresholds of gates, even between these quantiles of a field: few samples lie between two wells,
-# and yet a gate may.
-THRESHOLDS, TAIL = 9, 0.05
+# and yet a gate may. And at some farther out: what acts in one sample of a hundred moves a front.
+THRESHOLDS, TAIL, FARTHER = 9, 0.05, (0.005, 0.02)
+# Two that are closer than this share of the step are one.
+CLOSE = 0.25
 # A run of cells longer than this share of an axis is no region any more.
 LONGEST = 0.75
 
@@ -191,9 +194,14 @@ def _states(system: System, states: Tensor) -> list[Window]:
     for field, name in enumerate(system.fields):
         values = states[:, field].flatten()
         low, high = float(values.quantile(TAIL)), float(values.quantile(1 - TAIL))
-        thresholds = np.linspace(low, high, THRESHOLDS + 2)[1:-1].tolist()
+        step = (high - low) / (THRESHOLDS + 1)
+        thresholds = [low + step * (k + 1) for k in range(THRESHOLDS)]
+        for share in (q for tail in FARTHER for q in (tail, 1 - tail)):
+            far = float(values.quantile(share))
+            if min(abs(far - threshold) for threshold in thresholds) > CLOSE * step:
+                thresholds.append(far)
         width = math.log((high - low) / THRESHOLDS / 2)
-        found += [gate(name, 1).at((threshold, width)) for threshold in thresholds]
+        found += [gate(name, 1).at((threshold, width)) for threshold in sorted(thresholds)]
     return found
 
 
@@ -232,13 +240,20 @@ def _runs(
 def _edges(
     shape: Shape, columns: Sequence[int], values: dict[int, tuple[float, ...]], candidate: int
 ) -> Iterator[tuple[Guess, dict[int, float]]]:
-    """Yield every onset; every gate above, and below: what is not above, is below."""
+    """Yield every onset; every gate above, and below: what is not above, is below.
+
+    The mean of two neighbours stands for an edge between them.
+    """
     places = [values[c][0] for c in columns]
     spread = (max(places) - min(places)) / 2
-    for column in columns:
-        place = values[column]
-        guess = Guess(shape, place, (spread, LOG_WIDTH))
-        yield guess, {column: 1.0}
+    single = [(values[c], {c: 1.0}) for c in columns]
+    between = [(_middle(values[a], values[b]), {a: 0.5, b: 0.5}) for a, b in pairwise(columns)]
+    for place, weights in (*single, *between):
+        yield Guess(shape, place, (spread, LOG_WIDTH)), weights
         if shape.kind == "gate above":
             below = Guess(gate(shape.of, -1), place, (spread, LOG_WIDTH))
-            yield below, {candidate: 1.0, column: -1.0}
+            yield below, {candidate: 1.0} | {c: -w for c, w in weights.items()}
+
+
+def _middle(one: tuple[float, ...], other: tuple[float, ...]) -> tuple[float, ...]:
+    return tuple((a + b) / 2 for a, b in zip(one, other, strict=True))

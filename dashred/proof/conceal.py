@@ -5,41 +5,21 @@ The truth stays in memory until the findings are frozen: while a case is analyse
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
 
 import torch
-from torch import Tensor
 
 from dashred.config import Config, load_config
 from dashred.errors import InputError
-from dashred.physics.library import evaluate_terms
-from dashred.physics.system import System, Term
+from dashred.physics.system import System
+from dashred.proof.bench import Bench
 from dashred.proof.draw import Case
-from dashred.proof.systems import SYSTEMS
-from dashred.recorder import FORECAST, draw_start, observe, place_sensors, run_truth, with_law
+from dashred.recorder import observe, run_truth, with_law
 from dashred.sealing import Truth
-from dashred.sensing.observation import ObservationOperator
 from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Sensor
-from dashred.sensing.splits import split_recording
-from dashred.twin_file import Twin, twin_of
 
-# Shares of an equation's tendency, or of a parameter's value: where the search begins, and the most
-# that may be hidden.
-FIRST, MOST = 0.03, 0.5
-ROUNDS, CLOSE = 6, 0.2
-# The real trajectory may differ from the simulator's by at most this share of a trace's std.
-FARTHEST = 0.7
 # How often what blows up is halved.
 RETREATS = 6
-# A misplaced sensor is off by such shares of the axis.
-NEAR, FAR = 0.0025, 0.03
-# A spike exceeds what noise does now and then.
-SPIKE = 6.0
 
 
 @dataclass(frozen=True)
@@ -73,7 +53,7 @@ def conceal(case: Case) -> Concealed:
     words += [f"recording.noise={case.noise:g}", f"recording.sensors={case.sensors}"]
     config = load_config(words, entry="record")
     system = System(config.system, config.where)
-    bench = _Bench.of(case, system, config)
+    bench = Bench.of(case, system, config)
     size, effect = 0.0, None
     if case.effect is not None and (case.hidden["terms"] or "parameters" in case.hidden):
         size, effect = bench.fitting_size(case)
@@ -95,163 +75,3 @@ def conceal(case: Case) -> Concealed:
     duration = config.recording.duration
     truth = Truth(str(case), twin.terms, bench.times, duration, states, twin.concealed)
     return Concealed(config, system, recording, truth, effect)
-
-
-def _search(effect: Callable[[float], float | None], wanted: float) -> tuple[float, float]:
-    """Return a size, and its effect, near the one that is wanted.
-
-    Raises:
-        InputError: nothing that was tried could be simulated.
-    """
-    size, best = FIRST, None
-    for _ in range(ROUNDS):
-        found = effect(size)
-        if found is None or found == 0:
-            size *= 0.3
-            continue
-        if best is None or abs(found - wanted) < abs(best[1] - wanted):
-            best = size, found
-        if abs(found / wanted - 1) < CLOSE or (size == MOST and found < wanted):
-            break
-        size = min(MOST, size * min(5.0, max(0.2, wanted / found)))
-    if best is None:
-        raise InputError("what was to be hidden blows the simulator up")
-    return best
-
-
-@dataclass(frozen=True)
-class _Bench:
-    """One case's start, sensors and clock, on which sizes are tried."""
-
-    case: Case
-    system: System
-    config: Config
-    start: Tensor
-    times: Tensor
-    recorded: int
-    sensors: list[Sensor]
-    plain: Tensor
-
-    @classmethod
-    def of(cls, case: Case, system: System, config: Config) -> _Bench:
-        """Draw start and places; run the simulator as it is."""
-        every, duration = config.recording.every, config.recording.duration
-        assert every is not None
-        times = torch.arange(round(FORECAST * duration / every) + 1, dtype=torch.float64) * every
-        recorded = int((times <= duration * (1 + 1e-9)).sum())
-        spread = {"terms": [], "spread": case.hidden.get("spread", 1.0)}
-        only_start = twin_of(str(case), spread, str(case), config)
-        start = draw_start(system, system, only_start, config, case.stream("start"))
-        sensors = place_sensors(system, config, case.stream("read"))
-        plain = run_truth(system, start, times[:recorded])
-        return cls(case, system, config, start, times, recorded, sensors, plain)
-
-    def twin(self, entry: dict[str, Any]) -> Twin:
-        """Return the twin that an entry describes."""
-        return twin_of(str(self.case), entry, str(self.case), self.config)
-
-    def fitting_size(self, case: Case) -> tuple[float, float | None]:
-        """Return the size of what is hidden, and its effect.
-
-        Raises:
-            InputError: nothing that was tried could be simulated.
-        """
-        if case.share is not None:
-            return case.share, self.effect(case.hidden, case.share)
-        assert case.effect is not None
-        wanted = min(case.effect, FARTHEST / case.noise)
-        return _search(lambda size: self.effect(case.hidden, size), wanted)
-
-    def effect(self, hidden: dict[str, Any], size: float) -> float | None:
-        """Return by how many σ a hidden law moves the readings, rms; None if it blows up."""
-        twin = self.twin(self.sized(hidden, size))
-        try:
-            states = run_truth(with_law(self.system, twin), self.start, self.times[: self.recorded])
-        except InputError:
-            return None
-        moved = (self._operator(states) - self._clean) / self._sigma
-        return float(moved.square().mean().sqrt())
-
-    def sized(self, hidden: dict[str, Any], size: float) -> dict[str, Any]:
-        """Return the entry in the user's units: a law of some size, faults by their effect."""
-        entry = copy.deepcopy(hidden)
-        for term in entry["terms"]:
-            share = size * term["coefficient"] * self._scale(term["equation"], term["term"])
-            term["coefficient"] = float(f"{share:.3g}")
-        known = self.config.system.parameters
-        if "parameters" in entry:
-            entry["parameters"] = {
-                name: float(f"{known[name] * (1 + sign * size):.4g}")
-                for name, sign in entry["parameters"].items()
-            }
-        entry["faults"] = [self._fault(fault) for fault in entry.get("faults", [])]
-        return entry
-
-    @cached_property
-    def _operator(self) -> ObservationOperator:
-        return ObservationOperator(self.sensors, self.system)
-
-    @cached_property
-    def _clean(self) -> Tensor:
-        """What the sensors read of the simulator as it is, ``(time, sensor)``."""
-        return self._operator(self.plain)
-
-    @cached_property
-    def _sigma(self) -> Tensor:
-        reads = [self.system.evaluate(sensor.reads, self.plain) for sensor in self.sensors]
-        return self.case.noise * torch.stack([whole.std() for whole in reads])
-
-    def _scale(self, equation: str, term: str) -> float:
-        """Return the coefficient that gives a term the rms of its equation's tendency."""
-        own = Term(equation, self.system.equations[equation])
-        mine = Term(equation, self.system.parse(term, str(self.case), equation=equation))
-        columns = torch.stack(
-            [
-                evaluate_terms(self.system, [own, mine], states[None], t)
-                for t, states in zip(self.times.tolist(), self.plain, strict=False)
-            ]
-        )
-        whole, part = columns.transpose(0, 1).flatten(1).square().mean(dim=1).sqrt()
-        return float(whole / part.clamp(min=1e-12))
-
-    def _fault(self, fault: dict[str, Any]) -> dict[str, Any]:
-        """Give a fault its sensor, one that the analysis fits, and its size."""
-        names = self._fitted
-        name = names[int(fault["sensor"] * len(names))]
-        index = [sensor.name for sensor in self.sensors].index(name)
-        kind, sign = fault["kind"], fault["value"]
-        if self.case.kind == "null":
-            return {"sensor": name, "kind": kind, "value": float(f"{sign:.4g}")}
-        value = self._size_of_fault(kind, sign, index)
-        return {"sensor": name, "kind": kind, "value": float(f"{value:.4g}")}
-
-    def _size_of_fault(self, kind: str, sign: float, index: int) -> float:
-        assert self.case.effect is not None
-        sigma, duration = float(self._sigma[index]), self.config.recording.duration
-        effect = self.case.effect * sigma
-        if kind == "stuck":
-            return duration * float(self.case.stream("stuck").uniform(0.2, 0.55))
-        if kind == "drift":
-            return sign * 2 * effect / duration
-        if kind == "spikes":
-            return sign * (SPIKE * sigma + effect)
-        if kind == "misplaced":
-            _, length = SYSTEMS[self.case.system].axis
-            return sign * min(FAR * length, max(NEAR * length, effect / self._slope(index)))
-        return sign * effect
-
-    def _slope(self, index: int) -> float:
-        """Return the rms of the field's slope at a sensor."""
-        sensor, step = self.sensors[index], 1e-3 * self.system.axes[0].length
-        first, *rest = sensor.position
-        beside = type(sensor)(sensor.name, sensor.reads, (first + step, *rest), None)
-        here, there = ObservationOperator([sensor, beside], self.system)(self.plain).unbind(-1)
-        return float(((there - here) / step).square().mean().sqrt())
-
-    @cached_property
-    def _fitted(self) -> list[str]:
-        """The sensors that the analysis will fit: a fault of another cannot be found."""
-        times = self.times[: self.recorded].numpy()
-        recording = Recording(tuple(self.sensors), times, self._clean.numpy())
-        split = split_recording(recording, self.config.splits, self.case.analysis_seed)
-        return list(split.fit.names)

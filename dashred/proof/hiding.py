@@ -75,11 +75,11 @@ def _fault(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
 
 
 def masked(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
-    """Return a law beside a parameter or a fault that hides it, or a law that is faint alone."""
+    """Return a law beside a fault, or behind a parameter that makes up for it, or faint."""
     how = int(rng.integers(3))
     law = {"terms": [_term(*_one_of(proved.terms, rng), rng)]}
     if how == 0:
-        return law | _parameter(proved, rng)
+        return law | {"masked_by": str(rng.choice(proved.parameters))}
     return law | _fault(proved, rng) if how == 1 else law
 
 

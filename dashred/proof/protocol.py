@@ -17,8 +17,9 @@ its simulation leaves out. `python -m dashred.prove` does all of this and writes
    simulation's, rms, and at most 0.7 of a trace's std; of `ks1d`, where chaos makes much of little,
    it is 1 to 10 % of the equation's tendency. Other cases have a wrong parameter, a faulty sensor
    (one that the analysis fits), a start outside of its prior, numerics that are not resolved, or
-   nothing at all. *Masked* ones have a law beside a wrong parameter or a faulty sensor, or one
-   below the noise of a single sample: there each cause that is named has to be a true one. Sensors,
+   nothing at all. *Masked* ones have a law behind a wrong parameter that makes up for most of it,
+   or beside a faulty sensor, or below the noise of a single sample: there each cause that is named
+   has to be a true one. Sensors,
    noise ({noises}) and starts are drawn, too. Not drawn are terms and parameters that no recording
    of these sensors tells from others: `systems.py` names them. A third of the nulls have correlated
    noise, noise of another size than stated, or a sensor 0.25 % of the axis off its place, which may

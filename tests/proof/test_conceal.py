@@ -83,3 +83,15 @@ def test_a_mis_stated_parameter_changes_the_truth_and_no_term_does() -> None:
     fine = concealed.system.grid.interpolate(start[None], concealed.system.refined().grid)
     plain = run_truth(concealed.system, fine, concealed.truth.times[:40])
     assert not np.allclose(plain, concealed.truth.states[:40], atol=1e-3)
+
+
+def test_a_parameter_that_masks_a_law_takes_away_most_of_what_it_does() -> None:
+    case = case_of("masked", 5.0, terms=[TERM], masked_by="b")
+    concealed = conceal(case)
+    assert concealed.effect == pytest.approx(5.0, rel=0.25)
+    [term], parameters = concealed.truth.terms, concealed.truth.concealed.parameters
+    assert set(parameters) == {"b"} and term.coefficient != 0
+    alone = {"equation": "v", "term": "v**2", "coefficient": 1.0}
+    weak = conceal(replace(case, hidden={"terms": [alone]}))
+    # As large a law as this would show far more, were it not masked.
+    assert abs(term.coefficient) > 2 * abs(weak.truth.terms[0].coefficient)
