@@ -63,10 +63,14 @@ class Waves:
         simulator = Simulator(system, system.dt, everything, shapes_of(system))
         return cls(system, simulator, {str(found): found for found in everything})
 
+    def simulated(self) -> Tensor:
+        """Return the simulator's own run, ``(time, field, *grid)``."""
+        return simulate(self.system, nominal_start(self.system), TIMES)[0]
+
     @cached_property
     def beyond(self) -> list[Candidate]:
         """Candidates that the library does not have."""
-        states = simulate(self.system, nominal_start(self.system), TIMES)[0]
+        states = self.simulated()
         library = [Term(e, self.system.parse(t, "library", equation=e)) for e, t in TERMS]
         return candidates_beyond(self.system, library, states, 0.0)
 
@@ -119,7 +123,7 @@ class Waves:
     @cached_property
     def size(self) -> Tensor:
         """Rms of each equation's own tendency over the nominal simulation."""
-        states = simulate(self.system, nominal_start(self.system), TIMES)[0]
+        states = self.simulated()
         own = [Term(field, self.system.equations[field]) for field in self.system.fields]
         return evaluate_terms(self.system, own, states, 0.0).flatten(1).square().mean(dim=1).sqrt()
 

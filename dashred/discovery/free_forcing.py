@@ -25,9 +25,11 @@ LEVELS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0)
 # Stands for none: an amplitude of this share is too small for anything.
 NONE = 1e-6
 ROUNDS, STEPS, TOLERANCE = 3, 2, 0.01
-# A forcing that leaves so many times the noise has lost the trajectory, and grows anew from this
-# share of the record.
-LOST, BEGIN = 2.0, 0.25
+# A forcing that leaves so many times the noise has lost the trajectory.
+LOST = 2.0
+# Then it grows anew from the mean of the start: from a few samples, by small steps, under so many
+# times the noise, for between its cells and knots a forcing is not that of the truth.
+BEGIN, GROWTH, GROWING_STEPS, COARSE = 6, 1.15, 5, 3.0
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,9 @@ def fit_free_forcing(
     found = _forced(whole, begin, equations)
     if not _lost(found):
         return found
-    grown = grow(whole, begin, round(BEGIN * len(objective.recorded)))
+    begin[: objective.modes] = 0.0
+    loose = replace(whole, noise=whole.noise.scaled(COARSE))
+    grown = grow(loose, begin, BEGIN, GROWTH, GROWING_STEPS)
     return min(found, _forced(whole, grown, equations), key=lambda forced: forced.cost)
 
 

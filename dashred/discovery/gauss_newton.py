@@ -71,18 +71,26 @@ def minimise(
     return fitted
 
 
-def grow(objective: Objective, phi: Tensor, samples: int) -> Tensor:
+def grow(
+    objective: Objective,
+    phi: Tensor,
+    samples: int,
+    growth: float = GROWTH,
+    steps: int = GROWING_STEPS,
+) -> Tensor:
     """Return a fit of the whole record, however bad, grown from one of its first samples.
 
     Args:
         objective: F over the whole record.
         phi: where to begin.
         samples: how many are fitted first.
+        growth: of the horizon at once.
+        steps: Jacobians at each.
     """
     total = len(objective.recorded)
     while samples < total:
-        samples = min(total, max(samples + 1, round(samples * GROWTH)))
-        phi = minimise(objective.until(samples), phi, GROWING_STEPS, GROWING_TOLERANCE).phi
+        samples = min(total, max(samples + 1, round(samples * growth)))
+        phi = minimise(objective.until(samples), phi, steps, GROWING_TOLERANCE).phi
     return phi
 
 

@@ -19,13 +19,14 @@ from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.selection import Tried
 from dashred.discovery.shooting import Simulator
-from dashred.discovery.starts import nearest
+from dashred.discovery.starts import StartModel, nearest
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.physics.window import shapes_of
 from dashred.progress import Report
 from dashred.stages.objectives import fit_noise
 from dashred.stages.problem import Problem
+from dashred.stages.seeding import Seed
 from dashred.stages.simulation import Nominal
 
 STEPS, TOLERANCE = 10, 1e-4
@@ -45,6 +46,7 @@ def weigh_causes(
     laws: Sequence[Law],
     best: Tried,
     nothing: Tried,
+    seed: Seed,
     report: Report,
 ) -> Weighed:
     """Return all explanations over the whole record.
@@ -57,6 +59,8 @@ def weigh_causes(
         laws: that act everywhere, the best first.
         best: the best of them.
         nothing: the simulator as it is.
+        seed: the best of the start; where no law could be followed to the end of the record, the
+            one from which most were says nothing.
         report: progress.
     """
     begin = float(problem.times[0])
@@ -67,8 +71,11 @@ def weigh_causes(
     known = list(objective.shooting.candidates)
     local = replaced_terms(problem.system, problem.library, known, nominal.states, begin)
     everything = _with(objective, local, problem.config.discovery.weak)
-    null = objective.only(())
-    phi = nothing.phi[: null.modes]
+    if samples < len(objective.recorded):
+        everything = _from(everything, seed.start)
+        null, phi = everything.only(()), seed.z
+    else:
+        null, phi = objective.only(()), nothing.phi[: objective.modes]
     if not reached:
         phi = grow(null, phi, min(samples, FIRST))
     fitted = minimise(null, phi, STEPS, TOLERANCE)
@@ -119,11 +126,16 @@ def _about_the_prior(
     z, _ = null.split(fitted.phi)
     prior = nominal.prior
     begin = nearest(prior, null.shooting.start.start(z[None])[0])
-    mine = replace(null, shooting=replace(null.shooting, start=prior))
+    mine = _from(null, prior)
     found = minimise(mine, begin, STEPS, TOLERANCE)
     if not found.chi2 < NO_WORSE * fitted.chi2:
         return everything, null, fitted
-    return replace(everything, shooting=replace(everything.shooting, start=prior)), mine, found
+    return _from(everything, prior), mine, found
+
+
+def _from(objective: Objective, start: StartModel) -> Objective:
+    """Return F about another start."""
+    return replace(objective, shooting=replace(objective.shooting, start=start))
 
 
 def inflated(problem: Problem, noise: NoiseModel) -> bool:

@@ -78,7 +78,9 @@ def discover(
         with stage("weigh other causes", seconds) as report:
             seen = replace(selection.objective.noise, seen=objective.noise.seen)
             whole, reach = replace(objective, noise=seen), walked.samples
-            weighed = weigh_causes(problem, nominal, whole, reach, laws, best, nothing, report)
+            weighed = weigh_causes(
+                problem, nominal, whole, reach, laws, best, nothing, seeds[0], report
+            )
             report(1.0, str(weighed.laws[0]))
         for size, score in _path(selection):
             child.log_metrics({"evidence/score": score}, size)

@@ -51,3 +51,16 @@ def test_it_brings_the_trajectory_to_the_recording_and_says_in_which_equation(wa
         for equation in range(2)
     }
     assert alone[1] < alone[0]
+
+
+def test_one_that_is_lost_grows_anew_from_the_mean_of_the_start(waves: Waves) -> None:
+    [hidden] = waves.candidates(["v: 1"])
+    recorded = waves.recorded(SIGMA, 7, [(hidden, 0.2)])
+    objective = waves.objective(recorded, SIGMA)
+    # From a start as far off as this no step leads back to the recording.
+    astray = torch.full((objective.modes,), 6.0, dtype=torch.float64)
+    pulses = Pulses.over(waves.system, TIMES, 6, 7)
+    found = fit_free_forcing(objective, astray, pulses, waves.size, [0, 1])
+    assert found.cost < 1.2 * recorded.numel()
+    [alone], _ = objective.values(astray[None])
+    assert float(alone) > 100 * found.cost

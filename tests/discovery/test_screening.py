@@ -63,6 +63,20 @@ def test_a_gate_between_two_quantiles_screens_where_it_is(waves: Waves) -> None:
     assert abs(best.guess.values[0] - 0.2) < 0.1 * float(states[:, 0].max() - states[:, 0].min())
 
 
+def test_a_gate_that_acts_in_few_samples_is_screened_where_it_is(waves: Waves) -> None:
+    states = waves.simulated()
+    low = float(states[:, 0].quantile(0.01))
+    term = waves.everything["u: 1"]
+    window = gate("u", -1).at([low, math.log(0.02)])
+    recorded = waves.recorded(SIGMA, 1, [(localised([term], window)[0], 1.5)])
+    forced = carried_by(waves, recorded, [])
+    count = len(waves.everything)
+    found = screen(everything(waves, recorded), count, range(count), forced, states)
+    best = min(found, key=lambda f: f.cost).hypothesis
+    assert best.guess is not None and best.guess.shape.kind == "gate below"
+    assert best.guess.values[0] < float(states[:, 0].quantile(0.05))
+
+
 def test_a_term_beyond_the_library_is_found_about_a_law_of_it(waves: Waves) -> None:
     hidden = {str(candidate): candidate for candidate in waves.beyond}["u: sin(2*u)"]
     recorded = waves.recorded(SIGMA, 1, [(hidden, 0.3)])

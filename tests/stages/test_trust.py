@@ -23,8 +23,8 @@ def test_noise_far_above_the_stated_one_is_no_noise(monkeypatch, found, stated, 
     problem = cast(Problem, SimpleNamespace(split=split))
     believed = SimpleNamespace(std=torch.ones(2))
     monkeypatch.setattr(causes, "fit_noise", lambda _: believed)
-    objective: Any = SimpleNamespace(noise=SimpleNamespace(std=torch.tensor([found, found])))
-    assert causes._inflated(problem, objective) is inflated
+    noise: Any = SimpleNamespace(std=torch.tensor([found, found]))
+    assert causes.inflated(problem, noise) is inflated
 
 
 def test_a_start_is_found_again_in_a_prior_that_is_not_linear() -> None:
