@@ -34,7 +34,7 @@ from dashred.discovery.shooting import Simulator
 from dashred.progress import Report
 
 # A law of more candidates may imitate one that acts somewhere only, or is beyond the library; of so
-# many, one in a window of the same equations.
+# many, one beyond it, or in a window of the same equations.
 SIMPLE = 2
 # χ²/n, under the noise that a free forcing leaves, of what needs no further explanation.
 EXPLAINED = 1.1
@@ -128,10 +128,12 @@ def weigh(
             gain = _gain_of(further, first, gain, size)
             found += further
     elif len(best.law.candidates) == SIMPLE:
-        report(0.4, "asking whether one term in a window does what two do")
+        report(0.4, "asking whether one term in a window, or beyond the library, does what two do")
         whole = _through(everything, compiled())
         bound = best.law.score + HOPELESS
         found += local_laws(whole, 0, _alike(everything, best), forced, null.law.score, bound)
+        reach = beyond(forced.objective.shooting.candidates)
+        found += laws_beyond(_of(everything, *reach), forced, everywhere)
     if unclear:
         found = _under_its_own_noise(found)
     nothing = next(cause for cause in found if not cause.law.parts)
