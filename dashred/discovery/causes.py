@@ -25,6 +25,7 @@ from dashred.discovery.left_out import (
     fault_beneath,
     faulty_or_not,
     forced_without,
+    nothing_without,
 )
 from dashred.discovery.local_laws import Cause, local_laws
 from dashred.discovery.local_shooting import found_by
@@ -105,6 +106,8 @@ def weigh(
         everything = replace(everything, noise=noise)
         best, null = _again(best, noise), _again(null, noise)
     found = _without_places(best, null)
+    if fault is not None:
+        found += faulty_or_not([nothing_without(null, forced, noise)], fault.sensor)
     explained = min(found, key=_score)
     simple = len(explained.law.candidates) <= SIMPLE
     if explained is not found[0] and simple and explained.law.chi2 < EXPLAINED:

@@ -7,8 +7,9 @@ without it, on the linearised problem, and its fault read off what then remains 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import product
 
 import torch
 from torch import Tensor
@@ -19,12 +20,10 @@ from dashred.discovery.law import SensorFault
 from dashred.discovery.objective import Normal, Objective
 from dashred.physics.grid import Axis
 
-# A sample this many σ off what the other sensors and neighbours say is a spike.
-SPIKE = 5.0
-# A stuck sensor's readings scatter by less than this share of the trace's std.
-STILL, LEAST_STUCK = 0.02, 6
-# How far off a sensor may be, as a share of the axis, and over what its weights are smooth.
-MISPLACED, REACH = 0.03, 0.005
+# How far off a sensor may be, as a share of the axis, over what its readings are differentiated,
+# and where it is looked for first: a front is narrower than what a sensor may be off.
+MISPLACED, REACH = 0.03, 0.0005
+SOUGHT = (0.0, 0.0025, 0.005, 0.01, 0.015, 0.02, 0.03, 0.045)
 STEPS, TOLERANCE = 6, 1e-3
 
 
@@ -84,30 +83,6 @@ class Predicted:
     stds: Tensor
 
 
-def suspects(objective: Objective, normal: Normal) -> Iterator[Fault]:
-    """Yield the faults that each sensor may have, by what the other sensors say of it.
-
-    Args:
-        objective: F of a law that may be right.
-        normal: linearised about its fit.
-    """
-    shape = objective.recorded.shape
-    seen = objective.noise.seen
-    none = torch.zeros(shape[0], dtype=torch.bool)
-    for sensor in range(shape[1]):
-        rest = _without(objective, normal, sensor)
-        yield Fault("bias", sensor, none)
-        yield Fault("drift", sensor, none)
-        if objective.shooting.simulator.system.axes:
-            yield Fault("misplaced", sensor, none)
-        sigma = float(objective.noise.std[sensor])
-        yield from _stuck(objective, sensor)
-        spikes = seen[:, sensor] & (rest.abs() > SPIKE * sigma) & _alone(rest, sigma)
-        if spikes.any():
-            groups = int((spikes & ~torch.cat([none[:1], spikes[:-1]])).sum())
-            yield Fault("spikes", sensor, spikes, parameters=1.5 * groups)
-
-
 def predicted(objective: Objective, normal: Normal, fault: Fault, states: Tensor) -> Predicted:
     """Return what a fault would be, were the readings linear in the start and the law.
 
@@ -126,7 +101,8 @@ def predicted(objective: Objective, normal: Normal, fault: Fault, states: Tensor
     jacobian, target = normal.jacobian * weights[:, None], normal.target * weights
     precision = normal.precision
     if extra:
-        columns = mine.noise.whiten(_columns(mine, states).movedim(-1, 0)).flatten(1).T
+        begin, columns, added = _about(mine, states, fault)
+        target = target + (columns @ begin - added) * weights
         jacobian = torch.cat([jacobian, columns.to(jacobian.dtype)], dim=1)
         precision = torch.cat([precision, mine.prior_std[-extra:] ** -2])
     goal = jacobian.T @ target
@@ -140,7 +116,7 @@ def predicted(objective: Objective, normal: Normal, fault: Fault, states: Tensor
 
 
 def predicted_faults(
-    objective: Objective, phi: Tensor, normal: Normal, faults: Sequence[Fault]
+    objective: Objective, phi: Tensor, normal: Normal, faults: Iterable[Fault]
 ) -> list[tuple[Predicted, Fault]]:
     """Return what each fault would be.
 
@@ -154,28 +130,64 @@ def predicted_faults(
     return [(predicted(objective, normal, fault, states), fault) for fault in faults]
 
 
-def _columns(objective: Objective, states: Tensor) -> Tensor:
-    """Return what one unit of the fault's own unknowns adds to the readings."""
-    shooting = objective.shooting
-    assert isinstance(shooting, OffsetShooting | MovedShooting)
-    return shooting.columns(states)
+def _about(objective: Objective, states: Tensor, fault: Fault) -> tuple[Tensor, Tensor, Tensor]:
+    """Return a fault's own unknowns near which it is linear, and what it does to the readings.
+
+    Returns:
+        The unknowns, ``(number,)``; what one unit of each adds to the whitened readings about them,
+        ``(time·sensor, number)``; and what they add themselves, ``(time·sensor,)``.
+    """
+    shooting, noise = objective.shooting, objective.noise
+    if isinstance(shooting, OffsetShooting):
+        columns = noise.whiten(shooting.columns(states).movedim(-1, 0)).flatten(1).T
+        return torch.zeros(columns.shape[1], dtype=torch.float64), columns, 0 * columns[:, 0]
+    assert isinstance(shooting, MovedShooting)
+    begin = _sought(shooting, objective.recorded[:, fault.sensor], noise.std[fault.sensor], states)
+    columns = noise.whiten(shooting.columns(states, begin).movedim(-1, 0)).flatten(1).T
+    moved = torch.zeros_like(objective.recorded)
+    stated = shooting.operator(states)[:, fault.sensor]
+    moved[:, fault.sensor] = shooting.at(states, begin) - stated
+    return begin, columns, noise.whiten(moved).flatten()
+
+
+def _sought(shooting: MovedShooting, trace: Tensor, sigma: Tensor, states: Tensor) -> Tensor:
+    """Return how far from its stated place a sensor would read about what it has read, ``(axis,)``.
+
+    Args:
+        shooting: of which sensor.
+        trace: what it has read, ``(time,)``; NaN is missing.
+        sigma: its noise.
+        states: ``(time, field, *grid)``.
+    """
+    axes = shooting.simulator.system.axes
+    shares = sorted({sign * share for share in SOUGHT for sign in (-1.0, 1.0)}, key=abs)
+    places = [
+        torch.tensor(place, dtype=torch.float64) for place in product(shares, repeat=len(axes))
+    ]
+    lengths = torch.tensor([axis.length for axis in axes], dtype=torch.float64)
+
+    def misfit(place: Tensor) -> float:
+        left = (shooting.at(states, place * lengths) - trace) / sigma
+        return float(left.nan_to_num().square().sum() + (place / MISPLACED).square().sum())
+
+    return min(places, key=misfit) * lengths
 
 
 def _penalty(objective: Objective, fault: Fault) -> float:
     return fault.penalty(objective.noise.effective_count, objective.recorded.shape[1])
 
 
-def fit_fault(objective: Objective, fault: Fault, phi: Tensor) -> TestedFault:
+def fit_fault(objective: Objective, fault: Fault, phi: Tensor, own: Tensor) -> TestedFault:
     """Fit start, law and fault together.
 
     Args:
         objective: F of the law.
         fault: what is wrong with one sensor.
-        phi: where the fit begins.
+        phi: where the fit of start and law begins.
+        own: where that of the numbers that describe the fault does, ``(number,)``.
     """
-    mine, extra = _posed(objective, fault)
-    begin = torch.cat([phi, torch.zeros(extra, dtype=torch.float64)])
-    fitted = minimise(mine, begin, STEPS, TOLERANCE)
+    mine, _ = _posed(objective, fault)
+    fitted = minimise(mine, torch.cat([phi, own]), STEPS, TOLERANCE)
     score = fitted.cost + fault.constant + _penalty(objective, fault)
     return TestedFault(fault, mine, fitted, score)
 
@@ -240,48 +252,3 @@ def _parametrised(objective: Objective, fault: Fault) -> Objective | None:
     offset = OffsetShooting(*same, times, pattern)
     stds = torch.tensor([size], dtype=torch.float64)
     return replace(objective, shooting=offset, prior_std=torch.cat([objective.prior_std, stds]))
-
-
-def _without(objective: Objective, normal: Normal, sensor: int) -> Tensor:
-    """Return what one sensor reads beyond what the others let expect, in its unit, ``(time,)``."""
-    shape = objective.recorded.shape
-    jacobian = normal.jacobian.reshape(*shape, -1)
-    target = normal.target.reshape(shape)
-    others = [s for s in range(shape[1]) if s != sensor]
-    rows, goal = jacobian[:, others].flatten(0, 1), target[:, others].flatten()
-    matrix = rows.T @ rows + torch.diag(normal.precision)
-    phi = torch.linalg.solve(matrix, rows.T @ goal)
-    left = target[:, sensor] - jacobian[:, sensor] @ phi
-    found: Tensor = left * objective.noise.std[sensor]
-    return found
-
-
-def _alone(rest: Tensor, sigma: float) -> Tensor:
-    """Tell which samples stick out of their neighbours, too: a law's error is smooth in time."""
-    before = torch.cat([rest[1:2], rest[:-1]])
-    after = torch.cat([rest[1:], rest[-2:-1]])
-    return (rest - (before + after) / 2).abs() > SPIKE * sigma
-
-
-def _stuck(objective: Objective, sensor: int) -> Iterator[Fault]:
-    """Yield the time from which on a sensor repeats itself, if it does."""
-    trace = objective.recorded[:, sensor]
-    known = torch.nonzero(~trace.isnan()).flatten()
-    if len(known) < 2 * LEAST_STUCK:
-        return
-    values = trace[known]
-    size, sigma = float(values.std()), float(objective.noise.std[sensor])
-    first = len(values)
-    # A sensor that gives up keeps its last value to the end, with the noise of reading it or not.
-    for begin in range(len(values) - LEAST_STUCK, 0, -1):
-        tail = values[begin:]
-        if float(tail.std()) > max(STILL * size, 1.3 * sigma):
-            break
-        first = begin
-    if first == len(values) or size <= 3 * sigma:
-        return
-    samples = torch.zeros(len(trace), dtype=torch.bool)
-    samples[known[first:]] = True
-    tail = values[first:]
-    constant = float(((tail - tail.mean()) / sigma).square().sum())
-    yield Fault("stuck", sensor, samples, constant, 2.0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -48,12 +47,11 @@ class OffsetShooting(Shooting):
 class MovedShooting(Shooting):
     """``(z, ξ, δ) → H_δ S(z, ξ)``: one sensor stands a little off its stated place.
 
-    To second order in the distance, in which a sensor's weights are smooth. The last coefficients
-    are δ along every axis.
+    The last coefficients are δ along every axis.
 
     Attributes:
         sensor: which.
-        reach: a distance over which weights are differentiated, ``(axis,)``.
+        reach: a distance over which readings are differentiated, ``(axis,)``.
     """
 
     sensor: int
@@ -86,42 +84,28 @@ class MovedShooting(Shooting):
             states: ``(time, field, *grid)``.
             delta: δ, ``(axis,)``.
         """
-        middle = self.operator(states)
-        found = torch.zeros((*middle.shape, len(self.reach)), dtype=torch.float64)
-        for axis, (ahead, behind) in enumerate(self._beside):
-            h = self.reach[axis]
-            plus, minus = ahead(states)[:, 0], behind(states)[:, 0]
-            curve = (plus - 2 * middle[:, self.sensor] + minus) / h**2
-            found[:, self.sensor, axis] = (plus - minus) / (2 * h)
-            if delta is not None:
-                found[:, self.sensor, axis] += delta[axis] * curve
+        here = torch.zeros(len(self.reach), dtype=torch.float64) if delta is None else delta
+        sensors = len(self.operator.sensors)
+        found = torch.zeros((len(states), sensors, len(self.reach)), dtype=torch.float64)
+        for axis, h in enumerate(self.reach):
+            step = torch.zeros_like(here)
+            step[axis] = h
+            ahead, behind = self.at(states, here + step), self.at(states, here - step)
+            found[:, self.sensor, axis] = (ahead - behind) / (2 * h)
         return found
+
+    def at(self, states: Tensor, delta: Tensor) -> Tensor:
+        """Return what the sensor reads a distance δ off its stated place, ``(…, time)``."""
+        sensor, system = self.operator.sensors[self.sensor], self.simulator.system
+        place = tuple(
+            (x + d) % axis.length
+            for x, d, axis in zip(sensor.position, delta.tolist(), system.axes, strict=True)
+        )
+        return ObservationOperator([replace(sensor, position=place)], system)(states)[..., 0]
 
     def _moved(self, states: Tensor, delta: Tensor) -> Tensor:
         """Return what the sensor reads where it stands, ``(batch, time)``."""
-        middle = self.operator(states)[..., self.sensor]
-        found = middle
-        for axis, (ahead, behind) in enumerate(self._beside):
-            h, d = self.reach[axis], delta[:, axis, None]
-            plus, minus = ahead(states)[..., 0], behind(states)[..., 0]
-            slope, curve = (plus - minus) / (2 * h), (plus - 2 * middle + minus) / h**2
-            found = found + d * slope + d.square() / 2 * curve
-        return found
-
-    @cached_property
-    def _beside(self) -> list[tuple[ObservationOperator, ObservationOperator]]:
-        """H of the sensor a little ahead and behind along every axis."""
-        sensor, system = self.operator.sensors[self.sensor], self.simulator.system
-        found = []
-        for k, axis in enumerate(system.axes):
-            pair = []
-            for sign in (1, -1):
-                place = list(sensor.position)
-                place[k] = (place[k] + sign * self.reach[k]) % axis.length
-                other = replace(sensor, position=tuple(place))
-                pair.append(ObservationOperator([other], system))
-            found.append((pair[0], pair[1]))
-        return found
+        return torch.stack([self.at(s, d) for s, d in zip(states, delta, strict=True)])
 
 
 def _plain(faulty: Shooting) -> Shooting:

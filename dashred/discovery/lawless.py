@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from dashred.discovery.faults import describe_fitted, fit_fault, predicted_faults, suspects
+from dashred.discovery.faults import describe_fitted, fit_fault, predicted_faults
 from dashred.discovery.free_forcing import evidence
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import law_of
 from dashred.discovery.local_laws import Cause
 from dashred.discovery.starts import ScaledStart
+from dashred.discovery.suspects import suspects
 
 # Faults that are fitted, of those that the linearised problem says explain something.
 FAULTS = 4
@@ -32,8 +33,8 @@ def faults(cause: Cause, bound: float) -> list[Cause]:
     near = [pair for pair in every if pair[0].score + freedom < bound]
     chosen = sorted(near, key=lambda pair: pair[0].score)
     found = []
-    for _, fault in chosen[:FAULTS]:
-        tested = fit_fault(objective, fault, phi)
+    for best, fault in chosen[:FAULTS]:
+        tested = fit_fault(objective, fault, phi, best.own)
         candidates = objective.shooting.candidates
         law = law_of(tested.objective, tested.fitted, candidates, tested.score + freedom)
         law = replace(law, fault=describe_fitted(objective, tested))

@@ -10,13 +10,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from dashred.discovery.faults import Fault, describe, predicted_faults, suspects
+from dashred.discovery.faults import Fault, describe, predicted_faults
 from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import law_of
 from dashred.discovery.local_laws import Cause
 from dashred.discovery.local_shooting import found_by
+from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
+from dashred.discovery.suspects import suspects
 
 # A forcing is coarse: what it leaves at a sensor may look like a fault that gains as much as this,
 # in units of the misfit that it leaves everywhere.
@@ -43,6 +45,19 @@ def forced_without(forced: FreeForcing, sensor: int) -> FreeForcing:
     fitted = minimise(mine, forced.phi, STEPS, TOLERANCE)
     normal = mine.linearise(fitted.phi, fitted.readings)
     return replace(forced, objective=mine, phi=fitted.phi, cost=fitted.cost, normal=normal)
+
+
+def nothing_without(null: Cause, forced: FreeForcing, noise: NoiseModel) -> Cause:
+    """Return the simulator as it is, fitted without the sensor that a free forcing has left out.
+
+    Args:
+        null: its fit to all sensors, which the faulty one may have led anywhere.
+        forced: from whose start it is fitted.
+        noise: that the forcing leaves, of the samples that it has seen.
+    """
+    mine = replace(null.objective, noise=noise)
+    fitted = minimise(mine, forced.phi[: mine.modes], STEPS, TOLERANCE)
+    return Cause(law_of(mine, fitted, (), fitted.cost), mine, fitted.phi)
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,12 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.discovery.faults import describe_fitted, fit_fault, predicted, suspects
+from dashred.discovery.faults import describe_fitted, fit_fault, predicted
 from dashred.discovery.law import SensorFault
 from dashred.discovery.lawless import faults
 from dashred.discovery.local_laws import Cause
 from dashred.discovery.objective import Objective
+from dashred.discovery.suspects import suspects
 from dashred.sensing.observation import ObservationOperator
 from tests import laws
 from tests.waves import TIMES, Waves, fitted
@@ -78,17 +79,18 @@ def test_the_faulty_sensor_and_its_fault_are_found(
         assert abs(found[0].value - value) < 4 * found[0].std < 0.5 * value
 
 
-def test_a_misplaced_sensor_is_found_with_its_distance(waves: Waves) -> None:
+@pytest.mark.parametrize("off", [0.12, -0.45])
+def test_a_misplaced_sensor_is_found_with_its_distance(waves: Waves, off: float) -> None:
     recorded = waves.recorded(SIGMA, seed=4)
     objective = waves.objective(recorded, SIGMA)
     sensors = list(waves.operator.sensors)
     [place] = sensors[0].position
-    sensors[0] = replace(sensors[0], position=(place - 0.12,))
+    sensors[0] = replace(sensors[0], position=((place - off) % 10,))
     believed = ObservationOperator(sensors, waves.system)
     wrong = replace(objective, shooting=replace(objective.shooting, operator=believed))
     without, [best, *_], score = expect(wrong)
     assert (best.kind, best.sensor) == ("misplaced", "s0") and score < without - 20
-    assert best.std is not None and best.value == pytest.approx(0.12, abs=4 * best.std)
+    assert best.std is not None and best.value == pytest.approx(off, abs=4 * best.std)
 
 
 def test_sound_sensors_are_not_suspected(waves: Waves) -> None:
@@ -105,7 +107,7 @@ def test_the_prediction_is_the_fit_where_the_readings_are_nearly_linear(waves: W
     every = list(suspects(objective, normal))
     assert {fault.kind for fault in every} >= {"bias", "drift", "misplaced"}
     right = next(f for f in every if (f.kind, f.sensor) == ("bias", 2))
-    tested = fit_fault(objective, right, phi)
     found = predicted(objective, normal, right, states)
+    tested = fit_fault(objective, right, phi, found.own)
     assert found.score == pytest.approx(tested.score, abs=15)
     assert describe_fitted(objective, tested).sensor == "s2"

@@ -1,0 +1,85 @@
+"""Which sensors may be at fault, and how: by what the other sensors say of each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import torch
+from torch import Tensor
+
+from dashred.discovery.faults import Fault
+from dashred.discovery.objective import Normal, Objective
+
+# A sample this many σ off what the other sensors and neighbours say is a spike.
+SPIKE = 5.0
+# A stuck sensor's readings scatter by less than this share of the trace's std.
+STILL, LEAST_STUCK = 0.02, 6
+
+
+def suspects(objective: Objective, normal: Normal) -> Iterator[Fault]:
+    """Yield the faults that each sensor may have, by what the other sensors say of it.
+
+    Args:
+        objective: F of a law that may be right.
+        normal: linearised about its fit.
+    """
+    shape = objective.recorded.shape
+    seen = objective.noise.seen
+    none = torch.zeros(shape[0], dtype=torch.bool)
+    for sensor in range(shape[1]):
+        rest = _without(objective, normal, sensor)
+        yield Fault("bias", sensor, none)
+        yield Fault("drift", sensor, none)
+        if objective.shooting.simulator.system.axes:
+            yield Fault("misplaced", sensor, none)
+        sigma = float(objective.noise.std[sensor])
+        yield from _stuck(objective, sensor)
+        spikes = seen[:, sensor] & (rest.abs() > SPIKE * sigma) & _alone(rest, sigma)
+        if spikes.any():
+            groups = int((spikes & ~torch.cat([none[:1], spikes[:-1]])).sum())
+            yield Fault("spikes", sensor, spikes, parameters=1.5 * groups)
+
+
+def _without(objective: Objective, normal: Normal, sensor: int) -> Tensor:
+    """Return what one sensor reads beyond what the others let expect, in its unit, ``(time,)``."""
+    shape = objective.recorded.shape
+    jacobian = normal.jacobian.reshape(*shape, -1)
+    target = normal.target.reshape(shape)
+    others = [s for s in range(shape[1]) if s != sensor]
+    rows, goal = jacobian[:, others].flatten(0, 1), target[:, others].flatten()
+    matrix = rows.T @ rows + torch.diag(normal.precision)
+    phi = torch.linalg.solve(matrix, rows.T @ goal)
+    left = target[:, sensor] - jacobian[:, sensor] @ phi
+    found: Tensor = left * objective.noise.std[sensor]
+    return found
+
+
+def _alone(rest: Tensor, sigma: float) -> Tensor:
+    """Tell which samples stick out of their neighbours, too: a law's error is smooth in time."""
+    before = torch.cat([rest[1:2], rest[:-1]])
+    after = torch.cat([rest[1:], rest[-2:-1]])
+    return (rest - (before + after) / 2).abs() > SPIKE * sigma
+
+
+def _stuck(objective: Objective, sensor: int) -> Iterator[Fault]:
+    """Yield the time from which on a sensor repeats itself, if it does."""
+    trace = objective.recorded[:, sensor]
+    known = torch.nonzero(~trace.isnan()).flatten()
+    if len(known) < 2 * LEAST_STUCK:
+        return
+    values = trace[known]
+    size, sigma = float(values.std()), float(objective.noise.std[sensor])
+    first = len(values)
+    # A sensor that gives up keeps its last value to the end, with the noise of reading it or not.
+    for begin in range(len(values) - LEAST_STUCK, 0, -1):
+        tail = values[begin:]
+        if float(tail.std()) > max(STILL * size, 1.3 * sigma):
+            break
+        first = begin
+    if first == len(values) or size <= 3 * sigma:
+        return
+    samples = torch.zeros(len(trace), dtype=torch.bool)
+    samples[known[first:]] = True
+    tail = values[first:]
+    constant = float(((tail - tail.mean()) / sigma).square().sum())
+    yield Fault("stuck", sensor, samples, constant, 2.0)
