@@ -6,6 +6,7 @@ best, and near which trajectory to look for one (design §4.3.5-6).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -42,6 +43,7 @@ class FreeForcing:
         cost: F there.
         normal: F linearised there: several questions are put to it, and it is dear.
         levels: chosen prior std of each equation's amplitudes, as a share of its tendency.
+        equations: those that may be forced.
     """
 
     objective: Objective
@@ -49,11 +51,22 @@ class FreeForcing:
     cost: float
     normal: Normal
     levels: tuple[float, ...]
+    equations: tuple[int, ...]
 
     @property
     def evidence(self) -> float:
-        """``-2 ln`` of the probability of the recording, up to a constant."""
-        return evidence(self.normal, range(len(self.phi)))
+        """``-2 ln`` of the probability of the recording, up to a constant.
+
+        Over all levels, none preferred: the best of many would be found evident by chance.
+        """
+        shooting = self.objective.shooting
+        assert isinstance(shooting, DrivenShooting)
+        found = [
+            _with_levels(self.normal, shooting.pulses, shooting.size, levels)
+            for levels in _choices(self.equations, len(shooting.size))
+        ]
+        least = min(found)
+        return least - 2 * math.log(sum(math.exp((least - v) / 2) for v in found) / len(found))
 
     @property
     def amplitudes(self) -> Tensor:
@@ -130,7 +143,7 @@ def _forced(objective: Objective, phi: Tensor, equations: Sequence[int]) -> Free
         start = normal.precision[: objective.modes]
         normal = replace(normal, precision=torch.cat([start, objective.prior_std**-2]))
     [cost], _ = objective.values(phi[None])
-    return FreeForcing(objective, phi, float(cost), normal, levels)
+    return FreeForcing(objective, phi, float(cost), normal, levels, tuple(equations))
 
 
 def _lost(forced: FreeForcing) -> bool:
@@ -163,15 +176,20 @@ def _best_levels(
     normal: Normal, pulses: Pulses, size: Tensor, equations: Sequence[int]
 ) -> tuple[float, ...]:
     """Return the levels with the best evidence."""
-    choices = [LEVELS if e in equations else LEVELS[:1] for e in range(len(size))]
-    known = len(normal.phi) - pulses.count
+    choices = _choices(equations, len(size))
+    return min(choices, key=lambda levels: _with_levels(normal, pulses, size, levels))
 
-    def value(levels: tuple[float, ...]) -> float:
-        stds = _stds(pulses, size, levels)
-        precision = torch.cat([normal.precision[:known], stds**-2])
-        return evidence(replace(normal, precision=precision), range(len(precision)))
 
-    return min(product(*choices), key=value)
+def _choices(equations: Sequence[int], fields: int) -> list[tuple[float, ...]]:
+    """Return all levels that the equations may have."""
+    return list(product(*(LEVELS if e in equations else LEVELS[:1] for e in range(fields))))
+
+
+def _with_levels(normal: Normal, pulses: Pulses, size: Tensor, levels: tuple[float, ...]) -> float:
+    """Return the evidence of a forcing of some levels."""
+    stds = _stds(pulses, size, levels)
+    precision = torch.cat([normal.precision[: len(normal.phi) - pulses.count], stds**-2])
+    return evidence(replace(normal, precision=precision), range(len(precision)))
 
 
 def _stds(pulses: Pulses, size: Tensor, levels: Sequence[float]) -> Tensor:
