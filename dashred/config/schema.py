@@ -50,6 +50,23 @@ class Integrator:
 
 
 @dataclass(kw_only=True)
+class Structure:
+    """A port-Hamiltonian form of the equations: ``(J - R)*dH/dx + G*u``; zeros may be left out."""
+
+    H: str
+    """The energy; with axes its density, in which grad2 and derivatives may stand."""
+
+    J: dict[str, dict[str, str]]
+    """Where energy goes, skew: by equation, then field."""
+
+    R: dict[str, dict[str, str]] = field(default_factory=dict)
+    """What takes energy away, symmetric and positive semi-definite: by equation, then field."""
+
+    G: dict[str, dict[str, str]] = field(default_factory=dict)
+    """Ports: by equation, then input."""
+
+
+@dataclass(kw_only=True)
 class System:
     """A simulator, declared by its equations. Texts are in the equation language."""
 
@@ -90,6 +107,9 @@ class System:
     energy: str | None = None
     """What the report calls the system's energy, over fields, parameters and lets: it tells how
     much of it the corrected system loses per cycle. Null tells nothing."""
+
+    structure: Structure | None = None
+    """Its port-Hamiltonian form, against which the equations are held; null claims none."""
 
     inputs: dict[str, str] = field(default_factory=dict)
     """Measured inputs: name in the equations, and the recording's column that holds it."""

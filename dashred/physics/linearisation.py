@@ -157,7 +157,7 @@ class Separator:
                     yield OPERAND, summand
                     continue
             for inner, body in self.outside_in(operand):
-                yield _applied(outer, inner), scale(value, body)
+                yield applied(outer, inner), scale(value, body)
 
     def pointwise(self, expr: Expr) -> Expr:
         """Return the expression with an input's name for every linear operator in it."""
@@ -185,21 +185,22 @@ class Separator:
         operator, body = part
         value, inner = split_coefficient(body)
         if not isinstance(inner, Name) or inner.id not in self.fields:
-            raise NotSeparableError(to_text(_applied(operator, body)))
+            raise NotSeparableError(to_text(applied(operator, body)))
         return scale(value, self.input(inner.id, operator))
 
     def input(self, field: str, operator: Expr) -> Name:
         """Return the name under which bodies read ``V f``."""
-        name = to_text(_applied(operator, Name(field)))
+        name = to_text(applied(operator, Name(field)))
         self.inputs[name] = Input(field, operator)
         return Name(name)
 
 
-def _applied(operator: Expr, operand: Expr) -> Expr:
+def applied(operator: Expr, operand: Expr) -> Expr:
+    """Return an operator of :data:`OPERAND` on an operand."""
     # Not in normal form: merging derivatives would change what becomes of the Nyquist mode.
     match operator:
         case Derivative(inner, axis, order):
-            return Derivative(_applied(inner, operand), axis, order)
+            return Derivative(applied(inner, operand), axis, order)
         case Call(function, inner):
-            return Call(function, _applied(inner, operand))
+            return Call(function, applied(inner, operand))
     return operand

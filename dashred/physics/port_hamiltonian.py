@@ -1,0 +1,232 @@
+"""Port-Hamiltonian systems: ``∂x/∂t = (J − R) δH/δx + G u``.
+
+H is the energy, J = −Jᵀ moves it about, R = Rᵀ ⪰ 0 takes it away, and G lets inputs u in (van der
+Schaft & Jeltsema, Port-Hamiltonian systems theory, 2014, ch. 6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal
+
+import torch
+from torch import Tensor
+
+from dashred.config.kinds import nearest
+from dashred.config.schema import Structure
+from dashred.errors import InputError
+from dashred.physics.algebra import (
+    ZERO,
+    Call,
+    Derivative,
+    Expr,
+    Name,
+    add,
+    call,
+    derivative,
+    multiply,
+    names,
+    scale,
+    substitute,
+    to_text,
+)
+from dashred.physics.differentiate import differentiate
+from dashred.physics.linearisation import NotSeparableError, Separator, applied
+from dashred.physics.system import System
+
+# Relative error up to which two expressions are the same.
+SAME = 1e-8
+Part = Literal["H", "J", "R", "G"]
+Entries = dict[str, dict[str, Expr]]
+
+
+@dataclass(frozen=True)
+class PortHamiltonian:
+    """The structure of a system, read and checked.
+
+    Attributes:
+        system: whose equations have it.
+        structure: as it is written.
+        energy: H, a density where there are axes, lets and parameters put in.
+        interconnection: J by equation and field; entries that are not there are zero.
+        dissipation: R, likewise.
+        ports: G by equation and input.
+    """
+
+    system: System
+    structure: Structure
+    energy: Expr
+    interconnection: Entries
+    dissipation: Entries
+    ports: Entries
+
+    @classmethod
+    def of(cls, system: System, structure: Structure) -> PortHamiltonian:
+        """Read a structure, in the equation language.
+
+        Raises:
+            InputError: an entry is not in the language or not of the system's fields.
+        """
+        key = "system.structure"
+        energy = system.resolve(system.parse(structure.H, f"{key}.H"), f"{key}.H")
+        return cls(
+            system,
+            structure,
+            energy,
+            _entries(system, structure.J, "J", system.fields),
+            _entries(system, structure.R, "R", system.fields),
+            _entries(system, structure.G, "G", tuple(system.config.inputs)),
+        )
+
+    @cached_property
+    def effort(self) -> dict[str, Expr]:
+        """``δH/δx`` of every field: what drives the others."""
+        return variation(self.system, self.energy)
+
+    @cached_property
+    def equations(self) -> dict[str, Expr]:
+        """``(J − R) δH/δx + G u`` of every field."""
+        found = {}
+        for field in self.system.fields:
+            terms = [multiply((e, self.effort[g])) for g, e in self._row("J", field).items()]
+            lost = [multiply((e, self.effort[g])) for g, e in self._row("R", field).items()]
+            ports = [multiply((e, Name(u))) for u, e in self._row("G", field).items()]
+            found[field] = add([*terms, *(scale(-1.0, each) for each in lost), *ports])
+        return found
+
+    def check(self, states: Tensor) -> None:
+        """Hold the structure against the equations.
+
+        Args:
+            states: any, smooth in space, ``(state, field, *grid)``.
+
+        Raises:
+            InputError: J is not skew, R not symmetric or not ⪰ 0, or both do not make the
+                equations; says where.
+        """
+        where = self.system.where
+        interconnection = self._matrix(self.interconnection, states)
+        if not alike(interconnection, -interconnection.mT):
+            raise InputError("J is not skew-symmetric", where=where("system.structure.J"))
+        dissipation = self._matrix(self.dissipation, states)
+        if not alike(dissipation, dissipation.mT):
+            raise InputError("R is not symmetric", where=where("system.structure.R"))
+        if not self.dissipates(states):
+            problem = "R is not positive semi-definite: it would give energy"
+            raise InputError(problem, where=where("system.structure.R"))
+        for field, made in self.equations.items():
+            own = self.system.resolved[field]
+            if not alike(*(evaluated(self.system, expr, states) for expr in (made, own))):
+                raise InputError(
+                    f"the structure makes d({field})/dt = {to_text(made)}, but the equation is "
+                    f"{to_text(own)}",
+                    where=where("system.structure"),
+                    hint="the equations are (J - R)*dH/dx + G*u",
+                )
+
+    def dissipates(self, states: Tensor) -> bool:
+        """Tell whether R ⪰ 0 at all these states."""
+        dissipation = self._matrix(self.dissipation, states)
+        least = float(torch.linalg.eigvalsh(dissipation).min())
+        return least >= -SAME * float(dissipation.abs().max())
+
+    def parts_that_read(self, parameter: str) -> list[Part]:
+        """Return the parts that a parameter enters, by itself or in a let."""
+        structure, system = self.structure, self.system
+        lets: dict[str, Expr] = {}
+        for let, expr in system.lets.items():
+            lets[let] = substitute(expr, lets)
+        texts: dict[Part, list[str]] = {"H": [structure.H]}
+        matrices: dict[Part, Any] = {"J": structure.J, "R": structure.R, "G": structure.G}
+        for part, entries in matrices.items():
+            texts[part] = [str(text) for row in entries.values() for text in row.values()]
+        return [
+            part
+            for part, written in texts.items()
+            if any(
+                parameter in names(substitute(system.parse(text, "system.structure"), lets))
+                for text in written
+            )
+        ]
+
+    def with_parameter(self, parameter: str, change: float) -> PortHamiltonian:
+        """Return the same structure with one of its parameters changed."""
+        config = self.system.config
+        parameters = config.parameters | {parameter: config.parameters[parameter] + change}
+        system = System(replace(config, parameters=parameters), self.system.where)
+        return PortHamiltonian.of(system, self.structure)
+
+    def _row(self, part: str, field: str) -> dict[str, Expr]:
+        entries = {"J": self.interconnection, "R": self.dissipation, "G": self.ports}[part]
+        return entries.get(field, {})
+
+    def _matrix(self, entries: Entries, states: Tensor) -> Tensor:
+        """Return a matrix at every point, ``(state, *grid, field, field)``."""
+        fields = self.system.fields
+        rows = []
+        for field in fields:
+            row = entries.get(field, {})
+            rows.append([evaluated(self.system, row.get(g, ZERO), states) for g in fields])
+        return torch.stack([torch.stack(row, dim=-1) for row in rows], dim=-2)
+
+
+def variation(system: System, density: Expr) -> dict[str, Expr]:
+    """Return ``δH/δx`` of ``H = ∫ h`` by field: ``Σ_V V* ∂h/∂(Vx)`` over its operators V.
+
+    Where an axis is periodic, or a field is held or insulated at its ends, nothing is left at them.
+
+    Raises:
+        InputError: the density has an operator on a product.
+    """
+    separator = Separator(frozenset(system.fields), tuple(axis.name for axis in system.axes))
+    try:
+        body = separator.pointwise(density)
+    except NotSeparableError as error:
+        where = system.where("system.structure.H")
+        raise InputError(f"H has an operator on a product: {error}", where=where) from None
+    inputs = separator.inputs
+    known: dict[str, Expr] = {n: applied(v.operator, Name(v.field)) for n, v in inputs.items()}
+    found: dict[str, list[Expr]] = {field: [] for field in system.fields}
+    for name, read in inputs.items():
+        slope = substitute(differentiate(body, name), known)
+        found[read.field].append(_adjoint(read.operator, slope))
+    return {field: add(parts) for field, parts in found.items()}
+
+
+def evaluated(system: System, expr: Expr, states: Tensor) -> Tensor:
+    """Return an expression at states ``(state, field, *grid)``: ``(state, *grid)``."""
+    return system.evaluate(to_text(expr), states)
+
+
+def _adjoint(operator: Expr, operand: Expr) -> Expr:
+    """Return ``V* f``: by parts, every derivative changes the sign."""
+    match operator:
+        case Derivative(inner, axis, order):
+            return _adjoint(inner, scale((-1.0) ** order, derivative(operand, axis, order)))
+        case Call(function, inner):
+            return _adjoint(inner, call(function, operand))
+    return operand
+
+
+def _entries(
+    system: System, texts: Mapping[str, Mapping[str, str]], part: str, columns: tuple[str, ...]
+) -> Entries:
+    found: Entries = {}
+    for field, row in texts.items():
+        for other, text in row.items():
+            key = f"system.structure.{part}.{field}.{other}"
+            for name, known in ((field, system.fields), (other, columns)):
+                if name not in known:
+                    what = f"{part} names {name}, which is not there"
+                    raise InputError(what, where=system.where(key), hint=nearest(name, known))
+            entry = system.resolve(system.parse(str(text), key), key)
+            found.setdefault(field, {})[other] = entry
+    return found
+
+
+def alike(left: Tensor, right: Tensor) -> bool:
+    """Tell whether two fields are the same up to rounding."""
+    size = float(torch.maximum(left.abs().max(), right.abs().max()))
+    return float((left - right).abs().max()) <= SAME * size
