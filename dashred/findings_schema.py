@@ -228,6 +228,17 @@ class Input(TypedDict):
     splits: Splits | None
 
 
+class StructureChanged(TypedDict):
+    """Which part of a port-Hamiltonian system a term changes; null where it fits into none.
+
+    Of R, what takes energy away, also whether it still does: else the corrected system is none.
+    """
+
+    term: str
+    part: Literal["H", "J", "R", "G"] | None
+    passive: bool | None
+
+
 class Findings(TypedDict):
     """`findings.json`; what has not been looked for is null."""
 
@@ -237,6 +248,7 @@ class Findings(TypedDict):
     terms: list[TermFound | ParameterChange] | None
     alternatives: list[Alternative] | None
     energy: EnergyLost | None
+    structure: list[StructureChanged] | None
     fit: Fit
     latent: Latent
     corrected: str | None
@@ -290,6 +302,7 @@ def new_findings(
     terms: list[TermFound | ParameterChange] | None = None,
     alternatives: list[Alternative] | None = None,
     energy: EnergyLost | None = None,
+    structure: list[StructureChanged] | None = None,
     corrected: str | None = None,
 ) -> Findings:
     """Findings in which everything that was not looked for is null."""
@@ -309,6 +322,7 @@ def new_findings(
         terms=terms,
         alternatives=alternatives,
         energy=energy,
+        structure=structure,
         fit=fit or unfitted,
         latent=latent or Latent(alg1=None, alg2=None),
         corrected=corrected,

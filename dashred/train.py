@@ -52,6 +52,7 @@ def analyse(config: Config) -> Path:
     )
     from dashred.stages import verification as verify
     from dashred.stages.analysis import Analysis
+    from dashred.stages.structure import check_structure
     from dashred.tracking import Tracker, flatten
 
     provenance.prepare_torch(config)
@@ -60,6 +61,7 @@ def analyse(config: Config) -> Path:
     seconds: dict[str, float] = {}
     began = time.perf_counter()
     nominal = simulation.simulate_nominal(posed, seconds)
+    check_structure(posed.system, nominal.states)
     resolution = simulation.check(posed, nominal, seconds)
     ensemble = None
     if resolution.resolved:

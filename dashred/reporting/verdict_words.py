@@ -1,6 +1,6 @@
 """The findings in a few plain sentences: what is left out, how sure, where, and its worth."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dashred.typeset import number, percent, pretty, probability, rounded
@@ -23,6 +23,13 @@ PROOFS = {
 }
 # A p below this is no chance event, whatever its size.
 CERTAIN = 1e-12
+PARTS = {
+    "H": "H, the energy itself",
+    "J": "J, how energy moves about",
+    "R": "R, what takes energy away",
+    "G": "G, what lets inputs in",
+    None: "no part of the structure",
+}
 # A cause below this probability is not told of.
 LIKELY = 0.05
 
@@ -39,6 +46,7 @@ def verdict_lines(findings: Mapping[str, Any]) -> list[str]:
         *_certainty(findings),
         *_where(findings["where"] if findings["terms"] else None),
         *_energy(findings["energy"]),
+        *_structure(findings["structure"]),
         *_worth(findings["fit"]),
     ]
     return [head, *(f"  {line}" for line in body)]
@@ -140,6 +148,22 @@ def _energy(energy: Mapping[str, Any] | None) -> list[str]:
     first, last = (_share(energy[name]) for name in ("first", "last"))
     cycles = energy["cycles"]
     return [f"Its energy {first} in the first cycle and {last} in the last of {cycles}."]
+
+
+def _structure(changes: Sequence[Mapping[str, Any]] | None) -> list[str]:
+    """Which part of a port-Hamiltonian system the law changes, and whether it stays one."""
+    if changes is None:
+        return []
+    kept = all(change["part"] and change["passive"] is not False for change in changes)
+    stays = "stays" if kept else "does not stay"
+    told = "; ".join(f"{change['term']} changes {_part(change)}" for change in changes)
+    return [f"{told}: the corrected system {stays} port-Hamiltonian."]
+
+
+def _part(change: Mapping[str, Any]) -> str:
+    if change["part"] == "R" and not change["passive"]:
+        return "R, and gives energy"
+    return PARTS[change["part"]]
 
 
 def _share(share: Mapping[str, Any]) -> str:

@@ -42,6 +42,7 @@ from dashred.stages.corrected import write_corrected
 from dashred.stages.energy import energy_lost
 from dashred.stages.problem import Problem
 from dashred.stages.restart import restart
+from dashred.stages.structure import structure_changed
 
 # What the findings call the methods.
 MISFITS = {
@@ -90,6 +91,9 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         alternatives=alternatives(discovered),
         energy=energy_lost(
             problem.system, discovered.best, problem.times[:count], problem.rng("energy")
+        ),
+        structure=structure_changed(
+            problem.system, discovered.best, analysis.free.states["corrected"][:count]
         ),
         corrected=CORRECTED,
     )

@@ -234,3 +234,14 @@ def test_the_same_findings_give_the_same_page(tmp_path: Path) -> None:
     for name in ("a.html", "b.html"):
         write_html(tmp_path / name, found(), {}, "")
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+
+
+def test_the_part_of_the_structure_that_changes_is_told() -> None:
+    changes = [{"term": "p: p", "part": "R", "passive": True}]
+    text = "\n".join(verdict_lines(found(structure=changes)))
+    assert "p: p changes R, what takes energy away: the corrected system stays" in text
+    gives = [{"term": "p: p", "part": "R", "passive": False}]
+    assert "R, and gives energy: the corrected system does not stay" in "\n".join(
+        verdict_lines(found(structure=gives))
+    )
+    assert "port-Hamiltonian" not in "\n".join(verdict_lines(found()))
