@@ -70,7 +70,7 @@ def nearest_analogs(
     moves = _moves(system, known)
     moved = [_moved(sensor, system, move) for move in moves for sensor in sensors]
     # Where equations know the time, a later state has another continuation than the recording's.
-    states = ensemble.states[:, :window] if "t" in known else ensemble.states
+    states = ensemble.states[:, :window] if system.clock & known else ensemble.states
     read = ObservationOperator(moved, system)(states)
     read = read.unflatten(-1, (len(moves), len(sensors)))
     misfit = _misfits(read, values, noise)

@@ -35,7 +35,7 @@ def correct(system: System, law: Law) -> System:
 def with_parameters(system: System, values: Mapping[str, float]) -> System:
     """Return the system with other values of some parameters."""
     parameters = system.config.parameters | dict(values)
-    return System(replace(system.config, parameters=parameters), system.where)
+    return system.declared_as(replace(system.config, parameters=parameters))
 
 
 def enters_linearly(system: System, parameter: str) -> bool:

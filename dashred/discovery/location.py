@@ -98,7 +98,7 @@ def _reads(system: System, law: Law) -> set[str]:
 
 def _evaluate(system: System, terms: Sequence[Term], states: Tensor, times: Tensor) -> Tensor:
     """Return the terms along a trajectory, ``(term, time, *grid)``."""
-    if any("t" in algebra.names(term.expression) for term in terms):
+    if any(system.clock & algebra.names(term.expression) for term in terms):
         moments = zip(states, times.tolist(), strict=True)
         return torch.cat([evaluate_terms(system, terms, s[None], t) for s, t in moments], dim=1)
     return evaluate_terms(system, terms, states, float(times[0]))

@@ -56,7 +56,7 @@ def forecast_steps(
     path = torch.cat(
         [
             simulate(system, fields[group], times[int(group[0]) : int(group[0]) + longest + 1])
-            for group in _groups(list(system.resolved.values()), begins)
+            for group in _groups(list(system.resolved.values()), system.clock, begins)
         ]
     )
     time = float(times[begins[0]])
@@ -94,7 +94,9 @@ def tangents(
     marches = [
         _march(system, terms, scales, fields, times, group, path)
         for group, path in zip(
-            _groups(read, longest.begins), _groups(read, longest.path), strict=True
+            _groups(read, system.clock, longest.begins),
+            _groups(read, system.clock, longest.path),
+            strict=True,
         )
     ]
     columns = [torch.cat(samples) for samples in zip(*marches, strict=True)]
@@ -127,7 +129,7 @@ def _march(
     return found
 
 
-def _groups(read: Sequence[Expr], values: Tensor) -> tuple[Tensor, ...]:
-    """Split by begin what may not share a clock: everything, if an expression reads ``t``."""
-    reads_time = any("t" in names(expression) for expression in read)
+def _groups(read: Sequence[Expr], clock: frozenset[str], values: Tensor) -> tuple[Tensor, ...]:
+    """Split by begin what may not share a clock: everything, if an expression reads the time."""
+    reads_time = any(clock & names(expression) for expression in read)
     return values.split(1 if reads_time else len(values))

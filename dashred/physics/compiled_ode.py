@@ -46,7 +46,9 @@ class CompiledOde:
             Body(channel[term.equation], term.expression, j, columns.inside(j))
             for j, term in enumerate(terms)
         ]
-        self.kernel = compile_kernel(bodies, list(system.fields), [], columns.factors())
+        self.kernel = compile_kernel(
+            bodies, list(system.fields), [], columns.factors(), system.measured
+        )
 
     def with_step(self, dt: float) -> CompiledOde:
         """Return the same with another time step, nothing compiled again."""

@@ -78,7 +78,9 @@ class CompiledTendency:
         ]
         coordinates = self.grid.coordinates
         read = [*self.fields, *derived]
-        self.kernel = compile_kernel(self.bodies, read, list(coordinates), self.columns.factors())
+        self.kernel = compile_kernel(
+            self.bodies, read, list(coordinates), self.columns.factors(), system.measured
+        )
         shape = self.grid.shape
         points = [np.broadcast_to(x.numpy(), shape).ravel() for x in coordinates.values()]
         self._coordinates = np.array(points)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.physics.algebra import Call, Expr, Name, Number, Power, Product, Sum, names
+from dashred.physics.measured import NOTHING, Measured
 
 Array = NDArray[np.float64]
 Kernel = Callable[[Array, Array, float, Array, Array], None]
@@ -68,6 +69,7 @@ def compile_kernel(
     inputs: Sequence[str],
     coordinates: Sequence[str],
     factors: Sequence[Factor] = (),
+    measured: Measured = NOTHING,
 ) -> Kernel:
     """Return ``kernel(inputs, coordinates, t, weights, channels)``, which fills the channels.
 
@@ -82,12 +84,16 @@ def compile_kernel(
         inputs: names of the inputs, in order.
         coordinates: names of the coordinates, in order; ``t`` is known too.
         factors: of the rows' windows.
+        measured: the system's inputs in time.
     """
     known = {name: f"x[{i}, r, i]" for i, name in enumerate(inputs)}
     known |= {name: f"c[{i}, i]" for i, name in enumerate(coordinates)}
     known["t"] = "t"
+    rows = list(enumerate(measured.values, 1))
+    known |= {name: f"m{row}" for row, name in rows}
+    now = [f"    m{row} = at(t, {row})" for row, _ in rows]
     own = [body for body in bodies if body.weight is None and body.inside is None]
-    lines = ["def kernel(x, c, t, w, out):", "    for r in range(out.shape[1]):"]
+    lines = ["def kernel(x, c, t, w, out):", *now, "    for r in range(out.shape[1]):"]
     lines += ["        out[:, r] = 0.0"]
     lines += _loop(own, known, 8)
     terms: dict[tuple[int | None, int | None], list[Body]] = {}
@@ -98,12 +104,12 @@ def compile_kernel(
         a, b = (f"w[r, {column}]" if column is not None else "0.0" for column in (weight, inside))
         lines += [f"        a, b = {a}, {b}", "        if a != 0.0 or b != 0.0:"]
         lines += _loop(group, known, 12, "a" if inside is None else COEFFICIENT)
-    return _compile("\n".join(lines), _window(factors, known))
+    return _compile("\n".join(lines), _window(factors, known, now), measured)
 
 
-def _window(factors: Sequence[Factor], known: Mapping[str, str]) -> str:
+def _window(factors: Sequence[Factor], known: Mapping[str, str], now: Sequence[str]) -> str:
     """Return the code of χ at one point of one row."""
-    lines = ["def window(x, c, t, w, r, i):", "    value = 1.0"]
+    lines = ["def window(x, c, t, w, r, i):", *now, "    value = 1.0"]
     for factor in factors:
         columns = {name: f"w[r, {column}]" for name, column in factor.unknowns.items()}
         writer = _Writer({**known, **columns})
@@ -114,9 +120,16 @@ def _window(factors: Sequence[Factor], known: Mapping[str, str]) -> str:
 
 
 @cache
-def _compile(source: str, window: str) -> Kernel:
+def _compile(source: str, window: str, measured: Measured) -> Kernel:
     """Compile a kernel once, on whatever grids it is used."""
-    scope: dict[str, Any] = {"math": math}
+    table = measured.table
+
+    @numba.njit(error_model="numpy")
+    def at(t: float, row: int) -> float:
+        value: float = np.interp(t, table[0], table[row])
+        return value
+
+    scope: dict[str, Any] = {"math": math, "at": at}
     exec(f"{window}\n{source}", scope)
     scope["window"] = numba.njit(fastmath=MATHEMATICS, error_model="numpy")(scope["window"])
     compiled: Kernel = numba.cfunc(KERNEL, fastmath=MATHEMATICS, error_model="numpy")(

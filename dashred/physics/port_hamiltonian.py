@@ -155,7 +155,7 @@ class PortHamiltonian:
         """Return the same structure with one of its parameters changed."""
         config = self.system.config
         parameters = config.parameters | {parameter: config.parameters[parameter] + change}
-        system = System(replace(config, parameters=parameters), self.system.where)
+        system = self.system.declared_as(replace(config, parameters=parameters))
         return PortHamiltonian.of(system, self.structure)
 
     def _row(self, part: str, field: str) -> dict[str, Expr]:

@@ -114,15 +114,20 @@ class SeparatedTendency:
             for field, operator in couplings.items()
         ]
         self._bodies = Pointwise([channel.body for channel in self.parts.channels])
-        self.coordinates = {k: v.numpy() for k, v in system.grid.coordinates.items()}
+        self._coordinates = {k: v.numpy() for k, v in system.grid.coordinates.items()}
+        self._measured = system.measured
         self._knots: Array = np.zeros(0) if drive is None else drive.knots.numpy()
         if drive is not None:
             hats = to_modes(drive.values[0].numpy(), self.rank)
             self._drive: Modes = self.mask * hats[:, :, None]
 
+    def surroundings(self, t: Array) -> dict[str, Array]:
+        """Return coordinates, time and measured inputs, at some times."""
+        return {**self._coordinates, "t": t, **self._measured.at(t)}
+
     def __call__(self, modes: Modes, points: Array, t: float) -> Modes:
         """Return N of states in modes; ``points`` are their inputs."""
-        values = {**self.coordinates, "t": np.array(t), **self.inputs.named(points)}
+        values = {**self.surroundings(np.array(t)), **self.inputs.named(points)}
         channels = self._bodies(values, (modes.shape[1], *self.inputs.shape))
         hats = to_modes(channels, self.rank)
         hats *= self.outside

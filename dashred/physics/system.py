@@ -16,6 +16,7 @@ from dashred.physics.algebra import Expr, Number
 from dashred.physics.expression import Vocabulary, number, parse
 from dashred.physics.grid import Axis, Grid
 from dashred.physics.integrators import METHODS
+from dashred.physics.measured import NOTHING, Array, Measured
 from dashred.physics.operators import FiniteDifferences, NoSpace, Operators, Spectral
 from dashred.physics.program import Program
 from dashred.physics.value import Value
@@ -43,6 +44,7 @@ class System:
         resolved: the same with lets and parameters put in, so that only fields,
             coordinates and ``t`` are left.
         dt: largest time step of the integrator.
+        measured: its inputs; a system that is run has to have all that its config names.
 
     A state is float64 ``(batch, field, *grid)``; for an ODE system ``(batch, field)``.
 
@@ -50,10 +52,13 @@ class System:
         InputError: an expression is not in the language or reads an unknown name.
     """
 
-    def __init__(self, config: schema.System, where: Callable[[str], str]) -> None:
-        if config.inputs:
-            raise InputError("measured inputs are not supported yet", where=where("system.inputs"))
-        self.config, self.where = config, where
+    def __init__(
+        self,
+        config: schema.System,
+        where: Callable[[str], str],
+        measured: Measured = NOTHING,
+    ) -> None:
+        self.config, self.where, self.measured = config, where, measured
         self.title, self.fields = config.title, tuple(config.fields)
         self.grid = Grid(tuple(_axis(n, a, where) for n, a in config.axes.items()))
         self.spectral = bool(config.axes) and config.integrator.space == "spectral"
@@ -86,7 +91,13 @@ class System:
     def names(self) -> frozenset[str]:
         """Every name that an expression may read."""
         config = self.config
-        return frozenset({*config.fields, *config.parameters, *config.let, *config.axes, "t"})
+        own = (config.fields, config.parameters, config.let, config.axes)
+        return frozenset().union(*own, self.clock)
+
+    @property
+    def clock(self) -> frozenset[str]:
+        """The names whose values change by themselves as time goes on."""
+        return frozenset({"t", *self.config.inputs})
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -101,12 +112,12 @@ class System:
         }
         integrator = dataclasses.replace(self.config.integrator, dt=self.dt / 2)
         config = dataclasses.replace(self.config, axes=axes, integrator=integrator)
-        return System(config, self.where)
+        return self.declared_as(config)
 
     def with_step(self, dt: float) -> System:
         """Return the same system with another time step."""
         integrator = dataclasses.replace(self.config.integrator, dt=dt)
-        return System(dataclasses.replace(self.config, integrator=integrator), self.where)
+        return self.declared_as(dataclasses.replace(self.config, integrator=integrator))
 
     def with_terms(self, terms: Sequence[tuple[Term, float]]) -> System:
         """Return the system with terms added to its equations, as text."""
@@ -114,7 +125,11 @@ class System:
         for term, coefficient in terms:
             added = algebra.to_text(algebra.scale(coefficient, term.expression))
             equations[term.equation] = f"{equations[term.equation]} + ({added})"
-        return System(dataclasses.replace(self.config, equations=equations), self.where)
+        return self.declared_as(dataclasses.replace(self.config, equations=equations))
+
+    def declared_as(self, config: schema.System) -> System:
+        """Return a system of another declaration, with the same inputs."""
+        return System(config, self.where, self.measured)
 
     def parse(
         self, text: str, key: str, *, equation: str = "", extra: frozenset[str] = frozenset()
@@ -150,11 +165,14 @@ class System:
             named = dict(zip(self.fields, map(Value, fields), strict=True))
         return named | self.surroundings(t, state.device)
 
-    def surroundings(self, t: float, device: torch.device) -> dict[str, Value]:
-        """Return the values of coordinates and time."""
+    def surroundings(self, t: float | Array, device: torch.device) -> dict[str, Value]:
+        """Return the values of coordinates, time and inputs."""
         named = {k: Value(v.to(device)) for k, v in self.grid.coordinates.items()}
-        named["t"] = Value(torch.tensor(t, dtype=torch.float64, device=device))
-        return named
+        clock = {"t": t, **self.measured.at(t)}
+        return named | {
+            name: Value(torch.as_tensor(now, dtype=torch.float64, device=device))
+            for name, now in clock.items()
+        }
 
     def resolve(self, expr: Expr, key: str) -> Expr:
         """Put lets and parameters into an expression; ``key`` locates it in the config.
@@ -199,8 +217,13 @@ class System:
 
     def _check_energy(self) -> None:
         text, key = self.config.energy, "system.energy"
-        if text is not None and "t" in algebra.names(self.resolve(self.parse(text, key), key)):
-            problem, hint = "an energy cannot read t", "write it over fields and parameters"
+        if text is None:
+            return
+        if read := self.clock & algebra.names(self.resolve(self.parse(text, key), key)):
+            problem, hint = (
+                f"an energy cannot read {min(read)}",
+                "write it over fields and parameters",
+            )
             raise InputError(problem, where=self.where(key), hint=hint)
 
 
