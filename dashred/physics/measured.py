@@ -26,7 +26,8 @@ class Measured:
 
     def at(self, t: float | Array) -> dict[str, Array]:
         """Return every input at some times, in the shape of ``t``."""
-        return {name: np.interp(t, self.times, values) for name, values in self.values.items()}
+        found = {name: np.interp(t, self.times, values) for name, values in self.values.items()}
+        return {name: np.asarray(values) for name, values in found.items()}
 
     @cached_property
     def table(self) -> Array:

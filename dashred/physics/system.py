@@ -220,10 +220,8 @@ class System:
         if text is None:
             return
         if read := self.clock & algebra.names(self.resolve(self.parse(text, key), key)):
-            problem, hint = (
-                f"an energy cannot read {min(read)}",
-                "write it over fields and parameters",
-            )
+            hint = "write it over fields and parameters"
+            problem = f"an energy cannot read {min(read)}"
             raise InputError(problem, where=self.where(key), hint=hint)
 
 
