@@ -13,6 +13,7 @@ from dashred.physics.measured import Measured
 from dashred.physics.simulate import simulate
 from dashred.physics.simulator import compiled
 from dashred.physics.system import System
+from dashred.physics.tangent_linear import tangent_linear
 from tests import laws
 
 CIRCUIT = """
