@@ -95,6 +95,11 @@ class System:
         return frozenset().union(*own, self.clock)
 
     @property
+    def inputs(self) -> dict[str, str]:
+        """The recording's column of every measured input, by its name in the equations."""
+        return self.config.inputs
+
+    @property
     def clock(self) -> frozenset[str]:
         """The names whose values change by themselves as time goes on."""
         return frozenset({"t", *self.config.inputs})

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,7 +43,8 @@ def resample(recording: Recording, every: float | None) -> tuple[Recording, str]
         how = "interpolated linearly"
     says = f"{how}: {len(clock)} at a step of {step:.6g}, from {len(recording.times)} at {own:.6g}"
     missing = np.isnan(values).mean()
-    return Recording(recording.sensors, clock, values), f"{says}{_missing(missing)}."
+    sampled = replace(recording, times=clock, values=values)
+    return sampled, f"{says}{_missing(missing)}."
 
 
 def own_step(times: NDArray[np.float64]) -> float:

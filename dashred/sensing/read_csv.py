@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+from numpy.typing import NDArray
 
 from dashred.errors import InputError, nearest
+from dashred.physics.measured import Measured
 from dashred.sensing.checks import checked_recording
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import RESERVED, Described, Sensor, readable
@@ -23,15 +27,33 @@ def read_csv(path: str, sensors_table: str | None, system: Described) -> Recordi
     table = read_table(path)
     _check_time_column(table)
     _check_episode(table)
+    inputs = _inputs(table, system)
     if sensors_table is None:
         sensors = _sensors_by_name(table, system)
     else:
-        sensors = _matched(table, read_sensors(sensors_table, system), sensors_table)
+        named = read_sensors(sensors_table, system)
+        sensors = _matched(_sensor_columns(table, system), named, path, sensors_table)
     values = np.empty((len(table.rows), len(sensors)))
     for index, sensor in enumerate(sensors):
         values[:, index] = table.numbers(sensor.name)
     times = table.numbers("time")
-    return checked_recording(sensors, times, values, path=path, place=table.place)
+    recording = checked_recording(sensors, times, values, path=path, place=table.place)
+    return replace(recording, inputs=Measured(times, inputs))
+
+
+def _inputs(table: Table, system: Described) -> dict[str, NDArray[np.float64]]:
+    """Return the columns of the system's inputs, which have no gaps."""
+    found = {}
+    for name, column in system.inputs.items():
+        if column not in table.columns:
+            problem = f"the recording has no column {column!r} for the input {name}"
+            raise InputError(problem, where=table.path, hint=nearest(column, table.columns))
+        found[column] = table.numbers(column)
+        if missing := np.flatnonzero(np.isnan(found[column])).tolist():
+            problem = f"the input {name} is missing here; between samples it is a straight line"
+            hint = "leave the whole row out, or fill the gap"
+            raise InputError(problem, where=table.place(missing[0], column), hint=hint)
+    return found
 
 
 def _check_time_column(table: Table) -> None:
@@ -54,8 +76,9 @@ def _check_episode(table: Table) -> None:
             raise InputError(problem, where=table.place(row, "episode"), hint=hint)
 
 
-def _sensor_columns(table: Table) -> list[str]:
-    return [column for column in table.columns if column not in RESERVED]
+def _sensor_columns(table: Table, system: Described) -> list[str]:
+    others = {*RESERVED, *system.inputs.values()}
+    return [column for column in table.columns if column not in others]
 
 
 def _sensors_by_name(table: Table, system: Described) -> list[Sensor]:
@@ -64,23 +87,24 @@ def _sensors_by_name(table: Table, system: Described) -> list[Sensor]:
         problem = f"the places of the sensors (name, field, {axes}, std) are not given"
         raise InputError(problem, where=table.path, hint="recording.sensors=PATH names their table")
     known = readable(system)
-    for column in _sensor_columns(table):
+    for column in _sensor_columns(table, system):
         if column not in known:
             problem = f"column {column!r} is neither a field nor a let of the system"
             hint = nearest(column, known) + "; or name a table with recording.sensors=PATH"
             raise InputError(problem, where=table.path, hint=hint)
-    return [Sensor(column, reads=column) for column in _sensor_columns(table)]
+    return [Sensor(column, reads=column) for column in _sensor_columns(table, system)]
 
 
-def _matched(table: Table, sensors: tuple[Sensor, ...], sensors_table: str) -> list[Sensor]:
+def _matched(
+    columns: list[str], sensors: tuple[Sensor, ...], path: str, sensors_table: str
+) -> list[Sensor]:
     named = {sensor.name: sensor for sensor in sensors}
-    columns = _sensor_columns(table)
     for column in columns:
         if column not in named:
             problem = f"column {column!r} is not in the table of sensors {sensors_table}"
-            raise InputError(problem, where=table.path, hint=nearest(column, named))
+            raise InputError(problem, where=path, hint=nearest(column, named))
     for name in named:
         if name not in columns:
-            problem = f"sensor {name!r} has no column in the recording {table.path}"
+            problem = f"sensor {name!r} has no column in the recording {path}"
             raise InputError(problem, where=sensors_table, hint=nearest(name, columns))
     return [named[column] for column in columns]

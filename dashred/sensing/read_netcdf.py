@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.errors import InputError, nearest
+from dashred.physics.measured import Measured
 from dashred.sensing.checks import checked_recording
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import Described, Sensor, check_names, check_sensor
@@ -38,7 +40,15 @@ def read_netcdf(path: str, system: Described) -> Recording:
     def place(sample: int, sensor: str | None) -> str:
         return f"{path}, sample {sample + 1}" + (f", {sensor!r}" if sensor else "")
 
-    return checked_recording(sensors, times, values, path=path, place=place)
+    recording = checked_recording(sensors, times, values, path=path, place=place)
+    columns = {
+        column: _numbers(dataset, column, ("time",), path) for column in system.inputs.values()
+    }
+    for column, found in columns.items():
+        if np.isnan(found).any():
+            sample = int(np.flatnonzero(np.isnan(found))[0])
+            raise InputError("this input is missing here", where=place(sample, column))
+    return replace(recording, inputs=Measured(times, columns))
 
 
 def _load(path: str) -> xr.Dataset:

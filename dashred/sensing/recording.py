@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.errors import InputError, nearest
+from dashred.physics.measured import NOTHING, Measured
 from dashred.sensing.sensors import Sensor
 
 
@@ -22,11 +23,13 @@ class Recording:
         sensors: one for each column of ``values``, with unique names.
         times: (time,) float64, strictly increasing, in the unit of the system's ``t``.
         values: (time, sensor) float64, in the unit of what each sensor reads; NaN is missing.
+        inputs: what was measured of the system's inputs, by column, at the times of the file.
     """
 
     sensors: tuple[Sensor, ...]
     times: NDArray[np.float64]
     values: NDArray[np.float64]
+    inputs: Measured = NOTHING
 
     def __post_init__(self) -> None:
         """Hold the shapes and the order of times; what users give is checked by the readers."""
@@ -53,7 +56,7 @@ class Recording:
                 raise InputError(problem, hint=nearest(name, self.names))
         chosen = [columns[name] for name in names]
         sensors = tuple(self.sensors[column] for column in chosen)
-        return Recording(sensors, self.times, self.values[:, chosen])
+        return replace(self, sensors=sensors, values=self.values[:, chosen])
 
     def trace_std(self) -> NDArray[np.float64]:
         """Return the std of each trace, ``(sensor,)``; zero where nothing changes or is seen."""
@@ -75,4 +78,6 @@ class Recording:
         digest.update(self.times.astype("<f8").tobytes())
         # Every missing value the same NaN, whose bits differ between file formats.
         digest.update(np.where(np.isnan(self.values), np.nan, self.values).astype("<f8").tobytes())
+        for column, values in self.inputs.values.items():
+            digest.update(column.encode() + values.astype("<f8").tobytes())
         return digest.hexdigest()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -45,6 +45,10 @@ class Described(Protocol):
     @property
     def lets(self) -> Collection[str]:
         """Names of the derived quantities."""
+
+    @property
+    def inputs(self) -> Mapping[str, str]:
+        """The recording's column of every measured input, by its name in the equations."""
 
 
 @dataclass(frozen=True)

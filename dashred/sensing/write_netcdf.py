@@ -17,7 +17,7 @@ def write_netcdf(
     """Write a recording at once or not at all; equal recordings give equal bytes.
 
     Variables: ``value`` (time, sensor), ``time``, and along ``sensor``: ``name``, ``reads``,
-    ``std`` (NaN if unknown) and one coordinate for each axis.
+    ``std`` (NaN if unknown) and one coordinate for each axis; along ``time`` each measured input.
 
     Args:
         recording: what to write.
@@ -33,7 +33,10 @@ def write_netcdf(
     }
     stds = [math.nan if sensor.std is None else sensor.std for sensor in sensors]
     dataset = xr.Dataset(
-        {"value": (("time", "sensor"), recording.values)},
+        {
+            "value": (("time", "sensor"), recording.values),
+            **{column: ("time", found) for column, found in recording.inputs.values.items()},
+        },
         coords={
             "time": ("time", recording.times),
             "name": ("sensor", list(recording.names), {"cf_role": "timeseries_id"}),

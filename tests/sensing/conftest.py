@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,7 @@ class PlainSystem:
     spectral: bool = True
     fields: tuple[str, ...] = ("u", "v")
     lets: tuple[str, ...] = ("speed",)
+    inputs: dict[str, str] = field(default_factory=dict)
 
     def evaluate(self, name: str, state: Tensor, t: float, /) -> Tensor:
         """Evaluate the derived quantity."""
