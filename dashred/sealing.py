@@ -80,7 +80,8 @@ class Truth:
         terms: the law that the simulator lacks.
         times: ``(time,)``; runs past the end of the recording, for forecasts.
         duration: length of the recording.
-        states: ``(time, field, *grid)``, on the simulator's grid, without noise.
+        states: ``(time, field, *grid)``, on the simulator's grid, without noise; on disk without
+            the mirror images beyond ends.
         concealed: what else is hidden.
     """
 
@@ -95,9 +96,8 @@ class Truth:
 def seal(path: Path, truth: Truth, system: System) -> None:
     """Write the truth, at once or not at all."""
     axes = [axis.name for axis in system.axes]
-    fields = {
-        name: (("time", *axes), truth.states[:, i].numpy()) for i, name in enumerate(system.fields)
-    }
+    states = system.grid.own(truth.states).numpy()
+    fields = {name: (("time", *axes), states[:, i]) for i, name in enumerate(system.fields)}
     terms = json.dumps([asdict(term) for term in truth.terms])
     concealed = json.dumps(asdict(truth.concealed))
     attributes = {"twin": truth.twin, "terms": terms, "duration": truth.duration}

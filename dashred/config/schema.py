@@ -22,8 +22,8 @@ class Axis:
     points: Annotated[int, Limit(at_least=8)]
     """Number of grid points."""
 
-    ends: str = "periodic"
-    """What holds at the two ends."""
+    ends: Literal["periodic", "insulated", "fixed"] = "periodic"
+    """What holds at both ends: insulated (no slope) or fixed (every field zero)."""
 
 
 @dataclass

@@ -74,10 +74,11 @@ def _check_axes(system: System, where: Where) -> None:
     if len(system.axes) > 2:
         raise InputError("two axes at most", where=where("system.axes"))
     for name, axis in system.axes.items():
-        if axis.ends != "periodic":
+        if axis.ends != "periodic" and system.integrator.space != "spectral":
             raise InputError(
-                f"system.axes.{name}.ends is {axis.ends!r}; only periodic is supported for now",
+                f"an axis with {axis.ends} ends needs spectral operators",
                 where=where(f"system.axes.{name}.ends"),
+                hint="leave integrator.space out, or make the axis periodic",
             )
 
 

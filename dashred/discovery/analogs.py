@@ -16,6 +16,7 @@ from torch import Tensor
 
 from dashred.physics.algebra import names
 from dashred.physics.ensemble import Ensemble
+from dashred.physics.grid import Axis
 from dashred.physics.library import resolve
 from dashred.physics.system import System, Term
 from dashred.sensing.observation import ObservationOperator
@@ -127,7 +128,12 @@ def _moves(system: System, known: frozenset[str]) -> list[tuple[int, ...]]:
     if not system.axes or any(axis.name in known for axis in system.axes):
         return [(0,) * len(system.axes)]
     along = round(MOVES ** (1 / len(system.axes)))
-    return list(product(*(range(0, a.points, max(1, a.points // along)) for a in system.axes)))
+    return list(product(*(_shifts(axis, along) for axis in system.axes)))
+
+
+def _shifts(axis: Axis, count: int) -> range:
+    """Return shifts along an axis; what has ends cannot be moved."""
+    return range(0, axis.points, max(1, axis.points // count)) if axis.periodic else range(1)
 
 
 def _moved(sensor: Sensor, system: System, move: tuple[int, ...]) -> Sensor:

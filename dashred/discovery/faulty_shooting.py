@@ -98,7 +98,7 @@ class MovedShooting(Shooting):
         """Return what the sensor reads a distance δ off its stated place, ``(…, time)``."""
         sensor, system = self.operator.sensors[self.sensor], self.simulator.system
         place = tuple(
-            (x + d) % axis.length
+            axis.inside(x + d)
             for x, d, axis in zip(sensor.position, delta.tolist(), system.axes, strict=True)
         )
         return ObservationOperator([replace(sensor, position=place)], system)(states)[..., 0]

@@ -22,11 +22,11 @@ def gaspari_cohn(distance: Tensor, radius: float) -> Tensor:
 
 
 def distances(grid: Grid, positions: Float[Tensor, "sensor axis"]) -> Float[Tensor, "sensor ..."]:
-    """Return the distance of every grid point from every sensor, around the periodic axes."""
+    """Return the distance of every grid point from every sensor; an image is where it is seen."""
     squared = torch.zeros(len(positions), *(1 for _ in grid.shape), dtype=torch.float64)
     for index, (axis, points) in enumerate(zip(grid.axes, grid.coordinates.values(), strict=True)):
         place = positions[:, index].reshape(-1, *(1 for _ in grid.shape))
-        squared = squared + _around(points - place, axis.length).square()
+        squared = squared + _around(points - place, axis.period).square()
     return squared.sqrt()
 
 
@@ -36,9 +36,9 @@ def sensor_distances(
     """Return the distances between the sensors, around the periodic axes."""
     squared = torch.zeros(len(positions), len(positions), dtype=torch.float64)
     for axis, along in zip(grid.axes, positions.T, strict=True):
-        squared = squared + _around(along[:, None] - along, axis.length).square()
+        squared = squared + _around(along[:, None] - along, axis.period).square()
     return squared.sqrt()
 
 
-def _around(difference: Tensor, length: float) -> Tensor:
-    return (difference + length / 2).remainder(length) - length / 2
+def _around(difference: Tensor, period: float) -> Tensor:
+    return (difference + period / 2).remainder(period) - period / 2

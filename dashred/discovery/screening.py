@@ -226,10 +226,10 @@ def _windows(
 def _runs(
     shape: Shape, axis: Axis, columns: Sequence[int]
 ) -> Iterator[tuple[Guess, dict[int, float]]]:
-    """Yield every run of neighbouring cells, around the ends of the axis too."""
+    """Yield every run of neighbouring cells, around a periodic axis too."""
     width = axis.length / CELLS
     for length in range(1, int(LONGEST * CELLS) + 1):
-        for begin in range(CELLS):
+        for begin in range(CELLS if axis.periodic else CELLS - length + 1):
             chosen = [columns[(begin + k) % CELLS] for k in range(length)]
             centre = ((begin + length / 2) * width) % axis.length
             place = (centre, length * width / 2, math.log(width / 4))

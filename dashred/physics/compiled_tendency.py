@@ -76,7 +76,7 @@ class CompiledTendency:
         self._writers = [
             [b for b in self.bodies if b.channel == c] for c in range(len(self._channels))
         ]
-        coordinates = self.grid.coordinates
+        coordinates = self.grid.places
         read = [*self.fields, *derived]
         self.kernel = compile_kernel(
             self.bodies, read, list(coordinates), self.columns.factors(), system.measured

@@ -88,7 +88,7 @@ def parameter_tendency(system: System, parameter: str) -> dict[str, Expr]:
     found = {}
     for equation, expr in system.equations.items():
         slope = differentiate(substitute(expr, lets), parameter)
-        found[equation] = system.resolve(slope, f"system.equations.{equation}")
+        found[equation] = system.ready(slope, equation, f"system.equations.{equation}")
     return {equation: slope for equation, slope in found.items() if slope != ZERO}
 
 

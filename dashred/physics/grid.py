@@ -1,27 +1,66 @@
-"""Uniform grids on periodic axes, and their wavenumbers."""
+"""Uniform grids, and their wavenumbers: of rings, on which an axis with ends has its image."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import torch
 from torch import Tensor
 
+from dashred.physics.reflection import side
+
 
 @dataclass(frozen=True)
 class Axis:
-    """One periodic spatial axis: points at ``j·length/points``, j = 0 … points-1."""
+    """One spatial axis: points at ``j·length/points`` from 0 on.
+
+    A periodic axis is a ring itself. One with ends is half of a ring, of which the other half is
+    its mirror image (:mod:`dashred.physics.reflection`): point ``2·points - j`` that of point j.
+
+    Attributes:
+        name: its coordinate.
+        length: from end to end, or around.
+        points: so many spacings make up the length.
+        ends: ``periodic``, ``insulated`` or ``fixed``.
+    """
 
     name: str
     length: float
     points: int
+    ends: str = "periodic"
 
     @property
     def spacing(self) -> float:
         """Distance between neighbouring points, in the axis' unit."""
         return self.length / self.points
+
+    @property
+    def periodic(self) -> bool:
+        """Whether it is a ring itself."""
+        return self.ends == "periodic"
+
+    @property
+    def around(self) -> int:
+        """Points of the ring."""
+        return self.points if self.periodic else 2 * self.points
+
+    @property
+    def period(self) -> float:
+        """Length of the ring."""
+        return self.length if self.periodic else 2 * self.length
+
+    @property
+    def own(self) -> slice:
+        """The ring's points that are the axis' own, both ends among them."""
+        return slice(self.points if self.periodic else self.points + 1)
+
+    def inside(self, place: float) -> float:
+        """Return a place on the axis: around it, or mirrored at an end."""
+        if self.periodic:
+            return place % self.length
+        return self.length - abs(place % self.period - self.length)
 
 
 @dataclass(frozen=True)
@@ -32,13 +71,19 @@ class Grid:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Points along each axis."""
-        return tuple(axis.points for axis in self.axes)
+        """Points around each axis' ring."""
+        return tuple(axis.around for axis in self.axes)
 
     @property
     def dims(self) -> tuple[int, ...]:
         """The trailing tensor dimensions that are space: ``(-2, -1)`` for two axes."""
         return tuple(range(-len(self.axes), 0))
+
+    @property
+    def own_coordinates(self) -> dict[str, Tensor]:
+        """Coordinates along each axis, ``(point,)``, float64, without mirror images."""
+        flat = zip(self.axes, self.coordinates.items(), strict=True)
+        return {name: x.flatten()[axis.own] for axis, (name, x) in flat}
 
     def index(self, axis: str) -> int:
         """Position of the named axis among the axes."""
@@ -46,16 +91,37 @@ class Grid:
 
     def refined(self, factor: int) -> Grid:
         """Return the grid with ``factor`` times the points on every axis."""
-        return Grid(tuple(Axis(a.name, a.length, a.points * factor) for a in self.axes))
+        return Grid(tuple(replace(a, points=a.points * factor) for a in self.axes))
 
     @cached_property
     def coordinates(self) -> dict[str, Tensor]:
-        """Coordinate of every point, broadcastable over the grid, float64."""
+        """Coordinate of every point, broadcastable over the grid, float64; an image has its own."""
         found = {}
         for index, axis in enumerate(self.axes):
-            points = torch.arange(axis.points, dtype=torch.float64) * axis.spacing
-            found[axis.name] = points.reshape(self._broadcast(index))
+            around = torch.arange(axis.around, dtype=torch.float64)
+            points = around if axis.periodic else torch.minimum(around, axis.around - around)
+            found[axis.name] = (points * axis.spacing).reshape(self._broadcast(index))
         return found
+
+    @cached_property
+    def sides(self) -> dict[str, Tensor]:
+        """Side of the ring of every axis with ends, by name: 1, on the image -1, at the ends 0."""
+        found = {}
+        for index, axis in enumerate(self.axes):
+            if not axis.periodic:
+                around = torch.arange(axis.around)
+                signs = torch.sign(axis.points - around) * torch.sign(around)
+                found[side(axis.name)] = signs.double().reshape(self._broadcast(index))
+        return found
+
+    @property
+    def places(self) -> dict[str, Tensor]:
+        """All that expressions read of a place, by name: coordinates and sides."""
+        return self.coordinates | self.sides
+
+    def own(self, states: Tensor) -> Tensor:
+        """Return states ``(…, *grid)`` without the mirror images beyond ends."""
+        return states[(..., *(axis.own for axis in self.axes))]
 
     @cached_property
     def wavenumbers(self) -> tuple[Tensor, ...]:
@@ -64,14 +130,14 @@ class Grid:
         for index, axis in enumerate(self.axes):
             last = index == len(self.axes) - 1
             frequencies = torch.fft.rfftfreq if last else torch.fft.fftfreq
-            k = frequencies(axis.points, d=axis.spacing, dtype=torch.float64) * 2 * math.pi
+            k = frequencies(axis.around, d=axis.spacing, dtype=torch.float64) * 2 * math.pi
             found.append(k.reshape(self._broadcast(index)))
         return tuple(found)
 
     def interpolate(self, states: Tensor, finer: Grid) -> Tensor:
         """Band-limited interpolation of ``(…, *grid)`` to ``(…, *finer.grid)``, exact at nodes."""
         for dim, axis, target in zip(self.dims, self.axes, finer.axes, strict=True):
-            states = _resample(states, dim, axis.points, target.points)
+            states = _resample(states, dim, axis.around, target.around)
         return states
 
     def _broadcast(self, index: int) -> tuple[int, ...]:

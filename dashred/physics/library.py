@@ -117,7 +117,8 @@ def _derivatives_in_the_plane(fields: Sequence[str], axes: Sequence[str]) -> Ite
 def resolve(system: System, library: Sequence[Term]) -> tuple[Term, ...]:
     """Put lets and parameters into the terms, ready for :class:`Forcing`."""
     return tuple(
-        Term(t.equation, system.resolve(t.expression, f"library.{t.equation}")) for t in library
+        Term(t.equation, system.ready(t.expression, t.equation, f"library.{t.equation}"))
+        for t in library
     )
 
 

@@ -12,8 +12,9 @@ from torch import Tensor
 from dashred.errors import InputError
 from dashred.physics.algebra import Expr, names
 from dashred.physics.expression import number
-from dashred.physics.grid import Grid
+from dashred.physics.grid import Axis, Grid
 from dashred.physics.program import Program
+from dashred.physics.reflection import side
 from dashred.physics.simulate import Progress, check_finite, simulate
 from dashred.physics.system import System
 from dashred.physics.value import Value
@@ -47,7 +48,7 @@ def nominal_start(system: System, progress: Progress | None = None) -> Tensor:
 
 def _start_expression(system: System, field: str) -> Expr:
     key = f"system.start.{field}"
-    expr = system.resolve(system.parse(system.config.start[field], key), key)
+    expr = system.ready(system.parse(system.config.start[field], key), field, key)
     if read := sorted(names(expr) & set(system.fields)):
         raise InputError(
             f"the start of {field} reads the field {read[0]!r}, which has no value yet",
@@ -68,10 +69,11 @@ def spread_in_percent(system: System) -> bool:
 
 
 def gaussian_process_modes(grid: Grid, length: float, count: int | None) -> Tensor:
-    """Return Karhunen–Loève modes ``(mode, *grid)`` of a periodic Gaussian process.
+    """Return Karhunen–Loève modes ``(mode, *grid)`` of a Gaussian process on rings.
 
     ``g = Σ zᵢ Bᵢ`` with z ~ N(0, 1) has unit variance and covariance exp(-r²/2ℓ²), wrapped
     around the axes and normalised (ℓ well below them); with fewer modes a little less of both.
+    Near an insulated end its variance is twice as large, and at a fixed one it is none.
 
     Args:
         grid: where g is wanted.
@@ -79,8 +81,8 @@ def gaussian_process_modes(grid: Grid, length: float, count: int | None) -> Tens
         count: how many modes to keep, the strongest first; None for all.
     """
     found: list[tuple[float, Tensor]] = []
-    for numbers in product(*(range(-(n // 2) + 1, n // 2) for n in grid.shape)):
-        k = [2 * math.pi * m / a.length for m, a in zip(numbers, grid.axes, strict=True)]
+    for numbers in product(*map(_wavenumbers, grid.axes)):
+        k = [2 * math.pi * m / a.period for m, a in zip(numbers, grid.axes, strict=True)]
         power = math.exp(-sum(component**2 for component in k) * length**2 / 2)
         if power > SMALLEST_VARIANCE:
             found.append((power, _wave(grid, k)))
@@ -89,16 +91,33 @@ def gaussian_process_modes(grid: Grid, length: float, count: int | None) -> Tens
     return torch.stack([wave * math.sqrt(power / whole) for power, wave in strongest])
 
 
+def _wavenumbers(axis: Axis) -> range:
+    """Return the whole waves around a ring; of its mirror images, each once."""
+    if axis.periodic:
+        return range(-(axis.points // 2) + 1, axis.points // 2)
+    return range(0 if axis.ends == "insulated" else 1, axis.points)
+
+
 def _wave(grid: Grid, k: list[float]) -> Tensor:
-    """Return √2 cos(k·x) for one of each pair ±k, √2 sin(k·x) for the other, and 1 for k = 0."""
-    leading = next((component for component in k if component), 0.0)
-    if not leading:
-        return torch.ones(grid.shape, dtype=torch.float64)
+    """Return a wave of mean square 1, ``(*grid)``; its own mirror image along axes with ends.
+
+    Along periodic axes ``√2 cos k·x`` for one of each pair ±k, ``√2 sin k·x`` for the other; along
+    others ``√2 cos kx`` or, between fixed ends, ``√2 sin kx``; 1 for k = 0.
+    """
+    wave = torch.ones((), dtype=torch.float64)
     phase = torch.zeros((), dtype=torch.float64)
-    for component, x in zip(k, grid.coordinates.values(), strict=True):
-        phase = phase + component * x
-    wave = torch.cos(phase) if leading > 0 else torch.sin(phase)
-    return (math.sqrt(2) * wave).expand(grid.shape)
+    leading = 0.0
+    for axis, component in zip(grid.axes, k, strict=True):
+        x = grid.coordinates[axis.name]
+        if axis.periodic:
+            leading, phase = leading or component, phase + component * x
+        elif axis.ends == "fixed":
+            wave = wave * math.sqrt(2) * torch.sin(component * x) * grid.sides[side(axis.name)]
+        elif component:
+            wave = wave * math.sqrt(2) * torch.cos(component * x)
+    if leading:
+        wave = wave * math.sqrt(2) * (torch.cos(phase) if leading > 0 else torch.sin(phase))
+    return wave.expand(grid.shape)
 
 
 class StartPrior:
@@ -160,11 +179,16 @@ class StartPrior:
 
     def _apply(self, starts: Tensor, g: Tensor) -> Tensor:
         system = self.system
+        for axis in system.axes:
+            if axis.ends == "fixed":
+                # Expressions read what is the case on the axis itself, as of any field.
+                g = g * system.grid.sides[side(axis.name)]
         values = system.values(starts, 0.0) | {"g": Value(g)}
         moved = starts.clone()
         for field, text in self.moves.items():
             key = f"system.spread.apply.{field}"
-            expr = system.resolve(system.parse(str(text), key, extra=frozenset({"g"})), key)
+            parsed = system.parse(str(text), key, extra=frozenset({"g"}))
+            expr = system.ready(parsed, field, key)
             [value] = Program([expr])(values, system.operators)
             moved[:, system.fields.index(field)] = torch.as_tensor(system.operators.on_grid(value))
         return moved

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from dashred.physics.grid import Axis
+from dashred.physics.reflection import side
 from dashred.physics.system import System
 
 
@@ -42,10 +43,13 @@ class Pulses:
             knots: in time.
         """
         bumps = torch.ones((1, *system.grid.shape), dtype=torch.float64)
-        coordinates = system.grid.coordinates.values()
-        for axis, x in zip(system.axes, coordinates, strict=True):
+        coordinates, sides = system.grid.coordinates, system.grid.sides
+        for axis in system.axes:
+            x = coordinates[axis.name]
             along = torch.stack([_bump(axis, x, j, cells) for j in range(cells)])
             along = along / along.sum(dim=0)
+            if axis.ends == "fixed":
+                along = along * sides[side(axis.name)]
             bumps = (bumps[:, None] * along[None]).flatten(0, 1)
         ends = float(times[0]), float(times[-1])
         return cls(bumps, torch.linspace(*ends, knots, dtype=torch.float64), len(system.fields))
@@ -94,6 +98,7 @@ class Drive:
 
 
 def _bump(axis: Axis, x: Tensor, cell: int, cells: int) -> Tensor:
-    """Return a periodic bump about the middle of a cell, as wide as the cell."""
-    turn = 2 * math.pi * (x / axis.length - (cell + 0.5) / cells)
-    return torch.exp((torch.cos(turn) - 1) * (cells / math.pi) ** 2)
+    """Return a bump on the axis' ring about the middle of a cell, as wide as the cell."""
+    width = axis.length / cells
+    turn = 2 * math.pi * (x - (cell + 0.5) * width) / axis.period
+    return torch.exp((torch.cos(turn) - 1) * (axis.period / width / math.pi) ** 2)

@@ -114,7 +114,7 @@ class SeparatedTendency:
             for field, operator in couplings.items()
         ]
         self._bodies = Pointwise([channel.body for channel in self.parts.channels])
-        self._coordinates = {k: v.numpy() for k, v in system.grid.coordinates.items()}
+        self._coordinates = {k: v.numpy() for k, v in system.grid.places.items()}
         self._measured = system.measured
         self._knots: Array = np.zeros(0) if drive is None else drive.knots.numpy()
         if drive is not None:

@@ -19,6 +19,7 @@ from dashred.physics.integrators import METHODS
 from dashred.physics.measured import NOTHING, Array, Measured
 from dashred.physics.operators import FiniteDifferences, NoSpace, Operators, Spectral
 from dashred.physics.program import Program
+from dashred.physics.reflection import Reflection
 from dashred.physics.value import Value
 
 
@@ -42,7 +43,7 @@ class System:
         lets: named expressions that equations and sensors may read.
         equations: tendency of each field, in the user's names.
         resolved: the same with lets and parameters put in, so that only fields,
-            coordinates and ``t`` are left.
+            coordinates and ``t`` are left; and on the rings of axes that have ends.
         dt: largest time step of the integrator.
         measured: its inputs; a system that is run has to have all that its config names.
 
@@ -74,7 +75,7 @@ class System:
         for name, expr in self.lets.items():
             self._values[name] = self.resolve(expr, f"system.let.{name}")
         self.resolved = {
-            field: self.resolve(expr, f"system.equations.{field}")
+            field: self.ready(expr, field, f"system.equations.{field}")
             for field, expr in self.equations.items()
         }
         self._check_method()
@@ -86,6 +87,13 @@ class System:
         if not self.grid.axes:
             return NoSpace()
         return Spectral(self.grid) if self.spectral else FiniteDifferences(self.grid)
+
+    @cached_property
+    def reflection(self) -> Reflection:
+        """How expressions go on beyond the ends of axes that have ends."""
+        ends = [axis.name for axis in self.axes if not axis.periodic]
+        odd = frozenset(axis.name for axis in self.axes if axis.ends == "fixed")
+        return Reflection(dict.fromkeys(self.fields, odd), ends)
 
     @property
     def names(self) -> frozenset[str]:
@@ -172,7 +180,7 @@ class System:
 
     def surroundings(self, t: float | Array, device: torch.device) -> dict[str, Value]:
         """Return the values of coordinates, time and inputs."""
-        named = {k: Value(v.to(device)) for k, v in self.grid.coordinates.items()}
+        named = {k: Value(v.to(device)) for k, v in self.grid.places.items()}
         clock = {"t": t, **self.measured.at(t)}
         return named | {
             name: Value(torch.as_tensor(now, dtype=torch.float64, device=device))
@@ -192,6 +200,15 @@ class System:
             raise InputError(
                 f"with these parameters {algebra.to_text(expr)!r} is not finite", where=where
             ) from None
+
+    def ready(self, expr: Expr, equation: str, key: str) -> Expr:
+        """Resolve an expression that stands in an equation, and let it go on beyond the ends.
+
+        Raises:
+            InputError: see :meth:`resolve`.
+        """
+        odd = self.reflection.fields[equation]
+        return self.reflection.extended(self.resolve(expr, key), odd)
 
     def _parse_lets(self) -> dict[str, Expr]:
         lets: dict[str, Expr] = {}
@@ -232,7 +249,7 @@ class System:
 
 def _axis(name: str, axis: schema.Axis, where: Callable[[str], str]) -> Axis:
     length = _number(axis.length, where(f"system.axes.{name}.length"))
-    return Axis(name, length, axis.points)
+    return Axis(name, length, axis.points, axis.ends)
 
 
 def _number(value: float | str, where: str) -> float:

@@ -89,18 +89,19 @@ class Window:
 
 def shapes_of(system: System) -> tuple[Shape, ...]:
     """Return every kind of window that a system can have."""
-    gates = [gate(field, side) for field in system.fields for side in (1, -1)]
+    value = system.reflection.value
+    gates = [gate(field, side, value(field)) for field in system.fields for side in (1, -1)]
     return (*map(box, system.axes), onset(), *gates)
 
 
 def box(axis: Axis) -> Shape:
-    """Return a window ``|x - c| < h`` along a periodic axis.
+    """Return a window ``|x - c| < h`` along an axis.
 
-    ``A = (cos κ(x - c) - cos κh) / (w κ sin κh)``, ``κ = 2π/L``: of slope ∓1/w at ``c ± h``, and
-    periodic, whatever c. Unknowns: c, h and ln w.
+    ``A = (cos κ(x - c) - cos κh) / (w κ sin κh)``, ``κ = 2π/P``, P the period of the axis' ring: of
+    slope ∓1/w at ``c ± h``, and periodic, whatever c. Unknowns: c, h and ln w.
     """
     centre, half, edge = (f"{axis.name} {name}" for name in ("centre", "half", "edge"))
-    k = 2 * math.pi / axis.length
+    k = 2 * math.pi / axis.period
     along = call("cos", scale(k, add((Name(axis.name), scale(-1.0, Name(centre))))))
     beyond = scale(-1.0, call("cos", scale(k, Name(half))))
     steepness = power(scale(k, call("sin", scale(k, Name(half)))), Number(-1.0))
@@ -115,15 +116,16 @@ def onset() -> Shape:
     return Shape("onset", "t", (begin, edge), _ramp(argument))
 
 
-def gate(field: str, side: int) -> Shape:
+def gate(field: str, side: int, value: Expr | None = None) -> Shape:
     """Return a window ``f > θ``, or below it: ``A = ±(f - θ)/w``. Unknowns: θ and ln w.
 
     Args:
         field: f.
         side: 1 for above, -1 for below.
+        value: of f, where its name alone is not that.
     """
     threshold, edge = f"{field} threshold", f"{field} edge"
-    distance = scale(float(side), add((Name(field), scale(-1.0, Name(threshold)))))
+    distance = scale(float(side), add((value or Name(field), scale(-1.0, Name(threshold)))))
     argument = multiply((distance, _inverse_width(edge)))
     kind = "gate above" if side > 0 else "gate below"
     return Shape(kind, field, (threshold, edge), _ramp(argument))

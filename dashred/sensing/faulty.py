@@ -45,7 +45,7 @@ def moved(sensor: Sensor, faults: Iterable[SensorFault], system: Described) -> S
     for fault in faults:
         if fault.sensor == sensor.name and fault.kind == "misplaced":
             first, *rest = sensor.position
-            place = (first + fault.value) % system.axes[0].length
+            place = system.axes[0].inside(first + fault.value)
             return replace(sensor, position=(place, *rest))
     return sensor
 

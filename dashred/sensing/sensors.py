@@ -15,7 +15,7 @@ RESERVED = ("time", "episode")
 
 @runtime_checkable
 class ObservedAxis(Protocol):
-    """The part of an axis that a sensor needs: points at ``j·length/points``, periodic."""
+    """The part of an axis that a sensor needs: points at ``j·period/around`` of a ring."""
 
     @property
     def name(self) -> str:
@@ -25,9 +25,16 @@ class ObservedAxis(Protocol):
     def length(self) -> float:
         """Extent of the axis, in its own unit."""
 
+    def inside(self, place: float, /) -> float:
+        """Return a place on the axis: around it, or mirrored at an end."""
+
     @property
-    def points(self) -> int:
-        """Number of grid points."""
+    def period(self) -> float:
+        """Length of the ring that it is, or half of."""
+
+    @property
+    def around(self) -> int:
+        """Points of that ring."""
 
 
 @runtime_checkable

@@ -105,9 +105,9 @@ def _where(problem: Problem, analysis: Analysis, where: Where, output: Path) -> 
         tendency = law_tendency(system, analysis.discovered.best, states, problem.times[:count])
         law_map = LawMap(
             axis.name,
-            system.grid.coordinates[axis.name].numpy().ravel(),
+            system.grid.own_coordinates[axis.name].numpy(),
             problem.times[:count].numpy(),
-            tendency.square().sum(dim=1).sqrt().numpy(),
+            system.grid.own(tendency.square().sum(dim=1).sqrt()).numpy(),
             {sensor.name: sensor.position[0] for sensor in fit.sensors},
         )
         if where["forcing"] is not None:
@@ -200,7 +200,7 @@ def _space_time(problem: Problem, analysis: Analysis, output: Path) -> None:
     count = len(split.fit.times)
     fields = {
         field: {
-            name: states[:, i].numpy()
+            name: system.grid.own(states[:, i]).numpy()
             for name, states in analysis.estimates(count).items()
             if name in PANELS
         }
@@ -214,7 +214,7 @@ def _space_time(problem: Problem, analysis: Analysis, output: Path) -> None:
     figure = space_time_panels(
         problem.times[:count].numpy(),
         axis.name,
-        system.grid.coordinates[axis.name].numpy(),
+        system.grid.own_coordinates[axis.name].numpy(),
         fields,
         places,
         meanings=system.config.fields,

@@ -128,13 +128,13 @@ def refuse_unresolved(problem: Problem, resolution: Resolution) -> Findings:
 def write_estimates(path: Path, system: System, times: Tensor, fields: dict[str, Tensor]) -> None:
     """Write fields by method, dims ``(method, time, *axes)``, one variable a field."""
     axes = [axis.name for axis in system.axes]
-    stacked = torch.stack(list(fields.values())).numpy()
+    stacked = system.grid.own(torch.stack(list(fields.values()))).numpy()
     data = {
         name: (("method", "time", *axes), stacked[:, :, i].astype(np.float64))
         for i, name in enumerate(system.fields)
     }
     coordinates: dict[str, Any] = {"method": list(fields), "time": times.numpy()}
-    coordinates |= {name: x.numpy().ravel() for name, x in system.grid.coordinates.items()}
+    coordinates |= {name: x.numpy() for name, x in system.grid.own_coordinates.items()}
     partial = path.with_name(f".{path.name}.partial")
     xr.Dataset(data, coordinates).to_netcdf(partial, engine="h5netcdf")
     partial.replace(path)
