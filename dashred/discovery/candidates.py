@@ -13,6 +13,7 @@ from dashred.physics.differentiate import parameter_tendency
 from dashred.physics.forcing import Forcing
 from dashred.physics.library import COLLINEAR, evaluate_terms, resolve
 from dashred.physics.linear import is_linear, symbol
+from dashred.physics.reflection import without_sides
 from dashred.physics.spectral import Spectral
 from dashred.physics.system import System, Term
 from dashred.physics.window import Window
@@ -174,12 +175,12 @@ def _limit(system: System, candidate: Candidate) -> float:
         return math.inf
     fastest = 0.0
     for term in candidate.terms:
+        bare = without_sides(term.expression)
         for field in system.fields:
-            if is_linear(term.expression, field):
-                own = field == term.equation
-                found = torch.as_tensor(
-                    symbol(term.expression, system.operators, torch.device("cpu"))
-                )
+            if is_linear(bare, field):
+                # What turns at the ends of an axis is stepped explicitly, too.
+                own = field == term.equation and bare == term.expression
+                found = torch.as_tensor(symbol(bare, system.operators, torch.device("cpu")))
                 grows = found.real if own and found.is_complex() else found
                 fastest = max(fastest, float(grows.abs().max()))
     return 1.0 / (fastest * system.dt) if fastest else math.inf

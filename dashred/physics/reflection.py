@@ -38,11 +38,12 @@ EVEN: Odd = frozenset()
 ODD_FUNCTIONS = frozenset({"sin", "tan", "tanh", "sign"})
 EVEN_FUNCTIONS = frozenset({"cos", "sech", "abs"})
 OPERATORS = frozenset({"lap", "inv_lap"})
+SIDE = " side"
 
 
 def side(axis: str) -> str:
     """Return the name of σ: no name of the language, so that no user's can be like it."""
-    return f"{axis} side"
+    return axis + SIDE
 
 
 class Reflection:
@@ -108,6 +109,13 @@ class Reflection:
 
     def _even(self, expr: Expr) -> Expr:
         return _with_side(*self._apart(expr))
+
+
+def without_sides(expr: Expr) -> Expr:
+    """Return an expression without its factors of sides."""
+    if not isinstance(expr, Product):
+        return expr
+    return multiply(f for f in expr.factors if not (isinstance(f, Name) and f.id.endswith(SIDE)))
 
 
 def _with_side(odd: Odd, expr: Expr) -> Expr:
