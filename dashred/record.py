@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,8 +43,9 @@ def record(config: Config, output: Path) -> None:
     from dashred.physics.side_by_side import use_threads
     from dashred.physics.system import System
     from dashred.progress import stage
-    from dashred.recorder import observe, simulate_truth
+    from dashred.recorder import clock_of, observe, simulate_truth
     from dashred.sealing import Truth, seal
+    from dashred.sensing.driving import driven, under
     from dashred.sensing.write_netcdf import write_netcdf
     from dashred.twin_file import read_twin
 
@@ -52,11 +53,15 @@ def record(config: Config, output: Path) -> None:
     use_threads(config.threads)
     twin = read_twin(config)
     rng = np.random.default_rng(_key(twin, config.seed))
+    times = clock_of(config)
     system = System(config.system, config.where)
+    inputs = driven(system, config, times)
+    system = under(system, inputs)
     with stage("record the hidden truth") as report, torch.no_grad():
-        times, states = simulate_truth(system, twin, config, rng, lambda done: report(done, ""))
+        states = simulate_truth(system, twin, config, times, rng, lambda done: report(done, ""))
         count = int((times <= config.recording.duration * (1 + 1e-9)).sum())
-        recording = observe(system, states[:count], times[:count], twin, config, rng)
+        read = observe(system, states[:count], times[:count], twin, config, rng)
+        recording = replace(read, inputs=inputs)
     make_output(str(output))
     write_netcdf(recording, output / "recording.nc", [axis.name for axis in system.axes])
     duration = config.recording.duration

@@ -36,16 +36,17 @@ FORECAST = 1.5
 
 
 def simulate_truth(
-    system: System, twin: Twin, config: Config, rng: np.random.Generator, progress: Progress | None
-) -> tuple[Tensor, Tensor]:
-    """Return times ``(time,)`` and the truth ``(time, field, *grid)`` on the simulator's grid."""
-    every = config.recording.every
-    assert every is not None
-    samples = round(FORECAST * config.recording.duration / every)
-    times = torch.arange(samples + 1, dtype=torch.float64) * every
+    system: System,
+    twin: Twin,
+    config: Config,
+    times: Tensor,
+    rng: np.random.Generator,
+    progress: Progress | None,
+) -> Tensor:
+    """Return the truth ``(time, field, *grid)`` on the simulator's grid."""
     lawful = with_law(system, twin)
     start = draw_start(system, lawful if twin.own_start else system, twin, config, rng)
-    return times, run_truth(lawful, start, times, progress)
+    return run_truth(lawful, start, times, progress)
 
 
 def with_law(system: System, twin: Twin) -> System:
@@ -149,6 +150,14 @@ def observe(
         stated = std * twin.stated if std > 0 else None
         sensors.append(type(sensor)(sensor.name, sensor.reads, sensor.position, stated))
     return Recording(tuple(sensors), times.numpy(), noisy)
+
+
+def clock_of(config: Config) -> Tensor:
+    """Return the times of a recording's samples, and of as many as forecasts need, ``(time,)``."""
+    every = config.recording.every
+    assert every is not None
+    samples = round(FORECAST * config.recording.duration / every)
+    return torch.arange(samples + 1, dtype=torch.float64) * every
 
 
 def place_sensors(system: System, config: Config, rng: np.random.Generator) -> list[Sensor]:

@@ -238,14 +238,15 @@ def recorded(config):
     """Return the truth's times and states as the recorder makes them, and its random stream."""
     from dashred.physics.system import System
     from dashred.record import _key
-    from dashred.recorder import simulate_truth
+    from dashred.recorder import clock_of, simulate_truth
     from dashred.twin_file import read_twin
 
     twin = read_twin(config)
     rng = np.random.default_rng(_key(twin, config.seed))
     system = System(config.system, config.where)
     with torch.no_grad():
-        times, states = simulate_truth(system, twin, config, rng, None)
+        times = clock_of(config)
+        states = simulate_truth(system, twin, config, times, rng, None)
     return times, states, rng, system
 
 

@@ -144,6 +144,9 @@ class Recording:
     reads: list[str]
     """Of twins: the fields or lets that the sensors read; empty means every field."""
 
+    drive: dict[str, str] = field(default_factory=dict)
+    """Of twins: what drives each input, by its column, as an expression of t."""
+
 
 @dataclass
 class SensorSplit:

@@ -41,14 +41,24 @@ def read_netcdf(path: str, system: Described) -> Recording:
         return f"{path}, sample {sample + 1}" + (f", {sensor!r}" if sensor else "")
 
     recording = checked_recording(sensors, times, values, path=path, place=place)
+    return replace(recording, inputs=_inputs(dataset, system, path))
+
+
+def _inputs(dataset: xr.Dataset, system: Described, path: str) -> Measured:
+    """Return the system's inputs by column: on a clock of their own, or on the recording's."""
+    clock = "input_time" if "input_time" in dataset.variables else "time"
+    times = _numbers(dataset, clock, (clock,), path)
+    if not np.all(np.diff(times) > 0):
+        raise InputError(f"{clock!r} does not increase", where=path)
     columns = {
-        column: _numbers(dataset, column, ("time",), path) for column in system.inputs.values()
+        column: _numbers(dataset, column, (clock,), path) for column in system.inputs.values()
     }
     for column, found in columns.items():
         if np.isnan(found).any():
             sample = int(np.flatnonzero(np.isnan(found))[0])
-            raise InputError("this input is missing here", where=place(sample, column))
-    return replace(recording, inputs=Measured(times, columns))
+            where = f"{path}, sample {sample + 1}, {column!r}"
+            raise InputError("this input is missing here", where=where)
+    return Measured(times, columns)
 
 
 def _load(path: str) -> xr.Dataset:

@@ -17,7 +17,8 @@ def write_netcdf(
     """Write a recording at once or not at all; equal recordings give equal bytes.
 
     Variables: ``value`` (time, sensor), ``time``, and along ``sensor``: ``name``, ``reads``,
-    ``std`` (NaN if unknown) and one coordinate for each axis; along ``time`` each measured input.
+    ``std`` (NaN if unknown) and one coordinate for each axis; along ``input_time``, a clock of
+    their own, the measured inputs, if there are any.
 
     Args:
         recording: what to write.
@@ -26,7 +27,7 @@ def write_netcdf(
     """
     import xarray as xr  # takes a second, which reading a CSV need not wait for
 
-    sensors = recording.sensors
+    sensors, inputs = recording.sensors, recording.inputs
     places = {
         axes[index]: ("sensor", [sensor.position[index] for sensor in sensors])
         for index in range(len(sensors[0].position))
@@ -35,10 +36,11 @@ def write_netcdf(
     dataset = xr.Dataset(
         {
             "value": (("time", "sensor"), recording.values),
-            **{column: ("time", found) for column, found in recording.inputs.values.items()},
+            **{column: ("input_time", found) for column, found in inputs.values.items()},
         },
         coords={
             "time": ("time", recording.times),
+            **({"input_time": ("input_time", inputs.times)} if inputs.values else {}),
             "name": ("sensor", list(recording.names), {"cf_role": "timeseries_id"}),
             "reads": ("sensor", [sensor.reads for sensor in sensors]),
             "std": ("sensor", stds),

@@ -10,9 +10,9 @@ from torch import Tensor
 
 from dashred.config import Config
 from dashred.physics.library import build_library
-from dashred.physics.measured import Measured
 from dashred.physics.system import System, Term
 from dashred.sensing.clock import resample
+from dashred.sensing.driving import under
 from dashred.sensing.noise import noise_std
 from dashred.sensing.observation import ObservationOperator
 from dashred.sensing.reader import read_recording
@@ -74,9 +74,7 @@ def pose(config: Config) -> Problem:
     assert config.recording.path is not None
     table = config.recording.sensors if isinstance(config.recording.sensors, str) else None
     raw = read_recording(config.recording.path, table, system)
-    columns = raw.inputs.values
-    measured = {name: columns[column] for name, column in system.inputs.items()}
-    system = System(config.system, config.where, Measured(raw.inputs.times, measured))
+    system = under(system, raw.inputs)
     recording, clock = resample(raw, config.recording.every)
     split = split_recording(recording, config.splits, config.seed)
     return Problem(

@@ -20,7 +20,7 @@ from dashred.physics.library import build_library
 from dashred.physics.prior import nominal_start
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System
-from dashred.recorder import observe, simulate_truth
+from dashred.recorder import clock_of, observe, simulate_truth
 from dashred.sensing.observation import ObservationOperator
 from dashred.sensing.pod import POD
 from dashred.sensing.scaler import Scaler
@@ -39,7 +39,8 @@ def test_algorithm_1_finds_the_law_of_the_rde_in_the_true_field(twin, tolerance)
     hidden = read_twin(config)
     system, rng = System(config.system, config.where), np.random.default_rng(0)
     with torch.no_grad():
-        times, states = simulate_truth(system, hidden, config, rng, None)
+        times = clock_of(config)
+        states = simulate_truth(system, hidden, config, times, rng, None)
         count = int((times <= config.recording.duration * (1 + 1e-9)).sum())
         times, states = times[:count], states[:count]
         sensors = observe(system, states, times, hidden, config, rng).sensors

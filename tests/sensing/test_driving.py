@@ -1,0 +1,63 @@
+"""The inputs of twins: driven past the recording's end, written, and read again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from dashred.config import load_config
+from dashred.errors import InputError
+from dashred.physics.system import System
+from dashred.recorder import FORECAST, clock_of
+from dashred.sensing.driving import driven, under
+from dashred.sensing.read_netcdf import read_netcdf
+from dashred.sensing.recording import Recording
+from dashred.sensing.sensors import Sensor
+from dashred.sensing.write_netcdf import write_netcdf
+
+
+@pytest.fixture
+def circuit():
+    config = load_config(["conf=rlc", "twin=null"], entry="record")
+    return System(config.system, config.where), config
+
+
+def test_a_drive_is_known_as_far_as_forecasts_go(circuit) -> None:
+    system, config = circuit
+    times = clock_of(config)
+    inputs = driven(system, config, times)
+    t = times.numpy()
+    assert t[-1] == pytest.approx(FORECAST * config.recording.duration)
+    expected = 0.5 * np.sin(1.1 * t) + 0.3 * np.sin(2.3 * t)
+    np.testing.assert_allclose(inputs.values["voltage"], expected, atol=1e-12)
+    [now] = under(system, inputs).measured.at(float(t[7])).values()
+    assert float(now) == pytest.approx(expected[7])
+
+
+def test_it_is_written_on_a_clock_of_its_own_and_read_again(circuit, tmp_path: Path) -> None:
+    system, config = circuit
+    times = clock_of(config)
+    inputs = driven(system, config, times)
+    count = 11
+    values = torch.zeros((count, 1)).double().numpy()
+    recording = Recording((Sensor("s1", "Q", (), 0.1),), times[:count].numpy(), values, inputs)
+    write_netcdf(recording, tmp_path / "r.nc")
+    again = read_netcdf(str(tmp_path / "r.nc"), system)
+    assert len(again.times) == count and again.sha256() == recording.sha256()
+    np.testing.assert_array_equal(again.inputs.times, inputs.times)
+    np.testing.assert_array_equal(again.inputs.values["voltage"], inputs.values["voltage"])
+
+
+@pytest.mark.parametrize(
+    ("drive", "problem"),
+    [({}, "nothing drives"), ({"voltage": "0.5*Q"}, "reads t alone")],
+)
+def test_an_input_without_a_drive_of_time_is_refused(circuit, drive, problem) -> None:
+    system, config = circuit
+    bare = replace(config, recording=replace(config.recording, drive=drive))
+    with pytest.raises(InputError, match=problem):
+        driven(system, bare, clock_of(config))
