@@ -23,7 +23,7 @@ class Recording:
         sensors: one for each column of ``values``, with unique names.
         times: (time,) float64, strictly increasing, in the unit of the system's ``t``.
         values: (time, sensor) float64, in the unit of what each sensor reads; NaN is missing.
-        inputs: what was measured of the system's inputs, by column, at the times of the file.
+        inputs: what was measured of the system's inputs, by column, on a clock of their own.
     """
 
     sensors: tuple[Sensor, ...]
@@ -79,5 +79,6 @@ class Recording:
         # Every missing value the same NaN, whose bits differ between file formats.
         digest.update(np.where(np.isnan(self.values), np.nan, self.values).astype("<f8").tobytes())
         for column, values in self.inputs.values.items():
-            digest.update(column.encode() + values.astype("<f8").tobytes())
+            digest.update(column.encode() + self.inputs.times.astype("<f8").tobytes())
+            digest.update(values.astype("<f8").tobytes())
         return digest.hexdigest()

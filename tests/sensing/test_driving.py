@@ -42,7 +42,7 @@ def test_it_is_written_on_a_clock_of_its_own_and_read_again(circuit, tmp_path: P
     system, config = circuit
     times = clock_of(config)
     inputs = driven(system, config, times)
-    count = 11
+    count = 21
     values = torch.zeros((count, 1)).double().numpy()
     recording = Recording((Sensor("s1", "Q", (), 0.1),), times[:count].numpy(), values, inputs)
     write_netcdf(recording, tmp_path / "r.nc")
