@@ -10,24 +10,16 @@ import numpy as np
 import pytest
 from torch import Tensor
 
+from dashred.physics.grid import Axis
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import Sensor
-
-
-@dataclass(frozen=True)
-class PlainAxis:
-    """An axis as the tests need it."""
-
-    name: str
-    length: float
-    points: int
 
 
 @dataclass(frozen=True)
 class PlainSystem:
     """Fields ``u, v`` and one derived quantity, ``speed = u² + t·v``."""
 
-    axes: tuple[PlainAxis, ...] = ()
+    axes: tuple[Axis, ...] = ()
     spectral: bool = True
     fields: tuple[str, ...] = ("u", "v")
     lets: tuple[str, ...] = ("speed",)
@@ -49,7 +41,7 @@ def ode() -> PlainSystem:
 @pytest.fixture
 def ring() -> PlainSystem:
     """A periodic axis x of length 2, 16 points."""
-    return PlainSystem((PlainAxis("x", 2.0, 16),))
+    return PlainSystem((Axis("x", 2.0, 16),))
 
 
 @pytest.fixture
@@ -57,7 +49,7 @@ def make_system() -> Callable[..., PlainSystem]:
     """Make a system of (name, length, points) for each axis."""
 
     def make(*axes: tuple[str, float, int], spectral: bool = True) -> PlainSystem:
-        return PlainSystem(tuple(PlainAxis(*axis) for axis in axes), spectral)
+        return PlainSystem(tuple(Axis(*axis) for axis in axes), spectral)
 
     return make
 
