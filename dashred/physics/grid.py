@@ -121,7 +121,9 @@ class Grid:
 
     def own(self, states: Tensor) -> Tensor:
         """Return states ``(…, *grid)`` without the mirror images beyond ends."""
-        return states[(..., *(axis.own for axis in self.axes))]
+        for dim, axis in zip(self.dims, self.axes, strict=True):
+            states = states.narrow(dim, 0, axis.own.stop)
+        return states
 
     @cached_property
     def wavenumbers(self) -> tuple[Tensor, ...]:

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from dashred.physics.compiled_ode import CompiledOde
-from dashred.physics.measured import Measured
+from dashred.physics.measured import Array, Measured
 from dashred.physics.simulate import simulate
 from dashred.physics.simulator import compiled
 from dashred.physics.system import System
@@ -41,9 +41,9 @@ recording: {twin: a, sensors: 4, noise: 0, duration: 1, every: 0.1}
 TIMES = torch.arange(21, dtype=torch.float64) * 0.1
 
 
-def driven(folder: Path, text: str, values: np.ndarray, every: float = 0.1) -> System:
+def driven(folder: Path, text: str, values: Array, every: float = 0.1) -> System:
     system = laws.declared(folder, text)
-    times = np.arange(len(values)) * every
+    times = np.arange(len(values), dtype=np.float64) * every
     return System(system.config, system.where, Measured(times, {"e": values}))
 
 
