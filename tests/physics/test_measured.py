@@ -54,7 +54,7 @@ def test_between_samples_lies_a_straight_line_and_beyond_them_nothing_changes() 
 
 
 def test_a_ramp_charges_a_capacitor_as_it_should(tmp_path: Path) -> None:
-    system = driven(tmp_path, CIRCUIT, np.arange(21) * 0.1)
+    system = driven(tmp_path, CIRCUIT, np.linspace(0.0, 2.0, 21))
     [path] = simulate(system, torch.zeros((1, 1), dtype=torch.float64), TIMES)
     exact = TIMES - 0.5 * (1 - torch.exp(-TIMES / 0.5))
     torch.testing.assert_close(path[:, 0], exact, rtol=0, atol=1e-9)
