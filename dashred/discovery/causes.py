@@ -108,6 +108,11 @@ def weigh(
     found = _without_places(best, null)
     if fault is not None:
         found += faulty_or_not([nothing_without(null, forced, noise)], fault.sensor)
+
+    def further_laws() -> list[Cause]:
+        reach = beyond(forced.objective.shooting.candidates)
+        return laws_beyond(_of(everything, *reach), forced, everywhere)
+
     explained = min(found, key=_score)
     simple = len(explained.law.candidates) <= SIMPLE
     if explained is not found[0] and simple and explained.law.chi2 < EXPLAINED:
@@ -124,8 +129,7 @@ def weigh(
         found += local
         if gain > MISSING or len(first.law.candidates) >= SIMPLE:
             report(0.8, "screening terms beyond the library")
-            reach = beyond(forced.objective.shooting.candidates)
-            further = laws_beyond(_of(everything, *reach), forced, everywhere)
+            further = further_laws()
             if fault is not None:
                 further = faulty_or_not(further, fault.sensor)
             gain = _gain_of(further, first, gain, size)
@@ -135,8 +139,7 @@ def weigh(
         whole = _through(everything, compiled())
         bound = best.law.score + HOPELESS
         found += local_laws(whole, 0, _alike(everything, best), forced, null.law.score, bound)
-        reach = beyond(forced.objective.shooting.candidates)
-        found += laws_beyond(_of(everything, *reach), forced, everywhere)
+        found += further_laws()
     if unclear:
         found = _under_its_own_noise(found)
     nothing = next(cause for cause in found if not cause.law.parts)

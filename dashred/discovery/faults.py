@@ -146,7 +146,7 @@ def _about(objective: Objective, states: Tensor, fault: Fault) -> tuple[Tensor, 
     columns = noise.whiten(shooting.columns(states, begin).movedim(-1, 0)).flatten(1).T
     moved = torch.zeros_like(objective.recorded)
     stated = shooting.operator(states)[:, fault.sensor]
-    moved[:, fault.sensor] = shooting.at(states, begin) - stated
+    moved[:, fault.sensor] = shooting.at(states, begin[None])[:, 0] - stated
     return begin, columns, noise.whiten(moved).flatten()
 
 
@@ -161,16 +161,11 @@ def _sought(shooting: MovedShooting, trace: Tensor, sigma: Tensor, states: Tenso
     """
     axes = shooting.simulator.system.axes
     shares = sorted({sign * share for share in SOUGHT for sign in (-1.0, 1.0)}, key=abs)
-    places = [
-        torch.tensor(place, dtype=torch.float64) for place in product(shares, repeat=len(axes))
-    ]
+    places = torch.tensor(list(product(shares, repeat=len(axes))), dtype=torch.float64)
     lengths = torch.tensor([axis.length for axis in axes], dtype=torch.float64)
-
-    def misfit(place: Tensor) -> float:
-        left = (shooting.at(states, place * lengths) - trace) / sigma
-        return float(left.nan_to_num().square().sum() + (place / MISPLACED).square().sum())
-
-    return min(places, key=misfit) * lengths
+    left = (shooting.at(states, places * lengths) - trace[:, None]) / sigma
+    misfits = left.nan_to_num().square().sum(dim=0) + (places / MISPLACED).square().sum(dim=1)
+    return places[int(misfits.argmin())] * lengths
 
 
 def _penalty(objective: Objective, fault: Fault) -> float:

@@ -90,22 +90,30 @@ class MovedShooting(Shooting):
         for axis, h in enumerate(self.reach):
             step = torch.zeros_like(here)
             step[axis] = h
-            ahead, behind = self.at(states, here + step), self.at(states, here - step)
+            ahead, behind = self.at(states, torch.stack([here + step, here - step])).unbind(-1)
             found[:, self.sensor, axis] = (ahead - behind) / (2 * h)
         return found
 
-    def at(self, states: Tensor, delta: Tensor) -> Tensor:
-        """Return what the sensor reads a distance δ off its stated place, ``(…, time)``."""
+    def at(self, states: Tensor, deltas: Tensor) -> Tensor:
+        """Return what the sensor reads off its stated place, ``(…, time, place)``.
+
+        Args:
+            states: ``(…, time, field, *grid)``.
+            deltas: distances δ, ``(place, axis)``.
+        """
         sensor, system = self.operator.sensors[self.sensor], self.simulator.system
-        place = tuple(
-            axis.inside(x + d)
-            for x, d, axis in zip(sensor.position, delta.tolist(), system.axes, strict=True)
-        )
-        return ObservationOperator([replace(sensor, position=place)], system)(states)[..., 0]
+        stated = list(zip(sensor.position, system.axes, strict=True))
+        moved = [
+            tuple(axis.inside(x + d) for (x, axis), d in zip(stated, delta, strict=True))
+            for delta in deltas.tolist()
+        ]
+        return ObservationOperator([replace(sensor, position=p) for p in moved], system)(states)
 
     def _moved(self, states: Tensor, delta: Tensor) -> Tensor:
         """Return what the sensor reads where it stands, ``(batch, time)``."""
-        return torch.stack([self.at(s, d) for s, d in zip(states, delta, strict=True)])
+        return torch.stack(
+            [self.at(s, d[None])[..., 0] for s, d in zip(states, delta, strict=True)]
+        )
 
 
 def _plain(faulty: Shooting) -> Shooting:

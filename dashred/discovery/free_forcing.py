@@ -148,12 +148,11 @@ def _forced(objective: Objective, phi: Tensor, equations: Sequence[int]) -> Free
 
 def _lost(forced: FreeForcing) -> bool:
     """Tell whether a forcing, as large as it may be, leaves far more than noise at most sensors."""
-    objective = forced.objective
-    [readings] = objective.shooting.readings(*objective.split(forced.phi[None]))
-    left = objective.noise.whiten(readings - objective.recorded).square().sum(dim=0)
+    objective, normal = forced.objective, forced.normal
+    left = normal.residuals.reshape(objective.recorded.shape).square().sum(dim=0)
     ratios = (left / objective.noise.seen.sum(dim=0).clamp(min=1)).sqrt()
-    # A trajectory that blows up leaves no number at all.
-    return not float(ratios.median()) <= LOST
+    # Of a trajectory that blows up the residuals say nothing.
+    return not normal.finite or float(ratios.median()) > LOST
 
 
 def force(objective: Objective, phi: Tensor, size: Tensor) -> tuple[FreeForcing, float]:
