@@ -78,17 +78,17 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth]:
     exact, coefficient_error = score_law(findings, truth.terms, hidden.parameters)
     known: dict[str, np.ndarray] = {}
     if "estimates.nc" in frozen:
-        estimates = _load(output / "estimates.nc")
-        real = _truth_of(estimates, truth, fields, sealed)
+        estimates = load_fields(output / "estimates.nc")
+        real = true_states(estimates, truth, fields, sealed)
         known = scaled_errors(estimates, real, fields)
         errors = {method: rmse_by_time(error) for method, error in known.items()}
         _draw(output, estimates, real, fields, errors)
     beyond: dict[str, np.ndarray] = {}
     if "forecast.nc" in frozen:
-        forecast = _load(output / "forecast.nc")
+        forecast = load_fields(output / "forecast.nc")
         if float(forecast["time"].min()) <= truth.duration:
             raise ValueError("forecast.nc reaches into the recording")
-        beyond = scaled_errors(forecast, _truth_of(forecast, truth, fields, sealed), fields)
+        beyond = scaled_errors(forecast, true_states(forecast, truth, fields, sealed), fields)
     return Score(
         exact_support=exact,
         coefficient_error=coefficient_error,
@@ -107,17 +107,22 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth]:
     ), truth
 
 
-def _load(path: Path) -> xr.Dataset:
+def load_fields(path: Path) -> xr.Dataset:
+    """Read fields by method, dims ``(method, time, *axes)``."""
     import xarray as xr
 
     with xr.open_dataset(path, engine="h5netcdf") as dataset:
         return dataset.load()
 
 
-def _truth_of(
+def true_states(
     estimates: xr.Dataset, truth: Truth, fields: tuple[str, ...], sealed: Path
 ) -> np.ndarray:
-    """Return the true states at the estimates' times, ``(time, field, *grid)``."""
+    """Return the true states at the estimates' times, ``(time, field, *grid)``.
+
+    Raises:
+        InputError: the truth is that of another recording or another system.
+    """
     import numpy as np
 
     times, clock = estimates["time"].values, truth.times.numpy()

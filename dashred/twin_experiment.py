@@ -72,8 +72,7 @@ def _run(
         shutil.move(private / "recording.nc", recording)
         with _open_run(config, experiment, store) as run, _standby("score") as scorer:
             output = named or run.artifact_dir
-            told = [word for word in words if not word.startswith(TWIN) or word.startswith(CLOCK)]
-            told += [f"recording.path={recording}", f"output={output}"]
+            told = words_of_analysis(words, recording, output)
             _tell(analyser, [*told, f"tracking.run={run.run_id}"])
             _wait(analyser)
             shutil.copyfile(recording, output / "recording.nc")
@@ -82,6 +81,12 @@ def _run(
             _tell(scorer, place)
             _wait(scorer)
             shutil.copyfile(sealed, output / "sealed.nc")
+
+
+def words_of_analysis(words: list[str], recording: Path, output: Path) -> list[str]:
+    """Return what an analysis is told: nothing of the twin but where its recording lies."""
+    told = [word for word in words if not word.startswith(TWIN) or word.startswith(CLOCK)]
+    return [*told, f"recording.path={recording}", f"output={output}"]
 
 
 @contextmanager

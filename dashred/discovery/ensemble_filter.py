@@ -68,6 +68,8 @@ class Filtered:
         coefficients_anomalies: ``(member, term)``.
         innovations: observation minus forecast, ``(time, sensor)``; NaN where missing.
         innovation_std: what the filter expected of them, ``(time, sensor)``.
+        means: of the state at every sample, given the observations so far,
+            ``(time, field, *grid)``.
     """
 
     start_mean: Tensor
@@ -78,6 +80,7 @@ class Filtered:
     coefficients_anomalies: Tensor
     innovations: Tensor
     innovation_std: Tensor
+    means: Tensor
 
 
 @torch.no_grad()
@@ -114,6 +117,7 @@ def ensemble_filter(
     tapers = _Tapers(system, operator, settings, coefficients.shape[1])
     states, starts = members, members
     innovations, stds = torch.full_like(values, torch.nan), torch.full_like(values, torch.nan)
+    means = members.new_empty((len(times), *members.shape[1:]))
     for i in range(len(times)):
         if i:
             forcing = Forcing(resolved, coefficients)
@@ -127,8 +131,9 @@ def ensemble_filter(
         joint = torch.cat([readings, states.flatten(1), starts.flatten(1), coefficients], dim=1)
         joint, innovations[i], stds[i] = _analyse(joint, values[i], noise, tapers.weights)
         states, starts, coefficients = tapers.split(joint)
+        means[i] = states.mean(dim=0)
     parts = [_mean_and_anomalies(part) for part in (starts, states, coefficients)]
-    return Filtered(*parts[0], *parts[1], *parts[2], innovations, stds)
+    return Filtered(*parts[0], *parts[1], *parts[2], innovations, stds, means)
 
 
 class _Tapers:

@@ -125,6 +125,15 @@ class Grid:
             states = states.narrow(dim, 0, axis.own.stop)
         return states
 
+    def ring(self, states: Tensor) -> Tensor:
+        """Return fields ``(…, *grid)`` that :meth:`own` has cropped with their mirror images."""
+        for dim, axis in zip(self.dims, self.axes, strict=True):
+            if not axis.periodic:
+                image = states.narrow(dim, 1, axis.points - 1).flip(dim)
+                sign = 1.0 if axis.ends == "insulated" else -1.0
+                states = torch.cat([states, sign * image], dim=dim)
+        return states
+
     @cached_property
     def wavenumbers(self) -> tuple[Tensor, ...]:
         """Angular wavenumbers k of each axis in ``rfftn`` layout, broadcastable, float64."""

@@ -1,0 +1,44 @@
+"""The other methods on a twin's recording, then the seal.
+
+``python -m dashred.baselines folder=DIR noise=0.01 conf=heat …``, as ``dashred.compare`` calls it.
+Two processes: the first is handed the recording in a folder of its own, where no seal lies, the
+second opens the seal when the first has written what it found.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from dashred.baselines.analyse import FIELDS, LAWS
+from dashred.errors import DONE, run_entry
+from dashred.twin_experiment import words_of_analysis
+
+
+def main(argv: list[str]) -> int:
+    """Analyse and score; returns the exit code of the first process that fails."""
+    own = dict(word.partition("=")[::2] for word in argv if word.startswith(("folder=", "noise=")))
+    words = [word for word in argv if not word.startswith(("folder=", "noise="))]
+    folder = Path(own["folder"])
+    seed = next((word for word in words if word.startswith("seed=")), "seed=0")
+    with tempfile.TemporaryDirectory(prefix="dashred-baselines-") as private:
+        recording = Path(private) / "recording.nc"
+        shutil.copyfile(folder / "recording.nc", recording)
+        told = words_of_analysis(words, recording, Path(private) / "found")
+        if code := _run("dashred.baselines.analyse", told):
+            return code
+        for name in (FIELDS, LAWS):
+            shutil.move(Path(private) / "found" / name, folder / name)
+    return _run("dashred.baselines.score", [f"folder={folder}", f"noise={own['noise']}", seed])
+
+
+def _run(module: str, words: list[str]) -> int:
+    code = subprocess.run([sys.executable, "-m", module, *words], check=False).returncode
+    return DONE if code == DONE else max(code, 1)
+
+
+if __name__ == "__main__":
+    sys.exit(run_entry(main))
