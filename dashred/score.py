@@ -147,15 +147,19 @@ def _draw(
     fields: tuple[str, ...],
     errors: dict[str, np.ndarray],
 ) -> None:
-    from dashred.reporting.figures import rmse_against_time, save_figure, space_time_panels
+    from dashred.reporting.figures import (
+        rmse_against_time,
+        save_figure,
+        snapshot_panels,
+        space_time_panels,
+        state_traces,
+    )
 
     times = estimates["time"].values
     label = "field RMSE / standard deviation"
     figure = rmse_against_time(times, errors, float(times[-1]), label)
     save_figure(figure, output / "rmse_against_time.png")
     axes = [str(dim) for dim in estimates[fields[0]].dims if dim not in ("method", "time")]
-    if len(axes) != 1:
-        return
     panels = {
         field: {
             "truth": real[:, i],
@@ -163,10 +167,14 @@ def _draw(
         }
         for i, field in enumerate(fields)
     }
-    x = estimates[axes[0]].values
-    nowhere: dict[str, list[float]] = {field: [] for field in fields}
-    figure = space_time_panels(times, axes[0], x, panels, nowhere)
-    save_figure(figure, output / "space_time_truth.png")
+    places = {name: estimates[name].values for name in axes}
+    if not axes:
+        save_figure(state_traces(times, panels, {}), output / "state_truth.png")
+    elif len(axes) == 1:
+        figure = space_time_panels(times, axes[0], places[axes[0]], panels, {})
+        save_figure(figure, output / "space_time_truth.png")
+    else:
+        save_figure(snapshot_panels(times, places, panels, {}), output / "snapshots_truth.png")
 
 
 def _print(score: Score) -> None:

@@ -26,9 +26,9 @@ PACKAGES = ("dashred", "datamodules", "callbacks")
 # A bench knows every twin's name, and reads scores: it stands on the scorer's side.
 SECRET_FILES = {
     *("record", "recorder", "score", "sealing", "twin_file", "twin_experiment", "standby"),
-    *("bench", "prove", "publish", "scoring", "cause_scoring", "window_kinds"),
+    *("bench", "compare", "prove", "publish", "scoring", "cause_scoring", "window_kinds"),
 }
-SECRET_PACKAGES = {"benchmark", "proof"}
+SECRET_PACKAGES = {"benchmark", "comparison", "proof"}
 SECRET = SECRET_FILES | SECRET_PACKAGES
 CONCEALED = (
     "conf/twins",

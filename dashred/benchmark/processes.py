@@ -37,7 +37,8 @@ def train_command(words: Sequence[str]) -> list[str]:
 def run_rows(
     rows: Sequence[Row],
     jobs: int,
-    places: Callable[[Row], Sequence[str]],
+    command: Callable[[Row], list[str]],
+    log: str,
     finished: Callable[[Row, int, float], None],
 ) -> None:
     """Run every row; whatever ends this early ends the processes with it.
@@ -45,7 +46,8 @@ def run_rows(
     Args:
         rows: in the order in which they start.
         jobs: how many run at once.
-        places: words that tell a row where its results go.
+        command: of a row.
+        log: name of the file in a row's folder that takes what its process prints.
         finished: takes the row, its exit code and its seconds.
     """
     waiting = deque(rows)
@@ -54,7 +56,7 @@ def run_rows(
         while waiting or running:
             while waiting and len(running) < jobs:
                 row = waiting.popleft()
-                running.append(_start(row, [*row.words, *places(row)]))
+                running.append(_start(row, command(row), log))
             ended = [one for one in running if one.process.poll() is not None]
             for one in ended:
                 running.remove(one)
@@ -65,13 +67,13 @@ def run_rows(
         _end(running)
 
 
-def _start(row: Row, words: Sequence[str]) -> Running:
+def _start(row: Row, command: list[str], log: str) -> Running:
     make_output(str(row.folder))
-    with (row.folder / LOG).open("wb") as log:
+    with (row.folder / log).open("wb") as file:
         process = subprocess.Popen(
-            train_command(words),
+            command,
             stdin=subprocess.DEVNULL,
-            stdout=log,
+            stdout=file,
             stderr=subprocess.STDOUT,
             # Its own group: Ctrl-C reaches it, and the processes below it, through us alone.
             start_new_session=True,

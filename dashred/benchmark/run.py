@@ -9,8 +9,9 @@ from pathlib import Path
 
 from rich.console import Console
 
+from dashred.benchmark import processes
 from dashred.benchmark.plan import Row
-from dashred.benchmark.processes import run_rows
+from dashred.benchmark.processes import LOG, run_rows
 from dashred.benchmark.record import Record, read_done, write_record
 from dashred.benchmark.summary import as_metrics, commits, summarise
 from dashred.benchmark.table import (
@@ -41,10 +42,11 @@ def run_bench(request: Request, rows: Sequence[Row]) -> int:
         records = {row.folder: done for row in rows if (done := read_done(row))}
         waiting = [row for row in rows if row.folder not in records]
         CONSOLE.print(f"{len(rows)} rows, {len(records)} of them done already; in {output}")
-        with _parent_run(output, rows[0].store, rows) as run:
-            root, experiment = rows[0].store
-            shared = [f"tracking.root={root}", f"tracking.experiment={experiment}"]
-            shared += [f"tracking.parent={run.run_id}"]
+        with parent_run(output, rows[0].store, rows) as run:
+            nested = nested_below(run, rows[0].store)
+
+            def command(row: Row) -> list[str]:
+                return processes.train_command([*row.words, *nested, f"output={row.folder}"])
 
             def finished(row: Row, code: int, seconds: float) -> None:
                 records[row.folder] = write_record(row, code, seconds)
@@ -56,7 +58,7 @@ def run_bench(request: Request, rows: Sequence[Row]) -> int:
                 text = f"{place} {row}  {told}  {seconds:.0f} s"
                 CONSOLE.print(text, markup=False, soft_wrap=True)
 
-            run_rows(waiting, request.jobs, lambda row: [*shared, f"output={row.folder}"], finished)
+            run_rows(waiting, request.jobs, command, LOG, finished)
             ended = [records[row.folder] for row in rows]
             _conclude(ended, output, run)
     return OUR_FAILURE if any(record["problem"] for record in ended) else DONE
@@ -81,8 +83,18 @@ def _conclude(records: Sequence[Record], output: Path, run: Tracker) -> None:
         console.print(line, markup=False, soft_wrap=True)
 
 
+def nested_below(run: Tracker, store: tuple[str, str]) -> list[str]:
+    """Return the words that nest a row's own run below the bench's."""
+    root, experiment = store
+    return [
+        f"tracking.root={root}",
+        f"tracking.experiment={experiment}",
+        f"tracking.parent={run.run_id}",
+    ]
+
+
 @contextmanager
-def _parent_run(output: Path, store: tuple[str, str], rows: Sequence[Row]) -> Iterator[Tracker]:
+def parent_run(output: Path, store: tuple[str, str], rows: Sequence[Row]) -> Iterator[Tracker]:
     """Open the run that the rows are nested below: one for each output folder, gone on with."""
     root, experiment = store
     file = output / "bench.json"

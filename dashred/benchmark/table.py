@@ -82,11 +82,13 @@ def to_rich(grid: Grid) -> RichTable:
 
 def to_markdown(grids: Sequence[Grid], notes: Sequence[str]) -> str:
     """Return the whole page."""
-    parts = ["# Bench"]
-    for grid in grids:
-        lines = [grid.header, ["---"] * len(grid.header), *map(_escaped, grid.lines)]
-        parts += [f"## {grid.title}", "\n".join(f"| {' | '.join(line)} |" for line in lines)]
-    return "\n\n".join([*parts, *notes]) + "\n"
+    return "\n\n".join(["# Bench", *map(markdown_grid, grids), *notes]) + "\n"
+
+
+def markdown_grid(grid: Grid) -> str:
+    """Return one table with its title."""
+    lines = [grid.header, ["---"] * len(grid.header), *map(_escaped, grid.lines)]
+    return "\n\n".join([f"## {grid.title}", "\n".join(f"| {' | '.join(x)} |" for x in lines)])
 
 
 def notes(records: Sequence[Record]) -> list[str]:

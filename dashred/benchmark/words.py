@@ -33,7 +33,8 @@ usage: python -m dashred.bench systems=SYSTEM,... [key=value ...]
 Runs `python -m dashred.train` on every combination, each in a process of its own, and ends in a
 table. Rows that are done are not run again: after an interruption, give the same command again.
 
-  systems=rde,pendulum   bundled systems ({bundled}), or paths of YAML files
+  systems=rde,pendulum   bundled systems ({bundled}),
+                         all of them (all), or paths of YAML files
   twins=a,b,null         hidden truths; default: those that start from the simulator's own start
   seeds=0-4 or 0,1,3     default: 0
   noise=0.01,0.05        fraction of each field's standard deviation; default: 0.05
@@ -68,22 +69,27 @@ class Request:
     overrides: tuple[str, ...]
 
 
-def read_words(argv: list[str]) -> Request:
+def read_words(argv: list[str], folder: str = "bench", usage: str = USAGE) -> Request:
     """Read the command line; ``--help`` prints the usage and exits with 0.
+
+    Args:
+        argv: the words.
+        folder: of the checkout, where the results go by default.
+        usage: what ``--help`` prints.
 
     Raises:
         InputError: an unknown word, or a value that cannot be read.
     """
-    default = CHECKOUT / "bench"
+    default = CHECKOUT / folder
     if {"--help", "-h"} & set(argv):
-        print(USAGE.format(bundled=", ".join(bundled()), output=default), end="")
+        print(usage.format(bundled=", ".join(bundled()), output=default), end="")
         raise SystemExit(0)
     given, overrides = _sorted_words(argv)
     if "systems" not in given:
         hint = f"for example systems={','.join(bundled())}"
         raise InputError("which systems? systems= is missing", where=PLACE, hint=hint)
     return Request(
-        systems=_items("systems", given["systems"]),
+        systems=_systems(given["systems"]),
         twins=_items("twins", given["twins"]) if "twins" in given else None,
         seeds=read_seeds(given.get("seeds", "0")),
         noise=_noise(given.get("noise", "0.05")),
@@ -135,6 +141,10 @@ def _sorted_words(argv: list[str]) -> tuple[dict[str, str], tuple[str, ...]]:
             hint = nearest(key, [*OWN, *sections])
             raise InputError(f"unknown key {key}", where=PLACE, hint=hint)
     return given, tuple(overrides)
+
+
+def _systems(text: str) -> tuple[str, ...]:
+    return tuple(bundled()) if text == "all" else _items("systems", text)
 
 
 def _items(key: str, text: str) -> tuple[str, ...]:

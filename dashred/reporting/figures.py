@@ -5,7 +5,9 @@ from dashred.reporting.curves import learning_curves, rmse_against_time, sparsit
 from dashred.reporting.evidence import evidence_figure
 from dashred.reporting.forcing import forcing_figure
 from dashred.reporting.location import LawMap, where_figure
+from dashred.reporting.snapshots import snapshot_panels
 from dashred.reporting.space_time import space_time_panels
+from dashred.reporting.state_traces import state_traces
 from dashred.reporting.style import save_figure
 from dashred.reporting.traces import sensor_traces
 from dashred.reporting.verification import verification_figure
@@ -19,8 +21,10 @@ __all__ = [
     "rmse_against_time",
     "save_figure",
     "sensor_traces",
+    "snapshot_panels",
     "space_time_panels",
     "sparsity_path",
+    "state_traces",
     "verification_figure",
     "where_figure",
 ]

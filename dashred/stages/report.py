@@ -21,6 +21,7 @@ from dashred.reporting.figures import (
     learning_curves,
     save_figure,
     sensor_traces,
+    snapshot_panels,
     space_time_panels,
     sparsity_path,
     verification_figure,
@@ -44,6 +45,7 @@ FIGURES = {
     "What a free forcing would add, where and when": "forcing.png",
     "What the law is worth on data that no fit has seen": "verification.png",
     "The reconstructed field": "space_time.png",
+    "The reconstructed field, at three times": "snapshots.png",
     "All sensors": "sensor_traces.png",
     "What latent SINDy proposes, by epoch": "coefficients.png",
     "Latent SINDy: error against sparsity": "sparsity.png",
@@ -68,8 +70,8 @@ def report(
             path = analysis.discovered.path
             save_figure(evidence_figure(path, findings["terms"] or []), output / "evidence.png")
             _where(problem, analysis, findings["where"], output)
-        if len(problem.system.axes) == 1:
-            _space_time(problem, analysis, output)
+        if problem.system.axes:
+            _fields(problem, analysis, output)
         figures = {
             caption: output / name for caption, name in FIGURES.items() if (output / name).is_file()
         }
@@ -195,9 +197,10 @@ def _curves(analysis: Analysis, output: Path) -> None:
     save_figure(learning_curves(curves, "RMSE / standard deviation"), output / "learning.png")
 
 
-def _space_time(problem: Problem, analysis: Analysis, output: Path) -> None:
+def _fields(problem: Problem, analysis: Analysis, output: Path) -> None:
     system, split = problem.system, problem.split
     count = len(split.fit.times)
+    times, coordinates = problem.times[:count].numpy(), system.grid.own_coordinates
     fields = {
         field: {
             name: system.grid.own(states[:, i]).numpy()
@@ -206,17 +209,21 @@ def _space_time(problem: Problem, analysis: Analysis, output: Path) -> None:
         }
         for i, field in enumerate(system.fields)
     }
-    [axis] = system.axes
     places = {
-        field: [s.position[0] for s in split.fit.sensors if s.reads == field]
+        field: [s.position for s in split.fit.sensors if s.reads == field]
         for field in system.fields
     }
-    figure = space_time_panels(
-        problem.times[:count].numpy(),
-        axis.name,
-        system.grid.own_coordinates[axis.name].numpy(),
-        fields,
-        places,
-        meanings=system.config.fields,
-    )
-    save_figure(figure, output / "space_time.png")
+    if len(system.axes) == 1:
+        [axis] = system.axes
+        figure = space_time_panels(
+            times,
+            axis.name,
+            coordinates[axis.name].numpy(),
+            fields,
+            {field: [x for (x,) in positions] for field, positions in places.items()},
+            meanings=system.config.fields,
+        )
+        save_figure(figure, output / "space_time.png")
+    else:
+        along = {name: x.numpy() for name, x in coordinates.items()}
+        save_figure(snapshot_panels(times, along, fields, places), output / "snapshots.png")

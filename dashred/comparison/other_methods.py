@@ -1,6 +1,7 @@
 """The other methods on a twin's recording, then the seal.
 
-``python -m dashred.baselines folder=DIR noise=0.01 conf=heat …``, as ``dashred.compare`` calls it.
+``python -m dashred.comparison.other_methods folder=DIR noise=0.01 conf=heat …``: one row.
+
 Two processes: the first is handed the recording in a folder of its own, where no seal lies, the
 second opens the seal when the first has written what it found.
 """
@@ -32,7 +33,9 @@ def main(argv: list[str]) -> int:
             return code
         for name in (FIELDS, LAWS):
             shutil.move(Path(private) / "found" / name, folder / name)
-    return _run("dashred.baselines.score", [f"folder={folder}", f"noise={own['noise']}", seed])
+    return _run(
+        "dashred.comparison.method_scores", [f"folder={folder}", f"noise={own['noise']}", seed]
+    )
 
 
 def _run(module: str, words: list[str]) -> int:

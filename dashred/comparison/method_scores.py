@@ -1,4 +1,4 @@
-"""Hold all methods against the hidden truth: ``python -m dashred.baselines.score folder=DIR …``.
+"""Hold all methods against the hidden truth: ``python -m dashred.comparison.method_scores …``.
 
 Everything that read the recording is frozen by here: the findings of the analysis by their own
 freeze, the fields of the other methods by the hash that was kept with them.
@@ -19,7 +19,6 @@ from dashred.findings import check_freeze, sha256_of, write_json_atomic
 if TYPE_CHECKING:
     import numpy as np
 
-    from dashred.sealing import Truth
 
 COMPARED = "compared.json"
 KEYS = ("folder", "noise", "seed")
@@ -56,9 +55,20 @@ def main(argv: list[str]) -> int:
         raise InputError("what to score is missing", where="command line", hint=hint)
     folder = Path(words["folder"])
     check_freeze(folder)
-    compared = compare(folder, float(words["noise"]), int(words["seed"]))
-    write_json_atomic(folder / COMPARED, compared)
+    methods = compare(folder, float(words["noise"]), int(words["seed"]))
+    sha256 = sha256_of(folder / "findings.json")
+    write_json_atomic(folder / COMPARED, {"findings_sha256": sha256, "methods": methods})
     return DONE
+
+
+def read_compared(folder: Path) -> dict[str, Compared] | None:
+    """Return what was made of these findings; None where nothing was, or of earlier ones."""
+    try:
+        record = json.loads((folder / COMPARED).read_text(encoding="utf-8"))
+        same = record["findings_sha256"] == sha256_of(folder / "findings.json")
+        return dict(record["methods"]) if same else None
+    except (OSError, ValueError, KeyError):
+        return None
 
 
 def compare(folder: Path, noise: float, seed: int) -> dict[str, Compared]:
@@ -77,7 +87,7 @@ def compare(folder: Path, noise: float, seed: int) -> dict[str, Compared]:
     from dashred.sealing import open_seal
 
     findings = json.loads((folder / "findings.json").read_text(encoding="utf-8"))
-    others = _others(folder)
+    others = read_others(folder)["methods"]
     truth, fields = open_seal(folder / "sealed.nc")
     law = law_of_truth(findings, truth.terms, truth.concealed.parameters)
     errors: dict[str, float] = {}
@@ -100,11 +110,16 @@ def compare(folder: Path, noise: float, seed: int) -> dict[str, Compared]:
     }
 
 
-def _others(folder: Path) -> dict[str, Any]:
+def read_others(folder: Path) -> dict[str, Any]:
+    """Return what the other methods found.
+
+    Raises:
+        InputError: their fields were changed since.
+    """
     record = json.loads((folder / LAWS).read_text(encoding="utf-8"))
     if sha256_of(folder / FIELDS) != record["fields_sha256"]:
         raise InputError("changed after it was frozen", where=str(folder / FIELDS))
-    return dict(record["methods"])
+    return dict(record)
 
 
 def _laws(findings: Mapping[str, Any]) -> dict[str, list[dict[str, Any]] | None]:
@@ -127,7 +142,7 @@ def _full_field(
     import numpy as np
     import torch
 
-    from dashred.baselines.pde_find import pde_find
+    from dashred.comparison.pde_find import pde_find
     from dashred.physics.library import build_library
     from dashred.score import load_fields
     from dashred.scoring import system_of

@@ -1,0 +1,144 @@
+"""The page of a comparison: ``docs/results.md``."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from dashred.benchmark.summary import commits, spread
+from dashred.benchmark.table import Grid, markdown_grid, rows_grid
+from dashred.comparison.paper import PAPER
+from dashred.comparison.ratios import (
+    FIELDS,
+    LAWS,
+    REFERENCE,
+    ComparedRow,
+    count_laws,
+    groups,
+    median_ratio,
+)
+
+FIGURES = ("space_time_truth.png", "snapshots_truth.png", "state_truth.png")
+
+INTRODUCTION = (
+    "Every number here is of twins: a truth that the analysis does not have, run at doubled "
+    "resolution from a start of its own, is read by a few noisy sensors; the analysis gets these "
+    "readings alone. The seal is opened when all methods have written what they found. The paper "
+    "is Bao & Kutz, *Data assimilation and discrepancy modeling with shallow recurrent decoders* "
+    "(2025), whose code trains on the real full field."
+)
+FIELD_NOTE = (
+    f"RMSE of the whole field over the fit window, over that of the {FIELDS[REFERENCE]} (the "
+    "simulator as it is, begun where the law's fit begins); the median over twins that hide "
+    "something, and seeds. Below 1 is better than the simulation."
+)
+LAW_NOTE = (
+    "Exact: rows in which all true terms were found and no others, of those in which the method "
+    "looked for a law. Then terms, over all rows, nulls among them. Error: median over rows of the "
+    "worst relative error of the true terms found. Latent SINDy's terms are those with a "
+    "coefficient that is not zero; the filter's those whose 95 % interval excludes zero. PDE-FIND "
+    "is given what nobody has, the full field, with the same noise at every point: an upper bound."
+)
+
+
+def write_results(rows: Sequence[ComparedRow], path: Path) -> None:
+    """Write the page, whole or not at all, and its figures in ``figures`` beside it."""
+    page = "\n\n".join(_page(rows, path.parent / "figures")) + "\n"
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        partial.write_text(page, encoding="utf-8")
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _page(rows: Sequence[ComparedRow], figures: Path) -> Iterator[str]:
+    yield "# Every system of the paper, against the paper"
+    yield INTRODUCTION
+    yield markdown_grid(_against_the_paper(rows))
+    noises = list(dict.fromkeys(row.record["noise"] for row in rows))
+    for noise in noises:
+        yield markdown_grid(_fields([row for row in rows if row.record["noise"] == noise], noise))
+    yield FIELD_NOTE
+    for noise in noises:
+        yield markdown_grid(_laws([row for row in rows if row.record["noise"] == noise], noise))
+    yield LAW_NOTE
+    yield markdown_grid(rows_grid([row.record for row in rows]))
+    yield "## Figures"
+    yield from _figures(rows, figures)
+    yield f"Code: {', '.join(commits(row.record for row in rows))}."
+
+
+def _against_the_paper(rows: Sequence[ComparedRow]) -> Grid:
+    header = ("system", "noise", "the paper hides", "the paper finds", "the paper's gain")
+    header += ("dashred: exact law", "coefficient error", "error falls", "seconds")
+    lines = []
+    for (system, noise), group in groups(rows).items():
+        claim = PAPER.get(system)
+        exact = [row for row in group if row.record["exact_support"]]
+        error = spread(row.record["coefficient_error"] for row in exact if not row.record["null"])
+        ratio = median_ratio(group, "corrected")
+        seconds = spread(row.record["seconds"].get("in all") for row in group)
+        lines.append(
+            [
+                system,
+                f"{noise:.0%}".replace("%", " %"),
+                *(claim or ("not in the paper", "", "")),
+                f"{len(exact)} of {len(group)}",
+                _share(error["median"]),
+                "" if ratio is None else f"{1 / ratio:.3g}×",
+                "" if seconds["median"] is None else f"{seconds['median']:.0f}",
+            ]
+        )
+    return Grid("The paper, and dashred from sensors alone", header, lines)
+
+
+def _fields(rows: Sequence[ComparedRow], noise: float) -> Grid:
+    systems = list(dict.fromkeys(row.record["system"] for row in rows))
+    lines = []
+    for method, name in FIELDS.items():
+        ratios = [
+            median_ratio([row for row in rows if row.record["system"] == system], method)
+            for system in systems
+        ]
+        lines.append([name, *("" if ratio is None else f"{ratio:.3g}" for ratio in ratios)])
+    return Grid(f"The field, at {100 * noise:g} % noise", ["", *systems], lines)
+
+
+def _laws(rows: Sequence[ComparedRow], noise: float) -> Grid:
+    lines = []
+    for method, name in LAWS.items():
+        count = count_laws(rows, method)
+        if count is not None:
+            numbers = (count.found, count.spurious, count.missed)
+            exact = f"{count.exact} of {count.rows}"
+            lines.append([name, exact, *map(str, numbers), _share(count.error)])
+    header = ("", "exact", "found", "spurious", "missed", "error")
+    return Grid(f"The law, at {100 * noise:g} % noise", header, lines)
+
+
+def _figures(rows: Sequence[ComparedRow], folder: Path) -> Iterator[str]:
+    """Copy the picture of each system's first row that hides something."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for system, row in _first(rows):
+        for name in FIGURES:
+            if (row.folder / name).is_file():
+                target = folder / f"results_{system}.png"
+                shutil.copyfile(row.folder / name, target)
+                yield f"**{system}**, twin {row.record['twin']}, noise {row.record['noise']:g}"
+                yield f"![{system}: truth and methods]({folder.name}/{target.name})"
+
+
+def _first(rows: Iterable[ComparedRow]) -> Iterator[tuple[str, ComparedRow]]:
+    seen = set()
+    for row in rows:
+        system = row.record["system"]
+        if system not in seen and not row.record["null"]:
+            seen.add(system)
+            yield system, row
+
+
+def _share(value: float | None) -> str:
+    return "" if value is None else f"{100 * value:.2g} %"

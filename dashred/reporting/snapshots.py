@@ -1,0 +1,85 @@
+"""Snapshots of a field on a plane: one time and field per row, one method per column."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from dashred.reporting.style import method_name, new_figure, style
+
+Field = Float[np.ndarray, "time x y"]
+
+# Of the fit window: its beginning, its middle, and its end.
+SHOWN = (0.1, 0.5, 1.0)
+
+
+def snapshot_panels(
+    times: Float[np.ndarray, " time"],
+    coordinates: Mapping[str, Float[np.ndarray, " point"]],
+    fields: Mapping[str, Mapping[str, Field]],
+    sensors: Mapping[str, Sequence[tuple[float, ...]]],
+) -> Figure:
+    """Draw each field at three times for each method, a row on one colour scale.
+
+    Where a method called `truth` is among them, the others' panels tell their error against it at
+    that time, in units of the true field's standard deviation. `coordinates` are those of the two
+    axes, `fields` maps field to method to values, `sensors` gives the places of each field's.
+    """
+    shown = [round(share * (len(times) - 1)) for share in SHOWN]
+    rows = [(field, index) for field in fields for index in shown]
+    columns = list(dict.fromkeys(method for kinds in fields.values() for method in kinds))
+    (x_name, x), (y_name, y) = coordinates.items()
+    frame = (x[0], 2 * x[-1] - x[-2], y[0], 2 * y[-1] - y[-2])
+    with style():
+        figure = new_figure(1.3 + 2.05 * len(columns), 0.7 + 2.0 * len(rows))
+        grid = figure.subplots(len(rows), len(columns), sharex=True, sharey=True, squeeze=False)
+        for line, (field, index) in zip(grid, rows, strict=True):
+            _draw_row(figure, line, fields[field], columns, index, frame, field)
+            line[0].set_ylabel(f"t = {times[index]:.4g}\n{y_name}")
+            _mark(line[0], sensors.get(field, ()))
+        for axes, method in zip(grid[0], columns, strict=True):
+            below = axes.get_title()
+            axes.set_title("\n".join(filter(None, [method_name(method), below])), fontsize=9)
+        for axes in grid[-1]:
+            axes.set_xlabel(x_name)
+    return figure
+
+
+def _draw_row(
+    figure: Figure,
+    line: np.ndarray,
+    kinds: Mapping[str, Field],
+    columns: Sequence[str],
+    index: int,
+    frame: tuple[float, ...],
+    label: str,
+) -> None:
+    # A wild reconstruction must not wash out the others: the reference alone sets the scale.
+    reference = kinds.get("truth", next(iter(kinds.values())))
+    low, high = np.nanpercentile(reference[index], (0.2, 99.8))
+    middle = (low + high) / 2
+    half = max((high - low) / 2, 1e-12)
+    for axes, method in zip(line, columns, strict=True):
+        axes.grid(False)
+        image = axes.imshow(
+            kinds[method][index].T,
+            origin="lower",
+            extent=(frame[0], frame[1], frame[2], frame[3]),
+            vmin=middle - half,
+            vmax=middle + half,
+            interpolation="nearest",
+        )
+        if method != "truth" and "truth" in kinds:
+            error = kinds[method][index] - kinds["truth"][index]
+            rmse = np.sqrt(np.nanmean(error**2)) / (np.nanstd(kinds["truth"]) or 1.0)
+            axes.set_title(f"error {rmse:.2g} std", fontsize=8, color="#4d4d4d")
+    figure.colorbar(image, ax=line.tolist(), label=label, extend="both", pad=0.01, aspect=16)
+
+
+def _mark(axes: Axes, places: Sequence[tuple[float, ...]]) -> None:
+    """Mark the places of sensors."""
+    if places:
+        x, y = zip(*places, strict=True)
+        axes.plot(x, y, "o", markersize=3.2, color="white", markeredgecolor="black", linewidth=0)

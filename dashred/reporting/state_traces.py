@@ -1,0 +1,42 @@
+"""The state of a system without space against time, by method."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.figure import Figure
+
+from dashred.reporting.style import method_look, method_name, new_figure, style
+
+Trace = Float[np.ndarray, " time"]
+
+
+def state_traces(
+    times: Float[np.ndarray, " time"],
+    fields: Mapping[str, Mapping[str, Trace]],
+    meanings: Mapping[str, str],
+) -> Figure:
+    """Draw each field against time, one line a method, and below it the errors against `truth`.
+
+    `fields` maps field to method to values, `truth` among them; `meanings` tells what a field is.
+    """
+    with style():
+        figure = new_figure(8.6, 0.6 + 2.6 * len(fields))
+        grid = figure.subplots(
+            2 * len(fields), 1, sharex=True, height_ratios=(1.6, 1) * len(fields)
+        )
+        for index, (field, kinds) in enumerate(fields.items()):
+            values, errors = grid[2 * index], grid[2 * index + 1]
+            for place, (method, trace) in enumerate(kinds.items()):
+                look = method_look(method, place)
+                values.plot(times, trace, label=method_name(method), **look)
+                if method != "truth":
+                    error = np.abs(trace - kinds["truth"])
+                    errors.semilogy(times, np.maximum(error, 1e-12), **look)
+            values.set_ylabel(f"{field}\n{meanings[field]}" if field in meanings else field)
+            errors.set_ylabel("error")
+        handles, labels = grid[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper left", ncols=len(handles))
+        grid[-1].set_xlabel("time")
+        grid[-1].set_xlim(times[0], times[-1])
+    return figure
