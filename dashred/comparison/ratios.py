@@ -17,6 +17,7 @@ FIELDS = {
     "simulation_same_start": "simulation, same start",
     "simulation_refit": "simulation, best start",
     "optimal_interpolation": "optimal interpolation",
+    "closed_form": "closed form of linear systems",
     "filter_state": "ensemble Kalman filter",
     "filter_augmented": "the same, with coefficients",
     "shred_plain": "SHRED, plain",
@@ -29,6 +30,7 @@ LAWS = {
     "latent_alg1": "latent SINDy, Algorithm 1",
     "latent_alg2": "latent SINDy, Algorithm 2",
     "filter_augmented": "ensemble Kalman filter with coefficients",
+    "closed_form": "closed form of linear systems",
     "pde_find": "PDE-FIND, given the full noisy field",
     "corrected": "dashred",
 }

@@ -23,10 +23,10 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 NEEDED = ("dashred", "datamodules", "callbacks", "conf")
 # Whatever draws, records, opens or scores.
 CONCEALED = (
-    *("twins", "proof", "benchmark", "__pycache__"),
+    *("twins", "proof", "benchmark", "comparison", "__pycache__"),
     *("record.py", "recorder.py", "sealing.py", "twin_file.py", "twin_experiment.py"),
     *("score.py", "scoring.py", "cause_scoring.py", "window_kinds.py", "bench.py", "prove.py"),
-    *("publish.py", "standby.py", "faulty.py"),
+    *("compare.py", "publish.py", "standby.py", "faulty.py"),
 )
 # An analysis that takes so many seconds will not end.
 LIMIT = 3600.0
