@@ -207,5 +207,8 @@ def _choose(free: Fitted, shapes: Tensor, readings: int) -> list[int]:
         return left + math.log(readings) * len(members)
 
     indices = range(shapes.shape[1])
-    sets = [s for n in range(MOST_TERMS + 1) for s in combinations(indices, n)]
-    return list(min(sets, key=score))
+    sets: list[tuple[int, ...]] = [
+        members for size in range(MOST_TERMS + 1) for members in combinations(indices, size)
+    ]
+    best = min(sets, key=score)
+    return list(best)

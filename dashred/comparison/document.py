@@ -72,8 +72,10 @@ def _page(rows: Sequence[ComparedRow], figures: Path) -> Iterator[str]:
 
 
 def _against_the_paper(rows: Sequence[ComparedRow]) -> Grid:
-    header = ("system", "noise", "the paper hides", "the paper finds", "the paper's gain")
-    header += ("dashred: exact law", "coefficient error", "error falls", "seconds")
+    header = [
+        *("system", "noise", "the paper hides", "the paper finds", "the paper's gain"),
+        *("dashred: exact law", "coefficient error", "error falls", "seconds"),
+    ]
     lines = []
     for (system, noise), group in groups(rows).items():
         claim = PAPER.get(system)

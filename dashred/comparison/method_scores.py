@@ -19,6 +19,8 @@ from dashred.findings import check_freeze, sha256_of, write_json_atomic
 if TYPE_CHECKING:
     import numpy as np
 
+    from dashred.scoring import Law
+
 
 COMPARED = "compared.json"
 KEYS = ("folder", "noise", "seed")
@@ -100,11 +102,13 @@ def compare(folder: Path, noise: float, seed: int) -> dict[str, Compared]:
     laws["pde_find"] = _full_field(findings, folder, fields, real, noise, seed)
     seconds = _seconds(folder) | {name: method["seconds"] for name, method in others.items()}
     return {
-        name: Compared(
-            rmse=errors.get(name),
-            **_counts(findings, laws.get(name), law),
-            seconds=seconds.get(name),
-            note=others[name]["note"] if name in others else "",
+        name: _compared(
+            findings,
+            law,
+            laws.get(name),
+            errors.get(name),
+            seconds.get(name),
+            others[name]["note"] if name in others else "",
         )
         for name in dict.fromkeys([*errors, *laws])
     }
@@ -158,23 +162,34 @@ def _full_field(
     return [dict(entry) for entry in pde_find(system, library, times, ordered, noise, rng)]
 
 
-def _counts(
+def _compared(
     findings: Mapping[str, Any],
+    true: Law,
     terms: Sequence[Mapping[str, Any]] | None,
-    true: Mapping[Any, float],
-) -> dict[str, Any]:
+    rmse: float | None,
+    seconds: float | None,
+    note: str,
+) -> Compared:
     from dashred.scoring import law_of_findings
 
-    if terms is None:
-        return dict.fromkeys(("found", "spurious", "missed", "coefficient_error"))
-    law = law_of_findings(dict(findings) | {"terms": terms})
-    both = law.keys() & true.keys()
-    return {
-        "found": len(both),
-        "spurious": len(law.keys() - both),
-        "missed": len(true.keys() - both),
-        "coefficient_error": max((abs(law[k] / true[k] - 1) for k in both), default=None),
-    }
+    compared = Compared(
+        rmse=rmse,
+        found=None,
+        spurious=None,
+        missed=None,
+        coefficient_error=None,
+        seconds=seconds,
+        note=note,
+    )
+    if terms is not None:
+        law = law_of_findings(dict(findings) | {"terms": terms})
+        both = law.keys() & true.keys()
+        errors = [abs(law[key] / true[key] - 1) for key in both]
+        compared["found"] = len(both)
+        compared["spurious"] = len(law.keys() - both)
+        compared["missed"] = len(true.keys() - both)
+        compared["coefficient_error"] = max(errors, default=None)
+    return compared
 
 
 def _seconds(folder: Path) -> dict[str, float]:
