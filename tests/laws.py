@@ -9,7 +9,7 @@ import torch
 
 from dashred.config import load_config
 from dashred.discovery.candidates import Candidate
-from dashred.discovery.discovered import Discovered
+from dashred.discovery.discovered import BestOfSize, Discovered
 from dashred.discovery.law import Law, SensorFault
 from dashred.discovery.noise_model import NoiseModel
 from dashred.physics.differentiate import parameter_tendency
@@ -117,7 +117,7 @@ def discovery(
         reached=reached,
         free_chi2=free_chi2,
         exhausted=exhausted,
-        path=[(0, 1000.0), (1, 0.0)],
+        path=[BestOfSize(0, 1000.0, 3.0), BestOfSize(1, 0.0, 1.0)],
         tried=50,
         beyond=beyond,
     )

@@ -17,6 +17,21 @@ AMBIGUOUS = 6.0
 
 
 @dataclass(frozen=True)
+class BestOfSize:
+    """The best law of so many candidates.
+
+    Attributes:
+        candidates: how many.
+        score: lower is better.
+        rmse: root of F per reading, in σ.
+    """
+
+    candidates: int
+    score: float
+    rmse: float
+
+
+@dataclass(frozen=True)
 class Discovered:
     """The findings of the refinement, before anything held out was looked at.
 
@@ -30,7 +45,7 @@ class Discovered:
         reached: whether the horizon grew to the whole fit window.
         free_chi2: χ²/n of the fit of all candidates together, under the same noise.
         exhausted: whether the swap search ran to its end.
-        path: ``(candidates, score of the best set of that size)``.
+        path: the best law of each size, the smallest first.
         tried: how many sets were refitted.
         beyond: evidence for a free forcing on top of the best law.
         forcing: the map of a free forcing on top of the simulator as it is, where one was needed.
@@ -45,7 +60,7 @@ class Discovered:
     reached: bool
     free_chi2: float
     exhausted: bool
-    path: list[tuple[int, float]]
+    path: list[BestOfSize]
     tried: int
     beyond: float = 0.0
     forcing: ForcingMap | None = None

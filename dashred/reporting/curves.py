@@ -1,4 +1,4 @@
-"""Curves over time, over epochs and over the number of terms."""
+"""Curves over time and over epochs."""
 
 from collections.abc import Iterable, Mapping
 
@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Float, Int
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from dashred.reporting.style import (
     CYCLE,
@@ -58,36 +57,6 @@ def learning_curves(
         axes.margins(y=0.15)
         _choose_scale(axes, [value for _, values in curves.values() for value in values])
         _legend_above(figure, axes, columns=2)
-    return figure
-
-
-def sparsity_path(
-    paths: Mapping[str, tuple[Int[np.ndarray, " step"], Float[np.ndarray, " step"], int]],
-) -> Figure:
-    """Draw the regression's RMSE against the number of terms kept, and the number chosen.
-
-    `paths` maps an algorithm to (numbers of terms, RMSE of each, the number chosen).
-    """
-    with style():
-        figure = new_figure(5.4, 3.4)
-        axes = figure.subplots()
-        for index, (name, (terms, rmse, chosen)) in enumerate(paths.items()):
-            colour = CYCLE[index % len(CYCLE)]
-            axes.plot(terms, rmse, "o-", color=colour, markersize=4, label=f"{name}: {chosen} kept")
-            at = np.flatnonzero(np.asarray(terms) == chosen)
-            axes.plot(
-                np.asarray(terms)[at],
-                np.asarray(rmse)[at],
-                "o",
-                markersize=11,
-                markerfacecolor="none",
-                markeredgecolor=colour,
-                markeredgewidth=1.6,
-            )
-        axes.set(xlabel="number of terms kept (ring: chosen)", ylabel="RMSE of the regression")
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        _choose_scale(axes, [value for _, rmse, _ in paths.values() for value in rmse])
-        _legend_above(figure, axes)
     return figure
 
 

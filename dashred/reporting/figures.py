@@ -1,7 +1,8 @@
 """All figures of a run, from one place."""
 
+from dashred.reporting.accuracy import accuracy_against_sparsity
 from dashred.reporting.coefficients import coefficients_against_epoch
-from dashred.reporting.curves import learning_curves, rmse_against_time, sparsity_path
+from dashred.reporting.curves import learning_curves, rmse_against_time
 from dashred.reporting.evidence import evidence_figure
 from dashred.reporting.forcing import forcing_figure
 from dashred.reporting.location import LawMap, where_figure
@@ -14,6 +15,7 @@ from dashred.reporting.verification import verification_figure
 
 __all__ = [
     "LawMap",
+    "accuracy_against_sparsity",
     "coefficients_against_epoch",
     "evidence_figure",
     "forcing_figure",
@@ -23,7 +25,6 @@ __all__ = [
     "sensor_traces",
     "snapshot_panels",
     "space_time_panels",
-    "sparsity_path",
     "state_traces",
     "verification_figure",
     "where_figure",

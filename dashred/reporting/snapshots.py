@@ -40,7 +40,7 @@ def snapshot_panels(
             line[0].set_ylabel(f"t = {times[index]:.4g}\n{y_name}")
             _mark(line[0], sensors.get(field, ()))
         for axes, method in zip(grid[0], columns, strict=True):
-            below = axes.get_title()
+            below = axes.get_title(loc="left")
             axes.set_title("\n".join(filter(None, [method_name(method), below])), fontsize=9)
         for axes in grid[-1]:
             axes.set_xlabel(x_name)

@@ -8,6 +8,11 @@ from matplotlib.figure import Figure
 
 from dashred.reporting.style import method_look, method_name, new_figure, style
 
+# Errors below this share of the truth's std are not told apart.
+SMALLEST = 1e-5
+# What is right hides the truth, unless that is wider.
+UNDER = {"truth": {"linewidth": 4.5, "alpha": 0.35}}
+
 Trace = Float[np.ndarray, " time"]
 
 
@@ -29,10 +34,10 @@ def state_traces(
             values, errors = grid[2 * index], grid[2 * index + 1]
             for place, (method, trace) in enumerate(kinds.items()):
                 look = method_look(method, place)
-                values.plot(times, trace, label=method_name(method), **look)
+                values.plot(times, trace, label=method_name(method), **look | UNDER.get(method, {}))
                 if method != "truth":
-                    error = np.abs(trace - kinds["truth"])
-                    errors.semilogy(times, np.maximum(error, 1e-12), **look)
+                    errors.semilogy(times, np.abs(trace - kinds["truth"]), **look)
+            errors.set_ylim(bottom=SMALLEST * (np.std(kinds["truth"]) or 1.0))
             values.set_ylabel(f"{field}\n{meanings[field]}" if field in meanings else field)
             errors.set_ylabel("error")
         handles, labels = grid[0].get_legend_handles_labels()

@@ -10,7 +10,7 @@ import torch
 
 from dashred.discovery.candidates import Candidate, build_candidates, indices_by_name
 from dashred.discovery.causes import Weighed
-from dashred.discovery.discovered import MISSING, Discovered
+from dashred.discovery.discovered import MISSING, BestOfSize, Discovered
 from dashred.discovery.first_window import first_samples
 from dashred.discovery.horizon import Walk, walk
 from dashred.discovery.law import Law, posterior
@@ -82,8 +82,10 @@ def discover(
                 problem, nominal, whole, reach, laws, best, nothing, seeds[0], report
             )
             report(1.0, str(weighed.laws[0]))
-        for size, score in _path(selection):
-            child.log_metrics({"evidence/score": score}, size)
+        path = _path(selection)
+        for best_of in path:
+            scores = {"evidence/score": best_of.score, "evidence/rmse": best_of.rmse}
+            child.log_metrics(scores, best_of.candidates)
     part = selection.objective
     free = part.noise.whiten(walked.readings - part.recorded).square().sum()
     return Discovered(
@@ -97,7 +99,7 @@ def discover(
         # A walk that got lost says nothing of what can be reached over the whole record.
         free_chi2=float(free) / part.noise.count if walked.reached else weighed.laws[0].chi2,
         exhausted=selection.exhausted,
-        path=_path(selection),
+        path=path,
         tried=len(selection.tried),
         beyond=weighed.gain,
         forcing=weighed.forcing,
@@ -221,10 +223,14 @@ def _empty(selection: Selection, best: Tried) -> Tried:
     return Tried((), phi, cost, cost)
 
 
-def _path(selection: Selection) -> list[tuple[int, float]]:
-    """Return the best score by the number of candidates."""
-    best: dict[int, float] = {}
+def _path(selection: Selection) -> list[BestOfSize]:
+    """Return the best law of each size that was tried."""
+    count = selection.objective.noise.count
+    best: dict[int, Tried] = {}
     for tried in selection.tried:
-        size = len(tried.members)
-        best[size] = min(best.get(size, math.inf), tried.score)
-    return sorted((size, score) for size, score in best.items() if math.isfinite(score))
+        if math.isfinite(tried.score):
+            best.setdefault(len(tried.members), tried)
+    return [
+        BestOfSize(size, best[size].score, math.sqrt(best[size].cost / count))
+        for size in sorted(best)
+    ]

@@ -15,6 +15,7 @@ from dashred.physics.system import Term
 from dashred.progress import stage
 from dashred.reporting.figures import (
     LawMap,
+    accuracy_against_sparsity,
     coefficients_against_epoch,
     evidence_figure,
     forcing_figure,
@@ -23,7 +24,6 @@ from dashred.reporting.figures import (
     sensor_traces,
     snapshot_panels,
     space_time_panels,
-    sparsity_path,
     verification_figure,
     where_figure,
 )
@@ -39,6 +39,7 @@ Errors = Mapping[str, float | None]
 Proof = Literal["test_sensors", "heldout_time", "heldout_restarted"]
 HELD_OUT: tuple[Proof, ...] = ("test_sensors", "heldout_time", "heldout_restarted")
 PANELS = ("simulation", "dashred", "corrected")
+TITLES = {"alg1": "Algorithm 1", "alg2": "Algorithm 2"}
 FIGURES = {
     "What was left out, and how sure that is": "evidence.png",
     "Where the law acts, and at which sensors it shows": "where.png",
@@ -48,7 +49,7 @@ FIGURES = {
     "The reconstructed field, at three times": "snapshots.png",
     "All sensors": "sensor_traces.png",
     "What latent SINDy proposes, by epoch": "coefficients.png",
-    "Latent SINDy: error against sparsity": "sparsity.png",
+    "Accuracy against sparsity: latent SINDy, and the law": "sparsity.png",
     "Learning": "learning.png",
 }
 
@@ -64,10 +65,11 @@ def report(
     with stage("draw figures", seconds):
         _traces(problem, analysis, output)
         _coefficients(problem, analysis.found, output)
+        _sparsity(analysis, output)
         _curves(analysis, output)
         _verification(problem, analysis, findings, output)
         if findings["where"] is not None:
-            path = analysis.discovered.path
+            path = [(best.candidates, best.score) for best in analysis.discovered.path]
             save_figure(evidence_figure(path, findings["terms"] or []), output / "evidence.png")
             _where(problem, analysis, findings["where"], output)
         if problem.system.axes:
@@ -157,17 +159,14 @@ def _recorded(problem: Problem, names: list[str]) -> np.ndarray:
 
 
 def _coefficients(problem: Problem, found: Assimilated, output: Path) -> None:
-    titles = {"alg1": "Algorithm 1", "alg2": "Algorithm 2"}
     panels = {
-        titles[name]: _varying(problem.library, np.array(found.coefficients[name]))
-        for name in titles
+        title: _varying(problem.library, np.array(found.coefficients[name]))
+        for name, title in TITLES.items()
     }
     figure = coefficients_against_epoch(
         np.array(found.epochs), panels, "What latent SINDy proposes, by epoch of assimilation"
     )
     save_figure(figure, output / "coefficients.png")
-    paths = {titles[name]: _path(fit) for name, fit in found.proposals.items()}
-    save_figure(sparsity_path(paths), output / "sparsity.png")
 
 
 def _varying(library: list[Term], history: np.ndarray) -> dict[str, np.ndarray]:
@@ -176,6 +175,14 @@ def _varying(library: list[Term], history: np.ndarray) -> dict[str, np.ndarray]:
         for j, term in enumerate(library)
         if history.size and np.any(history[:, j] != 0)
     }
+
+
+def _sparsity(analysis: Analysis, output: Path) -> None:
+    latent = {TITLES[name]: _path(fit) for name, fit in analysis.found.proposals.items()}
+    discovered = analysis.discovered
+    law = [(best.candidates, best.rmse, best.score) for best in discovered.path]
+    figure = accuracy_against_sparsity(latent, law)
+    save_figure(figure, output / "sparsity.png")
 
 
 def _path(fit: SparseFit) -> tuple[np.ndarray, np.ndarray, int]:

@@ -11,13 +11,13 @@ from matplotlib.figure import Figure
 
 from dashred.reporting.coefficients import spread_out
 from dashred.reporting.figures import (
+    accuracy_against_sparsity,
     coefficients_against_epoch,
     learning_curves,
     rmse_against_time,
     save_figure,
     sensor_traces,
     space_time_panels,
-    sparsity_path,
 )
 from dashred.typeset import pretty
 
@@ -64,7 +64,8 @@ def traces(sensors: int = 8, samples: int = 41) -> Figure:
 
 
 def path() -> Figure:
-    return sparsity_path({"Algorithm 1": (np.arange(5), 1.0 / (1.0 + np.arange(5)), 2)})
+    latent = {"Algorithm 1": (np.arange(5), 1.0 / (1.0 + np.arange(5)), 2)}
+    return accuracy_against_sparsity(latent, [(0, 4.0, 900.0), (1, 1.0, 12.0), (2, 1.0, 25.0)])
 
 
 def learning() -> Figure:
