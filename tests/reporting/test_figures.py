@@ -88,7 +88,7 @@ def test_every_panel_with_ink_has_its_axes_labelled(make: object) -> None:
     labels = {axes.get_xlabel() for axes in make().axes} | {
         axes.get_ylabel() for axes in make().axes
     }
-    assert labels & {"time", "epoch", "number of terms kept (ring: chosen)"}
+    assert labels & {"time", "epoch", "number of terms (ring: chosen)"}
     assert labels - {"", "time", "epoch"}
 
 
