@@ -145,6 +145,9 @@ def test_what_is_no_seed_is_refused_with_an_example(text: str) -> None:
         ("noise=-0.1", "recording.noise must be at least 0", None),
         ("noise=nan", "noise=nan is no list of numbers", None),
         ("jobs=0", "jobs=0 is no number of processes", "jobs=2"),
+        ("sensors=few", "sensors=few is no list of whole numbers", "sensors=4,8"),
+        ("sensors=0", "recording.sensors", None),
+        ("recording.sensors=4", "recording.sensors= is not a word", "sensors="),
         ("twins=a,z", "has no twin 'z'", "choose from: a, b, null"),
         ("twins=", "empty value", "twins=A,B"),
         ("systems=rde,rdee", "unknown conf 'rdee'", "conf=rde"),
@@ -214,6 +217,19 @@ def test_rows_that_differ_have_folders_of_their_own() -> None:
     kept = rows_of(*words, "tracking.experiment=other")
     assert [row.folder for row in kept] == [row.folder for row in rows[:8]]
     assert [row.key for row in kept] == [row.key for row in rows[:8]]
+
+
+def test_sensors_are_a_dimension_like_noise() -> None:
+    rows = rows_of("twins=a", "sensors=4,8", "extra=0", "noise=0.01,0.1")
+    assert [(row.sensors, row.extra, row.noise) for row in rows] == [
+        (4, 0, 0.01),
+        (8, 0, 0.01),
+        (4, 0, 0.1),
+        (8, 0, 0.1),
+    ]
+    assert "recording.sensors=8" in rows[1].words and "splits.sensors.extra=0" in rows[1].words
+    assert str(rows[1]) == "rde a, noise 0.01, 8 sensors, 0 of them extra, seed 0"
+    assert len({row.folder for row in [*rows, *rows_of("twins=a", "noise=0.01,0.1")]}) == 6
 
 
 # --- runs ----------------------------------------------------------------------------------------
@@ -426,15 +442,18 @@ def test_a_row_reads_in_one_line() -> None:
     line = finished_line(record())
     assert line == "missing-term  u: -0.025 ± 0.0004 · u**3  exact within 1 %  RMSE × 0.2"
     [cells] = rows_grid([record()]).lines
-    assert cells[:7] == [
+    assert cells[:8] == [
         "rde",
         "a",
         "0.05",
+        "",
         "0",
         "missing-term",
         "u: -0.025 ± 0.0004 · u**3",
         "yes",
     ]
+    [cells] = rows_grid([record() | {"sensors": 8, "extra": 2}]).lines
+    assert cells[3] == "8 (2 extra)"
     parameter = {"equation": None, "term": "nu", "parameter": "nu", "from": 0.035, "to": 0.05}
     parameter |= {"std": None, "region": None}
     assert "nu: 0.035 → 0.05  not" in finished_line(

@@ -23,6 +23,8 @@ class Row:
 
     Attributes:
         name: of the system, without its path.
+        sensors: fit sensors; None for the system's own number.
+        extra: of them, those that SHRED's input is without; None for the system's own number.
         null: whether the twin hides nothing.
         key: everything that determines the findings, but for the code.
         words: for ``dashred.train``, without where the results go.
@@ -33,6 +35,8 @@ class Row:
     twin: str
     noise: float
     seed: int
+    sensors: int | None
+    extra: int | None
     null: bool
     key: dict[str, Any]
     words: tuple[str, ...]
@@ -40,8 +44,11 @@ class Row:
     store: tuple[str, str]
 
     def __str__(self) -> str:
-        """As a line begins: ``rde b, noise 0.05, seed 1``."""
-        return f"{self.name} {self.twin}, noise {self.noise:g}, seed {self.seed}"
+        """As a line begins: ``rde b, noise 0.05, 8 sensors, seed 1``."""
+        placed = [f"{self.sensors} sensors"] if self.sensors is not None else []
+        placed += [f"{self.extra} of them extra"] if self.extra is not None else []
+        parts = [f"{self.name} {self.twin}", f"noise {self.noise:g}", *placed, f"seed {self.seed}"]
+        return ", ".join(parts)
 
 
 def plan(request: Request) -> list[Row]:
@@ -58,8 +65,10 @@ def plan(request: Request) -> list[Row]:
             raise InputError(
                 f"two systems are called {config.name}", where=PLACE, hint="rename one of the files"
             )
-        for noise in request.noise:
-            _config(system, request, "recording.twin=null", f"recording.noise={noise:.12g}")
+        for noise, sensors, extra in product(request.noise, request.sensors, request.extra):
+            placed = _placed(sensors, extra).values()
+            words = ("recording.twin=null", f"recording.noise={noise:.12g}", *placed)
+            _config(system, request, *words)
         rows += _rows_of(system, config, request)
     return list({row.folder: row for row in rows}.values())
 
@@ -71,39 +80,54 @@ def _config(system: str, request: Request, *words: str) -> Config:
 def _rows_of(system: str, config: Config, request: Request) -> list[Row]:
     twins = basic(config) if request.twins is None else request.twins
     hidden = {twin: entry_of(config, twin) for twin in twins}
-    sha = config_sha256(config)
     store = (config.tracking.root, config.tracking.experiment or EXPERIMENT)
+    dimensions = (hidden, request.noise, request.sensors, request.extra, request.seeds)
     rows = []
-    for twin, noise, seed in product(hidden, request.noise, request.seeds):
+    for twin, noise, sensors, extra, seed in product(*dimensions):
+        placed = _placed(sensors, extra)
+        words = (f"conf={system}", *request.overrides, f"recording.twin={twin}")
+        words = (*words, f"recording.noise={noise:.12g}", *placed.values(), f"seed={seed}")
         law = hashlib.sha256(json.dumps(hidden[twin], sort_keys=True).encode()).hexdigest()
         key = {
             "system": config.name,
             "twin": twin,
             "noise": noise,
             "seed": seed,
-            "config_sha256": sha,
+            "config_sha256": config_sha256(config),
             "law_sha256": law,
         }
-        words = (f"conf={system}", *request.overrides, f"recording.twin={twin}")
         rows.append(
             Row(
                 name=config.name,
                 twin=twin,
                 noise=noise,
                 seed=seed,
+                sensors=sensors,
+                extra=extra,
                 null=not hidden[twin].get("terms"),
-                key=key,
-                words=(*words, f"recording.noise={noise:.12g}", f"seed={seed}"),
-                folder=request.output / config.name / _folder(twin, noise, seed, request),
+                key=key | placed,
+                words=words,
+                folder=request.output / config.name / _folder(twin, noise, placed, seed, request),
                 store=store,
             )
         )
     return rows
 
 
-def _folder(twin: str, noise: float, seed: int, request: Request) -> str:
+def _placed(sensors: int | None, extra: int | None) -> dict[str, str]:
+    """Return the words that place sensors, by what they say; none for the system's own."""
+    words = {}
+    if sensors is not None:
+        words["sensors"] = f"recording.sensors={sensors}"
+    if extra is not None:
+        words["extra"] = f"splits.sensors.extra={extra}"
+    return words
+
+
+def _folder(twin: str, noise: float, placed: dict[str, str], seed: int, request: Request) -> str:
     """Name a row's folder; overrides give it another, so that benches of several can share one."""
-    name = f"{twin}-noise{noise:.12g}-seed{seed}"
+    places = "".join(f"-{key}{word.partition('=')[2]}" for key, word in placed.items())
+    name = f"{twin}-noise{noise:.12g}{places}-seed{seed}"
     changing = sorted(word for word in request.overrides if not word.startswith("tracking."))
     if not changing:
         return name

@@ -41,6 +41,8 @@ def write_record(row: Row, code: int, seconds: float) -> Record:
         "twin": row.twin,
         "noise": row.noise,
         "seed": row.seed,
+        "sensors": row.sensors,
+        "extra": row.extra,
         "null": row.null,
         "words": list(row.words),
         "exit_code": code,

@@ -10,16 +10,26 @@ from dashred.benchmark.record import RATIOS, Record
 
 Summary = dict[str, Any]
 
+SETTING = ("system", "noise", "sensors", "extra")
+
 
 def summarise(records: Sequence[Record]) -> list[Summary]:
-    """Return one summary for each (system, noise), in the order in which they first come."""
-    groups: dict[tuple[str, float], list[Record]] = {}
+    """Return one summary for each system, noise and layout, in the order in which they come."""
+    groups: dict[tuple[Any, ...], list[Record]] = {}
     for record in records:
-        groups.setdefault((record["system"], record["noise"]), []).append(record)
+        groups.setdefault(tuple(record.get(key) for key in SETTING), []).append(record)
     return [
-        {"system": system, "noise": noise, **_numbers(group)}
-        for (system, noise), group in groups.items()
+        {**dict(zip(SETTING, setting, strict=True)), **_numbers(group)}
+        for setting, group in groups.items()
     ]
+
+
+def setting_of(summary: Summary) -> str:
+    """Return what the rows of a summary have in common: ``noise 0.05, 8 sensors``."""
+    parts = [f"noise {summary['noise']:g}"]
+    parts += [f"{summary['sensors']} sensors"] if summary["sensors"] is not None else []
+    parts += [f"{summary['extra']} extra"] if summary["extra"] is not None else []
+    return ", ".join(parts)
 
 
 def _numbers(records: Sequence[Record]) -> Summary:
@@ -62,8 +72,8 @@ def as_metrics(summaries: Iterable[Summary]) -> dict[str, float]:
     flat: dict[str, float] = {}
     for summary in summaries:
         _flatten(
-            f"{_plain(summary['system'])}/noise {summary['noise']:g}",
-            {key: value for key, value in summary.items() if key not in ("system", "noise")},
+            f"{_plain(summary['system'])}/{setting_of(summary).replace(', ', '/')}",
+            {key: value for key, value in summary.items() if key not in SETTING},
             flat,
         )
     return flat

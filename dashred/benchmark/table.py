@@ -7,14 +7,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from dashred.benchmark.record import RATIOS, Record
-from dashred.benchmark.summary import Summary, commits
+from dashred.benchmark.summary import Summary, commits, setting_of
 
 if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
 SAME, REFIT, SHRED = RATIOS
 ROWS = (
-    *("system", "twin", "noise", "seed", "verdict", "found", "exact", "coefficient error"),
+    *("system", "twin", "noise", "sensors", "seed", "verdict", "found", "exact"),
+    "coefficient error",
     *("RMSE DA-SHRED", "RMSE corrected", "corrected / same start", "corrected / refit"),
     *("corrected SHRED / DA-SHRED", "forecast", "seconds"),
 )
@@ -58,7 +59,7 @@ def rows_grid(records: Sequence[Record]) -> Grid:
 
 def summary_grid(summaries: Sequence[Summary]) -> Grid:
     """Return the table with a column for each system and noise."""
-    header = ["", *(f"{s['system']}, noise {s['noise']:g}" for s in summaries)]
+    header = ["", *(f"{s['system']}, {setting_of(s)}" for s in summaries)]
     lines = [[name, *(str(s[key]) for s in summaries)] for key, name in COUNTS.items()]
     lines.append(["coefficient error", *(_both(s["coefficient_error"], _share) for s in summaries)])
     for ratio, name in RATIO_NAMES.items():
@@ -130,7 +131,8 @@ def finished_line(record: Record) -> str:
 
 
 def _line(record: Record) -> list[str]:
-    head = [record["system"], record["twin"], f"{record['noise']:g}", str(record["seed"])]
+    head = [record["system"], record["twin"], f"{record['noise']:g}", _sensors(record)]
+    head.append(str(record["seed"]))
     if record["problem"] is not None:
         blank = [""] * (len(ROWS) - len(head) - 2)
         return [*head, f"failed ({record['exit_code']})", found_text(record), *blank]
@@ -147,6 +149,14 @@ def _line(record: Record) -> list[str]:
         _number(record["forecast"].get("after")),
         _seconds(record["seconds"].get("in all")),
     ]
+
+
+def _sensors(record: Record) -> str:
+    """Return the number of fit sensors where it is not the system's own, and of them the extra."""
+    sensors, extra = record.get("sensors"), record.get("extra")
+    if extra is None:
+        return "" if sensors is None else str(sensors)
+    return f"{'' if sensors is None else sensors} ({extra} extra)".strip()
 
 
 def _term(term: dict[str, Any]) -> str:

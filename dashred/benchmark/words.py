@@ -11,7 +11,7 @@ from dashred.errors import InputError, nearest
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 PLACE = "command line"
-OWN = ("systems", "twins", "seeds", "noise", "jobs", "output")
+OWN = ("systems", "twins", "seeds", "noise", "sensors", "extra", "jobs", "output")
 # What differs from row to row, or is settled by the bench, and the word that says it here.
 TAKEN = {
     "conf": "systems=",
@@ -19,6 +19,8 @@ TAKEN = {
     "twin": "twins=",
     "recording.twin": "twins=",
     "recording.noise": "noise=",
+    "recording.sensors": "sensors=",
+    "splits.sensors.extra": "extra=",
     "recording.path": "python -m dashred.train: a recording of your own has no truth to bench by",
     "tracking.run": "nothing: every row opens a run of its own",
     "tracking.parent": "nothing: the bench opens the run that the rows are nested below",
@@ -38,9 +40,11 @@ table. Rows that are done are not run again: after an interruption, give the sam
   twins=a,b,null         hidden truths; default: those that start from the simulator's own start
   seeds=0-4 or 0,1,3     default: 0
   noise=0.01,0.05        fraction of each field's standard deviation; default: 0.05
+  sensors=4,8,20         fit sensors; default: the system's own number
+  extra=0,4              of them, those that SHRED's input is without; default: the system's own
   jobs=2                 rows at once; default: 1, so that nothing disturbs the seconds
   output=DIR             default: {output} (not tracked by git)
-  key=value              overrides of every run: recording.sensors=16 threads=2; see
+  key=value              overrides of every run: simulation.members=96 threads=2; see
                          python -m dashred.train --help
 
 DIR holds a folder a row with its findings, `row.json` and `log.txt`, and above them `table.md` and
@@ -57,6 +61,8 @@ class Request:
     Attributes:
         systems: bundled names or paths.
         twins: null takes the basic ones of each system.
+        sensors: numbers of fit sensors; None alone for the system's own.
+        extra: of them, how many SHRED's input is without; None alone for the system's own.
         overrides: words for every run.
     """
 
@@ -64,6 +70,8 @@ class Request:
     twins: tuple[str, ...] | None
     seeds: tuple[int, ...]
     noise: tuple[float, ...]
+    sensors: tuple[int | None, ...]
+    extra: tuple[int | None, ...]
     jobs: int
     output: Path
     overrides: tuple[str, ...]
@@ -93,6 +101,8 @@ def read_words(argv: list[str], folder: str = "bench", usage: str = USAGE) -> Re
         twins=_items("twins", given["twins"]) if "twins" in given else None,
         seeds=read_seeds(given.get("seeds", "0")),
         noise=_noise(given.get("noise", "0.05")),
+        sensors=_numbers("sensors", given.get("sensors")),
+        extra=_numbers("extra", given.get("extra")),
         jobs=_jobs(given.get("jobs", "1")),
         output=Path(given.get("output") or default).expanduser().resolve(),
         overrides=overrides,
@@ -161,6 +171,16 @@ def _noise(text: str) -> tuple[float, ...]:
         hint = "for example noise=0.01,0.05"
         raise InputError(f"noise={text} is no list of numbers", where=PLACE, hint=hint)
     return tuple(dict.fromkeys(map(float, items)))
+
+
+def _numbers(key: str, text: str | None) -> tuple[int | None, ...]:
+    if text is None:
+        return (None,)
+    items = _items(key, text)
+    if not all(re.fullmatch(r"\d{1,4}", item) for item in items):
+        hint = f"for example {key}=4,8"
+        raise InputError(f"{key}={text} is no list of whole numbers", where=PLACE, hint=hint)
+    return tuple(dict.fromkeys(map(int, items)))
 
 
 def _jobs(text: str) -> int:

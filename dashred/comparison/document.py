@@ -18,7 +18,9 @@ from dashred.comparison.ratios import (
     count_laws,
     groups,
     median_ratio,
+    own_layout,
 )
+from dashred.comparison.sensors_and_noise import sensors_and_noise
 
 FIGURES = ("space_time_truth.png", "snapshots_truth.png", "state_truth.png")
 
@@ -57,14 +59,16 @@ def write_results(rows: Sequence[ComparedRow], path: Path) -> None:
 def _page(rows: Sequence[ComparedRow], figures: Path) -> Iterator[str]:
     yield "# Every system of the paper, against the paper"
     yield INTRODUCTION
-    yield markdown_grid(_against_the_paper(rows))
-    noises = list(dict.fromkeys(row.record["noise"] for row in rows))
+    own = own_layout(rows)
+    yield markdown_grid(_against_the_paper(own))
+    noises = list(dict.fromkeys(row.record["noise"] for row in own))
     for noise in noises:
-        yield markdown_grid(_fields([row for row in rows if row.record["noise"] == noise], noise))
+        yield markdown_grid(_fields([row for row in own if row.record["noise"] == noise], noise))
     yield FIELD_NOTE
     for noise in noises:
-        yield markdown_grid(_laws([row for row in rows if row.record["noise"] == noise], noise))
+        yield markdown_grid(_laws([row for row in own if row.record["noise"] == noise], noise))
     yield LAW_NOTE
+    yield from map(markdown_grid, sensors_and_noise(rows))
     yield markdown_grid(rows_grid([row.record for row in rows]))
     yield "## Figures"
     yield from _figures(rows, figures)

@@ -79,6 +79,11 @@ class LawCount:
     error: float | None
 
 
+def own_layout(rows: Iterable[ComparedRow]) -> list[ComparedRow]:
+    """Return the rows with the system's own number of sensors."""
+    return [r for r in rows if r.record["sensors"] is None and r.record["extra"] is None]
+
+
 def groups(rows: Sequence[ComparedRow]) -> dict[tuple[str, float], list[ComparedRow]]:
     """Return the rows by system and noise, in the order in which they first come."""
     found: dict[tuple[str, float], list[ComparedRow]] = {}

@@ -31,6 +31,9 @@ def row(twin: str, corrected: float, law: tuple[int, int, int, float | None]) ->
         "twin": twin,
         "noise": 0.01,
         "seed": 0,
+        "sensors": None,
+        "extra": None,
+        "flagged": False,
         "null": twin == "null",
         "problem": None,
         "verdict": "missing-term",
@@ -82,6 +85,15 @@ def test_metrics_are_named_by_system_noise_and_method() -> None:
         "rde/noise 0.01/ratio/simulation_same_start": 1.0,
         "rde/noise 0.01/ratio/corrected": pytest.approx(0.07),
     }
+
+
+def test_sensors_and_noise_have_a_table_of_their_own(tmp_path: Path) -> None:
+    few = row("a", 0.4, (0, 1, 1, None))
+    few.record.update(sensors=4, extra=0)
+    write_results([*ROWS, few], tmp_path / "results.md")
+    text = (tmp_path / "results.md").read_text()
+    assert "| 4, 0 | exact 0 of 1; wrong and unflagged 1; corrected × 0.8 |" in text
+    assert "2 of 3" in text
 
 
 def test_the_page_tells_the_paper_beside_us(tmp_path: Path) -> None:
