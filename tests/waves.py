@@ -14,6 +14,7 @@ from torch import Tensor
 from dashred.discovery.beyond import candidates_beyond
 from dashred.discovery.candidates import Candidate, build_candidates, forcing_of
 from dashred.discovery.gauss_newton import grow, minimise
+from dashred.discovery.inner_constants import slopes_of
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.shooting import Shooting, Simulator
@@ -76,7 +77,8 @@ class Waves:
 
     def simulator_beyond(self, carried: Sequence[Candidate]) -> Simulator:
         """Return the simulator with these in reach, and with some of the library."""
-        return Simulator(self.system, self.system.dt, [*self.beyond, *carried])
+        reach = [*self.beyond, *slopes_of(self.beyond), *carried]
+        return Simulator(self.system, self.system.dt, reach)
 
     @cached_property
     def operator(self) -> ObservationOperator:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -12,6 +13,7 @@ from dashred.discovery.candidates import Candidate, build_candidates
 from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.hypothesis import Hypothesis
+from dashred.discovery.inner_constants import Tunable, moved, slopes_of, tunable, tune
 from dashred.discovery.law import law_of
 from dashred.discovery.local_laws import Cause
 from dashred.discovery.objective import Objective
@@ -51,33 +53,90 @@ def candidates_beyond(
     return [replace(c, beyond=True) for c in found if str(c) in names]
 
 
+@dataclass(frozen=True)
+class _Form:
+    """A law to be asked.
+
+    Attributes:
+        members: columns of the linearised problem: a term, a wave's two, or a term and its slope.
+        family: of several that differ in a constant alone the best is fitted.
+        tuned: a term whose constant is fitted; None for others.
+    """
+
+    members: tuple[int, ...]
+    family: object
+    tuned: Tunable | None = None
+
+    def penalty(self, samples: float, candidates: int, fields: int) -> float:
+        """Return what its freedom costs; a constant, as much as an edge of a window."""
+        if self.tuned is None:
+            return Hypothesis(self.members).penalty(samples, candidates, fields)
+        return Hypothesis(self.members[:1]).penalty(samples, candidates, fields) + math.log(samples)
+
+
 def laws_beyond(objective: Objective, forced: FreeForcing, library: int) -> list[Cause]:
     """Return laws of one term from beyond the library, or of a wave whose phase is free.
 
+    Where a function has a constant, it may be fitted.
+
     Args:
-        objective: F of these terms, over the whole record.
+        objective: F of these terms, over the whole record; the slopes of their constants are in its
+            simulator's reach.
         forced: a free forcing that explains the recording without a law.
         library: how many candidates the library has: each more that is asked makes chance likelier.
     """
-    modes, columns = objective.modes, list(objective.shooting.candidates)
-    fields = len(objective.shooting.simulator.system.fields)
-    problem = eliminated(objective, forced, columns, objective.prior_std)
-    singles = [(j,) for j in range(len(columns))]
-    samples, count = objective.noise.effective_count, library + len(columns)
+    columns = list(objective.shooting.candidates)
+    slopes = slopes_of(columns)
+    stds = torch.tensor([slope.scale for slope in slopes], dtype=torch.float64)
+    stds = torch.cat([objective.prior_std, stds])
+    problem = eliminated(objective, forced, [*columns, *slopes], stds)
+    count = library + len(columns)
+    samples, fields = (
+        objective.noise.effective_count,
+        len(objective.shooting.simulator.system.fields),
+    )
     ranked = []
-    for laws in (singles, _waves(columns)):
-        penalties = [Hypothesis(law).penalty(samples, count, fields) for law in laws]
-        costs = problem.costs(laws).tolist() if laws else []
-        ranked += [(c + p, p, law) for c, p, law in zip(costs, penalties, laws, strict=True)]
-    found = []
-    for _, penalty, law in sorted(ranked)[:TRIED]:
-        mine = objective.only(law)
-        begin = torch.cat([forced.phi[:modes], problem.coefficients(law)])
-        fitted = minimise(mine, begin, STEPS, TOLERANCE)
-        terms = tuple(columns[j] for j in law)
-        told = law_of(mine, fitted, terms, fitted.cost + penalty)
-        found.append(Cause(told, mine, fitted.phi))
-    return found
+    for forms in _forms(columns):
+        costs = problem.costs([form.members for form in forms]).tolist() if forms else []
+        for form, cost in zip(forms, costs, strict=True):
+            penalty = form.penalty(samples, count, fields)
+            ranked.append((cost + penalty, penalty, form))
+    kept: dict[object, tuple[float, _Form]] = {}
+    for _, penalty, form in sorted(ranked, key=lambda each: each[0]):
+        kept.setdefault(form.family, (penalty, form))
+    return [
+        _fit(objective, forced, form, problem.coefficients(form.members), penalty)
+        for penalty, form in list(kept.values())[:TRIED]
+    ]
+
+
+def _forms(columns: Sequence[Candidate]) -> tuple[list[_Form], list[_Form]]:
+    """Return the laws of one column, and those of two: waves, and terms with their slopes."""
+    inner = [tunable(candidate) for candidate in columns]
+    family = [found.family if found else j for j, found in enumerate(inner)]
+    place = {candidate.key: j for j, candidate in enumerate([*columns, *slopes_of(columns)])}
+    curved = [
+        _Form((j, place[found.slope.key]), family[j], found)
+        for j, found in enumerate(inner)
+        if found
+    ]
+    waves = [_Form(pair, pair) for pair in _waves(columns)]
+    return [_Form((j,), family[j]) for j in range(len(columns))], [*waves, *curved]
+
+
+def _fit(
+    objective: Objective, forced: FreeForcing, form: _Form, coefficients: Tensor, penalty: float
+) -> Cause:
+    start = forced.phi[: objective.modes]
+    if form.tuned is not None:
+        xi, by_constant = coefficients.tolist()
+        begin = form.tuned.at(moved(form.tuned, xi, by_constant))
+        term, mine, fitted = tune(objective, begin, torch.cat([start, coefficients[:1]]))
+        return Cause(law_of(mine, fitted, (term,), fitted.cost + penalty), mine, fitted.phi)
+    mine = objective.only(form.members)
+    fitted = minimise(mine, torch.cat([start, coefficients]), STEPS, TOLERANCE)
+    terms = tuple(objective.shooting.candidates[j] for j in form.members)
+    return Cause(law_of(mine, fitted, terms, fitted.cost + penalty), mine, fitted.phi)
 
 
 def _waves(candidates: Sequence[Candidate]) -> list[tuple[int, int]]:

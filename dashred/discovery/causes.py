@@ -32,6 +32,7 @@ from dashred.discovery.local_shooting import found_by
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.shooting import Simulator
+from dashred.discovery.threshold_profile import with_profile
 from dashred.progress import Report
 
 # A law of more candidates may imitate one that acts somewhere only, or is beyond the library; of so
@@ -143,7 +144,8 @@ def weigh(
     if unclear:
         found = _under_its_own_noise(found)
     nothing = next(cause for cause in found if not cause.law.parts)
-    laws = unlike([cause.law for cause in found])
+    best = min(found, key=_score)
+    laws = unlike([with_profile(cause) if cause is best else cause.law for cause in found])
     return Weighed(laws, nothing.law, nothing.objective.noise, gain, forcing)
 
 

@@ -86,7 +86,8 @@ def region_of(law: Law) -> list[dict[str, Any]] | None:
     """Return where the law acts, if not everywhere, with the edges' standard deviations.
 
     ``{axis, from, to}`` of a box, ``{axis: t, from}`` of an onset, ``{field, above | below}`` of
-    a gate; ``std`` of a box's edges is that of its centre and its half width together.
+    a gate, with its threshold's ``ci95``; ``std`` of a box's edges is that of its centre and its
+    half width together.
     """
     window = law.window
     if window is None:
@@ -98,7 +99,8 @@ def region_of(law: Law) -> list[dict[str, Any]] | None:
         return [{"axis": of, "from": begin, "to": end, "std": std}]
     if kind == "onset":
         return [{"axis": "t", "from": values[0], "std": stds[0]}]
-    return [{"field": of, kind.removeprefix("gate "): values[0], "std": stds[0]}]
+    gate = {"field": of, kind.removeprefix("gate "): values[0], "std": stds[0]}
+    return [gate | ({"ci95": list(law.threshold)} if law.threshold else {})]
 
 
 def fault_in_words(fault: SensorFault) -> str:

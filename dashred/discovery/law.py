@@ -51,6 +51,8 @@ class Law:
         chi2: mean squared whitened residual over the fit; 1 for noise alone.
         residuals: readings minus recording over the fit, ``(time, sensor)``, NaN where missing.
         edges: posterior std of the window's unknowns; empty without a window.
+        threshold: 95 % interval of a gate's threshold; None without one, or where only its std is
+            known.
         fault: what is wrong with a sensor, beside the law; None if nothing is.
         widened: by how much the start lies outside of its prior, as a factor of its spread.
     """
@@ -63,6 +65,7 @@ class Law:
     chi2: float
     residuals: Tensor
     edges: tuple[float, ...] = ()
+    threshold: tuple[float, float] | None = None
     fault: SensorFault | None = None
     widened: float = 1.0
 

@@ -33,24 +33,27 @@ def _box(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
     width = length * rng.uniform(0.15, 0.45)
     begin = rng.uniform(0.0, length - width)
     edge = length * rng.uniform(0.01, 0.03)
-    return _in_window(proved, {axis: [begin, begin + width], "edge": edge}, rng)
+    return _in_window(proved.local, {axis: [begin, begin + width], "edge": edge}, rng)
 
 
 def _onset(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
     begin = proved.duration * rng.uniform(0.2, 0.55)
     edge = proved.duration * rng.uniform(0.005, 0.03)
-    return _in_window(proved, {"t": [begin, None], "edge": edge}, rng)
+    return _in_window(proved.local, {"t": [begin, None], "edge": edge}, rng)
 
 
 def _gate(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
     of, low, high = proved.gated
     threshold = rounded(rng.uniform(low, high))
     bounds = [threshold, None] if rng.random() < 0.5 else [None, threshold]
-    return _in_window(proved, {of: bounds, "edge": (high - low) * rng.uniform(0.03, 0.12)}, rng)
+    window = {of: bounds, "edge": (high - low) * rng.uniform(0.03, 0.12)}
+    return _in_window(proved.switched, window, rng)
 
 
-def _in_window(proved: Proved, window: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
-    entry = _term(*_one_of(proved.local, rng), rng)
+def _in_window(
+    terms: Mapping[str, Sequence[str]], window: dict[str, Any], rng: np.random.Generator
+) -> dict[str, Any]:
+    entry = _term(*_one_of(terms, rng), rng)
     ends = {key: _rounded_ends(value) for key, value in window.items()}
     return {"terms": [entry | {"window": ends}]}
 

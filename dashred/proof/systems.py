@@ -14,7 +14,8 @@ class Proved:
     Attributes:
         name: of its configuration.
         terms: of the analysis' library, by equation.
-        local: those of them, pointwise, that may act within a window.
+        local: those of them, pointwise, that may act within a region, or from an onset on.
+        switched: those that may act in some states of ``gated`` only.
         beyond: forms that the analysis' library does not have, by equation; a is a number that is
             drawn, p a phase.
         hidden: the equation of a field that no sensor reads; None if there is none.
@@ -35,6 +36,7 @@ class Proved:
     name: str
     terms: dict[str, tuple[str, ...]]
     local: dict[str, tuple[str, ...]]
+    switched: dict[str, tuple[str, ...]]
     beyond: dict[str, tuple[str, ...]]
     hidden: str | None
     parameters: tuple[str, ...]
@@ -64,7 +66,10 @@ FHN = Proved(
             *("d(v, x)", "u*d(v, x)", "v*d(v, x)"),
         ),
     },
-    local={"u": ("1", "u", "v", "u**2", "u*v"), "v": ("1", "u", "v", "u**2")},
+    # Nor is a constant in v's equation: in a region it does what another does in u's.
+    local={"u": ("1", "u", "v", "u**2", "u*v"), "v": ("u", "v", "u**2")},
+    # u dwells in two states: of its functions, switched by itself, none is told from another there.
+    switched={"u": ("v", "u*v"), "v": ("v", "u*v")},
     beyond={
         "u": (
             *("u**4", "u**5", "sin({a}*u)", "tanh({a}*u)", "exp(-{a}*u**2)", "abs(u)*u"),
@@ -98,6 +103,7 @@ RDE = Proved(
         "lam": ("1", "lam", "lam**2", "u", "lam*u"),
     },
     local={"u": ("1", "u", "lam"), "lam": ("1", "lam")},
+    switched={"u": ("lam", "lam*u"), "lam": ("lam", "lam*u")},
     beyond={
         "u": ("tanh({a}*u)", "1/(1 + {a}*u**2)", "cos(x + {p})", "sin({a}*t)", "u*sin(x + {p})"),
         "lam": ("exp(-{a}*u)", "cos(x + {p})", "lam*sin({a}*t)"),
@@ -129,6 +135,7 @@ KS1D = Proved(
         )
     },
     local={"u": ("1", "u", "u**2", "u**3")},
+    switched={"u": ("1", "u")},
     beyond={
         "u": (
             *("sin({a}*u)", "abs(u)*u", "tanh({a}*u)"),

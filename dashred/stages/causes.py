@@ -13,6 +13,7 @@ from dashred.discovery.candidates import Candidate, replaced_terms
 from dashred.discovery.causes import Weighed, weigh
 from dashred.discovery.discovered import AMBIGUOUS
 from dashred.discovery.gauss_newton import Fitted, grow, minimise
+from dashred.discovery.inner_constants import slopes_of
 from dashred.discovery.law import Law, law_of
 from dashred.discovery.local_laws import Cause
 from dashred.discovery.noise_model import NoiseModel
@@ -167,7 +168,8 @@ def _beyond(
     """Return the simulator with terms in reach that the library does not have, and these."""
     system, begin = problem.system, float(problem.times[0])
     further = candidates_beyond(system, problem.library, nominal.states, begin)
-    return Simulator(system, problem.ensemble_system.dt, [*further, *carried]), further
+    reach = [*further, *slopes_of(further), *carried]
+    return Simulator(system, problem.ensemble_system.dt, reach), further
 
 
 def _tendency_size(system: System, states: Tensor, t: float) -> Tensor:

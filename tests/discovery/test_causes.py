@@ -12,6 +12,7 @@ from dashred.discovery.causes import Weighed, weigh
 from dashred.discovery.discovered import MISSING
 from dashred.discovery.free_forcing import force
 from dashred.discovery.gauss_newton import minimise
+from dashred.discovery.inner_constants import tunable
 from dashred.discovery.law import Law, law_of
 from dashred.discovery.local_laws import Cause
 from dashred.discovery.local_shooting import localised
@@ -117,6 +118,19 @@ def test_a_law_beyond_the_library_is_found_there(waves: Waves) -> None:
     assert abs(float(best.coefficients[0]) - 0.3) < 3 * float(best.std[0]) < 0.1
     assert found.gain < MISSING
     assert best.score < min(law.score for law in found.laws if not law.beyond) - 6
+
+
+def test_the_constant_of_a_law_beyond_the_library_is_fitted(waves: Waves) -> None:
+    known = {str(found): found for found in waves.beyond}
+    offered = tunable(known["u: sin(2*u)"])
+    assert offered is not None
+    found = explained(waves, waves.recorded(SIGMA, 1, [(offered.at(2.4).candidate, 0.3)]))
+    [candidate] = found.laws[0].candidates
+    fitted = tunable(candidate)
+    assert fitted is not None and fitted.function == "sin" and candidate.beyond
+    assert fitted.constant == pytest.approx(2.4, abs=0.03)
+    assert candidate.key == f"u: sin({fitted.constant:.4g}*u)"
+    assert float(found.laws[0].coefficients[0]) == pytest.approx(0.3, rel=0.1)
 
 
 def test_a_wave_is_found_whatever_its_phase(waves: Waves) -> None:

@@ -119,4 +119,5 @@ def test_the_terms_are_those_of_the_analysis_and_what_lies_beyond_is_not(proved:
 
     assert normal(proved.terms) <= known
     assert normal(proved.local) <= known
+    assert normal(proved.switched) <= known
     assert not normal(proved.beyond) & known

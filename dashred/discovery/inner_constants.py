@@ -1,0 +1,134 @@
+"""A function's own constant, fitted: k of ``sin(k u)``, ``tanh(k u)``, ``exp(k u)``.
+
+``f(k v)`` and its slope ``∂f/∂k`` are two candidates; fitted together their coefficients ξ, ξ_k say
+how far k is off, ``k + ξ_k/ξ``: Gauss-Newton in k, of which every step is a fit of the law.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from dashred.discovery.candidates import Candidate
+from dashred.discovery.gauss_newton import Fitted, minimise
+from dashred.discovery.objective import Objective
+from dashred.discovery.shooting import Simulator
+from dashred.physics.algebra import Call, Expr, Name, Number, call, multiply, split_coefficient
+from dashred.physics.algebra import substitute as put_in
+from dashred.physics.differentiate import differentiate
+from dashred.physics.system import Term
+
+FUNCTIONS = ("sin", "cos", "tanh", "exp")
+# Stands for the constant while it is varied; no name of a system begins so.
+K = "_k"
+# Of the constant, how far one step may move it, what is close enough, and how a reader is told.
+FARTHEST, CLOSE, DIGITS = 0.4, 2e-3, 4
+ROUNDS, STEPS, TOLERANCE = 6, 4, 1e-3
+
+
+@dataclass(frozen=True)
+class Tunable:
+    """A candidate ``f(k v)``.
+
+    Attributes:
+        candidate: it.
+        slope: ``∂f/∂k``, per unit of the candidate's coefficient.
+        function: f.
+        operand: v.
+        constant: k.
+    """
+
+    candidate: Candidate
+    slope: Candidate
+    function: str
+    operand: Expr
+    constant: float
+
+    @property
+    def family(self) -> tuple[str | None, str, Expr]:
+        """What candidates have in common that differ in k alone."""
+        return self.candidate.equation, self.function, self.operand
+
+    def at(self, constant: float) -> Tunable:
+        """Return the same with another constant."""
+        [term] = self.candidate.terms
+        moved = Term(term.equation, _inside(self.function, constant, self.operand))
+        candidate = replace(self.candidate, name=str(moved), terms=(moved,))
+        found = tunable(candidate)
+        assert found is not None
+        return found
+
+
+def tunable(candidate: Candidate) -> Tunable | None:
+    """Return a candidate with its constant in reach; None for one that has none."""
+    if candidate.equation is None or len(candidate.terms) != 1:
+        return None
+    [term] = candidate.terms
+    match term.expression:
+        case Call(function, inner) if function in FUNCTIONS:
+            constant, operand = split_coefficient(inner)
+        case _:
+            return None
+    open_to_k = call(function, multiply((Name(K), operand)))
+    slope = put_in(differentiate(open_to_k, K), {K: Number(constant)})
+    beside = Candidate(
+        name=f"{candidate.name}, its constant",
+        equation=candidate.equation,
+        terms=(Term(term.equation, slope),),
+        scale=candidate.scale * abs(constant) * FARTHEST,
+        beyond=True,
+    )
+    return Tunable(candidate, beside, function, operand, constant)
+
+
+def slopes_of(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return the slopes of all candidates that have a constant."""
+    return [found.slope for candidate in candidates if (found := tunable(candidate))]
+
+
+def moved(tuned: Tunable, xi: float, by_constant: float) -> float:
+    """Return the constant that two coefficients speak for, not too far from the present one."""
+    bound = FARTHEST * abs(tuned.constant)
+    shift = by_constant / xi if xi else 0.0
+    return float(f"{tuned.constant + min(max(shift, -bound), bound):.{DIGITS}g}")
+
+
+def tune(objective: Objective, begin: Tunable, phi: Tensor) -> tuple[Candidate, Objective, Fitted]:
+    """Fit a law of one candidate, its constant and the start.
+
+    Args:
+        objective: F of any candidates, over the whole record.
+        begin: the candidate, with a first constant.
+        phi: start and coefficient to begin from, ``(mode + 1,)``.
+
+    Returns:
+        the candidate with its constant, F of it alone, and its minimum.
+    """
+    modes, tuned = objective.modes, begin
+    for _ in range(ROUNDS):
+        pair = _of(objective, [tuned.candidate, tuned.slope])
+        fitted = minimise(pair, torch.cat([phi, phi.new_zeros(1)]), STEPS, TOLERANCE)
+        xi, by_constant = fitted.phi[modes:].tolist()
+        constant = moved(tuned, xi, by_constant)
+        close = abs(constant - tuned.constant) <= CLOSE * abs(tuned.constant)
+        phi, tuned = fitted.phi[: modes + 1], tuned.at(constant)
+        if close:
+            break
+    alone = _of(objective, [tuned.candidate])
+    return tuned.candidate, alone, minimise(alone, phi, STEPS, TOLERANCE)
+
+
+def _inside(function: str, constant: float, operand: Expr) -> Expr:
+    return call(function, multiply((Number(constant), operand)))
+
+
+def _of(objective: Objective, candidates: Sequence[Candidate]) -> Objective:
+    """Return F of other candidates, and the simulator with them in reach."""
+    before = objective.shooting.simulator
+    simulator = Simulator(before.system, before.tangent.dt, candidates)
+    shooting = replace(objective.shooting, simulator=simulator, candidates=candidates)
+    scales = torch.tensor([c.scale for c in candidates], dtype=torch.float64)
+    return replace(objective, shooting=shooting, prior_std=scales)

@@ -1,0 +1,75 @@
+"""How surely a gate's threshold is known: by a profile of F, which a curvature cannot tell.
+
+Between two states that a system jumps between few samples lie: F is flat there, and steep where a
+gate begins to cut into either state. Its curvature at one point says nothing of that width.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from dashred.discovery.gauss_newton import chord_refits
+from dashred.discovery.law import Z95, Law
+from dashred.discovery.local_laws import Cause
+from dashred.discovery.local_shooting import LocalShooting
+
+# Thresholds that are tried on either side, even to the farthest state that is visited.
+TRIED = 16
+STEPS, SETTLED, HOPELESS = 6, 0.1, 200.0
+# F rises by this to the ends of a 95 % interval.
+RISE = Z95**2
+
+
+def with_profile(cause: Cause) -> Law:
+    """Return the law of a fit, a gate's threshold with the interval that its profile gives."""
+    window, shooting = cause.law.window, cause.objective.shooting
+    if window is None or not window.shape.kind.startswith("gate"):
+        return cause.law
+    if not isinstance(shooting, LocalShooting):
+        return cause.law
+    low, high = _interval(cause, shooting)
+    threshold = window.values[0]
+    std = max(high - threshold, threshold - low) / Z95
+    edges = (max(std, cause.law.edges[0]), *cause.law.edges[1:])
+    return replace(cause.law, edges=edges, threshold=(low, high))
+
+
+def _interval(cause: Cause, shooting: LocalShooting) -> tuple[float, float]:
+    """Return between which thresholds F, at its lowest in all else, rises by less than ``RISE``."""
+    objective, phi = cause.objective, cause.phi
+    place = len(phi) - len(shooting.guess)
+    at = float(phi[place])
+    [states] = shooting.states(*objective.split(phi[None]))
+    field = objective.shooting.simulator.system.fields.index(shooting.shape.of)
+    values = states[:, field] - float(shooting.guess[0])
+    sides = [
+        torch.linspace(at, float(end), TRIED + 1, dtype=torch.float64)[1:]
+        for end in (values.min(), values.max())
+    ]
+    moved = torch.cat(sides)
+    begin = phi.expand(len(moved), -1).clone()
+    begin[:, place] = moved
+    free = torch.ones(begin.shape, dtype=torch.bool)
+    free[:, place] = False
+    found = chord_refits(objective, cause.normal, begin, free, STEPS, SETTLED, HOPELESS)
+    [cost], _ = objective.values(phi[None])
+    rises = (found.cost - cost).split(TRIED)
+    threshold = float(shooting.guess[0])
+    ends = [_crossing(at, side, rise) for side, rise in zip(sides, rises, strict=True)]
+    return threshold + min(ends), threshold + max(ends)
+
+
+def _crossing(at: float, places: Tensor, rises: Tensor) -> float:
+    """Return where F has risen enough for good: beyond the farthest place where it has not."""
+    below = torch.nonzero(rises < RISE).flatten()
+    last = int(below[-1]) if len(below) else -1
+    if last + 1 == len(places):
+        return float(places[-1])
+    inner = at if last < 0 else float(places[last])
+    before = 0.0 if last < 0 else max(float(rises[last]), 0.0)
+    rise = float(rises[last + 1])
+    share = (RISE - before) / (rise - before) if rise < float("inf") else 1.0
+    return inner + share * (float(places[last + 1]) - inner)

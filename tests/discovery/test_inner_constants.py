@@ -1,0 +1,70 @@
+"""A function's own constant: its slope is right, and Gauss-Newton in it arrives."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from dashred.discovery.candidates import Candidate
+from dashred.discovery.inner_constants import moved, tunable, tune
+from dashred.physics.library import evaluate_terms
+from dashred.physics.system import System, Term
+from tests import laws
+from tests.waves import TEXT, Waves
+
+SIGMA = 0.002
+
+
+@pytest.fixture
+def system(tmp_path: Path) -> System:
+    return laws.declared(tmp_path, TEXT)
+
+
+def candidate(system: System, text: str) -> Candidate:
+    return replace(laws.term(system, "u", text), beyond=True)
+
+
+@pytest.mark.parametrize("text", ["sin(2*u)", "cos(3*v)", "tanh(u)", "exp(-1.5*v)"])
+def test_the_slope_is_that_of_a_difference(system: System, text: str) -> None:
+    found = tunable(candidate(system, text))
+    assert found is not None
+    h = 1e-6 * abs(found.constant)
+    generator = torch.Generator().manual_seed(0)
+    states = torch.randn((3, 2, 32), generator=generator, dtype=torch.float64)
+    ends = [found.at(found.constant + sign * h).candidate.terms[0] for sign in (1, -1)]
+    ahead, behind = evaluate_terms(system, ends, states, 0.0)
+    [slope] = evaluate_terms(system, found.slope.terms, states, 0.0)
+    torch.testing.assert_close(slope, (ahead - behind) / (2 * h), rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("text", ["u**4", "abs(u)", "exp(-u**2)*u", "u*sin(x)", "sin(x)*v"])
+def test_what_is_no_function_of_a_constant_has_none(system: System, text: str) -> None:
+    assert tunable(candidate(system, text)) is None
+    parameter = Candidate("nu", None, (Term("u", system.parse("u", "test")),), 1.0)
+    assert tunable(parameter) is None
+
+
+def test_a_step_goes_where_the_coefficients_say_but_not_too_far(system: System) -> None:
+    found = tunable(candidate(system, "sin(2*u)"))
+    assert found is not None
+    assert moved(found, 0.5, 0.05) == pytest.approx(2.1)
+    assert moved(found, 0.01, -5.0) == pytest.approx(1.2)
+    assert moved(found, 0.0, 1.0) == pytest.approx(2.0)
+
+
+def test_the_constant_is_found_through_the_simulator(tmp_path: Path) -> None:
+    waves = Waves.declared(tmp_path)
+    offered = tunable({str(c): c for c in waves.beyond}["u: tanh(u)"])
+    assert offered is not None
+    recorded = waves.recorded(SIGMA, 3, [(offered.at(1.42).candidate, -0.2)])
+    objective = waves.objective(recorded, SIGMA)
+    begin = torch.zeros(objective.modes + 1, dtype=torch.float64)
+    begin[-1] = -0.2
+    found, alone, fitted = tune(objective, offered, begin)
+    inner = tunable(found)
+    assert inner is not None and inner.constant == pytest.approx(1.42, abs=0.05)
+    assert [c.key for c in alone.shooting.candidates] == [found.key]
+    assert fitted.chi2 / objective.noise.count < 1.2
