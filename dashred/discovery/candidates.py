@@ -12,7 +12,7 @@ from torch import Tensor
 from dashred.physics.differentiate import parameter_tendency
 from dashred.physics.forcing import Forcing
 from dashred.physics.library import COLLINEAR, evaluate_terms, resolve
-from dashred.physics.linear import is_linear, symbol
+from dashred.physics.linear import split_linear, symbols
 from dashred.physics.reflection import without_sides
 from dashred.physics.spectral import Spectral
 from dashred.physics.system import System, Term
@@ -168,7 +168,7 @@ def _column(system: System, candidate: Candidate, states: Tensor, t: float) -> T
 def _limit(system: System, candidate: Candidate) -> float:
     """Return the |ξ| at which the fastest mode grows e-fold within a step.
 
-    Only of linear terms: at fourth order the natural scale lies far above it, and the first
+    Only of what is linear in it: at fourth order the natural scale lies far above it, and the first
     trial would blow up (design §4.2.3).
     """
     if not isinstance(system.operators, Spectral):
@@ -177,10 +177,10 @@ def _limit(system: System, candidate: Candidate) -> float:
     for term in candidate.terms:
         bare = without_sides(term.expression)
         for field in system.fields:
-            if is_linear(bare, field):
+            linear, _ = split_linear(bare, field)
+            if linear:
                 # What turns at the ends of an axis is stepped explicitly, too.
                 own = field == term.equation and bare == term.expression
-                found = torch.as_tensor(symbol(bare, system.operators, torch.device("cpu")))
-                grows = found.real if own and found.is_complex() else found
-                fastest = max(fastest, float(grows.abs().max()))
+                found = symbols([linear], system.operators, torch.device("cpu"))[0]
+                fastest = max(fastest, float((found.real if own else found).abs().max()))
     return 1.0 / (fastest * system.dt) if fastest else math.inf

@@ -162,6 +162,7 @@ def test_linear_terms_are_limited_by_their_fastest_mode(tmp_path: Path) -> None:
         "u: d(u, x)": math.inf,  # turns, does not grow
         "u: d(u, x, 3)": math.inf,
         "u: u**2": math.inf,
+        "u: u**3 + d(u, x, 2)": 1 / (highest**2 * dt),
     }
     listed: dict[str, list[str]] = {"u": [], "v": []}
     for name in expected:
