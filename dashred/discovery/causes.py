@@ -16,8 +16,7 @@ from dashred.discovery.candidates import Candidate
 from dashred.discovery.discovered import AMBIGUOUS, MISSING
 from dashred.discovery.forcing_map import ForcingMap, map_of
 from dashred.discovery.free_forcing import FreeForcing, force
-from dashred.discovery.gauss_newton import minimise
-from dashred.discovery.law import Law, law_of, unlike
+from dashred.discovery.law import Law, unlike
 from dashred.discovery.lawless import faults, wider_starts
 from dashred.discovery.left_out import (
     Beside,
@@ -27,8 +26,7 @@ from dashred.discovery.left_out import (
     forced_without,
     nothing_without,
 )
-from dashred.discovery.local_laws import Cause, local_laws
-from dashred.discovery.local_shooting import found_by
+from dashred.discovery.local_laws import Cause, local_laws, refitted
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.shooting import Simulator
@@ -45,7 +43,6 @@ EXPLAINED = 1.1
 ASTRAY = 1.2
 # A score this much worse than the best is out of the question.
 HOPELESS = 60.0
-STEPS, TOLERANCE = 10, 1e-4
 
 
 @dataclass(frozen=True)
@@ -229,12 +226,5 @@ def _again(cause: Cause, noise: NoiseModel) -> Cause:
     """Return an explanation fitted under another noise; the samples that it sees stay its own."""
     if isinstance(cause, Beside):
         return beside_the_fault(_again(cause.bare, noise), cause.sensor)
-    law, before = cause.law, cause.objective
-    mine = replace(before, noise=replace(noise, seen=before.noise.seen))
-    fitted = minimise(mine, cause.phi, STEPS, TOLERANCE)
-    [old], _ = before.values(cause.phi[None])
-    score = law.score - float(old) + fitted.cost
-    candidates = found_by(mine, fitted.phi)
-    found = law_of(mine, fitted, candidates, score, len(law.edges))
-    again = replace(found, fault=law.fault, widened=law.widened)
-    return Cause(again, mine, fitted.phi)
+    before = cause.objective
+    return refitted(cause, replace(before, noise=replace(noise, seen=before.noise.seen)))

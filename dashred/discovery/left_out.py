@@ -14,8 +14,7 @@ from dashred.discovery.faults import Fault, describe, predicted_faults
 from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import law_of
-from dashred.discovery.local_laws import Cause
-from dashred.discovery.local_shooting import found_by
+from dashred.discovery.local_laws import Cause, refitted
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.suspects import suspects
@@ -86,16 +85,6 @@ def beside_the_fault(bare: Cause, sensor: int) -> Beside:
     return Beside(law, bare.objective, phi, bare, sensor)
 
 
-def with_all_sensors(bare: Cause) -> Cause:
-    """Return an explanation that was fitted without a sensor, fitted to that too."""
-    whole = _whole(bare.objective)
-    fitted = minimise(whole, bare.phi, STEPS, TOLERANCE)
-    [cost], _ = bare.objective.values(bare.phi[None])
-    score = bare.law.score - float(cost) + fitted.cost
-    found = law_of(whole, fitted, found_by(whole, fitted.phi), score, len(bare.law.edges))
-    return Cause(found, whole, fitted.phi)
-
-
 def faulty_or_not(laws: Sequence[Cause], sensor: int) -> list[Cause]:
     """Return laws that were fitted without a sensor as the best of them has it.
 
@@ -105,10 +94,15 @@ def faulty_or_not(laws: Sequence[Cause], sensor: int) -> list[Cause]:
         return []
     found = [beside_the_fault(law, sensor) for law in laws]
     best = min(found, key=lambda cause: cause.law.score)
-    without = with_all_sensors(best.bare)
+    without = _with_all_sensors(best.bare)
     if without.law.score < best.law.score:
-        return [without if law is best.bare else with_all_sensors(law) for law in laws]
+        return [without if law is best.bare else _with_all_sensors(law) for law in laws]
     return [*found, without]
+
+
+def _with_all_sensors(bare: Cause) -> Cause:
+    """Return an explanation that was fitted without a sensor, fitted to that too."""
+    return refitted(bare, _whole(bare.objective))
 
 
 def _whole(objective: Objective) -> Objective:

@@ -18,6 +18,7 @@ from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.gauss_newton import grow, minimise
 from dashred.discovery.hypothesis import Tested, first_unknowns, pose, test
 from dashred.discovery.law import Law, law_of
+from dashred.discovery.local_shooting import found_by
 from dashred.discovery.objective import Normal, Objective
 from dashred.discovery.screening import Screened, screen
 
@@ -50,6 +51,22 @@ class Cause:
     def normal(self) -> Normal:
         """F linearised about its minimum: several questions are put to it, and it is dear."""
         return self.objective.linearise(self.phi)
+
+
+def refitted(cause: Cause, objective: Objective) -> Cause:
+    """Return an explanation under another noise, or of other samples; its score moves with F.
+
+    Args:
+        cause: the explanation.
+        objective: F in the same unknowns.
+    """
+    law = cause.law
+    fitted = minimise(objective, cause.phi, LAST_STEPS, LAST_TOLERANCE)
+    [before], _ = cause.objective.values(cause.phi[None])
+    score = law.score - float(before) + fitted.cost
+    found = law_of(objective, fitted, found_by(objective, fitted.phi), score, len(law.edges))
+    again = replace(found, fault=law.fault, widened=law.widened)
+    return Cause(again, objective, fitted.phi)
 
 
 def local_laws(

@@ -12,8 +12,8 @@ import torch
 from dashred.config import Config, load_config
 from dashred.errors import InputError
 from dashred.physics.system import System
-from dashred.proof.bench import Bench
 from dashred.proof.draw import Case
+from dashred.proof.sizes import Sizes
 from dashred.recorder import observe, run_truth, with_law
 from dashred.sealing import Truth
 from dashred.sensing.recording import Recording
@@ -53,25 +53,25 @@ def conceal(case: Case) -> Concealed:
     words += [f"recording.noise={case.noise:g}", f"recording.sensors={case.sensors}"]
     config = load_config(words, entry="record")
     system = System(config.system, config.where)
-    bench = Bench.of(case, system, config)
+    sizes = Sizes.of(case, system, config)
     size, effect = 0.0, None
     if case.effect is not None and (case.hidden["terms"] or "parameters" in case.hidden):
-        size, effect = bench.fitting_size(case)
+        size, effect = sizes.fitting_size(case)
     for _ in range(RETREATS):
-        twin = bench.twin(bench.sized(case.hidden, size))
+        twin = sizes.twin(sizes.sized(case.hidden, size))
         try:
-            states = run_truth(with_law(system, twin), bench.start, bench.times)
+            states = run_truth(with_law(system, twin), sizes.start, sizes.times)
             break
         except InputError:
             # Within the record it was well: it blows up where only forecasts go.
             size /= 2
-            effect = bench.effect(case.hidden, size)
+            effect = sizes.effect(case.hidden, size)
     else:
         raise InputError("what was to be hidden blows the simulator up")
-    count = bench.recorded
+    count = sizes.recorded
     recording = observe(
-        system, states[:count], bench.times[:count], twin, config, case.stream("read")
+        system, states[:count], sizes.times[:count], twin, config, case.stream("read")
     )
     duration = config.recording.duration
-    truth = Truth(str(case), twin.terms, bench.times, duration, states, twin.concealed)
+    truth = Truth(str(case), twin.terms, sizes.times, duration, states, twin.concealed)
     return Concealed(config, system, recording, truth, effect)

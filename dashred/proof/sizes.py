@@ -17,7 +17,7 @@ from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.proof.draw import Case
 from dashred.proof.systems import SYSTEMS
-from dashred.recorder import FORECAST, draw_start, place_sensors, run_truth, with_law
+from dashred.recorder import clock_of, draw_start, place_sensors, run_truth, with_law
 from dashred.sensing.observation import ObservationOperator
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import Sensor
@@ -39,7 +39,7 @@ SPIKE = 6.0
 
 
 @dataclass(frozen=True)
-class Bench:
+class Sizes:
     """One case's start, sensors and clock, on which sizes are tried."""
 
     case: Case
@@ -52,12 +52,10 @@ class Bench:
     plain: Tensor
 
     @classmethod
-    def of(cls, case: Case, system: System, config: Config) -> Bench:
+    def of(cls, case: Case, system: System, config: Config) -> Sizes:
         """Draw start and places; run the simulator as it is."""
-        every, duration = config.recording.every, config.recording.duration
-        assert every is not None
-        times = torch.arange(round(FORECAST * duration / every) + 1, dtype=torch.float64) * every
-        recorded = int((times <= duration * (1 + 1e-9)).sum())
+        times = clock_of(config)
+        recorded = int((times <= config.recording.duration * (1 + 1e-9)).sum())
         spread = {"terms": [], "spread": case.hidden.get("spread", 1.0)}
         only_start = twin_of(str(case), spread, str(case), config)
         start = draw_start(system, system, only_start, config, case.stream("start"))
