@@ -19,10 +19,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from dashred.findings_schema import Score
+    from dashred.physics.system import System
     from dashred.sealing import Truth
 
-# More than these could not be told apart on one page.
-PANELS = ("simulation", "simulation_refit", "shred", "corrected")
 KEYS = ("findings", "sealed", "root", "experiment", "run")
 REGIONS = {
     "overlap": "The region found and the true one: intersection over union",
@@ -60,6 +59,7 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth]:
     """
     from dashred.cause_scoring import score_cause, score_region
     from dashred.findings_schema import Score
+    from dashred.reporting.truth_figures import draw_truth
     from dashred.scoring import (
         FORECASTS,
         METHODS,
@@ -68,6 +68,7 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth]:
         rmse_by_time,
         scaled_errors,
         score_law,
+        system_of,
     )
     from dashred.sealing import open_seal
 
@@ -82,7 +83,7 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth]:
         real = true_states(estimates, truth, fields, sealed)
         known = scaled_errors(estimates, real, fields)
         errors = {method: rmse_by_time(error) for method, error in known.items()}
-        _draw(output, estimates, real, fields, errors)
+        draw_truth(output, estimates, real, fields, errors, _followed(system_of(findings)))
     beyond: dict[str, np.ndarray] = {}
     if "forecast.nc" in frozen:
         forecast = load_fields(output / "forecast.nc")
@@ -140,41 +141,10 @@ def true_states(
     return real
 
 
-def _draw(
-    output: Path,
-    estimates: xr.Dataset,
-    real: np.ndarray,
-    fields: tuple[str, ...],
-    errors: dict[str, np.ndarray],
-) -> None:
-    from dashred.reporting.figures import (
-        rmse_against_time,
-        save_figure,
-        snapshot_panels,
-        space_time_panels,
-        state_traces,
-    )
-
-    times = estimates["time"].values
-    label = "field RMSE / standard deviation"
-    figure = rmse_against_time(times, errors, float(times[-1]), label)
-    save_figure(figure, output / "rmse_against_time.png")
-    axes = [str(dim) for dim in estimates[fields[0]].dims if dim not in ("method", "time")]
-    panels = {
-        field: {
-            "truth": real[:, i],
-            **{m: estimates[field].sel({"method": m}).values for m in PANELS if m in errors},
-        }
-        for i, field in enumerate(fields)
-    }
-    places = {name: estimates[name].values for name in axes}
-    if not axes:
-        save_figure(state_traces(times, panels, {}), output / "state_truth.png")
-    elif len(axes) == 1:
-        figure = space_time_panels(times, axes[0], places[axes[0]], panels, {})
-        save_figure(figure, output / "space_time_truth.png")
-    else:
-        save_figure(snapshot_panels(times, places, panels, {}), output / "snapshots_truth.png")
+def _followed(system: System) -> tuple[str, float] | None:
+    """Return the field with a front that is followed, and the length of its ring."""
+    front = system.config.front
+    return None if front is None else (front, system.axes[0].length)
 
 
 def _print(score: Score) -> None:

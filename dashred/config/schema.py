@@ -111,6 +111,9 @@ class System:
     structure: Structure | None = None
     """Its port-Hamiltonian form, against which the equations are held; null claims none."""
 
+    front: str | None = None
+    """A field whose front runs around a ring: the report follows its place and its width."""
+
     inputs: dict[str, str] = field(default_factory=dict)
     """Measured inputs: name in the equations, and the recording's column that holds it."""
 

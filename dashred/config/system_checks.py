@@ -44,6 +44,18 @@ def check_system(system: System, where: Where) -> None:
                 where=where(f"system.start.{name}"),
             )
     _check_spread(system, where)
+    _check_front(system, where)
+
+
+def _check_front(system: System, where: Where) -> None:
+    if system.front is None:
+        return
+    place = where("system.front")
+    if system.front not in system.fields:
+        what = f"system.front names {system.front}, which is not a field"
+        raise InputError(what, where=place, hint=nearest(system.front, system.fields))
+    if [axis.ends for axis in system.axes.values()] != ["periodic"]:
+        raise InputError("a front is followed around one periodic axis alone", where=place)
 
 
 def _check_names(system: System, where: Where) -> None:

@@ -1,0 +1,43 @@
+"""Where a front stands against time, and how wide it is, by method."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.figure import Figure
+
+from dashred.physics.front import follow_front
+from dashred.reporting.state_traces import UNDER
+from dashred.reporting.style import method_look, method_name, new_figure, style
+
+Field = Float[np.ndarray, "time x"]
+
+
+def front_figure(
+    times: Float[np.ndarray, " time"],
+    kinds: Mapping[str, Field],
+    axis_name: str,
+    length: float,
+) -> Figure:
+    """Draw place and width of the front in a field, one line a method.
+
+    Args:
+        times: of the samples.
+        kinds: the field by method; `truth` may be among them.
+        axis_name: along which the front runs.
+        length: of that axis, around.
+    """
+    with style():
+        figure = new_figure(9.6, 3.4)
+        left, right = figure.subplots(1, 2)
+        for index, (method, values) in enumerate(kinds.items()):
+            place, width = follow_front(values, length)
+            look = method_look(method, index) | UNDER.get(method, {})
+            left.plot(times, place, label=method_name(method), **look)
+            right.plot(times, width, **look)
+        left.set(xlabel="time", ylabel=f"place of the front, {axis_name} counted on")
+        right.set(xlabel="time", ylabel="width of the front")
+        right.set_ylim(bottom=0)
+        handles, labels = left.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper left", ncols=len(handles))
+    return figure

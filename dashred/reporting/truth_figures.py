@@ -1,0 +1,65 @@
+"""Figures that hold the estimates against the truth: a scorer's, who alone has it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from dashred.reporting.figures import (
+    front_figure,
+    rmse_against_time,
+    save_figure,
+    snapshot_panels,
+    space_time_panels,
+    state_traces,
+)
+
+# More than these could not be told apart on one page.
+PANELS = ("simulation", "simulation_refit", "shred", "corrected")
+
+
+def draw_truth(
+    output: Path,
+    estimates: xr.Dataset,
+    real: np.ndarray,
+    fields: Sequence[str],
+    errors: Mapping[str, np.ndarray],
+    followed: tuple[str, float] | None,
+) -> None:
+    """Draw errors against time, the fields, and the front where one is followed.
+
+    Args:
+        output: the folder.
+        estimates: fields by method.
+        real: the true states, ``(time, field, *grid)``.
+        fields: their names.
+        errors: RMSE at each time by method.
+        followed: the field with a front, and the length of the ring that it runs around.
+    """
+    times = estimates["time"].values
+    label = "field RMSE / standard deviation"
+    figure = rmse_against_time(times, errors, float(times[-1]), label)
+    save_figure(figure, output / "rmse_against_time.png")
+    axes = [str(dim) for dim in estimates[fields[0]].dims if dim not in ("method", "time")]
+    panels = {
+        field: {
+            "truth": real[:, i],
+            **{m: estimates[field].sel({"method": m}).values for m in PANELS if m in errors},
+        }
+        for i, field in enumerate(fields)
+    }
+    places = {name: estimates[name].values for name in axes}
+    if not axes:
+        save_figure(state_traces(times, panels, {}), output / "state_truth.png")
+    elif len(axes) == 1:
+        figure = space_time_panels(times, axes[0], places[axes[0]], panels, {})
+        save_figure(figure, output / "space_time_truth.png")
+    else:
+        save_figure(snapshot_panels(times, places, panels, {}), output / "snapshots_truth.png")
+    if followed is not None:
+        field, length = followed
+        figure = front_figure(times, panels[field], axes[0], length)
+        save_figure(figure, output / "front_truth.png")
