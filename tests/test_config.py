@@ -258,6 +258,7 @@ WRONG_VALUES = [
     ("recording.noise=-0.1", "recording.noise must be at least 0; got -0.1"),
     ("recording.sensors=0", "recording.sensors must be a number from 1 up"),
     ("recording.sensors=true", "recording.sensors must be a number from 1 up"),
+    ("system.front=w", "system.front names w, which is not a field"),
     ("recording.every=null", "a twin needs recording.every"),
     ("recording.every=11", "a twin needs recording.every"),
     ("recording.twin=../a", "'../a' is not the name of a twin"),

@@ -67,7 +67,7 @@ def finish(
     verdict = findings["verdict"] or "none yet"
     run.set_tags({"verdict": verdict, "config sha256": config_sha256})
     record = {
-        "seconds": {title: round(value, 2) for title, value in seconds.items()},
+        "seconds": {title: float(f"{value:.3g}") for title, value in seconds.items()},
         "host": platform.node(),
         "git_commit": git_commit(),
         "mlflow_run": run.run_id,

@@ -8,6 +8,7 @@ from torch import Tensor
 from dashred.discovery.correction import correct
 from dashred.discovery.law import Law
 from dashred.discovery.starts import ScaledStart
+from dashred.models.latency import seconds_a_step
 from dashred.models.shred import reconstruct
 from dashred.physics.ensemble import draw_ensemble
 from dashred.physics.prior import StartPrior
@@ -18,6 +19,9 @@ from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal
 from dashred.stages.trajectories import Trajectories
 from dashred.tracking import Tracker
+
+# What run.json calls the seconds of one step of the corrected surrogate.
+STEP = "one step of the corrected SHRED"
 
 
 def retrain(
@@ -65,4 +69,7 @@ def retrain(
         report(1.0, f"{settings.members} members")
     found = train_shred(problem, ensemble, run, seconds, "corrected SHRED", learned.shred)
     windows = sensor_data(problem).windows
+    step = seconds_a_step(found.shred, windows[-1])
+    run.log_metrics({"surrogate/milliseconds": 1e3 * step}, 0)
+    seconds[STEP] = step
     return found, reconstruct(found.shred.encode, found.shred, windows)

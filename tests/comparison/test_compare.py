@@ -26,8 +26,9 @@ def test_every_method_on_one_recording(
         assert methods[name]["found"] + methods[name]["missed"] == 1
     assert methods["closed_form"]["rmse"] is None
     page = (tmp_path / "docs" / "results.md").read_text()
-    assert "ensemble Kalman filter" in page and "figures/results_quick.png" in page
-    assert (tmp_path / "docs" / "figures" / "results_quick.png").stat().st_size > 10_000
+    assert "ensemble Kalman filter" in page and "figures/results_quick_space_time_truth.png" in page
+    pictures = {file.name for file in (tmp_path / "docs" / "figures").iterdir()}
+    assert pictures >= {f"results_quick_{n}.png" for n in ("space_time_truth", "rmse_against_time")}
     logged = sqlite3.connect(tmp_path / "mlruns" / "mlflow.db")
     [[names]] = logged.execute(
         "select count(*) from metrics where key in ('rmse/filter_state', 'rmse/corrected')"

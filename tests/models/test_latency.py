@@ -1,0 +1,35 @@
+"""One step of a network is timed as it comes in: a window at a time, the first few left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import torch
+
+from dashred.models import latency
+from dashred.models.latency import TIMED, WARM, seconds_a_step
+from dashred.sensing.observation import ObservationOperator
+from tests.ring import SENSORS, ensemble, linear_system, untrained
+
+
+def ticking(slow: float, fast: float) -> Iterator[float]:
+    """Yield a clock's times: the steps that warm up are slow, the others fast."""
+    now = 0.0
+    for step in range(WARM + TIMED):
+        yield now
+        now += slow if step < WARM else fast
+        yield now
+
+
+def test_the_median_of_the_steps_after_the_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    system = linear_system(tmp_path)
+    operator = ObservationOperator(SENSORS, system)
+    shred = untrained(ensemble(system, 4).states, operator)
+    clock = ticking(1.0, 0.002)
+    monkeypatch.setattr(latency.time, "perf_counter", lambda: next(clock))
+    window = torch.zeros((5, len(SENSORS)))
+    assert seconds_a_step(shred, window) == pytest.approx(0.002)
