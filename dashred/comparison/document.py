@@ -40,9 +40,9 @@ INTRODUCTION = (
     "(2025), whose code trains on the real full field."
 )
 PAPER_NOTE = (
-    "Error falls: median over twins that hide something, of the field's RMSE of the simulator as it "
-    "is over that of the corrected one. Seconds: of a run, learning included. Step: of the corrected "
-    "SHRED, from a window of readings to the whole field, on one core."
+    "Error falls: the field's RMSE of the simulator as it is over that of the corrected one, the "
+    "median over twins that hide something. Seconds: of a run, learning included. Step: of the "
+    "corrected SHRED, from a window of readings to the whole field, on one core."
 )
 FIELD_NOTE = (
     f"RMSE of the whole field over the fit window, over that of the {FIELDS[REFERENCE]} (the "

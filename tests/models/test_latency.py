@@ -31,5 +31,5 @@ def test_the_median_of_the_steps_after_the_first(
     shred = untrained(ensemble(system, 4).states, operator)
     clock = ticking(1.0, 0.002)
     monkeypatch.setattr(latency.time, "perf_counter", lambda: next(clock))
-    window = torch.zeros((5, len(SENSORS)))
+    window = torch.zeros((5, len(SENSORS)), dtype=torch.float64)
     assert seconds_a_step(shred, window) == pytest.approx(0.002)
