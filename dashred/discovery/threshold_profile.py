@@ -6,6 +6,7 @@ gate begins to cut into either state. Its curvature at one point says nothing of
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import torch
@@ -16,8 +17,9 @@ from dashred.discovery.law import Z95, Law
 from dashred.discovery.local_laws import Cause
 from dashred.discovery.local_shooting import LocalShooting
 
-# Thresholds that are tried on either side, even to the farthest state that is visited.
-TRIED = 16
+# Thresholds that are tried on either side: from a share of the std that the curvature gives, to the
+# farthest state that is visited.
+TRIED, NEAREST = 16, 0.5
 STEPS, SETTLED, HOPELESS = 6, 0.1, 200.0
 # F rises by this to the ends of a 95 % interval.
 RISE = Z95**2
@@ -45,9 +47,10 @@ def _interval(cause: Cause, shooting: LocalShooting) -> tuple[float, float]:
     [states] = shooting.states(*objective.split(phi[None]))
     field = objective.shooting.simulator.system.fields.index(shooting.shape.of)
     values = states[:, field] - float(shooting.guess[0])
+    nearest = NEAREST * cause.law.edges[0]
     sides = [
-        torch.linspace(at, float(end), TRIED + 1, dtype=torch.float64)[1:]
-        for end in (values.min(), values.max())
+        at + sign * _steps(nearest, sign * (float(end) - at))
+        for sign, end in ((-1.0, values.min()), (1.0, values.max()))
     ]
     moved = torch.cat(sides)
     begin = phi.expand(len(moved), -1).clone()
@@ -62,14 +65,23 @@ def _interval(cause: Cause, shooting: LocalShooting) -> tuple[float, float]:
     return threshold + min(ends), threshold + max(ends)
 
 
+def _steps(nearest: float, farthest: float) -> Tensor:
+    """Return distances that grow evenly in their logarithm, ``(tried,)``."""
+    ends = torch.tensor([nearest, max(farthest, 2 * nearest)], dtype=torch.float64).log()
+    return torch.linspace(float(ends[0]), float(ends[1]), TRIED, dtype=torch.float64).exp()
+
+
 def _crossing(at: float, places: Tensor, rises: Tensor) -> float:
-    """Return where F has risen enough for good: beyond the farthest place where it has not."""
+    """Return where F has risen enough for good: beyond the farthest place where it has not.
+
+    Between two places F rises as a parabola does.
+    """
     below = torch.nonzero(rises < RISE).flatten()
     last = int(below[-1]) if len(below) else -1
     if last + 1 == len(places):
         return float(places[-1])
     inner = at if last < 0 else float(places[last])
-    before = 0.0 if last < 0 else max(float(rises[last]), 0.0)
-    rise = float(rises[last + 1])
-    share = (RISE - before) / (rise - before) if rise < float("inf") else 1.0
+    before = 0.0 if last < 0 else math.sqrt(max(float(rises[last]), 0.0))
+    after = math.sqrt(float(rises[last + 1]))
+    share = (Z95 - before) / (after - before) if math.isfinite(after) else 1.0
     return inner + share * (float(places[last + 1]) - inner)
