@@ -22,12 +22,16 @@ from dashred.discovery.suspects import suspects
 # A forcing is coarse: what it leaves at a sensor may look like a fault that gains as much as this,
 # in units of the misfit that it leaves everywhere.
 COARSE = 40.0
+# Of fewer sensors, none is left out: who contradicts whom, nobody can tell.
+FEWEST = 3
 STEPS, TOLERANCE = 6, 1e-3
 
 
 def fault_beneath(forced: FreeForcing) -> Fault | None:
     """Return the fault of a sensor that even a free forcing needs; None if it needs none."""
     objective, phi = forced.objective, forced.phi
+    if int(objective.noise.seen.any(dim=0).sum()) < FEWEST:
+        return None
     faults = suspects(objective, forced.normal)
     found = predicted_faults(objective, phi, forced.normal, faults)
     best, fault = min(found, key=lambda pair: pair[0].score)

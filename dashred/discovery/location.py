@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import torch
 from scipy.stats import chi2
@@ -43,9 +44,11 @@ def locate(
     shares = ratios.transpose(0, 1).flatten(1).square().mean(dim=1).sqrt()
     total = float(shares.sum())
     power = ratios.square().sum(dim=1)
-    before = discovered.noise.whiten(discovered.nothing.residuals)
-    after = discovered.noise.whiten(law.residuals)
-    seen = discovered.noise.seen
+    # What either leaves out, as a spike, says nothing of the two.
+    left_out = law.residuals.isnan() | discovered.nothing.residuals.isnan()
+    noise = replace(discovered.noise, seen=discovered.noise.seen & ~left_out)
+    before, after = noise.whiten(discovered.nothing.residuals), noise.whiten(law.residuals)
+    seen = noise.seen
     return Where(
         equation={
             field: float(share) / total if total else 0.0

@@ -64,7 +64,8 @@ class NoiseModel:
         """Return the model that the residuals of a fit speak for.
 
         Within what reads the same quantity σ keeps its ratios and takes its level from the
-        residuals, and ρ is their pooled lag-one correlation, if it is significant.
+        residuals, and ρ is their pooled lag-one correlation, if it is significant. Of what is not
+        seen at all, residuals say nothing: its σ stays.
 
         Args:
             residuals: readings minus recording.
@@ -76,7 +77,9 @@ class NoiseModel:
         squares = torch.where(self.seen, residuals / self.std, 0.0).square()
         for group in dict.fromkeys(groups):
             mine = torch.tensor([g == group for g in groups])
-            mean = float(squares[:, mine].sum() / self.seen[:, mine].sum().clamp(min=1))
+            if not self.seen[:, mine].any():
+                continue
+            mean = float(squares[:, mine].sum() / self.seen[:, mine].sum())
             std[mine] *= max(math.sqrt(mean / left), 1e-12)
             scaled = residuals[:, mine] / std[mine]
             correlation[mine] = _lag_one(scaled, self.seen[:, mine])

@@ -12,6 +12,8 @@ from dashred.discovery.objective import Normal, Objective
 
 # A sample this many σ off what the other sensors and neighbours say is a spike.
 SPIKE = 5.0
+# More than this share of a sensor's samples are no spikes: it is the law that errs.
+MOST_SPIKES = 0.2
 # A stuck sensor's readings scatter by less than this share of the trace's std.
 STILL, LEAST_STUCK = 0.02, 6
 
@@ -35,7 +37,7 @@ def suspects(objective: Objective, normal: Normal) -> Iterator[Fault]:
         sigma = float(objective.noise.std[sensor])
         yield from _stuck(objective, sensor)
         spikes = seen[:, sensor] & (rest.abs() > SPIKE * sigma) & _alone(rest, sigma)
-        if spikes.any():
+        if 0 < int(spikes.sum()) <= MOST_SPIKES * int(seen[:, sensor].sum()):
             groups = int((spikes & ~torch.cat([none[:1], spikes[:-1]])).sum())
             yield Fault("spikes", sensor, spikes, parameters=1.5 * groups)
 

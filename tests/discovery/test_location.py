@@ -136,6 +136,15 @@ def test_significance_pays_for_the_search(flow: System) -> None:
     assert found(flow, useless)["significance"] == 1.0
 
 
+def test_samples_that_a_law_leaves_out_say_nothing_of_its_significance(flow: System) -> None:
+    law = laws.law([laws.term(flow, "u", "u")], [0.1])
+    residuals = law.residuals.clone()
+    residuals[3:5, 0] = torch.nan
+    where = found(flow, laws.discovery(replace(law, residuals=residuals)))
+    assert where["significance"] is not None and where["significance"] < 1e-6
+    assert all(sensor["gain"] > 0 for sensor in where["sensors"])
+
+
 def test_an_empty_law_acts_nowhere(flow: System) -> None:
     where = found(flow, laws.discovery(laws.law(), nothing=laws.law()))
     assert where["equation"] == {"u": 0.0, "lam": 0.0}

@@ -176,3 +176,15 @@ def test_scaling_scales_the_noise_alone() -> None:
     noise = model([0.5, 2.0], RHO, everywhere(5, 2))
     values = white(5, 2)
     torch.testing.assert_close(noise.scaled(4.0).whiten(values), noise.whiten(values) / 4)
+
+
+def test_of_what_is_not_seen_nothing_is_learnt() -> None:
+    seen = torch.ones((50, 2), dtype=torch.bool)
+    seen[:, 1] = False
+    before = NoiseModel(
+        torch.tensor([0.1, 0.3], dtype=torch.float64), torch.zeros(2).double(), seen
+    )
+    residuals = 0.2 * torch.randn((50, 2), generator=torch.Generator().manual_seed(0)).double()
+    after = before.estimated(residuals, ["q", "p"], 2)
+    assert float(after.std[0]) == pytest.approx(0.2, rel=0.3)
+    assert float(after.std[1]) == 0.3
