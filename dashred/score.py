@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dashred.errors import InputError, run_entry
 from dashred.findings import check_freeze, write_json_atomic
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from dashred.findings_schema import Score
-    from dashred.physics.system import System
     from dashred.sealing import Truth
 
 KEYS = ("findings", "sealed", "root", "experiment", "run")
@@ -68,7 +68,6 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth]:
         rmse_by_time,
         scaled_errors,
         score_law,
-        system_of,
     )
     from dashred.sealing import open_seal
 
@@ -83,7 +82,7 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth]:
         real = true_states(estimates, truth, fields, sealed)
         known = scaled_errors(estimates, real, fields)
         errors = {method: rmse_by_time(error) for method, error in known.items()}
-        draw_truth(output, estimates, real, fields, errors, _followed(system_of(findings)))
+        draw_truth(output, estimates, real, fields, errors, _followed(findings))
     beyond: dict[str, np.ndarray] = {}
     if "forecast.nc" in frozen:
         forecast = load_fields(output / "forecast.nc")
@@ -141,10 +140,12 @@ def true_states(
     return real
 
 
-def _followed(system: System) -> tuple[str, float] | None:
+def _followed(findings: Mapping[str, Any]) -> tuple[str, float] | None:
     """Return the field with a front that is followed, and the length of its ring."""
-    front = system.config.front
-    return None if front is None else (front, system.axes[0].length)
+    from dashred.scoring import system_of
+
+    front = findings["input"]["config"]["system"]["front"]
+    return None if front is None else (front, system_of(findings).axes[0].length)
 
 
 def _print(score: Score) -> None:

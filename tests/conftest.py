@@ -191,7 +191,7 @@ def train(
         output, root = folder / "output", folder / "mlruns"
         if not figures:
             monkeypatch.setattr("dashred.stages.report.report", lambda *_: None)
-            monkeypatch.setattr("dashred.score._draw", lambda *_: None)
+            monkeypatch.setattr("dashred.reporting.truth_figures.draw_truth", lambda *_: None)
         places = [f"output={output}", f"tracking.root={root}"]
         try:
             code = _entry(monkeypatch, "dashred.train", [*words, *places])

@@ -265,7 +265,6 @@ WRONG_VALUES = [
     ("device=gpu", "unknown device 'gpu'"),
     ("system.axes.x.points=7", "system.axes.x.points must be at least 8; got 7"),
     ("system.axes.x.length=-1", "system.axes.x.length must be above 0; got -1"),
-    ("system.axes.x.ends=fixed", "only periodic is supported for now"),
     ("system.integrator.dt=0", "system.integrator.dt must be above 0; got 0"),
     ("system.integrator.dt=0.1/0", "0.1/0"),
     ("system.integrator.space=cubic", "must be one of: spectral, finite-difference; got 'cubic'"),

@@ -21,6 +21,9 @@ from dashred.stages.verification import write_estimates
 LAW = (SealedTerm("u", "u**3", -0.1), SealedTerm("u", "sin(u)", 0.2))
 
 
+INPUT = {"input": {"config": {"system": {"front": None}}}}
+
+
 @pytest.fixture
 def config(quick):
     return load_config([f"conf={quick}"], entry="record")
@@ -43,7 +46,7 @@ def frozen(tmp_path, system, truth) -> Path:
     """Findings with estimates that are 0, 1 and 2 std off the truth, and the sealed truth."""
     proposals = [{"equation": "u", "term": t, "rank": r} for r, t in enumerate(("u", "u**3"), 1)]
     latent = {"alg1": {"proposals": proposals}, "alg2": None}
-    write_json_atomic(tmp_path / "findings.json", {"latent": latent})
+    write_json_atomic(tmp_path / "findings.json", {**INPUT, "latent": latent})
     real, times = truth.states[:17], truth.times[:17]
     std = float(real.numpy().std())
     offsets = {"simulation": 2 * std, "shred": -std, "dashred": 0.0}
@@ -89,7 +92,7 @@ def test_what_is_not_frozen_is_not_scored(frozen, capsys) -> None:
     assert "no estimate" in capsys.readouterr().out
 
 
-def test_the_truth_of_another_run_is_refused(frozen, system, truth) -> None:
+def test_the_truth_of_another_run_is_refused(frozen, quick, system, truth) -> None:
     later = Truth("a", LAW, truth.times + 1, 2.0, truth.states)
     short = Truth("a", LAW, truth.times[:9], 2.0, truth.states[:9])
     for other in (later, short):
@@ -97,7 +100,8 @@ def test_the_truth_of_another_run_is_refused(frozen, system, truth) -> None:
         with pytest.raises(InputError, match="another recording"):
             score.main(words(frozen))
     coarse = Truth("a", LAW, truth.times, 2.0, truth.states[..., ::2])
-    seal(frozen / "sealed.nc", coarse, system)
+    fewer = load_config([f"conf={quick}", "system.axes.x.points=16"], entry="record")
+    seal(frozen / "sealed.nc", coarse, System(fewer.system, fewer.where))
     with pytest.raises(InputError, match="another system"):
         score.main(words(frozen))
     assert not (frozen / "score.json").exists()
@@ -235,7 +239,7 @@ def test_a_parameter_is_the_terms_that_its_new_value_adds() -> None:
 
 @pytest.fixture
 def no_figures(monkeypatch) -> None:
-    monkeypatch.setattr(score, "_draw", lambda *_: None)
+    monkeypatch.setattr("dashred.reporting.truth_figures.draw_truth", lambda *_: None)
 
 
 def test_each_field_is_scored_by_itself_too(no_figures, tmp_path) -> None:
@@ -247,7 +251,7 @@ def test_each_field_is_scored_by_itself_too(no_figures, tmp_path) -> None:
     std = states[:11].std(dim=0, correction=0)
     off = {"corrected": states[:11] + std * torch.tensor([0.3, 0.4])}
     write_estimates(tmp_path / "estimates.nc", system, times[:11], off)
-    write_json_atomic(tmp_path / "findings.json", {"latent": {}, "terms": None})
+    write_json_atomic(tmp_path / "findings.json", {**INPUT, "latent": {}, "terms": None})
     freeze(tmp_path, ["estimates.nc"])
     score.main(words(tmp_path))
     found = json.loads((tmp_path / "score.json").read_text())
