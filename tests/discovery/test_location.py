@@ -144,7 +144,7 @@ def test_samples_that_a_law_leaves_out_say_nothing_of_its_significance(flow: Sys
     residuals[3:5, 0] = torch.nan
     where = found(flow, laws.discovery(replace(law, residuals=residuals)))
     assert where["significance"] is not None and where["significance"] < 1e-6
-    assert all(sensor["gain"] > 0 for sensor in where["sensors"])
+    assert all(sensor["gain"] is not None and sensor["gain"] > 0 for sensor in where["sensors"])
 
 
 def test_an_empty_law_acts_nowhere(flow: System) -> None:

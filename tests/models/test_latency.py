@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 import torch
 
-from dashred.models import latency
 from dashred.models.latency import TIMED, WARM, seconds_a_step
 from dashred.sensing.observation import ObservationOperator
 from tests.ring import SENSORS, ensemble, linear_system, untrained
@@ -30,6 +29,6 @@ def test_the_median_of_the_steps_after_the_first(
     operator = ObservationOperator(SENSORS, system)
     shred = untrained(ensemble(system, 4).states, operator)
     clock = ticking(1.0, 0.002)
-    monkeypatch.setattr(latency.time, "perf_counter", lambda: next(clock))
+    monkeypatch.setattr("dashred.models.latency.time.perf_counter", lambda: next(clock))
     window = torch.zeros((5, len(SENSORS)), dtype=torch.float64)
     assert seconds_a_step(shred, window) == pytest.approx(0.002)
