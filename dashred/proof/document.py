@@ -9,11 +9,12 @@ from pathlib import Path
 from statistics import mean, median
 
 from dashred.proof import outcomes
-from dashred.proof.case_record import KINDS, CaseRecord, Kind, name_of
+from dashred.proof.case_record import KINDS, CaseRecord, name_of
 from dashred.proof.figures import FIGURES, WINDOWS, reliability
 from dashred.proof.protocol import ProtocolFacts, protocol
 from dashred.proof.statistics import Rate, percent
 from dashred.proof.targets import (
+    POOLS,
     TARGETS,
     Records,
     Target,
@@ -23,12 +24,6 @@ from dashred.proof.targets import (
     nulls,
     of_kind,
 )
-
-POOLS: dict[str, tuple[Kind, ...]] = {
-    "pooled: start, numerics, sensor": ("start", "numerics", "fault"),
-    "pooled: parameter, terms, hidden field": ("parameter", "terms", "hidden"),
-    "pooled: region, state, onset": ("box", "gate", "onset"),
-}
 
 JUDGED = (
     "A share is judged by itself; its interval is Wilson's, at 95 %. What has no value for a case "

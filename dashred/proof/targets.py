@@ -20,6 +20,14 @@ Outcome = Literal["met", "not met", "nothing to judge by"]
 
 COVERED = 1.959964  # standard deviations to either side of a 95 % interval
 LAWLESS: tuple[Kind, ...] = ("start", "fault", "numerics")
+# Classes of fewer cases than this are judged together.
+FEW = 30
+POOLS: dict[str, tuple[Kind, ...]] = {
+    "pooled: start, numerics, sensor": ("start", "numerics", "fault"),
+    "pooled: parameter, terms, hidden field": ("parameter", "terms", "hidden"),
+    "pooled: region, state, onset": ("box", "gate", "onset"),
+    "pooled: outside, masked": ("outside", "masked"),
+}
 REGION_OF: dict[Kind, Literal["overlap", "onset", "threshold"]] = {
     "box": "overlap",
     "onset": "onset",
@@ -129,12 +137,26 @@ def _lacking(kind: Kind) -> Callable[[Records], str]:
 
 
 def _worst_undecidable(records: Records) -> Measured:
-    rates = {kind: Rate.of(map(_undecidable, of_kind(records, kind))) for kind in KINDS}
-    counted = [kind for kind in KINDS if rates[kind].n]
+    rates = {
+        name: Rate.of(map(_undecidable, of_kind(records, *kinds)))
+        for name, kinds in _classes(records).items()
+    }
+    counted = [name for name, rate in rates.items() if rate.n]
     if not counted:
         return Measured(None, 0)
-    worst = max(counted, key=lambda kind: rates[kind].share)
-    return Measured(rates[worst], rates[worst].n, f"the worst class: {KINDS[worst]}")
+    worst = max(counted, key=lambda name: rates[name].share)
+    return Measured(
+        rates[worst], rates[worst].n, f"the worst class: {worst.removeprefix('pooled: ')}"
+    )
+
+
+def _classes(records: Records) -> dict[str, tuple[Kind, ...]]:
+    """Return the classes that are judged: those of few cases pooled with their like."""
+    large = [kind for kind in KINDS if len(of_kind(records, kind)) >= FEW]
+    found: dict[str, tuple[Kind, ...]] = {KINDS[kind]: (kind,) for kind in large}
+    for name, kinds in POOLS.items():
+        found[name] = tuple(kind for kind in kinds if kind not in large)
+    return found
 
 
 def _undecidable(record: CaseRecord) -> bool | None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from dashred.proof.case_record import CaseRecord
+from dashred.proof.case_record import KINDS, CaseRecord
 from dashred.proof.outcomes import failings, leading_right
 from dashred.proof.statistics import Rate
 from dashred.proof.targets import TARGETS, Measured, Target, coefficients, coverage
@@ -137,7 +137,11 @@ def test_what_the_library_imitates_is_no_case_of_outside() -> None:
 def test_the_worst_class_and_the_worst_case_are_named() -> None:
     blurred = case(kind="masked", oracle=oracle(decidable=False))
     found = measured("undecidable", [case(), case(), blurred])
-    assert (found.value, found.note) == (Rate(1, 1), "the worst class: masked")
+    assert (found.value, found.note) == (Rate(1, 1), "the worst class: outside, masked")
+    # A class of enough cases is judged by itself.
+    many = [case(kind="gate")] * 20 + [case(kind="gate", oracle=oracle(decidable=False))] * 10
+    found = measured("undecidable", [*many, case(kind="box")])
+    assert (found.value, found.note) == (Rate(10, 30), f"the worst class: {KINDS['gate']}")
     worst = measured("worse on noisy", [case(3), null(8, noisy_test=0.5)])
     assert (worst.value, worst.note) == (0.5, "the worst: null 8")
 
