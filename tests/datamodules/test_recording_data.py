@@ -63,7 +63,7 @@ def test_no_field_can_be_asked_for(fit, validation):
         (SAMPLES, 4),
         (SAMPLES, 2),
         (SAMPLES, LAGS + 1, 2),
-        *((1,), (1, 1)),  # clock and slopes of inputs, of which there are none
+        *((1,), (1, 1)),  # clock and table of inputs, of which there are none
     }
     own = set(vars(data))
     shapes = arrays({name: getattr(data, name) for name in own})
