@@ -31,6 +31,8 @@ LOST = 2.0
 # Then it grows anew from the mean of the start: from a few samples, by small steps, under so many
 # times the noise, for between its cells and knots a forcing is not that of the truth.
 BEGIN, GROWTH, GROWING_STEPS, COARSE = 6, 1.15, 5, 3.0
+# Of the largest entry of a matrix, what rounding may make of its smallest eigenvalue.
+ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,12 @@ def evidence(normal: Normal, index: Sequence[int]) -> float:
     precision = normal.precision[chosen]
     goal = normal.jacobian[:, chosen].T @ normal.target
     size = precision.sqrt()
-    factor = torch.linalg.cholesky(hessian / size[:, None] / size)
+    scaled = hessian / size[:, None] / size
+    factor, failed = torch.linalg.cholesky_ex(scaled)
+    if failed:
+        # Where a trajectory is about to blow up, the rounding of its columns drowns the prior.
+        room = ROUNDING * scaled.diagonal().max() * torch.eye(len(scaled), dtype=scaled.dtype)
+        factor = torch.linalg.cholesky(scaled + room)
     solved = torch.linalg.solve_triangular(factor, (goal / size)[:, None], upper=False)
     least = float(normal.target.square().sum() - solved.square().sum())
     return least + 2 * float(factor.diagonal().log().sum())

@@ -75,3 +75,14 @@ def test_one_that_is_lost_grows_anew_from_the_mean_of_the_start(
     assert cost() < 1.2 * recorded.numel()
     monkeypatch.setattr(free_forcing, "LOST", math.inf)
     assert cost() > 10 * recorded.numel()
+
+
+def test_evidence_stands_columns_that_drown_the_prior() -> None:
+    """As of a trajectory that is about to blow up: finite, and so large that rounding shows."""
+    generator = torch.Generator().manual_seed(0)
+    jacobian = 1e14 * torch.randn((400, 3), generator=generator, dtype=torch.float64)
+    jacobian = jacobian @ torch.randn((3, 60), generator=generator, dtype=torch.float64)
+    residuals = torch.randn(400, generator=generator, dtype=torch.float64)
+    ones = torch.ones(60, dtype=torch.float64)
+    normal = Normal(jacobian, ones, torch.zeros(60, dtype=torch.float64), residuals, True)
+    assert math.isfinite(evidence(normal, range(60)))
