@@ -82,13 +82,12 @@ def _start(row: Row, command: list[str], log: str) -> Running:
 
 
 def _end(running: Sequence[Running]) -> None:
-    """Interrupt what still runs, as Ctrl-C would; then insist."""
+    """Interrupt what still runs, as Ctrl-C would; then insist, on what its leader has left too."""
     for how in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
-        alive = [one.process for one in running if one.process.poll() is None]
-        for process in alive:
+        for one in running:
             with suppress(ProcessLookupError):
-                os.killpg(process.pid, how)
+                os.killpg(one.process.pid, how)
         last = time.perf_counter() + GRACE_SECONDS
-        for process in alive:
+        for one in running:
             with suppress(subprocess.TimeoutExpired):
-                process.wait(max(0.0, last - time.perf_counter()))
+                one.process.wait(max(0.0, last - time.perf_counter()))
