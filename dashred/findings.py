@@ -67,6 +67,7 @@ __all__ = [
     "sha256_of",
     "versions",
     "write_json_atomic",
+    "write_text_atomic",
 ]
 
 SIGNIFICANT_DIGITS = 8
@@ -100,9 +101,14 @@ def canonical(value: Any) -> Any:
 def write_json_atomic(path: Path, obj: Any) -> None:
     """Write `obj` so that the same object gives the same bytes, and never half of them."""
     text = json.dumps(canonical(obj), sort_keys=True, indent=2, ensure_ascii=False, allow_nan=False)
+    write_text_atomic(path, f"{text}\n")
+
+
+def write_text_atomic(path: Path, text: str) -> None:
+    """Write a text, whole or not at all."""
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
-        partial.write_bytes(f"{text}\n".encode())
+        partial.write_bytes(text.encode())
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)

@@ -20,6 +20,7 @@ from dashred.discovery.ensemble_filter import (
     FilterSettings,
     ensemble_filter,
 )
+from dashred.discovery.law import Z95
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.system import Term
 from dashred.stages.problem import Problem
@@ -27,8 +28,6 @@ from dashred.stages.problem import Problem
 INFLATIONS = (1.0, 1.02, 1.1)
 # Of the longest axis.
 RADII = (math.inf, 0.3, 0.15)
-# A 95 % interval that excludes zero.
-SIGNIFICANT = 1.96
 
 
 def filter_state(problem: Problem, ensemble: Ensemble) -> Estimated | None:
@@ -111,5 +110,5 @@ def _law(library: Sequence[Term], filtered: Filtered) -> list[TermEntry]:
     return [
         TermEntry(equation=term.equation, term=str(term), coefficient=float(mean[j]))
         for j, term in enumerate(library)
-        if abs(mean[j]) > SIGNIFICANT * std[j]
+        if abs(mean[j]) > Z95 * std[j]
     ]

@@ -82,19 +82,23 @@ def _rows_of(system: str, config: Config, request: Request) -> list[Row]:
     hidden = {twin: entry_of(config, twin) for twin in twins}
     store = (config.tracking.root, config.tracking.experiment or EXPERIMENT)
     dimensions = (hidden, request.noise, request.sensors, request.extra, request.seeds)
+    sha = config_sha256(config)
+    laws = {
+        twin: hashlib.sha256(json.dumps(entry, sort_keys=True).encode()).hexdigest()
+        for twin, entry in hidden.items()
+    }
     rows = []
     for twin, noise, sensors, extra, seed in product(*dimensions):
         placed = _placed(sensors, extra)
         words = (f"conf={system}", *request.overrides, f"recording.twin={twin}")
         words = (*words, f"recording.noise={noise:.12g}", *placed.values(), f"seed={seed}")
-        law = hashlib.sha256(json.dumps(hidden[twin], sort_keys=True).encode()).hexdigest()
         key = {
             "system": config.name,
             "twin": twin,
             "noise": noise,
             "seed": seed,
-            "config_sha256": config_sha256(config),
-            "law_sha256": law,
+            "config_sha256": sha,
+            "law_sha256": laws[twin],
         }
         rows.append(
             Row(

@@ -24,7 +24,7 @@ from dashred.benchmark.table import (
 )
 from dashred.benchmark.words import Request
 from dashred.errors import DONE, OUR_FAILURE, InputError
-from dashred.findings import write_json_atomic
+from dashred.findings import write_json_atomic, write_text_atomic
 from dashred.long_run import alone_in, signals_as_interrupt
 from dashred.mlflow_store import find_run, open_store
 from dashred.output import make_output
@@ -69,9 +69,7 @@ def _conclude(records: Sequence[Record], output: Path, run: Tracker) -> None:
     summaries = summarise(records)
     grids, said = [rows_grid(records), summary_grid(summaries)], notes(records)
     write_json_atomic(output / "table.json", {"rows": records, "summary": summaries})
-    partial = output / ".table.md.partial"
-    partial.write_text(to_markdown(grids, said), encoding="utf-8")
-    partial.replace(output / "table.md")
+    write_text_atomic(output / "table.md", to_markdown(grids, said))
     run.log_metrics(as_metrics(summaries), 0)
     run.set_tags({"git commit": ", ".join(commits(records))})
     for name in ("table.md", "table.json"):

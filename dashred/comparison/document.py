@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -21,6 +20,7 @@ from dashred.comparison.ratios import (
     own_layout,
 )
 from dashred.comparison.sensors_and_noise import sensors_and_noise
+from dashred.findings import write_text_atomic
 
 FIGURES = {
     "space_time_truth.png": "truth and methods",
@@ -61,12 +61,7 @@ LAW_NOTE = (
 def write_results(rows: Sequence[ComparedRow], path: Path) -> None:
     """Write the page, whole or not at all, and its figures in ``figures`` beside it."""
     page = "\n\n".join(_page(rows, path.parent / "figures")) + "\n"
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        partial.write_text(page, encoding="utf-8")
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    write_text_atomic(path, page)
 
 
 def _page(rows: Sequence[ComparedRow], figures: Path) -> Iterator[str]:

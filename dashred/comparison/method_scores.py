@@ -99,7 +99,8 @@ def compare(folder: Path, noise: float, seed: int) -> dict[str, Compared]:
         real = true_states(estimates, truth, fields, folder / "sealed.nc")
         errors |= {m: rmse(e) for m, e in scaled_errors(estimates, real, fields).items()}
     laws |= {name: method["terms"] for name, method in others.items()}
-    laws["pde_find"] = _full_field(findings, folder, fields, real, noise, seed)
+    times = estimates["time"].values
+    laws["pde_find"] = _full_field(findings, folder, fields, times, real, noise, seed)
     seconds = _seconds(folder) | {name: method["seconds"] for name, method in others.items()}
     return {
         name: _compared(
@@ -139,6 +140,7 @@ def _full_field(
     findings: Mapping[str, Any],
     folder: Path,
     fields: Sequence[str],
+    times: np.ndarray,
     real: np.ndarray,
     noise: float,
     seed: int,
@@ -148,7 +150,6 @@ def _full_field(
 
     from dashred.comparison.pde_find import pde_find
     from dashred.physics.library import build_library
-    from dashred.score import load_fields
     from dashred.scoring import system_of
     from dashred.sensing.driving import under
     from dashred.sensing.reader import read_recording
@@ -156,10 +157,11 @@ def _full_field(
     plain = system_of(findings)
     system = under(plain, read_recording(str(folder / "recording.nc"), None, plain).inputs)
     library = build_library(system, findings["input"]["config"]["library"])
-    times = torch.tensor(load_fields(folder / "estimates.nc")["time"].values)
     ordered = torch.from_numpy(real[:, [fields.index(field) for field in system.fields]])
     rng = np.random.default_rng([seed, *b"full field"])
-    return [dict(entry) for entry in pde_find(system, library, times, ordered, noise, rng)]
+    return [
+        dict(entry) for entry in pde_find(system, library, torch.tensor(times), ordered, noise, rng)
+    ]
 
 
 def _compared(

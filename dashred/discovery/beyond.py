@@ -90,11 +90,8 @@ def laws_beyond(objective: Objective, forced: FreeForcing, library: int) -> list
     stds = torch.tensor([slope.scale for slope in slopes], dtype=torch.float64)
     stds = torch.cat([objective.prior_std, stds])
     problem = eliminated(objective, forced, [*columns, *slopes], stds)
-    count = library + len(columns)
-    samples, fields = (
-        objective.noise.effective_count,
-        len(objective.shooting.simulator.system.fields),
-    )
+    samples, count = objective.noise.effective_count, library + len(columns)
+    fields = len(objective.shooting.simulator.system.fields)
     ranked = []
     for forms in _forms(columns):
         costs = problem.costs([form.members for form in forms]).tolist() if forms else []

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from statistics import mean, median
 
+from dashred.findings import write_text_atomic
 from dashred.proof import outcomes
 from dashred.proof.case_record import KINDS, CaseRecord, name_of
 from dashred.proof.figures import FIGURES, WINDOWS, reliability
@@ -45,12 +45,7 @@ def write_document(
 ) -> None:
     """Write the page, whole or not at all; its figures are looked for in `figures` beside it."""
     page = "\n".join(filter(None, [document(records, protocol_facts), appendix]))
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        partial.write_text(page, encoding="utf-8")
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    write_text_atomic(path, page)
 
 
 def document(records: Records, facts: ProtocolFacts) -> str:
