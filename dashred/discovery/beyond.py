@@ -67,11 +67,11 @@ class _Form:
     family: object
     tuned: Tunable | None = None
 
-    def penalty(self, samples: float, candidates: int, fields: int) -> float:
+    def penalty(self, samples: float, candidates: int) -> float:
         """Return what its freedom costs; a constant, as much as an edge of a window."""
         if self.tuned is None:
-            return Hypothesis(self.members).penalty(samples, candidates, fields)
-        return Hypothesis(self.members[:1]).penalty(samples, candidates, fields) + math.log(samples)
+            return Hypothesis(self.members).penalty(samples, candidates, 1)
+        return Hypothesis(self.members[:1]).penalty(samples, candidates, 1) + math.log(samples)
 
 
 def laws_beyond(objective: Objective, forced: FreeForcing, library: int) -> list[Cause]:
@@ -91,12 +91,11 @@ def laws_beyond(objective: Objective, forced: FreeForcing, library: int) -> list
     stds = torch.cat([objective.prior_std, stds])
     problem = eliminated(objective, forced, [*columns, *slopes], stds)
     samples, count = objective.noise.effective_count, library + len(columns)
-    fields = len(objective.shooting.simulator.system.fields)
     ranked = []
     for forms in _forms(columns):
         costs = problem.costs([form.members for form in forms]).tolist() if forms else []
         for form, cost in zip(forms, costs, strict=True):
-            penalty = form.penalty(samples, count, fields)
+            penalty = form.penalty(samples, count)
             ranked.append((cost + penalty, penalty, form))
     kept: dict[object, tuple[float, _Form]] = {}
     for _, penalty, form in sorted(ranked, key=lambda each: each[0]):

@@ -29,6 +29,7 @@ from dashred.discovery.left_out import (
 from dashred.discovery.local_laws import Cause, local_laws, refitted
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
+from dashred.discovery.on_top import screened_on_top
 from dashred.discovery.shooting import Simulator
 from dashred.discovery.threshold_profile import with_profile
 from dashred.progress import Report
@@ -107,9 +108,9 @@ def weigh(
     if fault is not None:
         found += faulty_or_not([nothing_without(null, forced, noise)], fault.sensor)
 
-    def further_laws() -> list[Cause]:
-        reach = beyond(forced.objective.shooting.candidates)
-        return laws_beyond(_of(everything, *reach), forced, everywhere)
+    def further_laws(carried: FreeForcing) -> list[Cause]:
+        reach = beyond(carried.objective.shooting.candidates)
+        return laws_beyond(_of(everything, *reach), carried, everywhere)
 
     explained = min(found, key=_score)
     simple = len(explained.law.candidates) <= SIMPLE
@@ -119,15 +120,16 @@ def weigh(
         report(0.4, "screening terms by place, time and state")
         every = range(len(everything.prior_std))
         whole = _through(everything, compiled())
-        local = local_laws(whole, everywhere, every, forced, null.law.score)
-        if fault is not None:
-            local = faulty_or_not(local, fault.sensor)
-        first = min([best, *local], key=_score)
-        _, gain = force(first.objective, first.phi, size)
+
+        def screened(carried: FreeForcing, bound: float) -> list[Cause]:
+            local = local_laws(whole, everywhere, every, carried, null.law.score, bound)
+            return local if fault is None else faulty_or_not(local, fault.sensor)
+
+        local, first, nearest, gain = screened_on_top(best, screened, forced, size, report)
         found += local
         if gain > MISSING or len(first.law.candidates) >= SIMPLE:
             report(0.8, "screening terms beyond the library")
-            further = further_laws()
+            further = further_laws(nearest)
             if fault is not None:
                 further = faulty_or_not(further, fault.sensor)
             gain = _gain_of(further, first, gain, size)
@@ -137,7 +139,7 @@ def weigh(
         whole = _through(everything, compiled())
         bound = best.law.score + HOPELESS
         found += local_laws(whole, 0, _alike(everything, best), forced, null.law.score, bound)
-        found += further_laws()
+        found += further_laws(forced)
     if unclear:
         found = _under_its_own_noise(found)
     nothing = next(cause for cause in found if not cause.law.parts)

@@ -53,13 +53,13 @@ class Hypothesis:
         """The kind of its window, or how many candidates act everywhere."""
         return self.guess.shape.kind if self.guess else f"{len(self.everywhere)} everywhere"
 
-    def penalty(self, samples: float, candidates: int, fields: int) -> float:
+    def penalty(self, samples: float, candidates: int, windows: int) -> float:
         """Return what its freedom costs, beside its priors (design §4.3.7).
 
         Args:
             samples: n, the effective number.
             candidates: p.
-            fields: that a gate may stand in.
+            windows: shapes that are tried: the best of many does well by chance.
         """
         n, p = math.log(samples), math.log(candidates)
         cost = len(self.everywhere) * (n + 2 * p)
@@ -67,8 +67,7 @@ class Hypothesis:
             return cost
         cost += len(self.inside) * (n + 2 * p)
         edges = len(self.guess.values) - 1
-        choices = 2 * math.log(2 * fields) if self.kind.startswith("gate") else 0.0
-        return cost + edges * n + choices
+        return cost + edges * n + 2 * math.log(windows)
 
 
 @dataclass(frozen=True)

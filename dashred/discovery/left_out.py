@@ -70,10 +70,13 @@ class Beside(Cause):
     Attributes:
         bare: the explanation alone.
         sensor: index of the sensor.
+        gain: by how much F is lower with the fault than without, penalty and all, were the model
+            linear: a fit to all samples may get stuck, and its F is no match for a linear one.
     """
 
     bare: Cause
     sensor: int
+    gain: float
 
 
 def beside_the_fault(bare: Cause, sensor: int) -> Beside:
@@ -86,7 +89,7 @@ def beside_the_fault(bare: Cause, sensor: int) -> Beside:
     [cost], _ = bare.objective.values(phi[None])
     score = bare.law.score - float(cost) + best.score
     law = replace(bare.law, score=score, fault=describe(whole, fault, best.own, best.stds))
-    return Beside(law, bare.objective, phi, bare, sensor)
+    return Beside(law, bare.objective, phi, bare, sensor, normal.least() - best.score)
 
 
 def faulty_or_not(laws: Sequence[Cause], sensor: int) -> list[Cause]:
@@ -99,7 +102,7 @@ def faulty_or_not(laws: Sequence[Cause], sensor: int) -> list[Cause]:
     found = [beside_the_fault(law, sensor) for law in laws]
     best = min(found, key=lambda cause: cause.law.score)
     without = _with_all_sensors(best.bare)
-    if without.law.score < best.law.score:
+    if best.gain <= 0 or without.law.score < best.law.score:
         return [without if law is best.bare else _with_all_sensors(law) for law in laws]
     return [*found, without]
 

@@ -21,6 +21,7 @@ from dashred.discovery.law import Law, law_of
 from dashred.discovery.local_shooting import found_by
 from dashred.discovery.objective import Normal, Objective
 from dashred.discovery.screening import Screened, screen
+from dashred.physics.window import shapes_of
 
 # Hypotheses that are fitted, of which so many to the end; of one kind of window, and of one kind
 # and law, not more than some: before its edges are fitted, a window screens worse than it is.
@@ -146,9 +147,9 @@ def _expected(objective: Objective, found: Screened) -> float:
 
 
 def _penalty(objective: Objective, found: Screened) -> float:
-    fields = len(objective.shooting.simulator.system.fields)
+    windows = len(shapes_of(objective.shooting.simulator.system))
     count = len(objective.prior_std)
-    return found.hypothesis.penalty(objective.noise.effective_count, count, fields)
+    return found.hypothesis.penalty(objective.noise.effective_count, count, windows)
 
 
 def _try(objective: Objective, found: Screened, z: Tensor, samples: int | None = None) -> Tested:

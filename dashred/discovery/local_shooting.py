@@ -14,7 +14,6 @@ from dashred.discovery.shooting import Shooting
 from dashred.physics.algebra import Number, multiply
 from dashred.physics.pulses import Drive, Pulses
 from dashred.physics.system import Term
-from dashred.physics.tangent_linear import tangent_linear
 from dashred.physics.window import Shape, Window
 
 EDGE_STEP = 0.1
@@ -78,9 +77,8 @@ class LocalShooting(Shooting):
             for slope in window.slopes()
         ]
         forcing = forcing_of(both, coefficients[None])
-        system = self.simulator.tangent
-        return tangent_linear(
-            system, start, directions, self.times, forcing, sources, torch.float32, drive, pulses
+        return self.simulator.tangents(
+            start, directions, self.times, forcing, sources, drive, pulses
         )
 
     @property
@@ -92,10 +90,13 @@ class LocalShooting(Shooting):
 
 def found_by(objective: Objective, phi: Tensor) -> tuple[Candidate, ...]:
     """Return the candidates of a fit as terms, those in a window with its edges."""
-    shooting = objective.shooting
+    return as_terms(objective.shooting, objective.split(phi)[1])
+
+
+def as_terms(shooting: Shooting, xi: Tensor) -> tuple[Candidate, ...]:
+    """Return what a law's first coefficients multiply, those in a window with its edges."""
     if not isinstance(shooting, LocalShooting):
         return tuple(shooting.candidates)
-    _, xi = objective.split(phi)
     return (*shooting.candidates, *localised(shooting.inside, shooting.window(xi)))
 
 

@@ -158,6 +158,11 @@ class Normal:
         chosen = list(index)
         return torch.linalg.solve(self.hessian[chosen][:, chosen], self._goal[chosen])
 
+    def least(self) -> float:
+        """Return the minimum of F, were the model linear."""
+        everything = range(len(self.phi))
+        return float(self.target.square().sum() - self._goal @ self.solution(everything))
+
     def covariance(self, index: Sequence[int]) -> Tensor:
         """Return the posterior covariance ``(JᵀJ + P)⁻¹`` of some unknowns, the others zero."""
         chosen = list(index)

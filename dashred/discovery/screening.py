@@ -17,7 +17,7 @@ from dashred.discovery.candidates import Candidate
 from dashred.discovery.driven_shooting import DrivenShooting
 from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.hypothesis import Hypothesis
-from dashred.discovery.local_shooting import localised
+from dashred.discovery.local_shooting import as_terms, localised
 from dashred.discovery.objective import Objective
 from dashred.discovery.subsets import Eliminated
 from dashred.discovery.window_columns import pieces_of, windows_of
@@ -87,17 +87,20 @@ def eliminated(
     """
     driven = forced.objective.shooting
     assert isinstance(driven, DrivenShooting)
-    modes = objective.modes
-    law = replace(objective.shooting, candidates=(*columns, *driven.candidates))
+    z, xi = forced.objective.split(forced.phi)
+    carrier = as_terms(driven.law, xi[: -driven.pulses.count])
+    # A term in a window goes by the name of the plain one: only tangents tell them apart.
+    [readings] = driven.readings(z[None], xi[None])
+    law = replace(objective.shooting, candidates=(*columns, *carrier))
     shooting = DrivenShooting.on(law, driven.pulses, driven.size)
-    carrier = forced.objective.prior_std
-    whole = replace(objective, shooting=shooting, prior_std=torch.cat([stds, carrier]))
-    phi = forced.phi
+    # The edges of the carrier's window stay where they are.
+    borne = [*range(len(carrier)), *range(len(xi) - driven.pulses.count, len(xi))]
+    priors = torch.cat([stds, forced.objective.prior_std[borne]])
+    whole = replace(objective, shooting=shooting, prior_std=priors)
     zero = torch.zeros(len(columns), dtype=torch.float64)
-    at = torch.cat([phi[:modes], zero, phi[modes:]])
-    normal = whole.linearise(at)
+    normal = whole.linearise(torch.cat([z, zero, xi[borne]]), readings)
     target = normal.target
-    kept = modes + len(columns)
+    kept = objective.modes + len(columns)
     # F(φ) ≈ ‖J φ - b‖²: without the carrier's columns the law that is asked has to bear b.
     without = replace(
         normal,
@@ -106,7 +109,7 @@ def eliminated(
         phi=torch.zeros(kept, dtype=torch.float64),
         residuals=-target,
     )
-    return Eliminated.of(without, modes)
+    return Eliminated.of(without, objective.modes)
 
 
 def _screened(problem: Eliminated, hypothesis: Hypothesis, weights: dict[int, float]) -> Screened:

@@ -12,9 +12,11 @@ from torch import Tensor
 
 from dashred.discovery.candidates import Candidate, forcing_of
 from dashred.discovery.starts import StartModel
+from dashred.physics.forcing import Forcing
+from dashred.physics.ode_tangents import supports_ode, tangent_ode
 from dashred.physics.pulses import Drive, Pulses
 from dashred.physics.simulator import Run, compiled
-from dashred.physics.system import System
+from dashred.physics.system import System, Term
 from dashred.physics.tangent_linear import supports, tangent_linear
 from dashred.physics.weights import Columns
 from dashred.physics.window import Shape, Window
@@ -55,7 +57,7 @@ class Simulator:
             first += len(candidate.terms)
         self._layout = Columns(len(self.terms), shapes)
         self._run: Run = compiled(system, self.terms, shapes)
-        self.has_tangents = supports(system, self.terms)
+        self.has_tangents = supports(system, self.terms) or supports_ode(system, self.terms)
 
     def coarse(self) -> Simulator:
         """Return the simulator that takes the derivative's steps itself."""
@@ -102,6 +104,22 @@ class Simulator:
         local = self._by_term(candidates, inside)
         weights = self._layout.weights(plain, local, windows)
         return self._run(start, times, weights, drive)
+
+    def tangents(
+        self,
+        start: Tensor,
+        directions: Tensor,
+        times: Tensor,
+        forcing: Forcing,
+        sources: Sequence[tuple[Term, ...]],
+        drive: Drive | None,
+        pulses: Pulses | None,
+    ) -> Iterator[tuple[Tensor, Tensor]]:
+        """Yield state and tangents at every sample: of the directions, the sources, the pulses."""
+        base = self.tangent, start, directions, times, forcing, sources
+        if self.system.axes:
+            return tangent_linear(*base, torch.float32, drive, pulses)
+        return tangent_ode(*base, drive, pulses)
 
     def _by_term(self, candidates: Sequence[Candidate], xi: Tensor) -> Tensor:
         weights = torch.zeros((len(xi), len(self.terms)), dtype=torch.float64)
@@ -199,9 +217,8 @@ class Shooting:
         carried = torch.nonzero(xi).flatten().tolist()
         forcing = forcing_of([self.candidates[j] for j in carried], xi[None, carried])
         sources = [candidate.terms for candidate in self.candidates]
-        system = self.simulator.tangent
-        return tangent_linear(
-            system, start, directions, self.times, forcing, sources, torch.float32, drive, pulses
+        return self.simulator.tangents(
+            start, directions, self.times, forcing, sources, drive, pulses
         )
 
     @property

@@ -159,7 +159,7 @@ def _penalty(kinds: Sequence[str | None], noise: NoiseModel, p: int, problem: Pr
         places = (0.0,) * len(shape.names)
         guess = Guess(shape, places, places)
     hypothesis = Hypothesis(everywhere, inside, guess)
-    return hypothesis.penalty(noise.effective_count, p, len(problem.system.fields))
+    return hypothesis.penalty(noise.effective_count, p, len(shapes_of(problem.system)))
 
 
 def _name(shape: Shape) -> str:

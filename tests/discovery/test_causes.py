@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -14,6 +15,7 @@ from dashred.discovery.free_forcing import force
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.inner_constants import tunable
 from dashred.discovery.law import Law, law_of
+from dashred.discovery.left_out import beside_the_fault, faulty_or_not
 from dashred.discovery.local_laws import Cause
 from dashred.discovery.local_shooting import localised
 from dashred.physics.window import Shape, box, gate, onset
@@ -156,6 +158,22 @@ def test_a_faulty_sensor_beneath_a_law_is_named_and_left_out(waves: Waves) -> No
     assert fault is not None and fault.std is not None
     assert (fault.kind, fault.sensor) == ("bias", "s2")
     assert abs(fault.value - 0.4) < 4 * fault.std < 0.1
+
+
+@pytest.mark.parametrize("bias", [0.0, 0.4])
+def test_a_fault_that_gains_nothing_is_none(waves: Waves, bias: float) -> None:
+    """Whatever a fit to all samples gets: it may get stuck, and be no match for a linear one."""
+    recorded = waves.recorded(SIGMA, 1)
+    recorded[:, 2] += bias
+    whole = waves.objective(recorded, SIGMA)
+    seen = whole.noise.seen.clone()
+    seen[:, 2] = False
+    objective = replace(whole, noise=replace(whole.noise, seen=seen))
+    found = minimise(objective, fitted(objective), 6, 1e-4)
+    bare = Cause(law_of(objective, found, (), found.cost), objective, found.phi)
+    beside = beside_the_fault(bare, 2)
+    assert (beside.gain > 0) == bool(bias)
+    assert all((law.law.fault is not None) == bool(bias) for law in faulty_or_not([bare], 2)[:1])
 
 
 def test_a_law_of_the_library_is_not_looked_for_beyond(waves: Waves) -> None:

@@ -11,10 +11,14 @@ import torch
 from dashred.discovery.beyond import laws_beyond
 from dashred.discovery.free_forcing import FreeForcing, force
 from dashred.discovery.gauss_newton import minimise
-from dashred.discovery.local_shooting import localised
+from dashred.discovery.hypothesis import Guess, Hypothesis, first_unknowns, pose
+from dashred.discovery.law import law_of
+from dashred.discovery.local_laws import Cause, local_laws
+from dashred.discovery.local_shooting import found_by, localised
 from dashred.discovery.objective import Objective
+from dashred.discovery.on_top import screened_on_top
 from dashred.discovery.screening import eliminated, screen
-from dashred.physics.window import gate
+from dashred.physics.window import box, gate
 from tests.waves import Waves, fitted
 
 SIGMA = 0.02
@@ -46,6 +50,77 @@ def test_a_term_is_found_whatever_carries_the_trajectory(waves: Waves, names: li
     # The law that carries the trajectory has no part in what the columns have to explain.
     assert problem.constant - float(costs[best]) > 100
     assert float(problem.coefficients((best,))[0]) == pytest.approx(-0.15, rel=0.1)
+
+
+def in_a_box(waves: Waves, recorded: torch.Tensor, name: str) -> Cause:
+    """Return the fit of a term in a box, which guesses the place of it a little off."""
+    law = waves.objective(recorded, SIGMA, [name])
+    guess = Guess(box(waves.system.axes[0]), (4.0, 2.0, math.log(0.4)), (2.5, 1.25, 1.0))
+    mine = pose(law, Hypothesis((), (0,), guess))
+    z = fitted(waves.objective(recorded, SIGMA))
+    found = minimise(mine, first_unknowns(z, [0.0], guess), 12, 1e-4)
+    return Cause(law_of(mine, found, found_by(mine, found.phi), found.cost, 3), mine, found.phi)
+
+
+def test_a_law_in_a_window_may_carry_the_trajectory(waves: Waves) -> None:
+    window = box(waves.system.axes[0]).at([4.4, 1.8, math.log(0.3)])
+    hidden = localised(waves.candidates(["u: u**3"]), window)
+    recorded = waves.recorded(SIGMA, 1, [(hidden[0], -0.3)])
+    wrong = in_a_box(waves, recorded, "u: u")
+    forced, gain = force(wrong.objective, wrong.phi, waves.size)
+    assert gain > 4
+    objective = everything(waves, recorded)
+    forms = localised(list(waves.everything.values()), window)
+    problem = eliminated(objective, forced, forms, objective.prior_std)
+    costs = problem.costs([(j,) for j in range(len(forms))])
+    best = int(costs.argmin())
+    assert forms[best].key == "u: u**3"
+    assert float(problem.coefficients((best,))[0]) == pytest.approx(-0.3, rel=0.1)
+    # What the linearised problem promises is what a fit gets.
+    assert float(costs[best]) == pytest.approx(objective.noise.count, rel=0.3)
+
+
+def test_screening_goes_on_about_a_better_law_while_a_forcing_gains(waves: Waves) -> None:
+    edges = [4.4, 1.8, math.log(0.3)]
+    hidden = localised(waves.candidates(["u: u**3"]), box(waves.system.axes[0]).at(edges))
+    recorded = waves.recorded(SIGMA, 1, [(hidden[0], -0.3)])
+    wrong = in_a_box(waves, recorded, "u: u")
+    whole, count = everything(waves, recorded), len(waves.everything)
+    begin, _ = force(wrong.objective, wrong.phi, waves.size)
+    asked: list[float] = []
+
+    def screened(forced: FreeForcing, bound: float) -> list[Cause]:
+        asked.append(bound)
+        if len(asked) == 1:
+            return [wrong]
+        return local_laws(whole, count, range(count), forced, math.inf, bound)
+
+    found, best, nearest, gain = screened_on_top(wrong, screened, begin, waves.size, silent)
+    assert asked[:2] == [math.inf, wrong.law.score]
+    [candidate] = best.law.candidates
+    assert candidate.key == "u: u**3" and candidate.window is not None
+    assert found[0] is wrong and best.law.score < wrong.law.score - 6
+    assert gain < 4 and nearest.cost <= begin.cost
+
+
+def test_screening_ends_where_it_finds_nothing_better(waves: Waves) -> None:
+    window = box(waves.system.axes[0]).at([4.4, 1.8, math.log(0.3)])
+    hidden = localised(waves.candidates(["u: u**3"]), window)
+    wrong = in_a_box(waves, waves.recorded(SIGMA, 1, [(hidden[0], -0.3)]), "u: u")
+    begin, _ = force(wrong.objective, wrong.phi, waves.size)
+    asked: list[float] = []
+
+    def screened(forced: FreeForcing, bound: float) -> list[Cause]:
+        asked.append(bound)
+        return []
+
+    found, best, _, gain = screened_on_top(wrong, screened, begin, waves.size, silent)
+    assert (found, best, asked) == ([], wrong, [math.inf, wrong.law.score])
+    assert gain > 4
+
+
+def silent(share: float, message: str) -> None:
+    """Report nothing."""
 
 
 def test_a_gate_between_two_quantiles_screens_where_it_is(waves: Waves) -> None:

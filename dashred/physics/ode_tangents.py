@@ -1,0 +1,207 @@
+"""Tangents of an ODE system: what small changes of start and forcing do, beside the trajectory.
+
+A system without axes has few unknowns and short steps: the trajectory is marched first, then its
+slopes and all sources are evaluated at every stage at once, and the columns are marched with them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dashred.physics.algebra import Expr, add, scale
+from dashred.physics.differentiate import NotDifferentiableError, differentiate
+from dashred.physics.forcing import Forcing
+from dashred.physics.integrators.schedule import Step, schedule
+from dashred.physics.pointwise import Array, Pointwise
+from dashred.physics.pulses import Drive, Pulses
+from dashred.physics.system import System, Term
+
+# Kutta's 3/8 rule, which the trajectories themselves are integrated by: of a linear equation along
+# them its columns are then their exact derivatives.
+NODES = (0.0, 1 / 3, 2 / 3, 1.0)
+STAGES = ((), (1 / 3,), (-1 / 3, 1.0), (1.0, -1.0, 1.0))
+WEIGHTS = (1 / 8, 3 / 8, 3 / 8, 1 / 8)
+
+
+def supports_ode(system: System, terms: Sequence[Term]) -> bool:
+    """Tell whether :func:`tangent_ode` can carry these equations, with such a forcing.
+
+    Args:
+        system: any system.
+        terms: what the forcing may hold, lets and parameters resolved. Sources are free.
+    """
+    if system.axes or system.method != "rk4":
+        return False
+    try:
+        for expr in (*system.resolved.values(), *(term.expression for term in terms)):
+            _slopes(system, expr)
+    except (NotDifferentiableError, ArithmeticError):
+        return False
+    return True
+
+
+@torch.no_grad()
+def tangent_ode(
+    system: System,
+    start: Tensor,
+    directions: Tensor,
+    times: Tensor,
+    forcing: Forcing | None,
+    sources: Sequence[tuple[Term, ...]],
+    drive: Drive | None = None,
+    pulses: Pulses | None = None,
+) -> Iterator[tuple[Tensor, Tensor]]:
+    """Yield state and tangents at every output time: ``δ' = N'(u) δ + s(u, t)``.
+
+    The same as :func:`dashred.physics.tangent_linear.tangent_linear` for systems without axes.
+
+    Args:
+        system: one that :func:`supports_ode` tells yes of.
+        start: ``(field,)`` at ``times[0]``, float64.
+        directions: ``∂u(0)/∂z``, ``(direction, field)``.
+        times: output times ``(time,)``.
+        forcing: one row of further terms, part of the base trajectory and of N'.
+        sources: column k is ``∂u(t)/∂ξ`` for ``∂u/∂t = … + ξ Σ_{θ in sources[k]} θ(u)`` at 0.
+        drive: a free forcing of the base trajectory, of one row.
+        pulses: a column for each: ``∂u(t)/∂a``.
+
+    Yields:
+        The state ``(field,)`` and the tangents ``(column, field)``, float64: directions first,
+        then sources, then pulses.
+    """
+    steps = list(schedule(times.tolist(), system.dt))
+    # A trajectory that blows up is told by its values.
+    with np.errstate(all="ignore"):
+        equations = _equations(system, forcing)
+        stages, states = _trajectory(system, steps, start.numpy(), equations, drive)
+        slopes, source = _along(system, stages, _clock(steps), equations, sources)
+        still = np.zeros((*source.shape[:2], *directions.shape))
+        pulsed = [] if pulses is None else [_pulsed(pulses, _clock(steps))]
+        source = np.concatenate([still, source, *pulsed], axis=2)
+        found = _columns(steps, directions.double().numpy(), slopes, source)
+    for state, columns in zip(states, found, strict=True):
+        yield torch.from_numpy(state), torch.from_numpy(columns)
+
+
+def _clock(steps: Sequence[Step]) -> Array:
+    """Return the time of every stage, ``(step, stage)``."""
+    return np.array([[step.t + node * step.h for node in NODES] for step in steps])
+
+
+def _equations(system: System, forcing: Forcing | None) -> list[Expr]:
+    """Return the right-hand sides with the forcing of one trajectory added."""
+    added = {field: [expr] for field, expr in system.resolved.items()}
+    if forcing is not None:
+        [coefficients] = forcing.coefficients.tolist()
+        for term, coefficient in zip(forcing.terms, coefficients, strict=True):
+            added[term.equation].append(scale(coefficient, term.expression))
+    return [add(added[field]) for field in system.fields]
+
+
+def _slopes(system: System, expr: Expr) -> list[Expr]:
+    return [differentiate(expr, field) for field in system.fields]
+
+
+def _surroundings(system: System, t: Array) -> dict[str, Array]:
+    """Return the time and the inputs."""
+    return {"t": t, **system.measured.at(t)}
+
+
+def _trajectory(
+    system: System,
+    steps: Sequence[Step],
+    start: Array,
+    equations: Sequence[Expr],
+    drive: Drive | None,
+) -> tuple[Array, Array]:
+    """Return the states at every stage ``(step, stage, field)``, and at the output times."""
+    program = Pointwise(equations)
+    forced = _driven(system, steps, drive)
+    stages = np.empty((len(steps), len(NODES), len(start)))
+    saved, y = [start], start
+    for i, step in enumerate(steps):
+        rates: list[Array] = []
+        for stage, (node, shares) in enumerate(zip(NODES, STAGES, strict=True)):
+            at = y + step.h * sum((a * k for a, k in zip(shares, rates, strict=True)), 0 * y)
+            stages[i, stage] = at
+            now = _surroundings(system, np.array([step.t + node * step.h]))
+            now |= dict(zip(system.fields, at[:, None], strict=True))
+            rates.append(program(now, (1,))[:, 0] + forced[i, stage])
+        y = y + step.h * sum(w * k for w, k in zip(WEIGHTS, rates, strict=True))
+        if step.ends:
+            saved.append(y)
+    return stages, np.stack(saved)
+
+
+def _driven(system: System, steps: Sequence[Step], drive: Drive | None) -> Array:
+    """Return the free forcing at every stage, ``(step, stage, field)``."""
+    clock = _clock(steps)
+    if drive is None:
+        return np.zeros((*clock.shape, len(system.fields)))
+    [values] = drive.values.numpy()
+    knots = drive.knots.numpy()
+    return np.stack([np.interp(clock, knots, along) for along in values.T], axis=-1)
+
+
+def _along(
+    system: System,
+    stages: Array,
+    clock: Array,
+    equations: Sequence[Expr],
+    sources: Sequence[tuple[Term, ...]],
+) -> tuple[Array, Array]:
+    """Evaluate N' and the sources at every stage at once.
+
+    Returns:
+        ``(step, stage, equation, field)`` and ``(step, stage, column, equation)``.
+    """
+    fields = len(system.fields)
+    slopes = [slope for expr in equations for slope in _slopes(system, expr)]
+    rows: dict[tuple[int, int], list[Expr]] = {}
+    for column, terms in enumerate(sources):
+        for term in terms:
+            place = column, system.fields.index(term.equation)
+            rows.setdefault(place, []).append(term.expression)
+    values = _surroundings(system, clock)
+    values |= dict(zip(system.fields, np.moveaxis(stages, -1, 0), strict=True))
+    found = Pointwise([*slopes, *map(add, rows.values())])(values, clock.shape)
+    jacobian = np.moveaxis(found[: fields**2], 0, -1).reshape(*clock.shape, fields, fields)
+    driven = np.zeros((*clock.shape, len(sources), fields))
+    for (column, equation), body in zip(rows, found[fields**2 :], strict=True):
+        driven[:, :, column, equation] = body
+    return np.ascontiguousarray(jacobian), driven
+
+
+def _pulsed(pulses: Pulses, clock: Array) -> Array:
+    """Return what every pulse adds to the rates, ``(step, stage, column, equation)``."""
+    hats = pulses.hats(clock.ravel()).reshape(*clock.shape, -1)
+    cells = pulses.bumps.numpy().ravel()
+    equations = np.eye(pulses.fields)
+    found: Array = np.einsum("ef,c,stk->steckf", equations, cells, hats)
+    return found.reshape(*clock.shape, pulses.count, pulses.fields)
+
+
+def _columns(steps: Sequence[Step], begin: Array, slopes: Array, source: Array) -> list[Array]:
+    """Return the columns at every output time, each ``(column, field)``."""
+    columns = np.zeros(source.shape[2:])
+    columns[: len(begin)] = begin
+    saved = [columns]
+    for step, slope, rate in zip(steps, slopes, source, strict=True):
+        columns = _stepped(columns, step.h, slope, rate)
+        if step.ends:
+            saved.append(columns)
+    return saved
+
+
+def _stepped(columns: Array, h: float, slope: Array, source: Array) -> Array:
+    """Return the columns one step on, ``(column, field)``."""
+    rates: list[Array] = []
+    for shares, jacobian, driven in zip(STAGES, slope, source, strict=True):
+        at = columns + h * sum((a * k for a, k in zip(shares, rates, strict=True)), 0 * columns)
+        rates.append(at @ jacobian.T + driven)
+    moved: Array = columns + h * sum(w * k for w, k in zip(WEIGHTS, rates, strict=True))
+    return moved

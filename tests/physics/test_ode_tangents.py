@@ -1,0 +1,105 @@
+"""Tangents of systems without axes, against central differences of the simulator itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import torch
+
+from dashred.physics.forcing import Forcing
+from dashred.physics.library import resolve
+from dashred.physics.ode_tangents import supports_ode, tangent_ode
+from dashred.physics.prior import nominal_start
+from dashred.physics.pulses import Drive, Pulses
+from dashred.physics.simulate import simulate
+from dashred.physics.simulator import compiled
+from dashred.physics.system import System, Term
+from tests import laws
+
+TIMES = torch.tensor([0.5, 0.6, 0.93, 1.0, 1.7, 3.1]).double()
+TEXT = """
+system:
+  title: a pendulum that is pushed
+  fields: {theta: angle, omega: rate}
+  parameters: {g: 4.0, c: 0.1}
+  equations:
+    theta: omega
+    omega: -g*sin(theta) - c*omega*abs(omega) + 0.3*cos(2*t)*theta
+  start: {theta: 1.2, omega: 0.3}
+  spread: {theta: 0.1, omega: 0.1}
+  integrator: {method: rk4, dt: 0.02}
+recording: {twin: a, sensors: 2, noise: 0, duration: 4, every: 0.1}
+"""
+SOURCES = [
+    [("omega", "omega")],
+    [("omega", "theta**2*omega")],
+    [("theta", "1"), ("omega", "sin(t)")],
+    [("omega", "tanh(5*(t - 1.5))*theta")],
+]
+
+
+@pytest.fixture
+def system(tmp_path: Path) -> System:
+    return laws.declared(tmp_path, TEXT)
+
+
+def terms(system: System, listed: list[tuple[str, str]]) -> tuple[Term, ...]:
+    return resolve(system, [Term(e, system.parse(t, "test", equation=e)) for e, t in listed])
+
+
+@pytest.fixture
+def forcing(system: System) -> Forcing:
+    coefficients = torch.tensor([[-0.2, 0.05]], dtype=torch.float64)
+    return Forcing(terms(system, [("omega", "omega"), ("theta", "theta**3")]), coefficients)
+
+
+def test_columns_are_the_derivatives_of_the_run(system: System, forcing: Forcing) -> None:
+    start, h = nominal_start(system)[0], 1e-5
+    directions = torch.tensor([[1.0, 0.0], [0.3, -0.7]], dtype=torch.float64)
+    sources = [terms(system, several) for several in SOURCES]
+    found = list(tangent_ode(system, start, directions, TIMES, forcing, sources))
+    states, columns = (torch.stack(part) for part in zip(*found, strict=True))
+    expected = simulate(system, start[None], TIMES, forcing)[0]
+    torch.testing.assert_close(states, expected, rtol=1e-10, atol=1e-10)
+    for j, direction in enumerate(directions):
+        both = torch.stack([start + h * direction, start - h * direction])
+        doubled = Forcing(forcing.terms, forcing.coefficients.expand(2, -1))
+        ahead, behind = simulate(system, both, TIMES, doubled)
+        torch.testing.assert_close(columns[:, j], (ahead - behind) / (2 * h), rtol=1e-6, atol=1e-7)
+    for j, several in enumerate(sources, 2):
+        held = [*forcing.coefficients[0].tolist()]
+        rows = [[*held, *[sign * h] * len(several)] for sign in (1, -1)]
+        more = Forcing((*forcing.terms, *several), torch.tensor(rows, dtype=torch.float64))
+        ahead, behind = simulate(system, start.expand(2, -1), TIMES, more)
+        torch.testing.assert_close(columns[:, j], (ahead - behind) / (2 * h), rtol=1e-6, atol=1e-7)
+
+
+def test_a_free_forcing_is_carried_and_differentiated(system: System, forcing: Forcing) -> None:
+    start, h = nominal_start(system)[0], 1e-5
+    pulses = Pulses.over(system, TIMES, 1, 4)
+    run = compiled(system, forcing.terms)
+    amplitudes = 0.3 * torch.randn((1, *pulses.shape), generator=torch.Generator().manual_seed(0))
+
+    def moved(change: torch.Tensor) -> torch.Tensor:
+        drive = pulses.drive(amplitudes.double() + change)
+        return run(start[None], TIMES, forcing.coefficients, drive)[0]
+
+    drive: Drive = pulses.drive(amplitudes.double())
+    none = torch.zeros((0, 2), dtype=torch.float64)
+    found = list(tangent_ode(system, start, none, TIMES, forcing, [], drive, pulses))
+    states, columns = (torch.stack(part) for part in zip(*found, strict=True))
+    torch.testing.assert_close(states, moved(0 * amplitudes.double()), rtol=1e-11, atol=1e-11)
+    assert columns.shape[1] == pulses.count
+    for j in range(pulses.count):
+        change = torch.zeros(pulses.count, dtype=torch.float64)
+        change[j] = h
+        step = change.reshape(1, *pulses.shape)
+        expected = (moved(step) - moved(-step)) / (2 * h)
+        torch.testing.assert_close(columns[:, j], expected, rtol=1e-6, atol=1e-7)
+
+
+def test_what_it_cannot_carry_is_told(system: System, tmp_path: Path) -> None:
+    assert supports_ode(system, ())
+    adaptive = laws.declared(tmp_path, TEXT.replace("method: rk4", "method: dopri5"))
+    assert not supports_ode(adaptive, ())
