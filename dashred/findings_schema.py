@@ -108,6 +108,13 @@ class Alternative(TypedDict):
     same_as_best: bool
 
 
+class SmallerLaw(TypedDict):
+    """The best law of fewer terms, and the share of what the best law explains that it explains."""
+
+    terms: list[TermTried]
+    explained: float
+
+
 class SensorGain(TypedDict):
     """Mean squared residual in units of the noise, without the law and with it, and p of that."""
 
@@ -247,6 +254,7 @@ class Findings(TypedDict):
     where: Where | None
     terms: list[TermFound | ParameterChange] | None
     alternatives: list[Alternative] | None
+    smaller: list[SmallerLaw] | None
     energy: EnergyLost | None
     structure: list[StructureChanged] | None
     fit: Fit
@@ -301,6 +309,7 @@ def new_findings(
     where: Where | None = None,
     terms: list[TermFound | ParameterChange] | None = None,
     alternatives: list[Alternative] | None = None,
+    smaller: list[SmallerLaw] | None = None,
     energy: EnergyLost | None = None,
     structure: list[StructureChanged] | None = None,
     corrected: str | None = None,
@@ -321,6 +330,7 @@ def new_findings(
         where=where,
         terms=terms,
         alternatives=alternatives,
+        smaller=smaller,
         energy=energy,
         structure=structure,
         fit=fit or unfitted,

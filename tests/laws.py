@@ -99,6 +99,7 @@ def discovery(
     exhausted: bool = True,
     seen: torch.Tensor | None = None,
     beyond: float = 0.0,
+    path: list[BestOfSize] | None = None,
 ) -> Discovered:
     """Return a discovery with these laws, the best first, under noise of σ = 1."""
     everywhere = torch.ones(SAMPLES, SENSORS, dtype=torch.bool)
@@ -117,7 +118,7 @@ def discovery(
         reached=reached,
         free_chi2=free_chi2,
         exhausted=exhausted,
-        path=[BestOfSize(0, 1000.0, 3.0), BestOfSize(1, 0.0, 1.0)],
+        path=path or [BestOfSize((), (), 1000.0, 3.0)],
         tried=50,
         beyond=beyond,
     )

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
+from dashred.discovery.candidates import Candidate
 from dashred.discovery.forcing_map import ForcingMap
 from dashred.discovery.law import Law
 from dashred.discovery.noise_model import NoiseModel
@@ -18,15 +19,17 @@ AMBIGUOUS = 6.0
 
 @dataclass(frozen=True)
 class BestOfSize:
-    """The best law of so many candidates.
+    """The best law of so many candidates, everywhere.
 
     Attributes:
-        candidates: how many.
+        candidates: these.
+        coefficients: of each.
         score: lower is better.
         rmse: root of F per reading, in σ.
     """
 
-    candidates: int
+    candidates: tuple[Candidate, ...]
+    coefficients: tuple[float, ...]
     score: float
     rmse: float
 

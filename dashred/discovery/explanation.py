@@ -5,12 +5,19 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from dashred.discovery.candidates import Candidate
 from dashred.discovery.correction import enters_linearly
 from dashred.discovery.discovered import AMBIGUOUS, Discovered
 from dashred.discovery.law import Law, SensorFault
 from dashred.discovery.plausibility import inclusion
 from dashred.discovery.wording import words
-from dashred.findings_schema import Alternative, ParameterChange, TermFound, TermTried
+from dashred.findings_schema import (
+    Alternative,
+    ParameterChange,
+    SmallerLaw,
+    TermFound,
+    TermTried,
+)
 from dashred.physics.system import System
 from dashred.typeset import number, rounded
 
@@ -51,6 +58,26 @@ def alternatives(discovered: Discovered) -> list[Alternative]:
             same_as_best=_reads_the_same(discovered, law),
         )
         for law in chosen
+    ]
+
+
+def smaller(discovered: Discovered) -> list[SmallerLaw]:
+    """Return the best laws of fewer terms than the best law has, where that acts everywhere.
+
+    What one explains is ``(F₀ - F_k) / (F₀ - F)``: F of no law, of k terms, and of all.
+    """
+    count = len(discovered.best.candidates)
+    misfits = {len(law.candidates): law.rmse**2 for law in discovered.path}
+    if discovered.best.window is not None or not {0, count} <= misfits.keys() or not count:
+        return []
+    explained = misfits[0] - misfits[count]
+    return [
+        SmallerLaw(
+            terms=list(map(_everywhere, law.candidates, law.coefficients)),
+            explained=(misfits[0] - law.rmse**2) / explained,
+        )
+        for law in discovered.path
+        if 0 < len(law.candidates) < count
     ]
 
 
@@ -153,6 +180,12 @@ def _says(system: System, law: Law, index: int) -> str:
     if candidate.aliases:
         says += f"; a change of {' or '.join(candidate.aliases)} would do the same"
     return says
+
+
+def _everywhere(candidate: Candidate, value: float) -> TermTried:
+    return TermTried(
+        equation=candidate.equation, term=candidate.name, coefficient=value, region=None
+    )
 
 
 def _tried(law: Law) -> list[TermTried]:

@@ -19,8 +19,9 @@ from dashred.discovery.gauss_newton import grow, minimise
 from dashred.discovery.objective import Normal, Objective
 from dashred.physics.pulses import Pulses
 
-# Of a forcing, along each axis and in time.
-CELLS, KNOTS = 12, 13
+# Of a forcing: along each axis, by how many there are, for every cell is a column of the Jacobian;
+# and in time.
+CELLS, KNOTS = (1, 12, 6), 13
 # Prior std of an amplitude, as shares of the equation's own tendency; none at all first.
 LEVELS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0)
 # Stands for none: an amplitude of this share is too small for anything.
@@ -171,8 +172,8 @@ def force(objective: Objective, phi: Tensor, size: Tensor) -> tuple[FreeForcing,
         size: rms of each equation's own tendency, ``(equation,)``.
     """
     shooting = objective.shooting
-    cells = CELLS if shooting.simulator.system.axes else 1
-    pulses = Pulses.over(shooting.simulator.system, shooting.times, cells, KNOTS)
+    system = shooting.simulator.system
+    pulses = Pulses.over(system, shooting.times, CELLS[len(system.axes)], KNOTS)
     forced = fit_free_forcing(objective, phi, pulses, size, range(len(size)))
     before = evidence(objective.linearise(phi), range(len(phi)))
     return forced, before - forced.evidence

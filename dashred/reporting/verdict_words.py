@@ -30,6 +30,8 @@ PARTS = {
     "G": "G, what lets inputs in",
     None: "no part of the structure",
 }
+# Of more terms than a few, the smallest law that explains nearly all is told of, too.
+FEW, NEARLY = 3, 0.95
 # A cause below this probability is not told of.
 LIKELY = 0.05
 
@@ -83,7 +85,20 @@ def _law(findings: Mapping[str, Any]) -> list[str]:
     if changed:
         noun = "a parameter is" if len(changed) == 1 else "parameters are"
         lines.append(f"{noun} mis-stated: {'; and '.join(changed)}")
-    return [sentence(f"{guess if not index else ''}{line}") for index, line in enumerate(lines)]
+    lines = [f"{guess if not index else ''}{line}" for index, line in enumerate(lines)]
+    return [sentence(line) for line in [*lines, *_gist(findings)]]
+
+
+def _gist(findings: Mapping[str, Any]) -> list[str]:
+    """What the first few of many terms explain: the smallest law that says nearly all."""
+    if len(findings["terms"] or []) <= FEW:
+        return []
+    nearly = (law for law in findings["smaller"] or [] if law["explained"] >= NEARLY)
+    law = min(nearly, key=lambda law: len(law["terms"]), default=None)
+    if law is None:
+        return []
+    left = f"{100 * (1 - law['explained']):.2g} %"
+    return [f"most of it is {alternative_in_words(law)}: alone it explains all but {left} of that"]
 
 
 def _certainty(findings: Mapping[str, Any]) -> list[str]:

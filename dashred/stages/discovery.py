@@ -85,7 +85,7 @@ def discover(
         path = _path(selection)
         for best_of in path:
             scores = {"evidence/score": best_of.score, "evidence/rmse": best_of.rmse}
-            child.log_metrics(scores, best_of.candidates)
+            child.log_metrics(scores, len(best_of.candidates))
     part = selection.objective
     free = part.noise.whiten(walked.readings - part.recorded).square().sum()
     return Discovered(
@@ -225,12 +225,18 @@ def _empty(selection: Selection, best: Tried) -> Tried:
 
 def _path(selection: Selection) -> list[BestOfSize]:
     """Return the best law of each size that was tried."""
-    count = selection.objective.noise.count
+    objective = selection.objective
+    known = objective.shooting.candidates
     best: dict[int, Tried] = {}
     for tried in selection.tried:
         if math.isfinite(tried.score):
             best.setdefault(len(tried.members), tried)
     return [
-        BestOfSize(size, best[size].score, math.sqrt(best[size].cost / count))
-        for size in sorted(best)
+        BestOfSize(
+            tuple(known[j] for j in tried.members),
+            tuple(float(tried.phi[objective.modes + j]) for j in tried.members),
+            tried.score,
+            math.sqrt(tried.cost / objective.noise.count),
+        )
+        for _, tried in sorted(best.items())
     ]

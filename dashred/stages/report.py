@@ -69,7 +69,7 @@ def report(
         _curves(analysis, output)
         _verification(problem, analysis, findings, output)
         if findings["where"] is not None:
-            path = [(best.candidates, best.score) for best in analysis.discovered.path]
+            path = [(len(best.candidates), best.score) for best in analysis.discovered.path]
             save_figure(evidence_figure(path, findings["terms"] or []), output / "evidence.png")
             _where(problem, analysis, findings["where"], output)
         if problem.system.axes:
@@ -180,7 +180,7 @@ def _varying(library: list[Term], history: np.ndarray) -> dict[str, np.ndarray]:
 def _sparsity(analysis: Analysis, output: Path) -> None:
     latent = {TITLES[name]: _path(fit) for name, fit in analysis.found.proposals.items()}
     discovered = analysis.discovered
-    law = [(best.candidates, best.rmse, best.score) for best in discovered.path]
+    law = [(len(best.candidates), best.rmse, best.score) for best in discovered.path]
     figure = accuracy_against_sparsity(latent, law)
     save_figure(figure, output / "sparsity.png")
 

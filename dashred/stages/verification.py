@@ -14,7 +14,7 @@ import xarray as xr
 from torch import Tensor
 
 from dashred.config import config_sha256, frozen_input
-from dashred.discovery.explanation import alternatives, explain
+from dashred.discovery.explanation import alternatives, explain, smaller
 from dashred.discovery.location import locate
 from dashred.discovery.regression import SparseFit
 from dashred.discovery.verdict import unexplained, verdict
@@ -89,6 +89,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         ),
         terms=explain(problem.system, discovered),
         alternatives=alternatives(discovered),
+        smaller=smaller(discovered),
         energy=energy_lost(
             problem.system, discovered.best, problem.times[:count], problem.rng("energy")
         ),

@@ -8,7 +8,14 @@ from typing import Any
 import pytest
 
 from dashred.discovery.correction import correct
-from dashred.discovery.explanation import alternatives, explain, fault_in_words, law_in_words
+from dashred.discovery.discovered import BestOfSize
+from dashred.discovery.explanation import (
+    alternatives,
+    explain,
+    fault_in_words,
+    law_in_words,
+    smaller,
+)
 from dashred.discovery.law import SensorFault
 from dashred.discovery.local_shooting import localised
 from dashred.discovery.plausibility import plausibility
@@ -151,3 +158,18 @@ def test_a_law_in_words_tells_terms_from_parameters(flow: System) -> None:
     assert text.startswith("The simulation leaves out linear damping of internal energy, −0.0400")
     assert text.endswith("A parameter is mis-stated: nu is 0.1100, not 0.1 (± 0.0010).")
     assert "nothing" in law_in_words(laws.law(), flow)
+
+
+def test_smaller_laws_say_how_much_of_the_best_they_explain(flow: System) -> None:
+    u, cubed, squared = (laws.term(flow, "u", text) for text in ("u", "u**3", "u**2"))
+    path = [
+        BestOfSize((), (), 900.0, 3.0),
+        BestOfSize((u,), (-0.1,), 150.0, 1.5),
+        BestOfSize((u, cubed), (-0.1, 0.02), 100.0, 1.0),
+        BestOfSize((u, cubed, squared), (-0.1, 0.02, 0.0), 108.0, 0.99),
+    ]
+    [only] = smaller(laws.discovery(laws.law([u, cubed], [-0.1, 0.02]), path=path))
+    assert only["terms"] == [{"equation": "u", "term": "u", "coefficient": -0.1, "region": None}]
+    assert only["explained"] == pytest.approx((9 - 2.25) / (9 - 1))
+    assert smaller(laws.discovery(laws.law([u], [-0.1]), path=path)) == []
+    assert smaller(laws.discovery(laws.law(), path=path)) == []

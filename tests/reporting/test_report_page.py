@@ -122,6 +122,20 @@ def test_the_energy_lost_is_told_cycle_by_cycle() -> None:
     assert "Its energy" not in "\n".join(verdict_lines(found()))
 
 
+def test_of_many_terms_the_few_that_explain_nearly_all_are_told() -> None:
+    terms = [TERM | {"term": name} for name in ("u", "u**2", "u**3", "u**4")]
+    tried = {"equation": "u", "term": "u", "coefficient": -0.0312, "region": None}
+    few = [
+        {"terms": [tried], "explained": 0.9},
+        {"terms": [tried, tried | {"term": "u**2"}], "explained": 0.9987},
+        {"terms": [tried] * 3, "explained": 0.9999},
+    ]
+    text = "\n".join(verdict_lines(found(terms=terms, smaller=few)))
+    assert "Most of it is u: −0.0312·u, u: −0.0312·u²: alone it explains all but 0.13 %" in text
+    assert "Most of it" not in "\n".join(verdict_lines(found(terms=terms[:3], smaller=few)))
+    assert "Most of it" not in "\n".join(verdict_lines(found(terms=terms, smaller=few[:1])))
+
+
 def test_an_ambiguous_verdict_names_the_rivals_and_calls_the_best_a_guess() -> None:
     same = NEXT | {"rival": True, "same_as_best": True, "delta_bic": 1.23}
     text = "\n".join(verdict_lines(found(verdict="ambiguous", alternatives=[same])))
