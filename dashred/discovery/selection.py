@@ -178,13 +178,17 @@ class _Search:
                 self.tried[members] = Tried(members, found.phi[row], cost, score)
 
     def settle_rivals(self) -> bool:
-        """Fit the nearest sets of another form, no larger, to the end; tell if one wins."""
+        """Fit the nearest sets that are no larger, parts of the best too, to the end.
+
+        Returns:
+            whether one wins.
+        """
         best = self.best
         others = [
             found
             for members, found in self.tried.items()
             if 0 < len(members) <= len(best.members)
-            and not set(members) <= set(best.members)
+            and members != best.members
             and math.isfinite(found.score)
         ]
         for rival in sorted(others, key=lambda found: found.score)[:RIVALS]:

@@ -12,7 +12,7 @@ from dashred.discovery.beyond import candidates_beyond
 from dashred.discovery.candidates import Candidate, replaced_terms
 from dashred.discovery.causes import Weighed, weigh
 from dashred.discovery.discovered import AMBIGUOUS
-from dashred.discovery.gauss_newton import Fitted, grow, minimise
+from dashred.discovery.gauss_newton import grow, minimise
 from dashred.discovery.inner_constants import slopes_of
 from dashred.discovery.law import Law, law_of
 from dashred.discovery.local_laws import Cause
@@ -20,12 +20,12 @@ from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.selection import Tried
 from dashred.discovery.shooting import Simulator
-from dashred.discovery.starts import StartModel, nearest
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.physics.window import shapes_of
 from dashred.progress import Report
 from dashred.stages.objectives import fit_noise
+from dashred.stages.prior_start import about, about_the_prior
 from dashred.stages.problem import Problem
 from dashred.stages.seeding import Seed
 from dashred.stages.simulation import Nominal
@@ -33,8 +33,6 @@ from dashred.stages.simulation import Nominal
 STEPS, TOLERANCE = 10, 1e-4
 # Noise that is this many times the stated one is not noise.
 INFLATED = 1.5
-# A start that the prior reaches fits as well about it; far out, its prior holds it back a little.
-NO_WORSE = 1.3
 # Samples from which the simulator as it is grows, where nothing that was fitted is trusted.
 FIRST = 6
 
@@ -73,7 +71,7 @@ def weigh_causes(
     local = replaced_terms(problem.system, problem.library, known, nominal.states, begin)
     everything = _with(objective, local, problem.config.discovery.weak)
     if samples < len(objective.recorded):
-        everything = _from(everything, seed.start)
+        everything = about(everything, seed.start)
         null, phi = everything.only(()), seed.z
     else:
         null, phi = objective.only(()), nothing.phi[: objective.modes]
@@ -81,7 +79,9 @@ def weigh_causes(
         phi = grow(null, phi, min(samples, FIRST))
     fitted = minimise(null, phi, STEPS, TOLERANCE)
     if not (reached and best.members):
-        everything, null, fitted = _about_the_prior(nominal, everything, null, fitted)
+        again = about_the_prior(nominal.prior, null, fitted.phi)
+        if again is not None:
+            everything, (null, fitted) = about(everything, nominal.prior), again
     empty = Cause(law_of(null, fitted, (), fitted.cost), null, fitted.phi)
     law = objective.only(best.members)
     found = Cause(laws[0], law, best.phi[objective.places(best.members)]) if reached else empty
@@ -113,30 +113,6 @@ def _beside(weighed: Weighed, laws: Sequence[Law], objective: Objective) -> Weig
     ]
     ranked = sorted([*laws, *others], key=lambda law: law.score)
     return replace(weighed, laws=ranked, noise=objective.noise)
-
-
-def _about_the_prior(
-    nominal: Nominal, everything: Objective, null: Objective, fitted: Fitted
-) -> tuple[Objective, Objective, Fitted]:
-    """Return the same about the prior of the start, if that reaches the start that was found.
-
-    A seed that was made from the recording cannot tell whether this lies outside of the prior.
-    """
-    if null.shooting.start is nominal.prior:
-        return everything, null, fitted
-    z, _ = null.split(fitted.phi)
-    prior = nominal.prior
-    begin = nearest(prior, null.shooting.start.start(z[None])[0])
-    mine = _from(null, prior)
-    found = minimise(mine, begin, STEPS, TOLERANCE)
-    if not found.chi2 < NO_WORSE * fitted.chi2:
-        return everything, null, fitted
-    return _from(everything, prior), mine, found
-
-
-def _from(objective: Objective, start: StartModel) -> Objective:
-    """Return F about another start."""
-    return replace(objective, shooting=replace(objective.shooting, start=start))
 
 
 def inflated(problem: Problem, noise: NoiseModel) -> bool:

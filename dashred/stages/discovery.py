@@ -24,6 +24,7 @@ from dashred.stages.assimilation import Assimilated
 from dashred.stages.causes import inflated, weigh_causes
 from dashred.stages.learning import Learned
 from dashred.stages.objectives import exact_simulator, pose_objective, rough_simulator
+from dashred.stages.prior_start import about, select_about_the_prior
 from dashred.stages.problem import Problem
 from dashred.stages.seeding import Seed, fit_seeds
 from dashred.stages.simulation import Nominal
@@ -71,6 +72,8 @@ def discover(
             selection = select(objective.until(walked.samples), walked.phi, proposals, report)
             if not walked.reached:
                 walked, selection = _walk_on(objective, walked, selection, proposals, report)
+            selection = select_about_the_prior(nominal.prior, selection, KEPT, report)
+            objective = about(objective, selection.objective.shooting.start)
             report(1.0, f"{len(selection.tried)} sets refitted")
         with stage("fit the law to the end", seconds) as report:
             laws, best, nothing = _finish(selection)

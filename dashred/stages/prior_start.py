@@ -1,0 +1,75 @@
+"""Ask of a fit about a seed whether it stands about the prior of the start, too.
+
+A seed that was made from the recording uses the first samples twice: where it is off in what no
+sensor reads, it leaves its error to the law, and it cannot tell a start outside of the prior.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from dashred.discovery.gauss_newton import Fitted, minimise
+from dashred.discovery.objective import Objective
+from dashred.discovery.selection import Selection, select
+from dashred.discovery.starts import StartModel, nearest
+from dashred.progress import Report
+
+STEPS, TOLERANCE = 10, 1e-4
+# A start that the prior reaches fits as well about it; far out, its prior holds it back a little.
+# Of the simulator as it is, whose misfit is no noise, and of a law, which would bend to its start.
+NO_WORSE, LAW_NO_WORSE = 1.3, 1.1
+
+
+def about(objective: Objective, start: StartModel) -> Objective:
+    """Return F about another start."""
+    return replace(objective, shooting=replace(objective.shooting, start=start))
+
+
+def about_the_prior(
+    prior: StartModel, objective: Objective, phi: Tensor, worse: float = NO_WORSE
+) -> tuple[Objective, Fitted] | None:
+    """Return the same fit about the prior; None if that does not reach the start that was found.
+
+    Args:
+        prior: what is known of the start without the recording.
+        objective: F about a seed.
+        phi: its minimum, ``(unknown,)``.
+        worse: how much larger its misfit may be about the prior.
+    """
+    if objective.shooting.start is prior:
+        return None
+    z, xi = objective.split(phi)
+    mine = about(objective, prior)
+    begin = nearest(prior, objective.shooting.start.start(z[None])[0])
+    found = minimise(mine, torch.cat([begin, xi]), STEPS, TOLERANCE)
+    _, trials = objective.values(phi[None])
+    before = float(trials.residuals.square().sum())
+    return (mine, found) if found.chi2 < worse * before else None
+
+
+def select_about_the_prior(
+    prior: StartModel, selection: Selection, kept: int, report: Report
+) -> Selection:
+    """Select once more about the prior, if the best law reaches the start that was found from it.
+
+    Args:
+        prior: what is known of the start without the recording.
+        selection: the laws about a seed.
+        kept: how many of the best sets are refitted first.
+        report: progress.
+    """
+    best, objective = selection.tried[0], selection.objective
+    if not best.members:
+        return selection
+    law = objective.only(best.members)
+    phi = best.phi[objective.places(best.members)]
+    found = about_the_prior(prior, law, phi, LAW_NO_WORSE)
+    if found is None:
+        return selection
+    whole = about(objective, prior)
+    begin = whole.embed(found[1].phi, best.members)
+    sets = [tried.members for tried in selection.tried[:kept]]
+    return select(whole, begin, sets, report)
