@@ -30,6 +30,7 @@ from dashred.discovery.local_laws import Cause, local_laws, refitted
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.on_top import screened_on_top
+from dashred.discovery.periodic import periodic_laws
 from dashred.discovery.shooting import Simulator
 from dashred.discovery.threshold_profile import with_profile
 from dashred.progress import Report
@@ -105,8 +106,14 @@ def weigh(
         everything = replace(everything, noise=noise)
         best, null = _again(best, noise), _again(null, noise)
     found = _without_places(best, null)
+    bases = [best, null] if best.law.candidates else [null]
     if fault is not None:
-        found += faulty_or_not([nothing_without(null, forced, noise)], fault.sensor)
+        bases = [nothing_without(null, forced, noise)]
+        found += faulty_or_not(bases, fault.sensor)
+    waves = [wave for base in bases for wave in periodic_laws(base, size, everywhere)]
+    if fault is not None:
+        waves = faulty_or_not(waves, fault.sensor)
+    found += waves
 
     def further_laws(carried: FreeForcing) -> list[Cause]:
         reach = beyond(carried.objective.shooting.candidates)
@@ -125,7 +132,8 @@ def weigh(
             local = local_laws(whole, everywhere, every, carried, null.law.score, bound)
             return local if fault is None else faulty_or_not(local, fault.sensor)
 
-        local, first, nearest, gain = screened_on_top(best, screened, forced, size, report)
+        begin = min([best, *waves], key=_score)
+        local, first, nearest, gain = screened_on_top(begin, screened, forced, size, report)
         found += local
         if gain > MISSING or len(first.law.candidates) >= SIMPLE:
             report(0.8, "screening terms beyond the library")

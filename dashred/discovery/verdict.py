@@ -17,8 +17,8 @@ from dashred.findings_schema import Verdict
 # Misfit, relative to the fit of all candidates, at which a law has not been fitted to the end.
 STUCK = 1.5
 EXTENDED = (
-    "no law of the library explains the recording; one term from beyond it, of functions, higher "
-    "powers and waves, does"
+    "no law of the library explains the recording; what lies a step beyond it, of functions, "
+    "higher powers and waves in space or time, does"
 )
 
 

@@ -1,0 +1,202 @@
+"""A forcing that repeats in time, everywhere alike: ``a sin(ωt) + b cos(ωt)`` in one equation.
+
+A free forcing has a dozen knots in time, and of anything faster it says nothing. What is alike
+everywhere needs one cell only, and so may have many knots; from their columns those of every
+frequency follow by algebra. The best are fitted, the frequency too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from dashred.discovery.candidates import Candidate
+from dashred.discovery.driven_shooting import DrivenShooting
+from dashred.discovery.gauss_newton import minimise
+from dashred.discovery.law import law_of
+from dashred.discovery.local_laws import Cause
+from dashred.discovery.objective import Normal, Objective
+from dashred.discovery.shooting import Simulator
+from dashred.discovery.subsets import Eliminated
+from dashred.physics.library import build_library, resolve
+from dashred.physics.pulses import Pulses
+from dashred.physics.system import System
+
+# Knots in time, and how many of them a period has at least: between two a forcing is straight.
+KNOTS, PER_PERIOD = 64, 2.5
+# Frequencies are this part of a turn over the record apart: none in between is missed.
+APART = 0.25
+# Waves that are fitted; of like frequency in one equation one.
+TRIED = 3
+# Rounds of fitting the frequency, the phase at the record's ends that is close enough, and the
+# digits with which a reader is told.
+ROUNDS, CLOSE, DIGITS = 6, 0.01, 4
+STEPS, TOLERANCE = 4, 1e-3
+LAST_STEPS, LAST_TOLERANCE = 10, 1e-4
+
+
+@dataclass(frozen=True)
+class Wave:
+    """``a sin(ωt) + b cos(ωt)`` in an equation.
+
+    Attributes:
+        equation: the field that it drives.
+        frequency: ω, radians per unit time.
+        sine: a.
+        cosine: b.
+    """
+
+    equation: str
+    frequency: float
+    sine: float
+    cosine: float
+
+    def at(self, frequency: float, middle: float) -> Wave:
+        """Return the wave of another frequency that is the same about a time."""
+        turn = (frequency - self.frequency) * middle
+        sine = self.sine * math.cos(turn) + self.cosine * math.sin(turn)
+        cosine = self.cosine * math.cos(turn) - self.sine * math.sin(turn)
+        return Wave(self.equation, float(f"{frequency:.{DIGITS}g}"), sine, cosine)
+
+    def like(self, other: Wave, turn: float) -> bool:
+        """Tell whether two waves of one equation differ by no more than a turn over the record."""
+        return self.equation == other.equation and abs(self.frequency - other.frequency) <= turn
+
+    @property
+    def texts(self) -> list[str]:
+        """Its two terms, as a user would write them."""
+        return [f"sin({self.frequency!r}*t)", f"cos({self.frequency!r}*t)"]
+
+    def slope(self, middle: float) -> str:
+        """Return its derivative by the frequency, the phase at a time held."""
+        sine, cosine = self.texts
+        return f"(t - ({middle!r}))*(({self.sine!r})*{cosine} - ({self.cosine!r})*{sine})"
+
+
+def periodic_laws(base: Cause, size: Tensor, candidates: int) -> list[Cause]:
+    """Return laws with a periodic forcing on top, as far as the evidence promises to be for one.
+
+    Args:
+        base: a law that acts everywhere, or none.
+        size: rms of each equation's own tendency, ``(equation,)``.
+        candidates: how many terms were asked before: the best of many does well by chance.
+    """
+    objective = base.objective
+    system, times = objective.shooting.simulator.system, objective.shooting.times
+    pulses = Pulses.over(system, times, 1, KNOTS)
+    driven = DrivenShooting.on(objective.shooting, pulses, size)
+    stds = size.repeat_interleave(KNOTS)
+    whole = replace(objective, shooting=driven, prior_std=torch.cat([objective.prior_std, stds]))
+    normal = whole.linearise(torch.cat([base.phi, torch.zeros(pulses.count, dtype=torch.float64)]))
+    grid = _frequencies(times)
+    choices = candidates + len(grid) * len(system.fields)
+    penalty = 3 * math.log(objective.noise.effective_count) + 2 * math.log(choices)
+    waves = _promising(normal, system, pulses, grid, size, penalty)
+    return [_fit(base, wave, size, penalty) for wave in waves]
+
+
+def _frequencies(times: Tensor) -> Tensor:
+    """Return ω from a turn over the record to the fastest that the knots can follow."""
+    turns = torch.arange(1.0, KNOTS / PER_PERIOD, APART, dtype=torch.float64)
+    return 2 * math.pi * turns / float(times[-1] - times[0])
+
+
+def _promising(
+    normal: Normal, system: System, pulses: Pulses, grid: Tensor, size: Tensor, penalty: float
+) -> list[Wave]:
+    """Return the waves that the linearised problem says are worth their penalty, the best first."""
+    fields, knots = system.fields, pulses.knots
+    own = len(normal.phi) - pulses.count
+    angle = grid[:, None] * knots
+    waves = torch.stack([angle.sin(), angle.cos()], dim=1)
+    by_knot = normal.jacobian[:, own:].reshape(-1, len(fields), KNOTS)
+    columns = torch.einsum("nek,wpk->newp", by_knot, waves).flatten(1)
+    priors = size.repeat_interleave(2 * len(grid)) ** -2 / 2
+    linear = Normal(
+        torch.cat([normal.jacobian[:, :own], columns], dim=1),
+        torch.cat([normal.precision[:own], priors]),
+        torch.cat([normal.phi[:own], torch.zeros(len(priors), dtype=torch.float64)]),
+        normal.residuals,
+    )
+    problem = _without(linear, own)
+    pairs = [(2 * j, 2 * j + 1) for j in range(len(fields) * len(grid))]
+    costs = problem.costs(pairs)
+    found: list[Wave] = []
+    for j in costs.argsort().tolist():
+        equation, turn = divmod(j, len(grid))
+        wave = Wave(fields[equation], float(grid[turn]), *problem.coefficients(pairs[j]).tolist())
+        if len(found) == TRIED or float(costs[j]) + penalty >= problem.constant:
+            break
+        if not any(wave.like(other, turn=float(grid[0])) for other in found):
+            found.append(wave)
+    return found
+
+
+def _without(linear: Normal, own: int) -> Eliminated:
+    """Take out the start and the base's own coefficients, these under their priors."""
+    size = linear.precision[:own].sqrt()
+    scaled = torch.cat([linear.jacobian[:, :own] / size, linear.jacobian[:, own:]], dim=1)
+    unknowns = torch.cat([linear.phi[:own] * size, linear.phi[own:]])
+    return Eliminated.of(replace(linear, jacobian=scaled, phi=unknowns), own)
+
+
+def _fit(base: Cause, wave: Wave, size: Tensor, penalty: float) -> Cause:
+    """Fit a wave, its frequency, the law beneath and the start."""
+    times = base.objective.shooting.times
+    first, last = float(times[0]), float(times[-1])
+    middle, half = (first + last) / 2, (last - first) / 2
+    own, phi = len(base.phi), base.phi
+    for _ in range(ROUNDS):
+        mine = _with(base, [*_terms(base, wave, size), _slope(base, wave, middle, half)])
+        begin = torch.tensor([wave.sine, wave.cosine, 0.0], dtype=torch.float64)
+        fitted = minimise(mine, torch.cat([phi, begin]), STEPS, TOLERANCE)
+        phi = fitted.phi[:own]
+        sine, cosine, shift = fitted.phi[own:].tolist()
+        moved = min(max(shift, -math.pi / half), math.pi / half)
+        wave = replace(wave, sine=sine, cosine=cosine).at(wave.frequency + moved, middle)
+        if abs(shift) * half < CLOSE:
+            break
+    terms = _terms(base, wave, size)
+    mine = _with(base, terms)
+    begin = torch.tensor([wave.sine, wave.cosine], dtype=torch.float64)
+    fitted = minimise(mine, torch.cat([phi, begin]), LAST_STEPS, LAST_TOLERANCE)
+    [before], _ = base.objective.values(base.phi[None])
+    score = base.law.score - float(before) + fitted.cost + penalty
+    law = law_of(mine, fitted, (*base.law.candidates, *terms), score)
+    return Cause(law, mine, fitted.phi)
+
+
+def _terms(base: Cause, wave: Wave, size: Tensor) -> list[Candidate]:
+    system = base.objective.shooting.simulator.system
+    scale = math.sqrt(2) * float(size[system.fields.index(wave.equation)])
+    return list(_candidates(system, wave.equation, wave.texts, scale))
+
+
+def _slope(base: Cause, wave: Wave, middle: float, half: float) -> Candidate:
+    system = base.objective.shooting.simulator.system
+    [slope] = _candidates(system, wave.equation, [wave.slope(middle)], 1 / half)
+    return slope
+
+
+def _candidates(
+    system: System, equation: str, texts: Sequence[str], scale: float
+) -> Iterator[Candidate]:
+    terms = build_library(system, {equation: list(texts)})
+    for term, ready in zip(terms, resolve(system, terms), strict=True):
+        yield Candidate(str(term), equation, (ready,), scale, beyond=True)
+
+
+def _with(base: Cause, further: Sequence[Candidate]) -> Objective:
+    """Return F of the base's law and further candidates, their prior their natural scale."""
+    objective = base.objective
+    before = objective.shooting.simulator
+    candidates = [*base.law.candidates, *further]
+    simulator = Simulator(before.system, before.tangent.dt, candidates)
+    shooting = replace(objective.shooting, simulator=simulator, candidates=candidates)
+    scales = torch.tensor([candidate.scale for candidate in further], dtype=torch.float64)
+    prior = torch.cat([objective.prior_std, scales])
+    return replace(objective, shooting=shooting, prior_std=prior)
