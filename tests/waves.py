@@ -13,8 +13,12 @@ from torch import Tensor
 
 from dashred.discovery.beyond import candidates_beyond
 from dashred.discovery.candidates import Candidate, build_candidates, forcing_of
+from dashred.discovery.cause import Cause
 from dashred.discovery.gauss_newton import grow, minimise
+from dashred.discovery.hypothesis import Guess, Hypothesis, first_unknowns, pose
 from dashred.discovery.inner_constants import slopes_of
+from dashred.discovery.law import law_of
+from dashred.discovery.local_shooting import found_by, localised
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.shooting import Shooting, Simulator
@@ -23,7 +27,7 @@ from dashred.physics.library import evaluate_terms
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term
-from dashred.physics.window import shapes_of
+from dashred.physics.window import Shape, shapes_of
 from dashred.sensing.observation import ObservationOperator
 from dashred.sensing.sensors import Sensor
 from tests import laws
@@ -43,6 +47,7 @@ recording: {twin: a, sensors: 4, noise: 0, duration: 4, every: 0.1}
 """
 TERMS = (("u", "u"), ("u", "u**2"), ("u", "v**2"), ("u", "u**3"), ("v", "v**2"), ("v", "u*v"),
          ("u", "1"), ("v", "1"), ("u", "d(u, x)"))  # fmt: skip
+LOCAL_SIGMA, LOCAL_XI = 0.01, -0.4
 TIMES = 0.25 * torch.arange(41, dtype=torch.float64)
 
 
@@ -134,3 +139,21 @@ def fitted(objective: Objective) -> Tensor:
     """Return the minimum of an F of the start alone, grown from its first samples."""
     begin = torch.zeros(objective.modes, dtype=torch.float64)
     return minimise(objective, grow(objective, begin, 6), 8, 1e-4).phi
+
+
+def in_window(
+    waves: Waves,
+    shape: Shape,
+    values: tuple[float, float],
+    guess: tuple[float, float] | None = None,
+) -> Cause:
+    """Return the fit of a term in a window to a recording of that, from the truth or a guess."""
+    hidden = localised(waves.candidates(["u: v**2"]), shape.at(values))
+    recorded = waves.recorded(LOCAL_SIGMA, 4, [(hidden[0], LOCAL_XI)])
+    objective = waves.objective(recorded, LOCAL_SIGMA, ["u: v**2"])
+    hypothesis = Hypothesis((), (0,), Guess(shape, guess or values, (0.8, 1.0)))
+    mine = pose(objective, hypothesis)
+    z = fitted(waves.objective(recorded, LOCAL_SIGMA))
+    found = minimise(mine, first_unknowns(z, [LOCAL_XI], hypothesis.guess), 12, 1e-6)
+    law = law_of(mine, found, found_by(mine, found.phi), found.cost, 2)
+    return Cause(law, mine, found.phi)

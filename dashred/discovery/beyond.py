@@ -10,12 +10,12 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.candidates import Candidate, build_candidates
+from dashred.discovery.cause import Cause
 from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.hypothesis import Hypothesis
 from dashred.discovery.inner_constants import Tunable, moved, slopes_of, tunable, tune
 from dashred.discovery.law import law_of
-from dashred.discovery.local_laws import Cause
 from dashred.discovery.objective import Objective
 from dashred.discovery.screening import eliminated
 from dashred.errors import InputError

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from dashred.discovery.beyond import laws_beyond
 from dashred.discovery.candidates import Candidate
+from dashred.discovery.cause import Cause, refitted
 from dashred.discovery.discovered import AMBIGUOUS, MISSING
 from dashred.discovery.forcing_map import ForcingMap, map_of
 from dashred.discovery.free_forcing import FreeForcing, force
@@ -26,7 +27,7 @@ from dashred.discovery.left_out import (
     forced_without,
     nothing_without,
 )
-from dashred.discovery.local_laws import Cause, local_laws, refitted
+from dashred.discovery.local_laws import local_laws
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.on_top import screened_on_top

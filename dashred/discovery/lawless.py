@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from dashred.discovery.cause import Cause
 from dashred.discovery.faults import describe_fitted, fit_fault, predicted_faults
 from dashred.discovery.free_forcing import evidence
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import law_of
-from dashred.discovery.local_laws import Cause
 from dashred.discovery.starts import ScaledStart
 from dashred.discovery.suspects import suspects
 

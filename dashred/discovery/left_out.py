@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from dashred.discovery.cause import Cause, refitted
 from dashred.discovery.faults import Fault, describe, predicted_faults
 from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import law_of
-from dashred.discovery.local_laws import Cause, refitted
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.suspects import suspects

@@ -9,17 +9,17 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 from torch import Tensor
 
+from dashred.discovery.cause import Cause, settled
 from dashred.discovery.free_forcing import FreeForcing
-from dashred.discovery.gauss_newton import Fitted, grow, minimise
+from dashred.discovery.gauss_newton import grow, minimise
 from dashred.discovery.hypothesis import Tested, first_unknowns, pose, test
-from dashred.discovery.law import Law, law_of
-from dashred.discovery.local_shooting import found_by
-from dashred.discovery.objective import Normal, Objective
+from dashred.discovery.law import law_of
+from dashred.discovery.objective import Objective
+from dashred.discovery.other_thresholds import from_other_thresholds
 from dashred.discovery.screening import Screened, screen
 from dashred.physics.window import shapes_of
 
@@ -28,63 +28,10 @@ from dashred.physics.window import shapes_of
 TRIED, FINALISTS, KIND, ALIKE = 24, 8, 8, 2
 FIRST_STEPS, FIRST_TOLERANCE = 3, 1e-2
 LAST_STEPS, LAST_TOLERANCE = 10, 1e-4
-# The best is fitted on until a step gains next to nothing, and anew from so much of the record.
-SETTLING_STEPS, SETTLED, SHARES = 20, 1e-5, (0.25, 0.5)
 # How many are fitted first; where all get lost, how many grow, from what share of the record.
 PROBES, AGAIN, BEGIN = 4, 6, 0.25
 # Those whose score is farther than this from the best after the first steps are given up.
 HOPELESS = 60.0
-
-
-@dataclass(frozen=True)
-class Cause:
-    """An explanation, and where it was fitted.
-
-    Attributes:
-        law: the explanation.
-        objective: F, in its own unknowns.
-        phi: its minimum.
-    """
-
-    law: Law
-    objective: Objective
-    phi: Tensor
-
-    @cached_property
-    def normal(self) -> Normal:
-        """F linearised about its minimum: several questions are put to it, and it is dear."""
-        return self.objective.linearise(self.phi)
-
-
-def refitted(cause: Cause, objective: Objective) -> Cause:
-    """Return an explanation under another noise, or of other samples; its score moves with F.
-
-    Args:
-        cause: the explanation.
-        objective: F in the same unknowns.
-    """
-    return _moved(cause, objective, minimise(objective, cause.phi, LAST_STEPS, LAST_TOLERANCE))
-
-
-def settled(cause: Cause) -> Cause:
-    """Return an explanation fitted until nothing is gained, and grown from less of the record.
-
-    Over a long record of chaos the lowest minimum has many others around it.
-    """
-    objective, total = cause.objective, len(cause.objective.recorded)
-    grown = [grow(objective, cause.phi, round(share * total)) for share in SHARES]
-    fits = [minimise(objective, phi, SETTLING_STEPS, SETTLED) for phi in (cause.phi, *grown)]
-    return _moved(cause, objective, min(fits, key=lambda fitted: fitted.cost))
-
-
-def _moved(cause: Cause, objective: Objective, fitted: Fitted) -> Cause:
-    """Return an explanation where another fit of it has ended; its score moves with F."""
-    law = cause.law
-    [before], _ = cause.objective.values(cause.phi[None])
-    score = law.score - float(before) + fitted.cost
-    found = law_of(objective, fitted, found_by(objective, fitted.phi), score, len(law.edges))
-    again = replace(found, fault=law.fault, widened=law.widened)
-    return Cause(again, objective, fitted.phi)
 
 
 def local_laws(
@@ -117,7 +64,8 @@ def local_laws(
     kept = [tested for tested in tried if tested.score < min(best + HOPELESS, nothing)]
     kept = sorted(kept, key=lambda tested: tested.score)[:FINALISTS]
     finished = sorted(map(_finish, kept), key=lambda cause: cause.law.score)
-    return [*map(settled, finished[:1]), *finished[1:]]
+    others = from_other_thresholds(finished)
+    return [*map(settled, finished[:1]), *finished[1:], *others]
 
 
 def _various(ranked: Iterable[Screened], alike: int, most: int) -> list[Screened]:

@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 from torch import Tensor
 
+from dashred.discovery.cause import Cause
 from dashred.discovery.discovered import MISSING
 from dashred.discovery.free_forcing import FreeForcing, force
-from dashred.discovery.local_laws import Cause
 from dashred.progress import Report
 
 # How often terms are screened anew about a better law's trajectory.

@@ -15,10 +15,10 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.candidates import Candidate
+from dashred.discovery.cause import Cause
 from dashred.discovery.driven_shooting import DrivenShooting
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import law_of
-from dashred.discovery.local_laws import Cause
 from dashred.discovery.objective import Normal, Objective
 from dashred.discovery.shooting import Simulator
 from dashred.discovery.subsets import Eliminated

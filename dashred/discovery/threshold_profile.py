@@ -12,9 +12,9 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from dashred.discovery.cause import Cause
 from dashred.discovery.gauss_newton import chord_refits
 from dashred.discovery.law import Z95, Law
-from dashred.discovery.local_laws import Cause
 from dashred.discovery.local_shooting import LocalShooting
 
 # Thresholds that are tried on either side: from a share of the std that the curvature gives, to the

@@ -40,7 +40,7 @@ TABLES = {
     "nulls": (*("fhn",) * 9, "rde"),
 }
 # Of masked cases: below what a single sample shows.
-FAINT = (0.5, 1.0)
+FAINT = (0.7, 1.0)
 
 
 @dataclass(frozen=True)

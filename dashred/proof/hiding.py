@@ -126,7 +126,7 @@ def _one_of(terms: Mapping[str, Sequence[str]], rng: np.random.Generator) -> tup
 
 def _term(equation: str, term: str, rng: np.random.Generator) -> dict[str, Any]:
     """Return a term; its coefficient is a share of the equation's tendency, between its like."""
-    share = _sign(rng) * log_uniform(rng, 0.5, 2.0)
+    share = _sign(rng) * log_uniform(rng, 0.7, 1.4)
     return {"equation": equation, "term": term, "coefficient": share}
 
 

@@ -10,12 +10,12 @@ from torch import Tensor
 
 from dashred.discovery.beyond import candidates_beyond
 from dashred.discovery.candidates import Candidate, replaced_terms
+from dashred.discovery.cause import Cause
 from dashred.discovery.causes import Weighed, weigh
 from dashred.discovery.discovered import AMBIGUOUS
 from dashred.discovery.gauss_newton import grow, minimise
 from dashred.discovery.inner_constants import slopes_of
 from dashred.discovery.law import Law, law_of
-from dashred.discovery.local_laws import Cause
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.selection import Tried

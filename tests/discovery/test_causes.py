@@ -9,6 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from dashred.discovery.cause import Cause
 from dashred.discovery.causes import Weighed, weigh
 from dashred.discovery.discovered import MISSING
 from dashred.discovery.free_forcing import force
@@ -16,7 +17,6 @@ from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.inner_constants import tunable
 from dashred.discovery.law import Law, law_of
 from dashred.discovery.left_out import beside_the_fault, faulty_or_not
-from dashred.discovery.local_laws import Cause
 from dashred.discovery.local_shooting import localised
 from dashred.physics.window import Shape, box, gate, onset
 from tests.waves import TIMES, Waves, fitted

@@ -9,10 +9,10 @@ import pytest
 import torch
 from torch import Tensor
 
+from dashred.discovery.cause import Cause
 from dashred.discovery.faults import describe_fitted, fit_fault, predicted
 from dashred.discovery.law import SensorFault
 from dashred.discovery.lawless import faults
-from dashred.discovery.local_laws import Cause
 from dashred.discovery.objective import Objective
 from dashred.discovery.suspects import suspects
 from dashred.sensing.observation import ObservationOperator

@@ -8,9 +8,9 @@ import pytest
 import torch
 
 from dashred.discovery.candidates import Candidate
+from dashred.discovery.cause import Cause
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import law_of
-from dashred.discovery.local_laws import Cause
 from dashred.discovery.periodic import Wave, periodic_laws
 from dashred.physics.library import build_library, evaluate_terms, resolve
 from tests.waves import Waves, fitted

@@ -1,0 +1,69 @@
+"""An explanation with the fit that gave it, to be fitted again: under other noise, or anew."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from torch import Tensor
+
+from dashred.discovery.gauss_newton import Fitted, grow, minimise
+from dashred.discovery.law import Law, law_of
+from dashred.discovery.local_shooting import found_by
+from dashred.discovery.objective import Normal, Objective
+
+STEPS, TOLERANCE = 10, 1e-4
+# What is settled is fitted on until a step gains next to nothing, and anew from so much of the
+# record.
+SETTLING_STEPS, SETTLED, SHARES = 20, 1e-5, (0.25, 0.5)
+
+
+@dataclass(frozen=True)
+class Cause:
+    """An explanation, and where it was fitted.
+
+    Attributes:
+        law: the explanation.
+        objective: F, in its own unknowns.
+        phi: its minimum.
+    """
+
+    law: Law
+    objective: Objective
+    phi: Tensor
+
+    @cached_property
+    def normal(self) -> Normal:
+        """F linearised about its minimum: several questions are put to it, and it is dear."""
+        return self.objective.linearise(self.phi)
+
+
+def refitted(cause: Cause, objective: Objective) -> Cause:
+    """Return an explanation under another noise, or of other samples; its score moves with F.
+
+    Args:
+        cause: the explanation.
+        objective: F in the same unknowns.
+    """
+    return ended(cause, objective, minimise(objective, cause.phi, STEPS, TOLERANCE))
+
+
+def settled(cause: Cause) -> Cause:
+    """Return an explanation fitted until nothing is gained, and grown from less of the record.
+
+    Over a long record of chaos the lowest minimum has many others around it.
+    """
+    objective, total = cause.objective, len(cause.objective.recorded)
+    grown = [grow(objective, cause.phi, round(share * total)) for share in SHARES]
+    fits = [minimise(objective, phi, SETTLING_STEPS, SETTLED) for phi in (cause.phi, *grown)]
+    return ended(cause, objective, min(fits, key=lambda fitted: fitted.cost))
+
+
+def ended(cause: Cause, objective: Objective, fitted: Fitted) -> Cause:
+    """Return an explanation where another fit of it has ended; its score moves with F."""
+    law = cause.law
+    [before], _ = cause.objective.values(cause.phi[None])
+    score = law.score - float(before) + fitted.cost
+    found = law_of(objective, fitted, found_by(objective, fitted.phi), score, len(law.edges))
+    again = replace(found, fault=law.fault, widened=law.widened)
+    return Cause(again, objective, fitted.phi)
