@@ -160,13 +160,16 @@ def weigh(
 def _carried(
     on_best: FreeForcing, gain: float, best: Cause, null: Cause, size: Tensor
 ) -> tuple[FreeForcing, ForcingMap | None]:
-    """Return a free forcing on the simulator as it is, and its map.
+    """Return a free forcing about whose trajectory to look on, and the map of one.
 
-    Where it goes astray, the best law carries the trajectory, and there is no map.
+    That is one on the simulator as it is. Where the best law leaves nothing unexplained, it comes
+    nearer to the truth than a forcing, which is as coarse as its cells; and where a forcing alone
+    goes astray, the best law carries it, and there is no map.
     """
     alone, missing = (on_best, gain) if best is null else force(null.objective, null.phi, size)
-    astray = float((_noise_under(alone).std / _noise_under(on_best).std).median()) > ASTRAY
-    return (on_best, None) if astray else (alone, map_of(alone, missing))
+    if float((_noise_under(alone).std / _noise_under(on_best).std).median()) > ASTRAY:
+        return on_best, None
+    return on_best if gain <= MISSING else alone, map_of(alone, missing)
 
 
 def _without_places(best: Cause, null: Cause) -> list[Cause]:

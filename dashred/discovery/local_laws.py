@@ -61,11 +61,23 @@ def local_laws(
     z = forced.phi[: objective.modes]
     tried = _tries(objective, chosen, z)
     best = min((tested.score for tested in tried), default=nothing)
-    kept = [tested for tested in tried if tested.score < min(best + HOPELESS, nothing)]
-    kept = sorted(kept, key=lambda tested: tested.score)[:FINALISTS]
-    finished = sorted(map(_finish, kept), key=lambda cause: cause.law.score)
-    others = from_other_thresholds(finished)
-    return [*map(settled, finished[:1]), *finished[1:], *others]
+    kept = [tested for tested in _finalists(tried) if tested.score < min(best + HOPELESS, nothing)]
+    finished = sorted(map(_finish, kept), key=_score)
+    finished = sorted([*finished, *from_other_thresholds(finished)], key=_score)
+    return [*map(settled, finished[:1]), *finished[1:]]
+
+
+def _finalists(tried: Sequence[Tested]) -> list[Tested]:
+    """Return what did best in its first steps, and whatever screens best.
+
+    The edges of a window take more than the first steps to find their place.
+    """
+    ranked = sorted(range(len(tried)), key=lambda j: tried[j].score)
+    return [tried[j] for j in sorted({*ranked[:FINALISTS], *range(min(PROBES, len(tried)))})]
+
+
+def _score(cause: Cause) -> float:
+    return cause.law.score
 
 
 def _various(ranked: Iterable[Screened], alike: int, most: int) -> list[Screened]:

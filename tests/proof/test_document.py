@@ -140,4 +140,4 @@ def test_a_draw_for_practice_is_not_passed_off_as_the_proof() -> None:
     assert "this is a draw for practice, and not the proof" in document([case()], practice)
     page = document([case()], FACTS)
     assert "practice" not in page and "the commit under test (0123abc)" in page
-    assert "3 to 30 (`fhn`) or 20 to 100 (`rde`)" in " ".join(page.split())
+    assert "4 to 40 (`fhn`) or 20 to 100 (`rde`)" in " ".join(page.split())
