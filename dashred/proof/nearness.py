@@ -24,20 +24,25 @@ CLOCK = 1e-9
 
 
 def region_off(score: Score, findings: Mapping[str, Any], concealed: Concealed) -> Region | None:
-    """Return how well the window was found, in shares."""
+    """Return how well the window was found, in shares.
+
+    Where is a question of its own; when, and in which states, are asked of the hidden term, as its
+    coefficient is: another one begins elsewhere to do the same.
+    """
     found = score["region"]
     if found is None:
         return None
     truth = concealed.truth
     [window] = [t.window for t in truth.terms if t.window is not None]
+    exact = score["exact_support"]
     threshold, share, z = found["threshold"], None, None
-    if threshold is not None:
+    if exact and threshold is not None:
         field = concealed.system.fields.index(window[0])
         values = truth.states[truth.times <= truth.duration, field]
         share = threshold / float(values.max() - values.min())
         [region] = next(e["region"] for e in findings["terms"] if e.get("region"))
         z = threshold / region["std"] if region.get("std") else None
-    onset = found["onset"]
+    onset = found["onset"] if exact else None
     return {
         "overlap": found["overlap"],
         "onset": None if onset is None else onset / truth.duration,

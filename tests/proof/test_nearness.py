@@ -35,7 +35,8 @@ def concealed(*terms: SealedTerm, **more: Any) -> Concealed:
 
 def scored(**region: float | None) -> Score:
     whole = {"overlap": None, "onset": None, "threshold": None} | region
-    return cast(Score, {"region": whole, "forecast": {"before_refit": 0.5, "after": 0.1}})
+    forecast = {"before_refit": 0.5, "after": 0.1}
+    return cast(Score, {"region": whole, "forecast": forecast, "exact_support": True})
 
 
 def test_of_a_parameter_the_change_counts() -> None:
@@ -70,6 +71,14 @@ def test_an_onset_is_a_share_of_the_record_and_a_threshold_of_the_states_range()
     found = region_off(scored(threshold=0.1), told, concealed(gate))
     assert found is not None and found["threshold"] == pytest.approx(0.05)
     assert found["threshold_z"] == pytest.approx(2.0)
+    # Of another term than the hidden one neither says anything; where it acts it does.
+    other = cast(Score, {**scored(threshold=0.1, onset=1.0, overlap=0.9), "exact_support": False})
+    assert region_off(other, told, concealed(gate)) == {
+        "overlap": 0.9,
+        "onset": None,
+        "threshold": None,
+        "threshold_z": None,
+    }
 
 
 def test_the_maps_peak_is_inside_of_the_hidden_region_or_not() -> None:
