@@ -16,11 +16,11 @@ from dashred.discovery.gauss_newton import Fitted, minimise
 from dashred.discovery.local_shooting import LocalShooting
 from dashred.discovery.objective import Objective
 
-# Gates whose score is no farther than this from the best: they may yet be the best.
-NEAR = 20.0
+# Gates whose score is no farther than this from the best may yet be the best; of so many.
+NEAR, MOST = 20.0, 4
 # Thresholds that are tried, evenly between these quantiles of the field; one that is closer to the
 # fitted one than this share of their range leads there again.
-TRIED, TAIL, CLOSE = 5, 0.02, 0.1
+TRIED, TAIL, CLOSE = 4, 0.02, 0.1
 FIRST_STEPS, FIRST_TOLERANCE = 3, 1e-2
 LAST_STEPS, LAST_TOLERANCE = 10, 1e-4
 
@@ -32,7 +32,7 @@ def from_other_thresholds(found: Sequence[Cause]) -> list[Cause]:
         found: explanations, the best first.
     """
     near = [c for c in found if c.law.score < found[0].law.score + NEAR and _is_gate(c)]
-    return [better for cause in near if (better := _better(cause)) is not None]
+    return [better for cause in near[:MOST] if (better := _better(cause)) is not None]
 
 
 def _is_gate(cause: Cause) -> bool:
