@@ -6,6 +6,7 @@ for any system; what no rule covers gets a sentence that is dull and correct.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from dashred.discovery.spatial_shape import is_spatial, read_derivative
@@ -19,6 +20,7 @@ from dashred.physics.algebra import (
     Number,
     Power,
     Product,
+    split_coefficient,
 )
 from dashred.physics.system import System
 from dashred.typeset import MINUS, pretty, with_error
@@ -42,7 +44,7 @@ def words(system: System, equation: str, expr: Expr, value: float, std: float) -
         std: standard deviation of that.
     """
     term = _Term(system, equation, expr, value, std)
-    for rule in (_constant, _steep, _spatial, _drag, _restoring, _monomial):
+    for rule in (_constant, _periodic, _steep, _spatial, _drag, _restoring, _monomial):
         if found := rule(term):
             return found
     return f"{term.what} changes by {term.amount}"
@@ -95,6 +97,16 @@ def _constant(term: _Term) -> str | None:
     if term.expr != ONE:
         return None
     return f"constant {'source' if term.value > 0 else 'sink'} of {term.what}, {term.amount}"
+
+
+def _periodic(term: _Term) -> str | None:
+    match term.expr:
+        case Call("sin" | "cos", inner):
+            frequency, clock = split_coefficient(inner)
+            if clock == Name("t"):
+                period = 2 * math.pi / abs(frequency)
+                return f"periodic drive of {term.what}, with a period of {period:.3g}: {term.amount}"
+    return None
 
 
 def _drag(term: _Term) -> str | None:

@@ -44,6 +44,8 @@ AMOUNT = "(−0.0400 ± 0.0003)"
         ("u", "1", -0.04, "constant sink of internal energy, −0.0400 ± 0.0003 per unit time"),
         ("u", "u", -0.04, "linear damping of internal energy, −0.0400 ± 0.0003 per unit time"),
         ("u", "u", 0.04, "linear growth of internal energy, 0.0400 ± 0.0003 per unit time"),
+        ("u", "sin(2*t)", -0.04, "periodic drive of internal energy, with a period of 3.14: (−0.0"),
+        ("u", "cos(0.5*t)", 0.04, "periodic drive of internal energy, with a period of 12.6: (0.04"),
         ("u", "u**2", -0.04, f"quadratic damping of internal energy where u > 0, {AMOUNT}·u²"),
         ("u", "u**3", -0.04, f"cubic damping of internal energy (saturation), {AMOUNT}·u³"),
         ("u", "d(u, x)", -0.04, "transport of internal energy, forward in x, with velocity 0.04"),
