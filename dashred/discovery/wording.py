@@ -104,8 +104,8 @@ def _periodic(term: _Term) -> str | None:
         case Call("sin" | "cos", inner):
             frequency, clock = split_coefficient(inner)
             if clock == Name("t"):
-                period = 2 * math.pi / abs(frequency)
-                return f"periodic drive of {term.what}, with a period of {period:.3g}: {term.amount}"
+                period = f"a period of {2 * math.pi / abs(frequency):.3g}"
+                return f"periodic drive of {term.what}, with {period}: {term.amount}"
     return None
 
 
