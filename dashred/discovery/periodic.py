@@ -156,8 +156,10 @@ def _fit(base: Cause, wave: Wave, size: Tensor, penalty: float) -> Cause:
         fitted = minimise(mine, torch.cat([phi, begin]), STEPS, TOLERANCE)
         phi = fitted.phi[:own]
         sine, cosine, shift = fitted.phi[own:].tolist()
-        moved = min(max(shift, -math.pi / half), math.pi / half)
-        wave = replace(wave, sine=sine, cosine=cosine).at(wave.frequency + moved, middle)
+        moved = wave.frequency + min(max(shift, -math.pi / half), math.pi / half)
+        # Of less than half a turn sine and cosine are a constant and a slope.
+        frequency = max(moved, math.pi / 2 / half)
+        wave = replace(wave, sine=sine, cosine=cosine).at(frequency, middle)
         if abs(shift) * half < CLOSE:
             break
     terms = _terms(base, wave, size)

@@ -45,6 +45,13 @@ def test_a_wave_in_time_is_found(waves: Waves) -> None:
     assert {cause.law.candidates[0].equation for cause in found[1:]} <= {"u", "v"}
 
 
+def test_what_drifts_is_not_made_a_wave_of_no_frequency(waves: Waves) -> None:
+    null = null_of(waves, 0.3, 0.005, frequency=0.02)
+    found = [float(c.law.candidates[0].name[4:-3]) for c in periodic_laws(null, waves.size, 9)]
+    # Half a turn over the record of ten.
+    assert found and min(found) == pytest.approx(math.pi / 10, rel=1e-3)
+
+
 def test_of_noise_no_wave_is_made(waves: Waves) -> None:
     assert periodic_laws(null_of(waves, 0.0), waves.size, 9) == []
 
