@@ -111,7 +111,8 @@ def weigh(
     if fault is not None:
         bases = [nothing_without(null, forced, noise)]
         found += faulty_or_not(bases, fault.sensor)
-    waves = [wave for base in bases for wave in periodic_laws(base, size, everywhere)]
+    bound = min(base.law.score for base in bases) + HOPELESS
+    waves = [wave for base in bases for wave in periodic_laws(base, size, everywhere, bound)]
     if fault is not None:
         waves = faulty_or_not(waves, fault.sensor)
     found += waves

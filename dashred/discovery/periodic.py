@@ -77,13 +77,16 @@ class Wave:
         return f"(t - ({middle!r}))*(({self.sine!r})*{cosine} - ({self.cosine!r})*{sine})"
 
 
-def periodic_laws(base: Cause, size: Tensor, candidates: int) -> list[Cause]:
+def periodic_laws(
+    base: Cause, size: Tensor, candidates: int, bound: float = math.inf
+) -> list[Cause]:
     """Return laws with a periodic forcing on top, as far as the evidence promises to be for one.
 
     Args:
         base: a law that acts everywhere, or none.
         size: rms of each equation's own tendency, ``(equation,)``.
         candidates: how many terms were asked before: the best of many does well by chance.
+        bound: what promises a worse score is not fitted.
     """
     objective = base.objective
     system, times = objective.shooting.simulator.system, objective.shooting.times
@@ -95,7 +98,8 @@ def periodic_laws(base: Cause, size: Tensor, candidates: int) -> list[Cause]:
     grid = _frequencies(times)
     choices = candidates + len(grid) * len(system.fields)
     penalty = 3 * math.log(objective.noise.effective_count) + 2 * math.log(choices)
-    waves = _promising(normal, system, pulses, grid, size, penalty)
+    enough = min(bound - base.law.score, 0.0) - penalty
+    waves = _promising(normal, system, pulses, grid, size, enough)
     return [_fit(base, wave, size, penalty) for wave in waves]
 
 
@@ -106,9 +110,9 @@ def _frequencies(times: Tensor) -> Tensor:
 
 
 def _promising(
-    normal: Normal, system: System, pulses: Pulses, grid: Tensor, size: Tensor, penalty: float
+    normal: Normal, system: System, pulses: Pulses, grid: Tensor, size: Tensor, enough: float
 ) -> list[Wave]:
-    """Return the waves that the linearised problem says are worth their penalty, the best first."""
+    """Return the waves that change F by enough on the linearised problem, the best first."""
     fields, knots = system.fields, pulses.knots
     own = len(normal.phi) - pulses.count
     angle = grid[:, None] * knots
@@ -129,7 +133,7 @@ def _promising(
     for j in costs.argsort().tolist():
         equation, turn = divmod(j, len(grid))
         wave = Wave(fields[equation], float(grid[turn]), *problem.coefficients(pairs[j]).tolist())
-        if len(found) == TRIED or float(costs[j]) + penalty >= problem.constant:
+        if len(found) == TRIED or float(costs[j]) >= problem.constant + enough:
             break
         if not any(wave.like(other, turn=float(grid[0])) for other in found):
             found.append(wave)
