@@ -21,7 +21,6 @@ from dashred.discovery.law import law_of
 from dashred.discovery.objective import Objective
 from dashred.discovery.other_thresholds import from_other_thresholds
 from dashred.discovery.screening import Screened, screen
-from dashred.physics.window import shapes_of
 
 # Hypotheses that are fitted, of which so many to the end; of one kind of window, and of one kind
 # and law, not more than some: before its edges are fitted, a window screens worse than it is.
@@ -125,7 +124,7 @@ def _expected(objective: Objective, found: Screened) -> float:
 
 
 def _penalty(objective: Objective, found: Screened) -> float:
-    windows = len(shapes_of(objective.shooting.simulator.system))
+    windows = len(objective.shooting.simulator.shapes)
     count = len(objective.prior_std)
     return found.hypothesis.penalty(objective.noise.effective_count, count, windows)
 

@@ -28,13 +28,15 @@ from dashred.physics.system import System
 
 # Knots in time, and how many of them a period has at least: between two a forcing is straight.
 KNOTS, PER_PERIOD = 64, 2.5
-# Frequencies are this part of a turn over the record apart: none in between is missed.
-APART = 0.25
+# Frequencies are this part of a turn over the record apart: one that is found is nearly right.
+APART = 0.05
+# A wave explains this share of what is more than noise, or the base is too far off to ask about.
+SHARE = 0.5
 # Waves that are fitted; of like frequency in one equation one.
 TRIED = 3
-# Rounds of fitting the frequency, the phase at the record's ends that is close enough, and the
-# digits with which a reader is told.
-ROUNDS, CLOSE, DIGITS = 6, 0.01, 4
+# Rounds of fitting the frequency, the phase at the record's ends by which a last one may move it,
+# and the digits with which a reader is told.
+ROUNDS, CLOSE, DIGITS = 6, 0.1, 4
 STEPS, TOLERANCE = 4, 1e-3
 LAST_STEPS, LAST_TOLERANCE = 10, 1e-4
 
@@ -96,10 +98,12 @@ def periodic_laws(
     whole = replace(objective, shooting=driven, prior_std=torch.cat([objective.prior_std, stds]))
     normal = whole.linearise(torch.cat([base.phi, torch.zeros(pulses.count, dtype=torch.float64)]))
     grid = _frequencies(times)
-    choices = candidates + len(grid) * len(system.fields)
+    # Frequencies that are less than a turn apart are not told from each other.
+    choices = candidates + len(system.fields) * len(grid) * APART
     penalty = 3 * math.log(objective.noise.effective_count) + 2 * math.log(choices)
     enough = min(bound - base.law.score, 0.0) - penalty
-    waves = _promising(normal, system, pulses, grid, size, enough)
+    excess = float(normal.residuals.square().sum()) - objective.noise.count
+    waves = _promising(normal, system, pulses, grid, size, min(enough, -SHARE * excess))
     return [_fit(base, wave, size, penalty) for wave in waves]
 
 

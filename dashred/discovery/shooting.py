@@ -31,6 +31,7 @@ class Simulator:
     Attributes:
         system: the simulator.
         tangent: the same with the step that its derivative is good enough with.
+        shapes: of the windows in which candidates may be added.
 
     Args:
         system: the simulator.
@@ -47,7 +48,7 @@ class Simulator:
         candidates: Sequence[Candidate],
         shapes: tuple[Shape, ...] = (),
     ) -> None:
-        self.system = system
+        self.system, self.shapes = system, shapes
         self.tangent = system.with_step(max(tangent_dt, system.dt))
         self.terms = forcing_of(candidates, torch.zeros((1, len(candidates)))).terms
         self._columns: dict[str, list[int]] = {}
