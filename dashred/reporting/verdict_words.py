@@ -77,7 +77,11 @@ def _law(findings: Mapping[str, Any]) -> list[str]:
     rivals = any(other["rival"] for other in findings["alternatives"] or [])
     undecided = findings["verdict"] == "ambiguous" or rivals
     guess = "As the best guess, " if undecided and terms else ""
-    missing = [term["says"] for term in terms if term["equation"] is not None]
+    added = [term for term in terms if term["equation"] is not None]
+    missing = [term["says"] for term in added]
+    if len(added) > FEW:
+        # Nobody reads a paragraph of so many.
+        missing = [f"{len(added)} terms: {', '.join(map(_in_symbols, added))}"]
     changed = [term["says"] for term in terms if term["equation"] is None]
     lines = []
     if missing:
@@ -209,6 +213,12 @@ def _factor(before: float, after: float) -> str:
         return "no difference"
     size = f"{max(ratio, 1 / ratio):.2g}"
     return f"{size} times {'smaller' if ratio > 1 else 'larger'}"
+
+
+def _in_symbols(term: Mapping[str, Any]) -> str:
+    """A term that was found, as those that were tried are told: ``u: −0.0251·u³ for u > 0.4``."""
+    region = term["region"]
+    return _tried({**term, "region": f"for {_bounds(region[0])}" if region else None})
 
 
 def _tried(term: Mapping[str, Any]) -> str:

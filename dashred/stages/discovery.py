@@ -85,7 +85,7 @@ def discover(
                 problem, nominal, whole, reach, laws, best, nothing, seeds[0], report
             )
             report(1.0, str(weighed.laws[0]))
-        path = _path(selection)
+        path = _path(selection, nothing)
         for best_of in path:
             scores = {"evidence/score": best_of.score, "evidence/rmse": best_of.rmse}
             child.log_metrics(scores, len(best_of.candidates))
@@ -226,12 +226,12 @@ def _empty(selection: Selection, best: Tried) -> Tried:
     return Tried((), phi, cost, cost)
 
 
-def _path(selection: Selection) -> list[BestOfSize]:
-    """Return the best law of each size that was tried."""
+def _path(selection: Selection, nothing: Tried) -> list[BestOfSize]:
+    """Return the best law of each size that was tried, and none as it was fitted to the end."""
     objective = selection.objective
     known = objective.shooting.candidates
     best: dict[int, Tried] = {}
-    for tried in selection.tried:
+    for tried in (nothing, *selection.tried):
         if math.isfinite(tried.score):
             best.setdefault(len(tried.members), tried)
     return [

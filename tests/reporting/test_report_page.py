@@ -132,6 +132,13 @@ def test_of_many_terms_the_few_that_explain_nearly_all_are_told() -> None:
     ]
     text = "\n".join(verdict_lines(found(terms=terms, smaller=few)))
     assert "Most of it is u: −0.0312·u, u: −0.0312·u²: alone it explains all but 0.13 %" in text
+    # So many are told in symbols: nobody reads a paragraph of words.
+    told = "leaves out 4 terms: u: −0.0251·u, u: −0.0251·u², u: −0.0251·u³, u: −0.0251·u⁴."
+    assert told in text
+    box = [{"axis": "x", "from": 10.1, "to": 16.0, "std": 0.1}]
+    text = "\n".join(verdict_lines(found(terms=[*terms[:3], TERM | {"region": box}])))
+    assert "u: −0.0251·u³ for 10.10 < x < 16.00 (± 0.10)." in text
+    assert "cubic damping" in "\n".join(verdict_lines(found(terms=terms[:3])))
     assert "Most of it" not in "\n".join(verdict_lines(found(terms=terms[:3], smaller=few)))
     assert "Most of it" not in "\n".join(verdict_lines(found(terms=terms, smaller=few[:1])))
 
