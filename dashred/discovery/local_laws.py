@@ -16,7 +16,7 @@ from torch import Tensor
 from dashred.discovery.cause import Cause, settled
 from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.gauss_newton import grow, minimise
-from dashred.discovery.hypothesis import Tested, first_unknowns, pose, test
+from dashred.discovery.hypothesis import Hypothesis, Tested, first_unknowns, pose, test
 from dashred.discovery.law import law_of
 from dashred.discovery.objective import Objective
 from dashred.discovery.other_thresholds import from_other_thresholds
@@ -61,7 +61,9 @@ def local_laws(
     tried = _tries(objective, chosen, z)
     best = min((tested.score for tested in tried), default=nothing)
     kept = [tested for tested in _finalists(tried) if tested.score < min(best + HOPELESS, nothing)]
-    finished = sorted(map(_finish, kept), key=_score)
+    done = [(tested.hypothesis, _finish(tested)) for tested in kept]
+    parts = _parts(objective, *min(done, key=lambda pair: _score(pair[1]))) if done else []
+    finished = sorted([*(cause for _, cause in done), *parts], key=_score)
     finished = sorted([*finished, *from_other_thresholds(finished)], key=_score)
     return [*map(settled, finished[:1]), *finished[1:]]
 
@@ -73,6 +75,24 @@ def _finalists(tried: Sequence[Tested]) -> list[Tested]:
     """
     ranked = sorted(range(len(tried)), key=lambda j: tried[j].score)
     return [tried[j] for j in sorted({*ranked[:FINALISTS], *range(min(PROBES, len(tried)))})]
+
+
+def _parts(objective: Objective, hypothesis: Hypothesis, pair: Cause) -> list[Cause]:
+    """Return each term of a pair alone, fitted from where the pair is.
+
+    From the trajectory of a forcing one may not get there, and the other is spurious.
+    """
+    if len(hypothesis.everywhere) < 2:
+        return []
+    z, xi = objective.split(pair.phi)
+    alone = []
+    for j, coefficient in zip(hypothesis.everywhere, xi.tolist(), strict=False):
+        part = Hypothesis((j,))
+        begin = first_unknowns(z, [coefficient], None)
+        penalty = _penalty(objective, part)
+        tested = test(objective, part, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
+        alone.append(_finish(tested))
+    return alone
 
 
 def _score(cause: Cause) -> float:
@@ -120,20 +140,20 @@ def _tries(objective: Objective, chosen: Sequence[Screened], z: Tensor) -> list[
 
 def _expected(objective: Objective, found: Screened) -> float:
     """Return the score that the linearised problem promises."""
-    return found.cost + _penalty(objective, found)
+    return found.cost + _penalty(objective, found.hypothesis)
 
 
-def _penalty(objective: Objective, found: Screened) -> float:
+def _penalty(objective: Objective, hypothesis: Hypothesis) -> float:
     windows = len(objective.shooting.simulator.shapes)
     count = len(objective.prior_std)
-    return found.hypothesis.penalty(objective.noise.effective_count, count, windows)
+    return hypothesis.penalty(objective.noise.effective_count, count, windows)
 
 
 def _try(objective: Objective, found: Screened, z: Tensor, samples: int | None = None) -> Tested:
     begin = first_unknowns(z, found.coefficients, found.hypothesis.guess)
     if samples is not None:
         begin = grow(pose(objective, found.hypothesis), begin, samples)
-    penalty = _penalty(objective, found)
+    penalty = _penalty(objective, found.hypothesis)
     return test(objective, found.hypothesis, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
 
 
