@@ -38,6 +38,11 @@ class Cause:
         return self.objective.linearise(self.phi)
 
 
+def by_score(cause: Cause) -> float:
+    """Return what explanations are ranked by: the lowest is the best."""
+    return cause.law.score
+
+
 def refitted(cause: Cause, objective: Objective) -> Cause:
     """Return an explanation under another noise, or of other samples; its score moves with F.
 

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from dashred.discovery.beyond import laws_beyond
 from dashred.discovery.candidates import Candidate
-from dashred.discovery.cause import Cause, refitted
+from dashred.discovery.cause import Cause, by_score, refitted
 from dashred.discovery.discovered import AMBIGUOUS, MISSING
 from dashred.discovery.forcing_map import ForcingMap, map_of
 from dashred.discovery.free_forcing import FreeForcing, force
@@ -106,22 +106,25 @@ def weigh(
         noise = _noise_under(forced)
         everything = replace(everything, noise=noise)
         best, null = _again(best, noise), _again(null, noise)
+
+    def with_fault(laws: list[Cause]) -> list[Cause]:
+        return laws if fault is None else faulty_or_not(laws, fault.sensor)
+
     found = _without_places(best, null)
     bases = [best, null] if best.law.candidates else [null]
     if fault is not None:
         bases = [nothing_without(null, forced, noise)]
-        found += faulty_or_not(bases, fault.sensor)
+        found += with_fault(bases)
     bound = min(base.law.score for base in bases) + HOPELESS
     waves = [wave for base in bases for wave in periodic_laws(base, size, everywhere, bound)]
-    if fault is not None:
-        waves = faulty_or_not(waves, fault.sensor)
+    waves = with_fault(waves)
     found += waves
 
     def further_laws(carried: FreeForcing) -> list[Cause]:
         reach = beyond(carried.objective.shooting.candidates)
         return laws_beyond(_of(everything, *reach), carried, everywhere)
 
-    explained = min(found, key=_score)
+    explained = min(found, key=by_score)
     simple = len(explained.law.candidates) <= SIMPLE
     if explained is not found[0] and simple and explained.law.chi2 < EXPLAINED:
         gain = 0.0
@@ -131,17 +134,14 @@ def weigh(
         whole = _through(everything, compiled())
 
         def screened(carried: FreeForcing, bound: float) -> list[Cause]:
-            local = local_laws(whole, everywhere, every, carried, null.law.score, bound)
-            return local if fault is None else faulty_or_not(local, fault.sensor)
+            return with_fault(local_laws(whole, everywhere, every, carried, null.law.score, bound))
 
-        begin = min([best, *waves], key=_score)
+        begin = min([best, *waves], key=by_score)
         local, first, nearest, gain = screened_on_top(begin, screened, forced, size, report)
         found += local
         if gain > MISSING or len(first.law.candidates) >= SIMPLE:
             report(0.8, "screening terms beyond the library")
-            further = further_laws(nearest)
-            if fault is not None:
-                further = faulty_or_not(further, fault.sensor)
+            further = with_fault(further_laws(nearest))
             gain = _gain_of(further, first, gain, size)
             found += further
     elif len(best.law.candidates) == SIMPLE:
@@ -153,7 +153,7 @@ def weigh(
     if unclear:
         found = _under_its_own_noise(found)
     nothing = next(cause for cause in found if not cause.law.parts)
-    best = min(found, key=_score)
+    best = min(found, key=by_score)
     laws = unlike([with_profile(cause) if cause is best else cause.law for cause in found])
     return Weighed(laws, nothing.law, nothing.objective.noise, gain, forcing)
 
@@ -196,7 +196,7 @@ def _alike(everything: Objective, best: Cause) -> list[int]:
 
 def _gain_of(further: Sequence[Cause], first: Cause, gain: float, size: Tensor) -> float:
     """Return what a free forcing gains on top of the best of further laws, if that is the best."""
-    nearest = min(further, key=_score)
+    nearest = min(further, key=by_score)
     if nearest.law.score >= first.law.score:
         return gain
     return force(nearest.objective, nearest.phi, size)[1]
@@ -215,16 +215,12 @@ def _under_its_own_noise(found: Sequence[Cause]) -> list[Cause]:
 
     A free forcing takes less from the residuals than it spends: what it leaves is too large.
     """
-    best = min(found, key=_score)
+    best = min(found, key=by_score)
     [readings] = best.objective.shooting.readings(*best.objective.split(best.phi[None]))
     noise = best.objective.noise_left(readings, len(best.phi))
     bound = best.law.score + HOPELESS
     kept = [cause for cause in found if cause.law.score < bound or not cause.law.parts]
     return [_again(cause, noise) for cause in kept]
-
-
-def _score(cause: Cause) -> float:
-    return cause.law.score
 
 
 def _noise_under(forced: FreeForcing) -> NoiseModel:

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from torch import Tensor
 
-from dashred.discovery.cause import Cause, settled
+from dashred.discovery.cause import Cause, by_score, settled
 from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.gauss_newton import grow, minimise
 from dashred.discovery.hypothesis import Hypothesis, Tested, first_unknowns, pose, test
@@ -62,9 +62,9 @@ def local_laws(
     best = min((tested.score for tested in tried), default=nothing)
     kept = [tested for tested in _finalists(tried) if tested.score < min(best + HOPELESS, nothing)]
     done = [(tested.hypothesis, _finish(tested)) for tested in kept]
-    parts = _parts(objective, *min(done, key=lambda pair: _score(pair[1]))) if done else []
-    finished = sorted([*(cause for _, cause in done), *parts], key=_score)
-    finished = sorted([*finished, *from_other_thresholds(finished)], key=_score)
+    parts = _parts(objective, *min(done, key=lambda pair: by_score(pair[1]))) if done else []
+    finished = sorted([*(cause for _, cause in done), *parts], key=by_score)
+    finished = sorted([*finished, *from_other_thresholds(finished)], key=by_score)
     return [*map(settled, finished[:1]), *finished[1:]]
 
 
@@ -93,10 +93,6 @@ def _parts(objective: Objective, hypothesis: Hypothesis, pair: Cause) -> list[Ca
         tested = test(objective, part, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
         alone.append(_finish(tested))
     return alone
-
-
-def _score(cause: Cause) -> float:
-    return cause.law.score
 
 
 def _various(ranked: Iterable[Screened], alike: int, most: int) -> list[Screened]:

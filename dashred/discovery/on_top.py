@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from torch import Tensor
 
-from dashred.discovery.cause import Cause
+from dashred.discovery.cause import Cause, by_score
 from dashred.discovery.discovered import MISSING
 from dashred.discovery.free_forcing import FreeForcing, force
 from dashred.progress import Report
@@ -40,21 +40,17 @@ def screened_on_top(
         gains on top of the best law.
     """
     found = screened(forced, math.inf)
-    first = min([best, *found], key=_score)
+    first = min([best, *found], key=by_score)
     on_first, gain = force(first.objective, first.phi, size)
     for turn in range(ROUNDS):
         if gain <= MISSING:
             break
         report(0.6 + 0.05 * turn, f"a forcing gains {gain:.0f} on {first.law}: screening on top")
         found += screened(on_first, first.law.score)
-        nearest = min([first, *found], key=_score)
+        nearest = min([first, *found], key=by_score)
         if nearest is first:
             break
         first = nearest
         on_first, gain = force(first.objective, first.phi, size)
     nearest_forced = min(forced, on_first, key=lambda each: each.cost)
     return found, first, nearest_forced, gain
-
-
-def _score(cause: Cause) -> float:
-    return cause.law.score
