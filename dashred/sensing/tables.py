@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from dashred.errors import InputError
 from dashred.sensing.sensors import check_names
+from dashred.units import check_unit, split_unit
 
 
 @dataclass(frozen=True)
@@ -21,20 +22,28 @@ class Table:
 
     Attributes:
         path: the file, as the user wrote it.
-        columns: names in the header, unique and not empty.
+        columns: names in the header, unique and not empty, without their units.
         rows: cells, without the header and blank lines.
         lines: line of the file on which each row ends, counted from 1.
+        units: unit of every column whose header states one: ``theta [rad]``.
+        header: line of the header.
     """
 
     path: str
     columns: tuple[str, ...]
     rows: list[list[str]]
     lines: list[int]
+    units: dict[str, str] = field(default_factory=dict)
+    header: int = 1
 
     def place(self, row: int, column: str | None = None) -> str:
         """Where a row or a cell stands: ``file.csv:17, column 'theta'``."""
         line = f"{self.path}:{self.lines[row]}"
         return line if column is None else f"{line}, column {column!r}"
+
+    def header_place(self, column: str) -> str:
+        """Where the header of a column stands: ``file.csv:1, column 'theta'``."""
+        return f"{self.path}:{self.header}, column {column!r}"
 
     def texts(self, column: str) -> list[str]:
         """The column's cells, without surrounding blanks."""
@@ -61,9 +70,11 @@ class Table:
 def read_table(path: str) -> Table:
     """Read a comma-separated file in UTF-8 whose first line names the columns.
 
+    A column's unit may stand behind its name, in square brackets.
+
     Raises:
         InputError: if the file is missing, empty, not UTF-8 or badly quoted, a column has no name
-            or one that was used before, or a row has too few or too many cells.
+            or one that was used before or an empty unit, or a row has too few or too many cells.
     """
     reader = csv.reader(io.StringIO(_text(path), newline=""), strict=True)
     rows: list[list[str]] = []
@@ -76,9 +87,9 @@ def read_table(path: str) -> Table:
     except csv.Error as error:
         where = f"{path}:{reader.line_num}"
         raise InputError(f"not a readable CSV: {error}", where=where) from None
-    columns = _header(path, rows[0], lines[0])
+    columns, units = _header(path, rows[0], lines[0])
     _check_rectangular(path, len(columns), rows, lines)
-    return Table(path, columns, rows[1:], lines[1:])
+    return Table(path, columns, rows[1:], lines[1:], units, lines[0])
 
 
 def _text(path: str) -> str:
@@ -99,14 +110,20 @@ def _text(path: str) -> str:
     return text
 
 
-def _header(path: str, cells: list[str], line: int) -> tuple[str, ...]:
-    columns = tuple(cell.strip() for cell in cells)
+def _header(path: str, cells: list[str], line: int) -> tuple[tuple[str, ...], dict[str, str]]:
+    """Return the names of the columns, and the units of those that have one."""
+    headers = [split_unit(cell) for cell in cells]
+    columns = tuple(name for name, _ in headers)
     where = f"{path}:{line}"
     if "" in columns:
         problem = f"column {columns.index('') + 1} has no name"
         raise InputError(problem, where=where, hint="the first line must name every column")
     check_names(columns, where)
-    return columns
+    return columns, {
+        name: check_unit(unit, f"column {name!r}", where)
+        for name, unit in headers
+        if unit is not None
+    }
 
 
 def _check_rectangular(path: str, width: int, rows: list[list[str]], lines: list[int]) -> None:
