@@ -68,8 +68,8 @@ def _unwrapped(kind: Any) -> tuple[Any, Limit | None]:
     """A kind without ``| None``, and the limit that it carries."""
     kind = required(kind)
     if get_origin(kind) is Annotated:
-        bare, limit = get_args(kind)
-        return bare, limit
+        bare, *carried = get_args(kind)
+        return bare, next((mark for mark in carried if isinstance(mark, Limit)), None)
     return kind, None
 
 

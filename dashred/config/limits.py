@@ -1,4 +1,4 @@
-"""Limits that a number's type carries: ``points: Annotated[int, Limit(at_least=8)]``."""
+"""Limits and units that a number's type carries: ``points: Annotated[int, Limit(at_least=8)]``."""
 
 from __future__ import annotations
 
@@ -28,6 +28,14 @@ class Limit:
         return " and ".join(f"{word} {x:g}" for word, x in bounds.items() if x is not None)
 
 
+@dataclass(frozen=True)
+class Unit:
+    """What a number counts in: ``Annotated[Positive, Unit("samples")]``."""
+
+    name: str
+
+
 Count = Annotated[int, Limit(at_least=1)]
 Positive = Annotated[float, Limit(above=0)]
 NonNegative = Annotated[float, Limit(at_least=0)]
+Time = Annotated[Positive, Unit("the system's time")]

@@ -9,15 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
-from dashred.config.limits import Count, Limit, NonNegative, Positive
+from dashred.config.limits import Count, Limit, NonNegative, Positive, Time, Unit
 
 
 @dataclass
 class Axis:
     """One spatial axis, divided evenly."""
 
-    length: Positive
-    """Its length, in the system's unit of space."""
+    length: Annotated[Positive, Unit("the system's space")]
+    """Its length."""
 
     points: Annotated[int, Limit(at_least=8)]
     """Number of grid points."""
@@ -33,8 +33,8 @@ class Integrator:
     method: str | None
     """Name of the time stepper; null lets the system choose (ETDRK4 where it can)."""
 
-    dt: Positive
-    """Largest time step; adaptive methods of ODEs choose their own and do without it."""
+    dt: Time
+    """Largest time step; adaptive methods of ODEs choose their own."""
 
     dealias: bool
     """Whether products are dealiased by the 2/3 rule."""
@@ -45,8 +45,8 @@ class Integrator:
     rtol: Annotated[float, Limit(above=0, below=1)]
     """Relative tolerance of adaptive methods."""
 
-    atol: Positive
-    """Absolute tolerance of adaptive methods, in the fields' units."""
+    atol: Annotated[Positive, Unit("the fields' own")]
+    """Absolute tolerance of adaptive methods."""
 
 
 @dataclass(kw_only=True)
@@ -91,10 +91,10 @@ class System:
     start: dict[str, Any]
     """Nominal initial state of every field: a number or an expression in the coordinates."""
 
-    spin_up: NonNegative = 0.0
+    spin_up: Annotated[NonNegative, Unit("the system's time")] = 0.0
     """Time that the simulator runs before the start, so that it starts on its own attractor."""
 
-    spin_up_dt: Positive | None = None
+    spin_up_dt: Time | None = None
     """Time step of the spin-up, which has to find the attractor and no more; null keeps
     integrator.dt."""
 
@@ -134,13 +134,13 @@ class Recording:
     sensors: Any
     """Number of fit sensors of a twin; or the path of a sensors table of a CSV recording."""
 
-    noise: NonNegative
-    """Of twins: noise, as a fraction of each field's standard deviation."""
+    noise: Annotated[NonNegative, Unit("each field's standard deviation")]
+    """Of twins: standard deviation of the noise."""
 
-    duration: Positive
+    duration: Time
     """Of twins: how long the recording lasts."""
 
-    every: Positive | None
+    every: Time | None
     """Step between samples: twins are sampled so, finer recordings decimated to it; null keeps
     the recording's own step."""
 
@@ -170,8 +170,8 @@ class SensorSplit:
 class TimeSplit:
     """Which part of the record is held out."""
 
-    test: Annotated[float, Limit(above=0, below=0.9)]
-    """Last fraction of the record, for testing only."""
+    test: Annotated[float, Limit(above=0, below=0.9), Unit("the record")]
+    """Its last part, for testing only."""
 
 
 @dataclass
@@ -198,10 +198,10 @@ class Simulation:
     terms: Count
     """Library terms in each draw."""
 
-    amplitude: NonNegative
-    """Size of a drawn term's tendency, as a fraction of the equation's own."""
+    amplitude: Annotated[NonNegative, Unit("the equation's tendency")]
+    """Size of a drawn term's tendency."""
 
-    dt: Positive | None
+    dt: Time | None
     """Time step of the ensemble, which need not be as exact as the findings; null keeps
     system.integrator.dt."""
 
@@ -210,8 +210,8 @@ class Simulation:
 class Shred:
     """The network from sensor histories to the field: an LSTM and a shallow decoder."""
 
-    lags: Count
-    """Samples of history behind the present one."""
+    lags: Annotated[Count, Unit("samples")]
+    """Length of the history behind the present sample."""
 
     latent: Count
     """Size of the latent state h."""
@@ -266,7 +266,7 @@ class Assimilation:
     width: Count
     """Width of the transform's hidden layer."""
 
-    gain: Annotated[float, Limit(at_least=0, below=1)]
+    gain: Annotated[float, Limit(at_least=0, below=1), Unit("the error before")]
     """Share by which the validation error must fall for the transform to be kept at all."""
 
 
@@ -274,8 +274,8 @@ class Assimilation:
 class LatentSindy:
     """Algorithms 1 and 2: sparse regression for missing terms in the latent space."""
 
-    steps: list[Count]
-    """Increments regressed on, each in samples of the recording."""
+    steps: list[Annotated[Count, Unit("samples")]]
+    """Increments of the recording regressed on."""
 
     threshold: NonNegative
     """STLSQ: scaled coefficients below this are dropped."""
@@ -297,11 +297,10 @@ class Discovery:
     walking: Count
     """Candidates carried while the horizon grows: those whose effects differ most."""
 
-    tight: Positive
-    """Prior std of a coefficient meanwhile, in units of the one at which its tendency would
-    equal the equation's own."""
+    tight: Annotated[Positive, Unit("the equation's tendency")]
+    """Prior std of a coefficient meanwhile, told by the tendency that it makes."""
 
-    weak: Positive
+    weak: Annotated[Positive, Unit("the equation's tendency")]
     """The same for selection and the last fit; below 0.3 true coefficients are shrunk."""
 
 
@@ -312,8 +311,8 @@ class Surrogate:
     members: Annotated[int, Limit(at_least=2)]
     """Trajectories in all, simulation.held_out of them not trained on."""
 
-    spread: Positive
-    """How far they start from the fitted start, as a share of the start prior's own spread."""
+    spread: Annotated[Positive, Unit("the start prior's spread")]
+    """How far they start from the fitted start."""
 
 
 @dataclass
@@ -350,8 +349,8 @@ class Settings:
     discovery: Discovery
     surrogate: Surrogate
 
-    resolution_limit: Positive
-    """How far doubling the resolution may move a sensor trace, as a fraction of its std."""
+    resolution_limit: Annotated[Positive, Unit("a trace's standard deviation")]
+    """How far doubling the resolution may move a sensor trace."""
 
     seed: Annotated[int, Limit(at_least=0)]
     """Fixes everything random in the analysis."""

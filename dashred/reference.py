@@ -1,0 +1,41 @@
+"""Write the page of every key: ``python -m dashred.reference path=docs/config.md``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from dashred.config.reference import page
+from dashred.errors import DONE, InputError, run_entry
+from dashred.findings import write_text_atomic
+
+USAGE = """\
+usage: python -m dashred.reference [path=FILE.md]
+
+Writes the page of every configuration key: meaning, type, limits, unit, default. Without path=
+it is printed.
+"""
+
+
+def main(argv: list[str]) -> int:
+    """Write the page, or print it."""
+    if {"--help", "-h"} & set(argv):
+        print(USAGE)
+        return DONE
+    if not argv:
+        print(page())
+        return DONE
+    key, _, path = argv[0].partition("=")
+    if len(argv) > 1 or key != "path" or not path:
+        hint = "python -m dashred.reference path=docs/config.md"
+        raise InputError("expected path=FILE.md alone", where="command line", hint=hint)
+    try:
+        write_text_atomic(Path(path).expanduser(), page())
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", where=path) from None
+    print(f"{path} is written")
+    return DONE
+
+
+if __name__ == "__main__":
+    sys.exit(run_entry(main))
