@@ -3,7 +3,8 @@
 What has not been looked for is null. Errors are RMSEs in units of a standard deviation.
 """
 
-from typing import Any, Literal, TypedDict
+from collections.abc import Mapping
+from typing import Any, Literal, NotRequired, TypedDict
 
 Verdict = Literal[
     "missing-term",
@@ -49,7 +50,8 @@ class Fit(TypedDict):
 class TermFound(TypedDict):
     """A missing term: coefficient, its std and 95 % interval in the user's units.
 
-    `inclusion` is the posterior probability that the term belongs to the law.
+    `inclusion` is the posterior probability that the term belongs to the law. `unit` is that of the
+    coefficient, there where it follows from stated units.
     """
 
     equation: str
@@ -60,6 +62,7 @@ class TermFound(TypedDict):
     inclusion: float
     region: list[dict[str, Any]] | None
     says: str
+    unit: NotRequired[str]
 
 
 # `from` is a keyword of Python, so this one cannot be written as a class.
@@ -78,10 +81,11 @@ ParameterChange = TypedDict(
         "inclusion": float,
         "region": list[dict[str, Any]] | None,
         "says": str,
+        "unit": NotRequired[str],
     },
 )
 """A mis-stated parameter: `coefficient` is to - from, `ci95` that of the new value, and `aliases`
-are other parameters a change of which does the same."""
+are other parameters a change of which does the same; `unit` is there where it is stated."""
 
 
 class TermTried(TypedDict):
@@ -247,7 +251,11 @@ class StructureChanged(TypedDict):
 
 
 class Findings(TypedDict):
-    """`findings.json`; what has not been looked for is null."""
+    """`findings.json`; what has not been looked for is null.
+
+    `units` are those that the configuration or the recording states, by name, that of time as `t`:
+    there where any is.
+    """
 
     verdict: Verdict | None
     causes: list[dict[str, Any]] | None
@@ -261,6 +269,7 @@ class Findings(TypedDict):
     latent: Latent
     corrected: str | None
     input: Input
+    units: NotRequired[dict[str, str]]
 
 
 class Score(TypedDict):
@@ -313,6 +322,7 @@ def new_findings(
     energy: EnergyLost | None = None,
     structure: list[StructureChanged] | None = None,
     corrected: str | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> Findings:
     """Findings in which everything that was not looked for is null."""
     unfitted = Fit(
@@ -324,7 +334,7 @@ def new_findings(
         heldout_time=misfit(),
         heldout_restarted=misfit(),
     )
-    return Findings(
+    findings = Findings(
         verdict=verdict,
         causes=causes,
         where=where,
@@ -338,3 +348,6 @@ def new_findings(
         corrected=corrected,
         input=source,
     )
+    if units:
+        findings["units"] = dict(units)
+    return findings

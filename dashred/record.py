@@ -61,7 +61,7 @@ def record(config: Config, output: Path) -> None:
         states = simulate_truth(system, twin, config, times, rng, lambda done: report(done, ""))
         count = int((times <= config.recording.duration * (1 + 1e-9)).sum())
         read = observe(system, states[:count], times[:count], twin, config, rng)
-        recording = replace(read, inputs=inputs)
+        recording = replace(read, inputs=inputs, units=system.units)
     make_output(str(output))
     write_netcdf(recording, output / "recording.nc", [axis.name for axis in system.axes])
     duration = config.recording.duration

@@ -133,6 +133,13 @@ def shown(unit: str) -> str:
     return _written(parse_unit(unit), "·", _superscript)
 
 
+def measured(number: str, unit: str | None) -> str:
+    """A number as it is told: ``−0.039 per s``, ``64.2 rad/s²``; alone without a unit, or of 1."""
+    if unit is None or parse_unit(unit) == ONE:
+        return number
+    return f"{number} {per(unit) or shown(unit)}"
+
+
 def _superscript(n: str) -> str:
     return n.translate(RAISED) if n.isdigit() else f"^{n}"
 

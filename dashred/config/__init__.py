@@ -36,6 +36,7 @@ from dashred.config.schema import (
     Tracking,
 )
 from dashred.config.source import Source, read_file
+from dashred.config.system_units import settle_units
 
 __all__ = [
     "Assimilation",
@@ -100,6 +101,7 @@ def load_config(argv: list[str], *, entry: str) -> Config:
     check_overrides(overrides, system)
     lines = defaults.lines | system.lines | overrides.lines | {"": label}
     settings = merge(defaults, system, overrides)
+    settle_units(settings.system, lines)
     check(settings, where_in(lines))
     return Config(**vars(settings), name=path.stem, source=path.resolve(), lines=lines)
 

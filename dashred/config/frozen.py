@@ -26,6 +26,9 @@ def frozen_input(config: Settings) -> dict[str, Any]:
         for field in fields(Settings)
         if field.name not in ELSEWHERE
     }
+    if not values["system"]["units"]:
+        # What states no unit is the run that it was before units could be stated.
+        del values["system"]["units"]
     recording = values["recording"]
     if recording["path"] is not None:
         for key in RECORDING_A_TWIN:

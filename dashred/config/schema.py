@@ -77,7 +77,8 @@ class System:
     """Spatial axes by name, two at most; none for an ODE."""
 
     fields: dict[str, str]
-    """The state: name of each field, and what it means (with its unit)."""
+    """The state: name of each field, and what it means. Its unit may stand behind that, in square
+    brackets: ``theta: angle from hanging [rad]``; inside { } such a text needs quotes."""
 
     parameters: dict[str, float] = field(default_factory=dict)
     """Constants of the equations, by name."""
@@ -116,6 +117,10 @@ class System:
 
     inputs: dict[str, str] = field(default_factory=dict)
     """Measured inputs: name in the equations, and the recording's column that holds it."""
+
+    units: dict[str, str] = field(default_factory=dict)
+    """Unit of each name that has one: of fields, axes, parameters, lets, inputs, and of time as t.
+    Words and figures show them; a recording that states others is refused. Nothing is converted."""
 
     integrator: Integrator
     """Stepping in time, derivatives in space."""

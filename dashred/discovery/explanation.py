@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from dashred.discovery.candidates import Candidate
@@ -18,8 +20,11 @@ from dashred.findings_schema import (
     TermFound,
     TermTried,
 )
+from dashred.physics.algebra import Expr
 from dashred.physics.system import System
+from dashred.physics.term_units import coefficient_unit
 from dashred.typeset import number, rounded
+from dashred.units import TIME, measured, shown
 
 MOST_ALTERNATIVES = 3
 
@@ -37,10 +42,13 @@ def explain(system: System, discovered: Discovered) -> list[TermFound | Paramete
     return found
 
 
-def alternatives(discovered: Discovered) -> list[Alternative]:
+def alternatives(
+    discovered: Discovered, units: Mapping[str, str] = MappingProxyType({})
+) -> list[Alternative]:
     """Return at most three other laws: rivals first, then by score.
 
-    Of a law of several terms the best one-term law is among them, for comparison.
+    Of a law of several terms the best one-term law is among them, for comparison. Units are those
+    of places, times and fields that bound a law.
     """
     best, rivals = discovered.best, discovered.rivals
     # Laws hold tensors, which do not compare to one truth: identity decides.
@@ -52,7 +60,7 @@ def alternatives(discovered: Discovered) -> list[Alternative]:
         chosen[-1] = single[0]
     return [
         Alternative(
-            terms=_tried(law),
+            terms=_tried(law, units),
             delta_bic=law.score - best.score,
             rival=id(law) in decided,
             same_as_best=_reads_the_same(discovered, law),
@@ -97,7 +105,7 @@ def law_in_words(law: Law, system: System) -> str:
 def _term(system: System, law: Law, index: int, included: float) -> TermFound:
     candidate = law.candidates[index]
     assert candidate.equation is not None
-    return TermFound(
+    found = TermFound(
         equation=candidate.equation,
         term=candidate.name,
         coefficient=float(law.coefficients[index]),
@@ -107,6 +115,10 @@ def _term(system: System, law: Law, index: int, included: float) -> TermFound:
         region=region_of(law) if candidate.window is not None else None,
         says=_says(system, law, index),
     )
+    unit = coefficient_unit(system, candidate.equation, _expression(system, candidate))
+    if unit is not None:
+        found["unit"] = unit
+    return found
 
 
 def region_of(law: Law) -> list[dict[str, Any]] | None:
@@ -130,26 +142,42 @@ def region_of(law: Law) -> list[dict[str, Any]] | None:
     return [gate | ({"ci95": list(law.threshold)} if law.threshold else {})]
 
 
-def fault_in_words(fault: SensorFault) -> str:
-    """Return what is wrong with the sensor in one sentence."""
+def fault_in_words(
+    fault: SensorFault,
+    reads: str | None = None,
+    units: Mapping[str, str] = MappingProxyType({}),
+    place: str | None = None,
+) -> str:
+    """Return what is wrong with the sensor in one sentence.
+
+    Args:
+        fault: the fault.
+        reads: the field or let that the sensor reads.
+        units: by name.
+        place: the axis along which it may be misplaced.
+    """
     value, std = rounded(fault.value, fault.std) if fault.std else (number(fault.value), None)
-    error = f" ± {std}" if std else ""
+    told, unit, time = value + (f" ± {std}" if std else ""), units.get(reads or ""), units.get(TIME)
+    reading = measured(told, unit)
     match fault.kind:
         case "bias":
-            return f"sensor {fault.sensor} reads {value}{error} too much"
+            return f"sensor {fault.sensor} reads {reading} too much"
         case "drift":
-            return f"sensor {fault.sensor} drifts by {value}{error} per unit time"
+            per = f"per {shown(time) if time else 'unit time'}"
+            return f"sensor {fault.sensor} drifts by {reading} {per}"
         case "stuck":
-            return f"sensor {fault.sensor} is stuck at {value} from t = {fault.begin:.4g} on"
+            begin = measured(f"{fault.begin:.4g}", time)
+            return f"sensor {fault.sensor} is stuck at {reading} from t = {begin} on"
         case "spikes":
             return f"sensor {fault.sensor} has {fault.value:.0f} samples that are no readings"
-    return f"sensor {fault.sensor} stands {value}{error} from where it is said to"
+    away = measured(told, units.get(place or ""))
+    return f"sensor {fault.sensor} stands {away} from where it is said to"
 
 
 def _parameter(system: System, law: Law, index: int, included: float) -> ParameterChange:
     candidate = law.candidates[index]
     old, change = system.config.parameters[candidate.name], float(law.coefficients[index])
-    return {
+    found: ParameterChange = {
         "equation": None,
         "parameter": candidate.name,
         "term": candidate.name,
@@ -163,23 +191,33 @@ def _parameter(system: System, law: Law, index: int, included: float) -> Paramet
         "region": None,
         "says": _says(system, law, index),
     }
+    if candidate.name in system.units:
+        found["unit"] = system.units[candidate.name]
+    return found
 
 
 def _says(system: System, law: Law, index: int) -> str:
     candidate = law.candidates[index]
     value, std = float(law.coefficients[index]), float(law.std[index])
     if candidate.equation is not None:
-        key = f"library.{candidate.equation}"
-        expression = system.parse(candidate.name, key, equation=candidate.equation)
-        says = words(system, candidate.equation, expression, value, std)
-        return f"{says}, {candidate.window}" if candidate.window is not None else says
+        says = words(system, candidate.equation, _expression(system, candidate), value, std)
+        window = candidate.window
+        return says if window is None else f"{says}, {window.told(system.units)}"
     old = system.config.parameters[candidate.name]
     new, error = rounded(old + value, std)
     about = "" if enters_linearly(system, candidate.name) else ", to first order in the change"
-    says = f"{candidate.name} is {new}, not {number(old)} (± {error}{about})"
+    told = measured(new, system.units.get(candidate.name))
+    says = f"{candidate.name} is {told}, not {number(old)} (± {error}{about})"
     if candidate.aliases:
         says += f"; a change of {' or '.join(candidate.aliases)} would do the same"
     return says
+
+
+def _expression(system: System, candidate: Candidate) -> Expr:
+    """Return a library term as it was written, without its window."""
+    assert candidate.equation is not None
+    key = f"library.{candidate.equation}"
+    return system.parse(candidate.name, key, equation=candidate.equation)
 
 
 def _everywhere(candidate: Candidate, value: float) -> TermTried:
@@ -188,13 +226,13 @@ def _everywhere(candidate: Candidate, value: float) -> TermTried:
     )
 
 
-def _tried(law: Law) -> list[TermTried]:
+def _tried(law: Law, units: Mapping[str, str]) -> list[TermTried]:
     return [
         TermTried(
             equation=candidate.equation,
             term=candidate.name,
             coefficient=value,
-            region=str(candidate.window) if candidate.window else None,
+            region=candidate.window.told(units) if candidate.window else None,
         )
         for candidate, value in zip(law.candidates, law.coefficients.tolist(), strict=True)
     ]

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from dashred.physics.system import System
 from dashred.typeset import percent, rounded
+from dashred.units import measured
 
 CARRIED = 0.8
 # A law whose power needs more than this of the domain acts everywhere.
@@ -46,7 +47,8 @@ def regime(system: System, states: Tensor, power: Tensor, read: Collection[str])
     sign = ">" if above else "<"
     value, _ = rounded(threshold, PRECISION * spread)
     carries = f"({percent(share)} {domain} carries {percent(CARRIED)} of it)"
-    return f"{label} {sign} {value} {carries}"
+    bound = measured(value, system.units.get(label.strip("|")))
+    return f"{label} {sign} {bound} {carries}"
 
 
 def _quantities(

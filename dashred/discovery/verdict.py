@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 from torch import Tensor
@@ -14,6 +15,7 @@ from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.plausibility import plausibility
 from dashred.findings_schema import Verdict
 
+FaultTold = Callable[[SensorFault], str]
 # Misfit, relative to the fit of all candidates, at which a law has not been fitted to the end.
 STUCK = 1.5
 EXTENDED = (
@@ -22,17 +24,23 @@ EXTENDED = (
 )
 
 
-def verdict(discovered: Discovered) -> tuple[Verdict, list[dict[str, Any]]]:
+def verdict(
+    discovered: Discovered, tell: FaultTold = fault_in_words
+) -> tuple[Verdict, list[dict[str, Any]]]:
     """Return the verdict, and its causes by falling probability.
 
     A cause is ``{kind, probability, where, terms | parameter, says}``: the kind of a class of
     laws, its share of ``Σ exp(-score/2)``, and of its best law the equations and what it changes.
     A search that has not converged has one cause, which says why; its best law says nothing.
+
+    Args:
+        discovered: the laws.
+        tell: says what is wrong with a sensor.
     """
     if reason := _not_converged(discovered):
         cause = {"kind": "not-converged", "probability": 1.0, "where": None, "says": reason}
         return "not-converged", [cause]
-    causes = _causes(discovered)
+    causes = _causes(discovered, tell)
     if discovered.beyond > MISSING:
         return "outside-library", [_outside(discovered), *causes]
     kinds = {_kind(law) for law in (discovered.best, *discovered.rivals)}
@@ -73,7 +81,7 @@ def _not_converged(discovered: Discovered) -> str | None:
     return None
 
 
-def _causes(discovered: Discovered) -> list[dict[str, Any]]:
+def _causes(discovered: Discovered, tell: FaultTold) -> list[dict[str, Any]]:
     probabilities: dict[Verdict, float] = {}
     best: dict[Verdict, Law] = {}
     for law, p in sorted(plausibility(discovered), key=lambda pair: pair[0].score):
@@ -83,10 +91,10 @@ def _causes(discovered: Discovered) -> list[dict[str, Any]]:
     causes = []
     for kind in sorted(probabilities, key=lambda kind: -probabilities[kind]):
         law, probability = best[kind], {"probability": min(1.0, probabilities[kind])}
-        causes.append({"kind": kind} | probability | _details(law))
+        causes.append({"kind": kind} | probability | _details(law, tell))
         # More than one cause may be true: of a law and a fault the law stands first.
         if law.fault is not None and law.candidates:
-            causes.append({"kind": "sensor-fault"} | probability | _fault(law.fault))
+            causes.append({"kind": "sensor-fault"} | probability | _fault(law.fault, tell))
     return causes
 
 
@@ -114,11 +122,11 @@ def _kind(law: Law) -> Verdict:
     return "missing-term"
 
 
-def _details(law: Law) -> dict[str, Any]:
+def _details(law: Law, tell: FaultTold) -> dict[str, Any]:
     touched = {term.equation for candidate in law.candidates for term in candidate.terms}
     where = {"where": {"equations": sorted(touched)} if touched else None}
     if law.fault is not None and not law.candidates:
-        return _fault(law.fault)
+        return _fault(law.fault, tell)
     if law.widened > 1:
         says = f"the start lies outside of its prior, some {law.widened:g} times its spread"
         return {"where": None, "start": law.widened, "says": says}
@@ -130,6 +138,6 @@ def _details(law: Law) -> dict[str, Any]:
     return where | terms
 
 
-def _fault(fault: SensorFault) -> dict[str, Any]:
+def _fault(fault: SensorFault, tell: FaultTold) -> dict[str, Any]:
     told = {"sensor": fault.sensor, "fault": fault.kind, "value": fault.value}
-    return {"where": None, **told, "says": fault_in_words(fault)}
+    return {"where": None, **told, "says": tell(fault)}

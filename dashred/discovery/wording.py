@@ -23,7 +23,9 @@ from dashred.physics.algebra import (
     split_coefficient,
 )
 from dashred.physics.system import System
+from dashred.physics.term_units import coefficient_unit
 from dashred.typeset import MINUS, pretty, with_error
+from dashred.units import TIME, measured, shown
 
 DEGREES = {1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
 
@@ -58,13 +60,31 @@ class _Term:
         self.value, self.std = value, std
         self.what = meaning(system, equation)
         self.factors = expr.factors if isinstance(expr, Product) else (expr,)
+        self.unit = coefficient_unit(system, equation, expr)
 
     @property
     def amount(self) -> str:
-        """``(−0.0251 ± 0.0004)·u³ per unit time``."""
-        size = with_error(self.value, self.std)
-        product = size if self.expr == ONE else f"({size})·{_print(self.expr)}"
-        return f"{product} per unit time"
+        """``(−0.0251 ± 0.0004)·u³ per unit time``, ``(0.12 ± 0.01 rad/s²)·sin(theta)``."""
+        if self.expr == ONE:
+            return self.amount_alone
+        product = f"({self.size()})·{_print(self.expr)}"
+        return product if self.unit else f"{product} {self.rate}"
+
+    @property
+    def amount_alone(self) -> str:
+        """The same without the expression: ``−0.0251 ± 0.0004 per s``."""
+        return self.size() if self.unit else f"{self.size()} {self.rate}"
+
+    @property
+    def rate(self) -> str:
+        """What a rate of change is per."""
+        unit = self.system.units.get(TIME)
+        return f"per {shown(unit) if unit else 'unit time'}"
+
+    def size(self, factor: float = 1.0) -> str:
+        """Return the coefficient with its error, times a number, and its unit where it is known."""
+        size = with_error(factor * self.value, abs(factor) * self.std)
+        return measured(size, self.unit)
 
     @property
     def is_velocity(self) -> bool:
@@ -104,7 +124,8 @@ def _periodic(term: _Term) -> str | None:
         case Call("sin" | "cos", inner):
             frequency, clock = split_coefficient(inner)
             if clock == Name("t"):
-                period = f"a period of {2 * math.pi / abs(frequency):.3g}"
+                length = f"{2 * math.pi / abs(frequency):.3g}"
+                period = f"a period of {measured(length, term.system.units.get(TIME))}"
                 return f"periodic drive of {term.what}, with {period}: {term.amount}"
     return None
 
@@ -158,7 +179,7 @@ def _monomial(term: _Term) -> str | None:
     if own == 1:
         viscous = term.value < 0 and term.is_velocity
         kind = "viscous damping" if viscous else f"linear {change}"
-        return f"{kind} of {term.what}, {with_error(term.value, term.std)} per unit time"
+        return f"{kind} of {term.what}, {term.amount_alone}"
     note = " (saturation)" if term.value < 0 and not side else ""
     return f"{degree} {change} of {term.what}{_where(side)}{note}, {term.amount}"
 
@@ -206,19 +227,19 @@ def _spatial(term: _Term) -> str | None:
 
 
 def _advection(term: _Term, carrier: Expr, axis: str, factor: float) -> str:
-    value, std = -factor * term.value, factor * term.std
+    size = term.size(-factor)
     along = f" along {axis}" if len(term.system.axes) > 1 else ""
     if carrier == ONE:
-        way = "forward" if value > 0 else "backward"
-        return f"transport of {term.what}, {way} in {axis}, with velocity {with_error(value, std)}"
-    carried = f"with velocity ({with_error(value, std)})·{_print(carrier)}"
+        way = "forward" if term.value < 0 else "backward"
+        return f"transport of {term.what}, {way} in {axis}, with velocity {size}"
+    carried = f"with velocity ({size})·{_print(carrier)}"
     if algebra.names(carrier) & set(term.system.fields) == {term.equation}:
         return f"self-advection of {term.what}{along}, {carried}"
     return f"transport of {term.what}{along}, {carried}"
 
 
 def _smoothing(term: _Term, rest: Expr, order: int, axis: str) -> str | None:
-    size = with_error(term.value, term.std)
+    size = term.size()
     along = f" along {axis}" if axis and len(term.system.axes) > 1 else ""
     if rest != ONE:
         if order != 2:

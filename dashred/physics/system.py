@@ -108,6 +108,11 @@ class System:
         return self.config.inputs
 
     @property
+    def units(self) -> dict[str, str]:
+        """The unit of each name that has one, that of time as ``t``."""
+        return self.config.units
+
+    @property
     def clock(self) -> frozenset[str]:
         """The names whose values change by themselves as time goes on."""
         return frozenset({"t", *self.config.inputs})

@@ -7,7 +7,7 @@ in a window is an expression like any other, and so is its slope in a place or a
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -26,6 +26,7 @@ from dashred.physics.algebra import (
 from dashred.physics.differentiate import differentiate
 from dashred.physics.grid import Axis
 from dashred.physics.system import System
+from dashred.units import measured
 
 
 @dataclass(frozen=True)
@@ -68,10 +69,16 @@ class Window:
 
     def __str__(self) -> str:
         """``for 10.1 < x < 16``, ``for t > 11``, ``for u > 0.6``."""
+        return self.told({})
+
+    def told(self, units: Mapping[str, str]) -> str:
+        """Return the same with units by name, where they are known: ``for t > 11 s``."""
         of, place = self.shape.of, self.values[0]
         if self.shape.kind == "box":
-            return f"for {place - self.values[1]:.3g} < {of} < {place + self.values[1]:.3g}"
-        return f"for {of} {'<' if self.shape.kind == 'gate below' else '>'} {place:.3g}"
+            end = measured(f"{place + self.values[1]:.3g}", units.get(of))
+            return f"for {place - self.values[1]:.3g} < {of} < {end}"
+        edge = measured(f"{place:.3g}", units.get(of))
+        return f"for {of} {'<' if self.shape.kind == 'gate below' else '>'} {edge}"
 
     @property
     def expression(self) -> Expr:

@@ -13,7 +13,9 @@ from dashred.sensing.checks import checked_recording
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import RESERVED, Described, Sensor, readable
 from dashred.sensing.sensors_table import read_sensors
+from dashred.sensing.stated_units import StatedUnits
 from dashred.sensing.tables import Table, read_table
+from dashred.units import TIME
 
 
 def read_csv(path: str, sensors_table: str | None, system: Described) -> Recording:
@@ -27,18 +29,31 @@ def read_csv(path: str, sensors_table: str | None, system: Described) -> Recordi
     table = read_table(path)
     _check_time_column(table)
     _check_episode(table)
-    inputs = _inputs(table, system)
+    inputs, stated = _inputs(table, system), StatedUnits(system)
     if sensors_table is None:
         sensors = _sensors_by_name(table, system)
     else:
-        named = read_sensors(sensors_table, system)
+        named = read_sensors(sensors_table, system, stated)
         sensors = _matched(_sensor_columns(table, system), named, path, sensors_table)
+    _state_units(table, sensors, system, stated)
     values = np.empty((len(table.rows), len(sensors)))
     for index, sensor in enumerate(sensors):
         values[:, index] = table.numbers(sensor.name)
     times = table.numbers("time")
     recording = checked_recording(sensors, times, values, path=path, place=table.place)
-    return replace(recording, inputs=Measured(times, inputs))
+    return replace(recording, inputs=Measured(times, inputs), units=stated.units)
+
+
+def _state_units(
+    table: Table, sensors: list[Sensor], system: Described, stated: StatedUnits
+) -> None:
+    """Take note of the units in the header."""
+    for name, column, what in (
+        (TIME, "time", "time"),
+        *((name, column, f"the input {name}") for name, column in system.inputs.items()),
+        *((sensor.reads, sensor.name, f"sensor {sensor.name!r}") for sensor in sensors),
+    ):
+        stated.state(name, table.units.get(column), table.header_place(column), what)
 
 
 def _inputs(table: Table, system: Described) -> dict[str, NDArray[np.float64]]:

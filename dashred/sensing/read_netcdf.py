@@ -16,6 +16,8 @@ from dashred.physics.measured import Measured
 from dashred.sensing.checks import checked_recording
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import Described, Sensor, check_names, check_sensor
+from dashred.sensing.stated_units import StatedUnits
+from dashred.units import TIME, check_unit
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,6 +36,7 @@ def read_netcdf(path: str, system: Described) -> Recording:
     names = _texts(dataset, "name", path)
     check_names(names, path)
     sensors = _sensors(dataset, names, system, path)
+    units = _units(dataset, sensors, system, path)
     times = _numbers(dataset, "time", ("time",), path)
     values = _numbers(dataset, "value", ("time", "sensor"), path)
 
@@ -41,7 +44,41 @@ def read_netcdf(path: str, system: Described) -> Recording:
         return f"{path}, sample {sample + 1}" + (f", {sensor!r}" if sensor else "")
 
     recording = checked_recording(sensors, times, values, path=path, place=place)
-    return replace(recording, inputs=_inputs(dataset, system, path))
+    return replace(recording, inputs=_inputs(dataset, system, path), units=units)
+
+
+def _units(
+    dataset: xr.Dataset, sensors: list[Sensor], system: Described, path: str
+) -> dict[str, str]:
+    """Return what attributes ``units``, and the variable ``unit`` of each sensor, state."""
+    stated = StatedUnits(system)
+    for name, variable in (
+        (TIME, "time"),
+        (TIME, "input_time"),
+        *((axis.name, axis.name) for axis in system.axes),
+        *system.inputs.items(),
+    ):
+        what = "time" if name == TIME else name
+        stated.state(name, _attribute(dataset, variable, path), f"{path}, {variable!r}", what)
+    whole = _attribute(dataset, "value", path)
+    own = _texts(dataset, "unit", path) if "unit" in dataset.variables else [""] * len(sensors)
+    for sensor, unit in zip(sensors, own, strict=True):
+        what = f"sensor {sensor.name!r}"
+        stated.state(sensor.reads, whole, f"{path}, 'value'", what)
+        where = f"{path}, 'unit' of {what}"
+        stated.state(sensor.reads, check_unit(unit, what, where) if unit else None, where, what)
+    return stated.units
+
+
+def _attribute(dataset: xr.Dataset, variable: str, path: str) -> str | None:
+    """Return the attribute ``units`` of a variable; of ``seconds since 2020-01-01``, ``seconds``.
+
+    An empty one states nothing.
+    """
+    if variable not in dataset.variables:
+        return None
+    text = str(dataset[variable].attrs.get("units", "")).partition(" since ")[0]
+    return check_unit(text, variable, f"{path}, {variable!r}") if text.strip() else None
 
 
 def _inputs(dataset: xr.Dataset, system: Described, path: str) -> Measured:

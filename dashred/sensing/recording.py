@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +24,14 @@ class Recording:
         times: (time,) float64, strictly increasing, in the unit of the system's ``t``.
         values: (time, sensor) float64, in the unit of what each sensor reads; NaN is missing.
         inputs: what was measured of the system's inputs, by column, on a clock of their own.
+        units: that its files state, by name in the equations; that of time as ``t``.
     """
 
     sensors: tuple[Sensor, ...]
     times: NDArray[np.float64]
     values: NDArray[np.float64]
     inputs: Measured = NOTHING
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Hold the shapes and the order of times; what users give is checked by the readers."""
@@ -81,4 +83,6 @@ class Recording:
         for column, values in self.inputs.values.items():
             digest.update(column.encode() + self.inputs.times.astype("<f8").tobytes())
             digest.update(values.astype("<f8").tobytes())
+        if self.units:
+            digest.update(json.dumps(self.units, sort_keys=True).encode())
         return digest.hexdigest()

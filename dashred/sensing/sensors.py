@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -56,6 +56,14 @@ class Described(Protocol):
     @property
     def inputs(self) -> Mapping[str, str]:
         """The recording's column of every measured input, by its name in the equations."""
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """The unit of each name that has one, that of time as ``t``."""
+
+    @property
+    def where(self) -> Callable[[str], str]:
+        """Tells where a dotted key of the configuration was written."""
 
 
 @dataclass(frozen=True)

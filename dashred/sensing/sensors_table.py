@@ -1,4 +1,4 @@
-"""The table of sensors: a CSV with the columns ``name, field, x[, y], std``."""
+"""The table of sensors: a CSV with the columns ``name, field, x[, y], std, unit``."""
 
 from __future__ import annotations
 
@@ -6,18 +6,28 @@ import math
 
 from dashred.errors import InputError, nearest
 from dashred.sensing.sensors import Described, Sensor, check_names, check_sensor
+from dashred.sensing.stated_units import StatedUnits
 from dashred.sensing.tables import Table, read_table
+from dashred.units import check_unit
+
+KNOWN_PERHAPS = ("std", "unit")
 
 
-def read_sensors(path: str, system: Described) -> tuple[Sensor, ...]:
+def read_sensors(path: str, system: Described, stated: StatedUnits) -> tuple[Sensor, ...]:
     """Read the sensors of a system, in the order of the table.
 
     Columns: ``name``, ``field`` (a field or let of the system), one coordinate for each axis under
-    the axis' own name, and optionally ``std``, empty where the noise is not known.
+    the axis' own name, and optionally ``std``, empty where the noise is not known, and ``unit`` of
+    what the sensor reads.
+
+    Args:
+        path: the table.
+        system: that has these sensors.
+        stated: takes note of the units in the table.
 
     Raises:
         InputError: for a missing or unknown column, a repeated name, or a sensor that the system
-            cannot have.
+            cannot have, or a unit that differs from the configuration's.
     """
     table = read_table(path)
     axes = [axis.name for axis in system.axes]
@@ -34,7 +44,20 @@ def read_sensors(path: str, system: Described) -> tuple[Sensor, ...]:
         std = None if math.isnan(stds[row]) else float(stds[row])
         sensors.append(Sensor(name, reads, position, std))
         check_sensor(sensors[-1], system, table.place(row))
+    _state_units(table, sensors, axes, stated)
     return tuple(sensors)
+
+
+def _state_units(table: Table, sensors: list[Sensor], axes: list[str], stated: StatedUnits) -> None:
+    for axis in axes:
+        stated.state(axis, table.units.get(axis), table.header_place(axis))
+    for row, sensor in enumerate(sensors):
+        what = f"sensor {sensor.name!r}"
+        if "unit" in table.columns and (unit := table.texts("unit")[row]):
+            where = table.place(row, "unit")
+            stated.state(sensor.reads, check_unit(unit, what, where), where, what)
+        where = table.header_place("std")
+        stated.state(sensor.reads, table.units.get("std"), where, f"the std of {what}")
 
 
 def _check_columns(table: Table, axes: list[str]) -> None:
@@ -42,10 +65,10 @@ def _check_columns(table: Table, axes: list[str]) -> None:
     for column in needed:
         if column not in table.columns:
             problem = f"the table of sensors has no column {column!r}"
-            hint = f"its columns must be {', '.join(needed)} and, if known, std"
+            hint = f"its columns must be {', '.join(needed)} and, if known, std and unit"
             raise InputError(problem, where=table.path, hint=hint)
     for column in table.columns:
-        if column not in (*needed, "std"):
+        if column not in (*needed, *KNOWN_PERHAPS):
             problem = f"unknown column {column!r} in the table of sensors"
-            hint = nearest(column, (*needed, "std"))
+            hint = nearest(column, (*needed, *KNOWN_PERHAPS))
             raise InputError(problem, where=table.path, hint=hint)

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dashred.sensing.recording import Recording
+from dashred.units import TIME
 
 
 def write_netcdf(
@@ -17,8 +18,9 @@ def write_netcdf(
     """Write a recording at once or not at all; equal recordings give equal bytes.
 
     Variables: ``value`` (time, sensor), ``time``, and along ``sensor``: ``name``, ``reads``,
-    ``std`` (NaN if unknown) and one coordinate for each axis; along ``input_time``, a clock of
-    their own, the measured inputs, if there are any.
+    ``std`` (NaN if unknown), ``unit`` where any is stated (empty if unknown) and one coordinate for
+    each axis; along ``input_time``, a clock of their own, the measured inputs, if there are any.
+    Units of the others are attributes ``units``.
 
     Args:
         recording: what to write.
@@ -27,9 +29,14 @@ def write_netcdf(
     """
     import xarray as xr  # takes a second, which reading a CSV need not wait for
 
-    sensors, inputs = recording.sensors, recording.inputs
+    sensors, inputs, units = recording.sensors, recording.inputs, recording.units
+
+    def of(name: str) -> dict[str, str]:
+        return {"units": units[name]} if name in units else {}
+
+    read = [units.get(sensor.reads, "") for sensor in sensors]
     places = {
-        axes[index]: ("sensor", [sensor.position[index] for sensor in sensors])
+        axes[index]: ("sensor", [sensor.position[index] for sensor in sensors], of(axes[index]))
         for index in range(len(sensors[0].position))
     }
     stds = [math.nan if sensor.std is None else sensor.std for sensor in sensors]
@@ -39,11 +46,12 @@ def write_netcdf(
             **{column: ("input_time", found) for column, found in inputs.values.items()},
         },
         coords={
-            "time": ("time", recording.times),
-            **({"input_time": ("input_time", inputs.times)} if inputs.values else {}),
+            "time": ("time", recording.times, of(TIME)),
+            **({"input_time": ("input_time", inputs.times, of(TIME))} if inputs.values else {}),
             "name": ("sensor", list(recording.names), {"cf_role": "timeseries_id"}),
             "reads": ("sensor", [sensor.reads for sensor in sensors]),
             "std": ("sensor", stds),
+            **({"unit": ("sensor", read)} if any(read) else {}),
             **places,
         },
         attrs={"Conventions": "CF-1.11", "featureType": "timeSeries"},

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from dashred.config import Config
+from dashred.discovery.explanation import fault_in_words
+from dashred.discovery.law import SensorFault
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
 from dashred.sensing.clock import resample
@@ -58,6 +60,14 @@ class Problem:
         """Return σ of the named sensors, ``(sensor,)``."""
         return torch.tensor([self.noise[name] for name in names], dtype=torch.float64)
 
+    def fault_in_words(self, fault: SensorFault) -> str:
+        """Return what is wrong with a sensor, with the units of what it reads."""
+        split, system = self.split, self.system
+        parts = (split.fit, split.validation, split.tested)
+        reads = {s.name: s.reads for part in parts for s in part.sensors}
+        place = system.axes[0].name if len(system.axes) == 1 else None
+        return fault_in_words(fault, reads.get(fault.sensor), system.units, place)
+
     def rng(self, stage: str) -> np.random.Generator:
         """Return the random stream of one stage: no stage can shift another's draws."""
         return np.random.default_rng([self.config.seed, *stage.encode()])
@@ -74,6 +84,9 @@ def pose(config: Config) -> Problem:
     assert config.recording.path is not None
     table = config.recording.sensors if isinstance(config.recording.sensors, str) else None
     raw = read_recording(config.recording.path, table, system)
+    # What either side states holds; where both do, they agree.
+    units = {**raw.units, **system.units}
+    system = system.declared_as(replace(system.config, units=units))
     system = under(system, raw.inputs)
     recording, clock = resample(raw, config.recording.every)
     split = split_recording(recording, config.splits, config.seed)

@@ -58,7 +58,8 @@ MISFITS = {
 def verify(problem: Problem, analysis: Analysis) -> Findings:
     """Compare every method with the test sensors and the held-out time, for the first time."""
     discovered = analysis.discovered
-    kind, causes = verdict(discovered)
+    kind, causes = verdict(discovered, problem.fault_in_words)
+    units = problem.system.units
     names = problem.split.fit.names
     fit = Fit(
         noise_std=problem.noise | dict(zip(names, discovered.noise.std.tolist(), strict=True)),
@@ -72,7 +73,9 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     proposals = {n: _proposals(problem, f) for n, f in analysis.found.proposals.items()}
     latent = Latent(alg1=proposals["alg1"], alg2=proposals["alg2"])
     if kind == "not-converged":
-        return new_findings(source_of(problem), fit=fit, latent=latent, verdict=kind, causes=causes)
+        return new_findings(
+            source_of(problem), fit=fit, latent=latent, verdict=kind, causes=causes, units=units
+        )
     count = len(problem.split.fit.times)
     return new_findings(
         source_of(problem),
@@ -88,7 +91,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
             names,
         ),
         terms=explain(problem.system, discovered),
-        alternatives=alternatives(discovered),
+        alternatives=alternatives(discovered, problem.system.units),
         smaller=smaller(discovered),
         energy=energy_lost(
             problem.system, discovered.best, problem.times[:count], problem.rng("energy")
@@ -97,6 +100,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
             problem.system, discovered.best, analysis.free.states["corrected"][:count]
         ),
         corrected=CORRECTED,
+        units=units,
     )
 
 
@@ -123,7 +127,12 @@ def refuse_unresolved(problem: Problem, resolution: Resolution) -> Findings:
         "points": points,
         "enough": enough,
     }
-    return new_findings(source_of(problem), verdict="unresolved-numerics", causes=[cause])
+    return new_findings(
+        source_of(problem),
+        verdict="unresolved-numerics",
+        causes=[cause],
+        units=problem.system.units,
+    )
 
 
 def write_estimates(path: Path, system: System, times: Tensor, fields: dict[str, Tensor]) -> None:

@@ -133,3 +133,62 @@ def test_every_term_of_every_library_can_be_told_with_its_size(
         ]
         assert len(set(told)) == len(told)
         assert all("0.0400 ± 0.0003" in text for text in told)
+
+
+UNITS = "units: {t: s, theta: rad, omega: rad/s}\n  integrator"
+IN_SPACE = "units: {t: s, x: m, u: J}\n  integrator"
+
+
+@pytest.mark.parametrize(
+    ("equation", "term", "expected"),
+    [
+        ("omega", "omega", "viscous damping of angular velocity, −0.0400 ± 0.0003 per s"),
+        (
+            "omega",
+            "omega**3",
+            "cubic damping of angular velocity (saturation), (−0.0400 ± 0.0003 s/rad²)·omega³",
+        ),
+        (
+            "omega",
+            "sin(theta)",
+            "stronger restoring force, as of gravity, on angular velocity: "
+            "(−0.0400 ± 0.0003 rad/s²)·sin(theta)",
+        ),
+        (
+            "omega",
+            "theta",
+            "linear restoring force, as of a spring, on angular velocity: "
+            "(−0.0400 ± 0.0003 1/s²)·theta",
+        ),
+        ("omega", "1", "constant sink of angular velocity, −0.0400 ± 0.0003 rad/s²"),
+        ("theta", "omega*abs(omega)", "angle changes by (−0.0400 ± 0.0003 s/rad)·omega·abs(omega)"),
+        (
+            "omega",
+            "sin(2*t)",
+            "periodic drive of angular velocity, with a period of 3.14 s: "
+            "(−0.0400 ± 0.0003 rad/s²)·sin(2·t)",
+        ),
+    ],
+)
+def test_coefficients_of_a_pendulum_have_units(tmp_path, equation, term, expected) -> None:
+    system = laws.declared(tmp_path, laws.PENDULUM.replace("integrator", UNITS))
+    assert says(system, equation, term, -0.04) == expected
+
+
+@pytest.mark.parametrize(
+    ("equation", "term", "expected"),
+    [
+        ("u", "d(u, x)", "with velocity 0.0400 ± 0.0003 m/s"),
+        ("u", "u*d(u, x)", "with velocity (0.0400 ± 0.0003 m/(J·s))·u"),
+        ("u", "lap(u)", "coefficient −0.0400 ± 0.0003 m²/s"),
+        ("u", "grad2(u)", "(−0.0400 ± 0.0003 m²/(J·s))·d(u, x)²"),
+        # No unit of lam is stated: where it cancels it is not needed, and else none is made up.
+        ("lam", "lam", "linear damping of combustion progress, −0.0400 ± 0.0003 per s"),
+        ("lam", "u", "(−0.0400 ± 0.0003)·u per s"),
+        ("u", "u*lam", "(−0.0400 ± 0.0003)·lam·u per s"),
+        ("u", "u**2 + u", "(−0.0400 ± 0.0003)·u + u² per s"),
+    ],
+)
+def test_units_that_are_not_stated_are_not_made_up(tmp_path, equation, term, expected) -> None:
+    system = laws.declared(tmp_path, laws.TEXT.replace("integrator", IN_SPACE))
+    assert expected in says(system, equation, term, -0.04)

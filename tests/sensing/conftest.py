@@ -24,6 +24,8 @@ class PlainSystem:
     fields: tuple[str, ...] = ("u", "v")
     lets: tuple[str, ...] = ("speed",)
     inputs: dict[str, str] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    where: Callable[[str], str] = "conf.yaml, {}".format
 
     def evaluate(self, name: str, state: Tensor, t: float, /) -> Tensor:
         """Evaluate the derived quantity."""

@@ -15,6 +15,7 @@ from dashred.sensing.reader import read_recording
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import Sensor
 from dashred.sensing.sensors_table import read_sensors
+from dashred.sensing.stated_units import StatedUnits
 
 TABLE = "name,field,x,std\na,u,0.5,0.01\nb,v,1.5,\n"
 FILES = settings(
@@ -172,7 +173,8 @@ def test_other_formats_are_refused(ode, write):
 
 
 def test_a_table_of_an_ode_system_has_no_coordinates(ode, write):
-    assert read_sensors(write("s.csv", "name,field\nangle,u\n"), ode) == (Sensor("angle", "u"),)
+    table = write("s.csv", "name,field\nangle,u\n")
+    assert read_sensors(table, ode, StatedUnits(ode)) == (Sensor("angle", "u"),)
 
 
 def test_the_pendulum_recording_is_read_quickly(make_system):

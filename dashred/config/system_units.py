@@ -1,0 +1,40 @@
+"""Units that a system's declaration states, gathered in one place and checked."""
+
+from __future__ import annotations
+
+from dashred.config.kinds import nearest
+from dashred.config.layers import where_in
+from dashred.config.schema import System
+from dashred.errors import InputError
+from dashred.units import TIME, check_same, check_unit, split_unit
+
+
+def settle_units(system: System, lines: dict[str, str]) -> None:
+    """Move units from behind the fields' meanings into ``units``, and check them all.
+
+    Args:
+        system: is changed.
+        lines: of each dotted key; those of units that moved are added.
+
+    Raises:
+        InputError: a unit of nothing, one that cannot be one, or two of a field that differ.
+    """
+    where = where_in(lines)
+    parts = (system.fields, system.axes, system.parameters, system.let, system.inputs)
+    known = [TIME, *(name for part in parts for name in part)]
+    for name, unit in system.units.items():
+        key = f"system.units.{name}"
+        if name not in known:
+            what = f"system.units names {name}, which the system does not have"
+            raise InputError(what, where=where(key), hint=nearest(name, known))
+        system.units[name] = check_unit(unit, name, where(key))
+    for name, text in system.fields.items():
+        meaning, unit = split_unit(text)
+        if unit is None:
+            continue
+        place = where(f"system.fields.{name}")
+        check_unit(unit, name, place)
+        check_same(name, unit, place, system.units.get(name), where(f"system.units.{name}"))
+        system.fields[name] = meaning
+        if name not in system.units:
+            system.units[name], lines[f"system.units.{name}"] = unit, place

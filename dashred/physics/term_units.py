@@ -1,0 +1,103 @@
+"""The unit of a term's coefficient, from the units of what the term reads."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from dashred.physics.algebra import (
+    Call,
+    Derivative,
+    Expr,
+    Flux,
+    Name,
+    Number,
+    Power,
+    Product,
+    Sum,
+)
+from dashred.physics.system import System
+from dashred.units import ONE, TIME, Unit, parse_unit
+
+# Marks a name whose unit is not stated; no unit that a user can write begins so.
+UNKNOWN = "\0"
+
+
+def coefficient_unit(system: System, equation: str, term: Expr) -> str | None:
+    """Return the unit of ξ in ``df/dt = … + ξ·term``: ``[ξ] = [f]/([t][term])``.
+
+    Units that are not stated may cancel: of a linear damping only that of time is needed. None
+    where one is left, where unlike units are added, or where the system states none at all.
+
+    Args:
+        system: states units by name.
+        equation: f.
+        term: the term, coefficient aside.
+    """
+    whole = unit_of(system, term)
+    if not system.units or whole is None:
+        return None
+    found = _of_name(system, equation) / _of_name(system, TIME) / whole
+    return str(found) if _stated(found) else None
+
+
+def unit_of(system: System, expr: Expr) -> Unit | None:
+    """Return the unit of an expression, in which names without one stand for themselves.
+
+    Functions such as exp are pure numbers, and so is what they are taken of; None of a sum of
+    unlike units, and of a power that is no number.
+    """
+    match expr:
+        case Number():
+            return ONE
+        case Name(id):
+            return _of_name(system, id)
+        case Product(factors):
+            return _product([unit_of(system, factor) for factor in factors])
+        case Sum(terms):
+            units = {unit_of(system, term) for term in terms}
+            return units.pop() if len(units) == 1 else None
+        case Power(base, Number(n)):
+            inner = unit_of(system, base)
+            return None if inner is None else inner**n
+        case Derivative(operand, axis, order):
+            inner = unit_of(system, operand)
+            return None if inner is None else inner / _of_name(system, axis) ** order
+        case Flux(operand, axis, _):
+            inner = unit_of(system, operand)
+            return None if inner is None else inner / _of_name(system, axis)
+        case Call(function, operand):
+            return _of_call(system, function, unit_of(system, operand))
+        case _:
+            return None
+
+
+def _of_call(system: System, function: str, inner: Unit | None) -> Unit | None:
+    if function in ("lap", "inv_lap", "grad2"):
+        along = {_of_name(system, axis.name) for axis in system.axes}
+        if inner is None or len(along) != 1:
+            return None
+        area = along.pop() ** 2
+        return {"lap": inner / area, "inv_lap": inner * area, "grad2": inner**2 / area}[function]
+    if function == "abs":
+        return inner
+    if function == "sqrt":
+        return None if inner is None else inner**0.5
+    return ONE
+
+
+def _of_name(system: System, name: str) -> Unit:
+    stated = system.units.get(name)
+    return Unit(((UNKNOWN + name, Fraction(1)),)) if stated is None else parse_unit(stated)
+
+
+def _product(units: list[Unit | None]) -> Unit | None:
+    total = ONE
+    for unit in units:
+        if unit is None:
+            return None
+        total = total * unit
+    return total
+
+
+def _stated(unit: Unit) -> bool:
+    return not any(symbol.startswith(UNKNOWN) for symbol, _ in unit.powers)
