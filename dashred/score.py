@@ -82,7 +82,8 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth]:
         real = true_states(estimates, truth, fields, sealed)
         known = scaled_errors(estimates, real, fields)
         errors = {method: rmse_by_time(error) for method, error in known.items()}
-        draw_truth(output, estimates, real, fields, errors, _followed(findings))
+        units = findings.get("units", {})
+        draw_truth(output, estimates, real, fields, errors, _followed(findings), units)
     beyond: dict[str, np.ndarray] = {}
     if "forecast.nc" in frozen:
         forecast = load_fields(output / "forecast.nc")

@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from types import MappingProxyType
 
 from dashred.errors import InputError
 
 LONGEST = 60
 # What a reader calls time, whatever the equations read.
 TIME = "t"
+# Where no unit is stated.
+NONE: Mapping[str, str] = MappingProxyType({})
 SYMBOL = r"[^\W\d_]+|[°%‰$€]+[^\W\d_]*"
 EXPONENT = r"(?:\^|\*\*)?(?P<sign>[+-]?)(?P<digits>\d{1,2}(?:\.\d{1,2})?)"
 RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -126,6 +129,11 @@ def check_same(
 def in_brackets(name: str, unit: str | None) -> str:
     """A label with its unit: ``theta [rad]``, ``time`` where there is none."""
     return name if unit is None else f"{name} [{shown(unit)}]"
+
+
+def time_label(units: Mapping[str, str]) -> str:
+    """What an axis of time is called, of a system with these units."""
+    return in_brackets("time", units.get(TIME))
 
 
 def shown(unit: str) -> str:

@@ -29,12 +29,12 @@ def settle_units(system: System, lines: dict[str, str]) -> None:
             raise InputError(what, where=where(key), hint=nearest(name, known))
         system.units[name] = check_unit(unit, name, where(key))
     for name, text in system.fields.items():
-        meaning, unit = split_unit(text)
-        if unit is None:
+        meaning, behind = split_unit(text)
+        if behind is None:
             continue
         place = where(f"system.fields.{name}")
-        check_unit(unit, name, place)
-        check_same(name, unit, place, system.units.get(name), where(f"system.units.{name}"))
+        check_unit(behind, name, place)
+        check_same(name, behind, place, system.units.get(name), where(f"system.units.{name}"))
         system.fields[name] = meaning
         if name not in system.units:
-            system.units[name], lines[f"system.units.{name}"] = unit, place
+            system.units[name], lines[f"system.units.{name}"] = behind, place

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any
 
 from dashred.discovery.candidates import Candidate
@@ -24,7 +23,7 @@ from dashred.physics.algebra import Expr
 from dashred.physics.system import System
 from dashred.physics.term_units import coefficient_unit
 from dashred.typeset import number, rounded
-from dashred.units import TIME, measured, shown
+from dashred.units import NONE, TIME, measured, shown
 
 MOST_ALTERNATIVES = 3
 
@@ -42,9 +41,7 @@ def explain(system: System, discovered: Discovered) -> list[TermFound | Paramete
     return found
 
 
-def alternatives(
-    discovered: Discovered, units: Mapping[str, str] = MappingProxyType({})
-) -> list[Alternative]:
+def alternatives(discovered: Discovered, units: Mapping[str, str] = NONE) -> list[Alternative]:
     """Return at most three other laws: rivals first, then by score.
 
     Of a law of several terms the best one-term law is among them, for comparison. Units are those
@@ -145,7 +142,7 @@ def region_of(law: Law) -> list[dict[str, Any]] | None:
 def fault_in_words(
     fault: SensorFault,
     reads: str | None = None,
-    units: Mapping[str, str] = MappingProxyType({}),
+    units: Mapping[str, str] = NONE,
     place: str | None = None,
 ) -> str:
     """Return what is wrong with the sensor in one sentence.

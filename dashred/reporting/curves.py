@@ -24,6 +24,7 @@ def rmse_against_time(
     curves: Mapping[str, Float[np.ndarray, " time"]],
     time_end: float,
     ylabel: str,
+    clock: str = "time",
 ) -> Figure:
     """Draw each method's RMSE at each time; the time after `time_end` is shaded."""
     with style():
@@ -32,7 +33,7 @@ def rmse_against_time(
         shade_held_out(axes, time_end, float(times[-1]), label=True)
         for index, (method, values) in enumerate(curves.items()):
             axes.plot(times, values, label=method_name(method), **method_look(method, index))
-        axes.set(xlabel="time", ylabel=ylabel, xlim=(times[0], times[-1]))
+        axes.set(xlabel=clock, ylabel=ylabel, xlim=(times[0], times[-1]))
         _choose_scale(axes, [float(np.nanmedian(values)) for values in curves.values()])
         _legend_above(figure, axes)
     return figure

@@ -10,6 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from dashred.reporting.style import BLUE, GREY, VERMILION, new_figure, style
 from dashred.typeset import pretty, with_error
+from dashred.units import measured
 
 # Scores closer than this to the best are as good as the best (design §4.2.6).
 AMBIGUOUS = 6.0
@@ -92,7 +93,8 @@ def _draw_coefficients(axes: Axes, terms: Sequence[Mapping[str, Any]]) -> None:
     axes.errorbar(values / scale, rows, xerr=errors / scale, **bars)
     axes.axvline(0, color=GREY, linewidth=0.8)
     for row, term in enumerate(terms):
-        text = f"{_name(term)}    {with_error(term['coefficient'], term['std'])}"
+        size = measured(with_error(term["coefficient"], term["std"]), term.get("unit"))
+        text = f"{_name(term)}    {size}"
         axes.annotate(
             text, (0, row - 0.32), xycoords=("axes fraction", "data"), va="bottom", fontsize=8.5
         )

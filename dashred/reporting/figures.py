@@ -5,6 +5,7 @@ from dashred.reporting.coefficients import coefficients_against_epoch
 from dashred.reporting.curves import learning_curves, rmse_against_time
 from dashred.reporting.evidence import evidence_figure
 from dashred.reporting.forcing import forcing_figure
+from dashred.reporting.forecast import forecast_figure
 from dashred.reporting.front import front_figure
 from dashred.reporting.location import LawMap, where_figure
 from dashred.reporting.snapshots import snapshot_panels
@@ -20,6 +21,7 @@ __all__ = [
     "coefficients_against_epoch",
     "evidence_figure",
     "forcing_figure",
+    "forecast_figure",
     "front_figure",
     "learning_curves",
     "rmse_against_time",

@@ -24,15 +24,20 @@ EXPLAINED = (
 
 
 def forcing_figure(
-    forcing: Mapping[str, Any], axis: str, length: float, sensors: Sequence[float]
+    forcing: Mapping[str, Any],
+    axis: str,
+    length: float,
+    sensors: Sequence[float],
+    clock: str = "time",
 ) -> Figure:
     """Draw ``findings["where"]["forcing"]`` of a system on a line, one panel an equation.
 
     Args:
         forcing: as in the findings.
-        axis: the coordinate's name.
+        axis: label of the coordinate.
         length: of the axis.
         sensors: positions of the fit sensors, marked at the left edge.
+        clock: label of the time's axis.
     """
     found = {
         field: np.asarray(values, float)
@@ -53,7 +58,7 @@ def forcing_figure(
             axes.set_ylabel(axis)
             axes.set_title(f"equation of {field}", fontsize=9)
             figure.colorbar(image, ax=axes, label="share of its\ntendency", pad=0.015, aspect=14)
-        grid[-1].set_xlabel("time")
+        grid[-1].set_xlabel(clock)
         figure.suptitle(f"{TITLE}\n{EXPLAINED}", x=0.01, ha="left", fontsize=10)
     return figure
 

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from dashred.physics.front import follow_front
 from dashred.reporting.state_traces import UNDER
 from dashred.reporting.style import method_look, method_name, new_figure, style
+from dashred.units import NONE, in_brackets, time_label
 
 Field = Float[np.ndarray, "time x"]
 
@@ -18,6 +19,7 @@ def front_figure(
     kinds: Mapping[str, Field],
     axis_name: str,
     length: float,
+    units: Mapping[str, str] = NONE,
 ) -> Figure:
     """Draw place and width of the front in a field, one line a method.
 
@@ -26,6 +28,7 @@ def front_figure(
         kinds: the field by method; `truth` may be among them.
         axis_name: along which the front runs.
         length: of that axis, around.
+        units: of the axis, and of time as `t`.
     """
     with style():
         figure = new_figure(9.6, 3.4)
@@ -35,8 +38,10 @@ def front_figure(
             look = method_look(method, index) | UNDER.get(method, {})
             left.plot(times, place, label=method_name(method), **look)
             right.plot(times, width, **look)
-        left.set(xlabel="time", ylabel=f"place of the front, {axis_name} counted on")
-        right.set(xlabel="time", ylabel="width of the front")
+        clock, unit = time_label(units), units.get(axis_name)
+        place_label = in_brackets(f"place of the front, {axis_name} counted on", unit)
+        left.set(xlabel=clock, ylabel=place_label)
+        right.set(xlabel=clock, ylabel=in_brackets("width of the front", unit))
         right.set_ylim(bottom=0)
         handles, labels = left.get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper left", ncols=len(handles))

@@ -15,6 +15,7 @@ from dashred.reporting.space_time import mark_sensors
 from dashred.reporting.style import BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILION, new_figure, style
 from dashred.reporting.verdict_words import acting
 from dashred.typeset import percent
+from dashred.units import NONE, in_brackets, time_label
 
 MOST_SENSORS = 18
 WITHOUT, WITH = "without the law", "with the law"
@@ -43,7 +44,9 @@ class LawMap:
     sensors: Mapping[str, float]
 
 
-def where_figure(where: Mapping[str, Any], on_a_line: LawMap | None = None) -> Figure:
+def where_figure(
+    where: Mapping[str, Any], on_a_line: LawMap | None = None, units: Mapping[str, str] = NONE
+) -> Figure:
     """Draw ``findings["where"]``; with the map where the system has one spatial axis."""
     sensors = _choose(where["sensors"], on_a_line)
     shares = where["equation"] if len(where["equation"]) > 1 else {}
@@ -58,9 +61,9 @@ def where_figure(where: Mapping[str, Any], on_a_line: LawMap | None = None) -> F
             profile = left.subplots()
         else:
             panels = left.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-            _draw_map(left, panels[0], on_a_line, where)
+            _draw_map(left, panels[0], on_a_line, where, units)
             profile = panels[1]
-        _draw_profile(profile, where["profile"])
+        _draw_profile(profile, where["profile"], time_label(units))
         if shares:
             top, below = right.subplots(2, 1, height_ratios=(0.55, rows * 0.2 + 1))
             _draw_shares(top, shares)
@@ -74,7 +77,9 @@ def where_figure(where: Mapping[str, Any], on_a_line: LawMap | None = None) -> F
     return figure
 
 
-def _draw_map(figure: Any, axes: Axes, law: LawMap, where: Mapping[str, Any]) -> None:
+def _draw_map(
+    figure: Any, axes: Axes, law: LawMap, where: Mapping[str, Any], units: Mapping[str, str]
+) -> None:
     axes.grid(False)
     step = law.x[-1] - law.x[-2]
     image = axes.imshow(
@@ -90,18 +95,18 @@ def _draw_map(figure: Any, axes: Axes, law: LawMap, where: Mapping[str, Any]) ->
     mark_sensors(axes, list(law.sensors.values()))
     label = "law / rms of the simulation's\nown tendency"
     figure.colorbar(image, ax=axes, label=label, pad=0.015, aspect=16)
-    axes.set_ylabel(law.axis)
-    axes.set_title(f"it acts {acting(where)}", fontsize=9)
+    axes.set_ylabel(in_brackets(law.axis, units.get(law.axis)))
+    axes.set_title(f"it acts {acting(where, units)}", fontsize=9)
 
 
-def _draw_profile(axes: Axes, profile: Mapping[str, Sequence[float | None]]) -> None:
+def _draw_profile(axes: Axes, profile: Mapping[str, Sequence[float | None]], clock: str) -> None:
     times = np.asarray(profile["times"], float)
     before, after = (np.array(profile[key], float) for key in ("before", "after"))
     axes.fill_between(times, after, before, color=ORANGE, alpha=0.15, linewidth=0)
     axes.plot(times, before, color=ORANGE, label=WITHOUT)
     axes.plot(times, after, color=GREEN, label=WITH)
     axes.axhline(1, color=GREY, linewidth=0.8, linestyle=(0, (2, 2)))
-    axes.set(xlabel="time", ylabel="misfit / noise σ", xlim=(times[0], times[-1]))
+    axes.set(xlabel=clock, ylabel="misfit / noise σ", xlim=(times[0], times[-1]))
     axes.set_title("misfit of all fit sensors; dashed: noise alone", fontsize=9)
     _scale(axes, np.concatenate([before, after]), along_x=False)
 

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dashred.reporting.style import method_name, new_figure, style
+from dashred.units import NONE, TIME, in_brackets, measured
 
 Field = Float[np.ndarray, "time x y"]
 
@@ -20,12 +21,14 @@ def snapshot_panels(
     coordinates: Mapping[str, Float[np.ndarray, " point"]],
     fields: Mapping[str, Mapping[str, Field]],
     sensors: Mapping[str, Sequence[tuple[float, ...]]],
+    units: Mapping[str, str] = NONE,
 ) -> Figure:
     """Draw each field at three times for each method, a row on one colour scale.
 
     Where a method called `truth` is among them, the others' panels tell their error against it at
     that time, in units of the true field's standard deviation. `coordinates` are those of the two
-    axes, `fields` maps field to method to values, `sensors` gives the places of each field's.
+    axes, `fields` maps field to method to values, `sensors` gives the places of each field's,
+    `units` those of fields, axes and time as `t`.
     """
     shown = [round(share * (len(times) - 1)) for share in SHOWN]
     rows = [(field, index) for field in fields for index in shown]
@@ -36,14 +39,16 @@ def snapshot_panels(
         figure = new_figure(1.3 + 2.05 * len(columns), 0.7 + 2.0 * len(rows))
         grid = figure.subplots(len(rows), len(columns), sharex=True, sharey=True, squeeze=False)
         for line, (field, index) in zip(grid, rows, strict=True):
-            _draw_row(figure, line, fields[field], columns, index, frame, field)
-            line[0].set_ylabel(f"t = {times[index]:.4g}\n{y_name}")
+            label = in_brackets(field, units.get(field))
+            _draw_row(figure, line, fields[field], columns, index, frame, label)
+            moment = measured(f"{times[index]:.4g}", units.get(TIME))
+            line[0].set_ylabel(f"t = {moment}\n{in_brackets(y_name, units.get(y_name))}")
             _mark(line[0], sensors.get(field, ()))
         for axes, method in zip(grid[0], columns, strict=True):
             below = axes.get_title(loc="left")
             axes.set_title("\n".join(filter(None, [method_name(method), below])), fontsize=9)
         for axes in grid[-1]:
-            axes.set_xlabel(x_name)
+            axes.set_xlabel(in_brackets(x_name, units.get(x_name)))
     return figure
 
 

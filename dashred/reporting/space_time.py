@@ -28,12 +28,14 @@ def space_time_panels(
     *,
     meanings: Mapping[str, str] | None = None,
     time_end: float | None = None,
+    clock: str = "time",
 ) -> Figure:
     """Draw each field over time and space for each method, all on one colour scale.
 
     Where a method called `truth` is among them, a second row shows each other method's error
     against it, with its RMSE in units of the true field's standard deviation. `fields` maps field
-    to method to values; `sensors` gives each field's sensor positions, drawn at the left edge.
+    to method to values; `sensors` gives each field's sensor positions, drawn at the left edge;
+    `axis_name` and `clock` are labels of the axes.
     """
     meanings = meanings or {}
     columns = list(dict.fromkeys(method for kinds in fields.values() for method in kinds))
@@ -59,7 +61,7 @@ def space_time_panels(
         if with_error and columns[0] == "truth":
             cell = grid[1, 0]
             cell.text(0.5, 0.5, EXPLAINED, transform=cell.transAxes, ha="center", **NOTE)
-        _label_axes(grid, axis_name)
+        _label_axes(grid, axis_name, clock)
         _add_note(figure, bool(any(sensors.values())), time_end)
     return figure
 
@@ -162,9 +164,9 @@ def _mark_end(axes: Axes, time_end: float | None, colour: str) -> None:
         axes.axvline(time_end, color=colour, linewidth=1.1, linestyle=(0, (3, 2)))
 
 
-def _label_axes(grid: np.ndarray, axis_name: str) -> None:
+def _label_axes(grid: np.ndarray, axis_name: str, clock: str) -> None:
     for axes in grid[-1]:
-        axes.set_xlabel("time")
+        axes.set_xlabel(clock)
     for axes in grid[:, 0]:
         axes.set_ylabel(axis_name)
 

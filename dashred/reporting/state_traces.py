@@ -7,6 +7,7 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from dashred.reporting.style import method_look, method_name, new_figure, style
+from dashred.units import NONE, in_brackets, time_label
 
 # Errors below this share of the truth's std are not told apart.
 SMALLEST = 1e-5
@@ -20,10 +21,12 @@ def state_traces(
     times: Float[np.ndarray, " time"],
     fields: Mapping[str, Mapping[str, Trace]],
     meanings: Mapping[str, str],
+    units: Mapping[str, str] = NONE,
 ) -> Figure:
     """Draw each field against time, one line a method, and below it the errors against `truth`.
 
-    `fields` maps field to method to values, `truth` among them; `meanings` tells what a field is.
+    `fields` maps field to method to values, `truth` among them; `meanings` tells what a field is,
+    `units` in what it is measured, and time as `t`.
     """
     with style():
         figure = new_figure(8.6, 0.6 + 2.6 * len(fields))
@@ -38,10 +41,11 @@ def state_traces(
                 if method != "truth":
                     errors.semilogy(times, np.abs(trace - kinds["truth"]), **look)
             errors.set_ylim(bottom=SMALLEST * (np.std(kinds["truth"]) or 1.0))
-            values.set_ylabel(f"{field}\n{meanings[field]}" if field in meanings else field)
+            named = in_brackets(field, units.get(field))
+            values.set_ylabel(f"{named}\n{meanings[field]}" if field in meanings else named)
             errors.set_ylabel("error")
         handles, labels = grid[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper left", ncols=len(handles))
-        grid[-1].set_xlabel("time")
+        grid[-1].set_xlabel(time_label(units))
         grid[-1].set_xlim(times[0], times[-1])
     return figure

@@ -15,6 +15,7 @@ from dashred.reporting.style import (
     shade_held_out,
     style,
 )
+from dashred.units import NONE, in_brackets
 
 MOST = 6
 DETAILED, DENSE = 2, 1000  # so few sensors with so many samples get a panel of detail each
@@ -35,10 +36,13 @@ def sensor_traces(
     roles: Mapping[str, str],
     estimates: Mapping[str, Traces],
     time_end: float,
+    units: Mapping[str, str] = NONE,
+    clock: str = "time",
 ) -> Figure:
     """Draw at most six sensors, the held-out ones first; recorded values are dots.
 
-    `roles` maps a sensor to `test`, `validate`, `extra` or `input`. Missing values leave gaps.
+    `roles` maps a sensor to `test`, `validate`, `extra` or `input`, and `units` to the unit of its
+    readings; `clock` is the label of the time's axis. Missing values leave gaps.
     """
     shown = _choose(names, roles)
     panels = _panels(shown, times, time_end)
@@ -57,11 +61,11 @@ def sensor_traces(
             axes.set_title(names[sensor], fontsize=9, fontweight="bold")
             note = ROLES.get(role, role) if whole else "the same, in detail"
             axes.set_title(note, fontsize=8, loc="right", color="#4d4d4d")
-            axes.set(ylabel="reading", xlim=window)
+            axes.set(ylabel=in_brackets("reading", units.get(names[sensor])), xlim=window)
         for axes in list(grid.flat)[len(panels) :]:
             axes.set_axis_off()
         for column in grid.T:
-            [axes for axes in column if axes.axison][-1].set_xlabel("time")
+            [axes for axes in column if axes.axison][-1].set_xlabel(clock)
         _add_legend(figure, grid[0, 0], len(shown), len(names), bool(time_end < times[-1]))
     return figure
 

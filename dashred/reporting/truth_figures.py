@@ -16,6 +16,7 @@ from dashred.reporting.figures import (
     space_time_panels,
     state_traces,
 )
+from dashred.units import in_brackets, time_label
 
 # More than these could not be told apart on one page.
 PANELS = ("simulation", "simulation_refit", "shred", "corrected")
@@ -28,6 +29,7 @@ def draw_truth(
     fields: Sequence[str],
     errors: Mapping[str, np.ndarray],
     followed: tuple[str, float] | None,
+    units: Mapping[str, str],
 ) -> None:
     """Draw errors against time, the fields, and the front where one is followed.
 
@@ -38,10 +40,12 @@ def draw_truth(
         fields: their names.
         errors: RMSE at each time by method.
         followed: the field with a front, and the length of the ring that it runs around.
+        units: by name, that of time as `t`.
     """
     times = estimates["time"].values
     label = "field RMSE / standard deviation"
-    figure = rmse_against_time(times, errors, float(times[-1]), label)
+    clock = time_label(units)
+    figure = rmse_against_time(times, errors, float(times[-1]), label, clock)
     save_figure(figure, output / "rmse_against_time.png")
     axes = [str(dim) for dim in estimates[fields[0]].dims if dim not in ("method", "time")]
     panels = {
@@ -53,13 +57,15 @@ def draw_truth(
     }
     places = {name: estimates[name].values for name in axes}
     if not axes:
-        save_figure(state_traces(times, panels, {}), output / "state_truth.png")
+        save_figure(state_traces(times, panels, {}, units), output / "state_truth.png")
     elif len(axes) == 1:
-        figure = space_time_panels(times, axes[0], places[axes[0]], panels, {})
+        name = in_brackets(axes[0], units.get(axes[0]))
+        figure = space_time_panels(times, name, places[axes[0]], panels, {}, clock=clock)
         save_figure(figure, output / "space_time_truth.png")
     else:
-        save_figure(snapshot_panels(times, places, panels, {}), output / "snapshots_truth.png")
+        figure = snapshot_panels(times, places, panels, {}, units)
+        save_figure(figure, output / "snapshots_truth.png")
     if followed is not None:
         field, length = followed
-        figure = front_figure(times, panels[field], axes[0], length)
+        figure = front_figure(times, panels[field], axes[0], length, units)
         save_figure(figure, output / "front_truth.png")

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dashred.typeset import number, percent, pretty, probability, rounded
+from dashred.units import NONE, measured
 
 VERDICTS = {
     "missing-term": "a term is missing from the simulation",
@@ -43,23 +44,28 @@ def verdict_lines(findings: Mapping[str, Any]) -> list[str]:
         return []
     head = f"Verdict: {verdict}: {VERDICTS.get(verdict, 'see findings.json')}."
     body = [
-        *(sentence(cause["says"]) for cause in _told(findings) if "says" in cause),
-        *_law(findings),
-        *_certainty(findings),
-        *_where(findings["where"] if findings["terms"] else None),
+        *causes(findings),
+        *law(findings),
+        *certainty(findings),
+        *places(findings["where"] if findings["terms"] else None, findings.get("units", NONE)),
         *_energy(findings["energy"]),
         *_structure(findings["structure"]),
-        *_worth(findings["fit"]),
+        *worth(findings["fit"]),
     ]
     return [head, *(f"  {line}" for line in body)]
 
 
+def causes(findings: Mapping[str, Any]) -> list[str]:
+    """What the causes worth a sentence say."""
+    return [sentence(cause["says"]) for cause in _told(findings) if "says" in cause]
+
+
 def _told(findings: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """The causes worth a sentence: the leading one, and where it is open, those that may be it."""
-    causes = findings["causes"] or []
+    known = findings["causes"] or []
     if findings["verdict"] != "ambiguous":
-        return causes[:1]
-    return [cause for cause in causes if cause["probability"] >= LIKELY]
+        return list(known[:1])
+    return [cause for cause in known if cause["probability"] >= LIKELY]
 
 
 def alternative_in_words(alternative: Mapping[str, Any]) -> str:
@@ -72,7 +78,8 @@ def sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:].rstrip('.')}."
 
 
-def _law(findings: Mapping[str, Any]) -> list[str]:
+def law(findings: Mapping[str, Any]) -> list[str]:
+    """What is left out and what is mis-stated, with sizes."""
     terms = findings["terms"] or []
     rivals = any(other["rival"] for other in findings["alternatives"] or [])
     undecided = findings["verdict"] == "ambiguous" or rivals
@@ -81,7 +88,9 @@ def _law(findings: Mapping[str, Any]) -> list[str]:
     missing = [term["says"] for term in added]
     if len(added) > FEW:
         # Nobody reads a paragraph of so many.
-        missing = [f"{len(added)} terms: {', '.join(map(_in_symbols, added))}"]
+        units = findings.get("units", NONE)
+        told = ", ".join(_in_symbols(term, units) for term in added)
+        missing = [f"{len(added)} terms: {told}"]
     changed = [term["says"] for term in terms if term["equation"] is None]
     lines = []
     if missing:
@@ -98,14 +107,14 @@ def _gist(findings: Mapping[str, Any]) -> list[str]:
     if len(findings["terms"] or []) <= FEW:
         return []
     nearly = (law for law in findings["smaller"] or [] if law["explained"] >= NEARLY)
-    law = min(nearly, key=lambda law: len(law["terms"]), default=None)
-    if law is None:
+    few = min(nearly, key=lambda law: len(law["terms"]), default=None)
+    if few is None:
         return []
-    left = f"{100 * (1 - law['explained']):.2g} %"
-    return [f"most of it is {alternative_in_words(law)}: alone it explains all but {left} of that"]
+    left = f"{100 * (1 - few['explained']):.2g} %"
+    return [f"most of it is {alternative_in_words(few)}: alone it explains all but {left} of that"]
 
 
-def _certainty(findings: Mapping[str, Any]) -> list[str]:
+def certainty(findings: Mapping[str, Any]) -> list[str]:
     """How sure: the chance that noise alone would do it, and what else fits."""
     lines = []
     p = (findings["where"] or {}).get("significance")
@@ -130,34 +139,37 @@ def _certainty(findings: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def _where(where: Mapping[str, Any] | None) -> list[str]:
+def places(where: Mapping[str, Any] | None, units: Mapping[str, str]) -> list[str]:
+    """In which equations, and where and when, the law acts."""
     if where is None:
         return []
     shares = sorted(where["equation"].items(), key=lambda item: -item[1])
     told = [f"{percent(share)} in the equation of {field}" for field, share in shares if share]
     if len(shares) == 1:
         told = [f"in the equation of {shares[0][0]}"]
-    return [f"It acts {', '.join(told)}; {acting(where)}."]
+    return [f"It acts {', '.join(told)}; {acting(where, units)}."]
 
 
-def acting(where: Mapping[str, Any]) -> str:
+def acting(where: Mapping[str, Any], units: Mapping[str, str] = NONE) -> str:
     """``for 10.1 < x < 16.0 (± 0.1)``, ``where u > 1.76 (…)``, or ``everywhere``."""
     if where["region"]:
         [region] = where["region"]
-        return f"for {_bounds(region)}"
+        return f"for {bounds(region, units)}"
     return f"where {where['regime']}" if where["regime"] else "everywhere"
 
 
-def _bounds(region: Mapping[str, Any]) -> str:
-    of, std = region.get("axis", region.get("field")), region["std"]
+def bounds(region: Mapping[str, Any], units: Mapping[str, str]) -> str:
+    """A region as it is told: ``10.1 < x < 16.0 m (± 0.1)``."""
+    of, std = region.get("axis") or region["field"], region["std"]
+    unit = units.get(of)
     if "to" in region:
         (begin, _), (end, error) = (rounded(region[key], std) for key in ("from", "to"))
-        return f"{begin} < {of} < {end} (± {error})"
+        return f"{begin} < {of} < {measured(end, unit)} (± {error})"
     if "below" in region:
         place, error = rounded(region["below"], std)
-        return f"{of} < {place} (± {error})"
+        return f"{of} < {measured(place, unit)} (± {error})"
     place, error = rounded(region["from"] if "from" in region else region["above"], std)
-    return f"{of} > {place} (± {error})"
+    return f"{of} > {measured(place, unit)} (± {error})"
 
 
 def _energy(energy: Mapping[str, Any] | None) -> list[str]:
@@ -190,7 +202,7 @@ def _share(share: Mapping[str, Any]) -> str:
     return f"{'falls' if share['lost'] >= 0 else 'grows'} by {value} ± {std} %"
 
 
-def _worth(fit: Mapping[str, Any]) -> list[str]:
+def worth(fit: Mapping[str, Any]) -> list[str]:
     """How much the fit improves, against both uncorrected simulations."""
     lines = []
     for key, place in PROOFS.items():
@@ -211,14 +223,14 @@ def _factor(before: float, after: float) -> str:
     ratio = before / after
     if 0.95 < ratio < 1.05:
         return "no difference"
-    size = f"{max(ratio, 1 / ratio):.2g}"
+    size = number(float(f"{max(ratio, 1 / ratio):.2g}"))
     return f"{size} times {'smaller' if ratio > 1 else 'larger'}"
 
 
-def _in_symbols(term: Mapping[str, Any]) -> str:
+def _in_symbols(term: Mapping[str, Any], units: Mapping[str, str]) -> str:
     """A term that was found, as those that were tried are told: ``u: −0.0251·u³ for u > 0.4``."""
     region = term["region"]
-    return _tried({**term, "region": f"for {_bounds(region[0])}" if region else None})
+    return _tried({**term, "region": f"for {bounds(region[0], units)}" if region else None})
 
 
 def _tried(term: Mapping[str, Any]) -> str:

@@ -15,6 +15,7 @@ from dashred.reporting.style import (
     style,
 )
 from dashred.reporting.traces import draw_sensor
+from dashred.units import NONE, in_brackets
 
 MOST = 3
 COMPARED = ("before", "before_refit", "after")
@@ -34,6 +35,8 @@ def verification_figure(
     traces: Mapping[str, Traces],
     time_end: float,
     errors: Mapping[str, Mapping[str, float | None]],
+    units: Mapping[str, str] = NONE,
+    clock: str = "time",
 ) -> Figure:
     """Draw up to three test sensors before and after, and the errors in stds beside them.
 
@@ -44,6 +47,8 @@ def verification_figure(
         traces: what they would read in `before`, `before_refit` and `after`.
         time_end: end of the fitted time.
         errors: `test_sensors`, `heldout_time` and `heldout_restarted` of the findings.
+        units: of the readings, by sensor.
+        clock: label of the time's axis.
     """
     shown = min(len(names), MOST)
     with style():
@@ -59,9 +64,10 @@ def verification_figure(
                 _frame(axes, recorded[:, index])
                 axes.set_title(names[index], fontsize=9, fontweight="bold")
                 shade_held_out(axes, time_end, float(times[-1]), label=index == 0)
-                axes.set(ylabel="reading", xlim=(times[0], times[-1]))
+                label = in_brackets("reading", units.get(names[index]))
+                axes.set(ylabel=label, xlim=(times[0], times[-1]))
             column[0].set_title("test sensors, never looked at before", loc="center", fontsize=9)
-            column[-1].set_xlabel("time")
+            column[-1].set_xlabel(clock)
             handles, labels = column[0].get_legend_handles_labels()
             left.legend(handles, labels, loc="outside upper left", ncols=2)
             _draw_errors(right.subplots(), errors)

@@ -13,12 +13,14 @@ from dashred.discovery.regression import SparseFit
 from dashred.findings import Findings, Where
 from dashred.physics.system import Term
 from dashred.progress import stage
+from dashred.reporting import html
 from dashred.reporting.figures import (
     LawMap,
     accuracy_against_sparsity,
     coefficients_against_epoch,
     evidence_figure,
     forcing_figure,
+    forecast_figure,
     learning_curves,
     save_figure,
     sensor_traces,
@@ -27,13 +29,13 @@ from dashred.reporting.figures import (
     verification_figure,
     where_figure,
 )
-from dashred.reporting.html import write_html
 from dashred.reporting.summary import summary
 from dashred.sensing.recording import Recording
 from dashred.stages.analysis import Analysis
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.problem import Problem
 from dashred.stages.verification import MISFITS
+from dashred.units import in_brackets, time_label
 
 Errors = Mapping[str, float | None]
 Proof = Literal["test_sensors", "heldout_time", "heldout_restarted"]
@@ -41,16 +43,23 @@ HELD_OUT: tuple[Proof, ...] = ("test_sensors", "heldout_time", "heldout_restarte
 PANELS = ("simulation", "dashred", "corrected")
 TITLES = {"alg1": "Algorithm 1", "alg2": "Algorithm 2"}
 FIGURES = {
-    "What was left out, and how sure that is": "evidence.png",
-    "Where the law acts, and at which sensors it shows": "where.png",
-    "What a free forcing would add, where and when": "forcing.png",
-    "What the law is worth on data that no fit has seen": "verification.png",
-    "The reconstructed field": "space_time.png",
-    "The reconstructed field, at three times": "snapshots.png",
-    "All sensors": "sensor_traces.png",
-    "What latent SINDy proposes, by epoch": "coefficients.png",
-    "Accuracy against sparsity: latent SINDy, and the law": "sparsity.png",
-    "Learning": "learning.png",
+    html.WHERE: {
+        "Where the law acts, and at which sensors it shows": "where.png",
+        "What a free forcing would add, where and when": "forcing.png",
+    },
+    html.WHAT: {"What was left out, and how sure that is": "evidence.png"},
+    html.PROOF: {
+        "What the law is worth on data that no fit has seen": "verification.png",
+        "The reconstructed field": "space_time.png",
+        "The reconstructed field, at three times": "snapshots.png",
+        "All sensors": "sensor_traces.png",
+    },
+    html.FORECAST: {"The sensors, foretold with and without the law": "forecast.png"},
+    html.METHOD: {
+        "What latent SINDy proposes, by epoch": "coefficients.png",
+        "Accuracy against sparsity: latent SINDy, and the law": "sparsity.png",
+        "Learning": "learning.png",
+    },
 }
 
 
@@ -68,6 +77,7 @@ def report(
         _sparsity(analysis, output)
         _curves(analysis, output)
         _verification(problem, analysis, findings, output)
+        _forecast(problem, analysis, output)
         if findings["where"] is not None:
             path = [(len(best.candidates), best.score) for best in analysis.discovered.path]
             save_figure(evidence_figure(path, findings["terms"] or []), output / "evidence.png")
@@ -75,9 +85,12 @@ def report(
         if problem.system.axes:
             _fields(problem, analysis, output)
         figures = {
-            caption: output / name for caption, name in FIGURES.items() if (output / name).is_file()
+            part: {
+                title: output / name for title, name in drawn.items() if (output / name).is_file()
+            }
+            for part, drawn in FIGURES.items()
         }
-        write_html(output / "report.html", findings, figures, summary(findings, None, {}))
+        html.write_html(output / "report.html", findings, figures, summary(findings, None, {}))
 
 
 def _verification(problem: Problem, analysis: Analysis, findings: Findings, output: Path) -> None:
@@ -96,8 +109,36 @@ def _verification(problem: Problem, analysis: Analysis, findings: Findings, outp
         traces,
         problem.split.time_end,
         errors,
+        _reading_units(problem, tested),
+        time_label(problem.system.units),
     )
     save_figure(figure, output / "verification.png")
+
+
+def _forecast(problem: Problem, analysis: Analysis, output: Path) -> None:
+    """Draw sensors of the held-out time on beyond the recording."""
+    free, heldout = analysis.free, problem.split.heldout
+    recorded = _recorded(problem, list(heldout.names))
+    operator = problem.operator(heldout)
+    traces = {
+        MISFITS[name]: operator(free.states[name]).numpy()
+        for name in ("simulation_refit", "corrected")
+    }
+    figure = forecast_figure(
+        free.times.numpy(),
+        recorded,
+        list(heldout.names),
+        traces,
+        _reading_units(problem, heldout),
+        time_label(problem.system.units),
+    )
+    save_figure(figure, output / "forecast.png")
+
+
+def _reading_units(problem: Problem, recording: Recording) -> dict[str, str]:
+    """Return the unit of what each sensor reads, where it is stated."""
+    units = problem.system.units
+    return {s.name: units[s.reads] for s in recording.sensors if s.reads in units}
 
 
 def _where(problem: Problem, analysis: Analysis, where: Where, output: Path) -> None:
@@ -116,9 +157,13 @@ def _where(problem: Problem, analysis: Analysis, where: Where, output: Path) -> 
         )
         if where["forcing"] is not None:
             places = list(law_map.sensors.values())
-            figure = forcing_figure(where["forcing"], axis.name, axis.length, places)
+            label, clock = (
+                in_brackets(axis.name, system.units.get(axis.name)),
+                time_label(system.units),
+            )
+            figure = forcing_figure(where["forcing"], label, axis.length, places, clock)
             save_figure(figure, output / "forcing.png")
-    save_figure(where_figure(where, law_map), output / "where.png")
+    save_figure(where_figure(where, law_map, system.units), output / "where.png")
 
 
 def _traces(problem: Problem, analysis: Analysis, output: Path) -> None:
@@ -128,7 +173,8 @@ def _traces(problem: Problem, analysis: Analysis, output: Path) -> None:
     roles = {name: "test" for name in split.test} | {name: "validate" for name in split.validate}
     roles |= {name: "extra" for name in split.extra} | {name: "input" for name in split.inputs}
     recorded = _recorded(problem, list(sensors))
-    operator = problem.operator(Recording(tuple(sensors.values()), problem.times.numpy(), recorded))
+    whole = Recording(tuple(sensors.values()), problem.times.numpy(), recorded)
+    operator = problem.operator(whole)
     total, count = len(problem.times), len(split.fit.times)
     states = analysis.free.states["corrected"][:total]
     traces = {"simulation": operator(analysis.nominal.states).numpy()}
@@ -138,7 +184,14 @@ def _traces(problem: Problem, analysis: Analysis, output: Path) -> None:
         traces[name] = np.full((total, len(sensors)), np.nan)
         traces[name][:count] = known
     figure = sensor_traces(
-        problem.times.numpy(), recorded, list(sensors), roles, traces, split.time_end
+        problem.times.numpy(),
+        recorded,
+        list(sensors),
+        roles,
+        traces,
+        split.time_end,
+        _reading_units(problem, whole),
+        time_label(problem.system.units),
     )
     save_figure(figure, output / "sensor_traces.png")
 
@@ -224,13 +277,19 @@ def _fields(problem: Problem, analysis: Analysis, output: Path) -> None:
         [axis] = system.axes
         figure = space_time_panels(
             times,
-            axis.name,
+            in_brackets(axis.name, system.units.get(axis.name)),
             coordinates[axis.name].numpy(),
             fields,
             {field: [x for (x,) in positions] for field, positions in places.items()},
-            meanings=system.config.fields,
+            meanings={
+                field: in_brackets(meaning, system.units.get(field))
+                for field, meaning in system.config.fields.items()
+            },
+            clock=time_label(system.units),
         )
         save_figure(figure, output / "space_time.png")
     else:
         along = {name: x.numpy() for name, x in coordinates.items()}
-        save_figure(snapshot_panels(times, along, fields, places), output / "snapshots.png")
+        save_figure(
+            snapshot_panels(times, along, fields, places, system.units), output / "snapshots.png"
+        )

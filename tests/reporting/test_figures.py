@@ -7,21 +7,27 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dashred.reporting.coefficients import spread_out
 from dashred.reporting.figures import (
     accuracy_against_sparsity,
     coefficients_against_epoch,
+    forecast_figure,
     learning_curves,
     rmse_against_time,
     save_figure,
     sensor_traces,
     space_time_panels,
+    verification_figure,
 )
 from dashred.typeset import pretty
 
 TIMES = np.linspace(0, 10, 41)
+NO_ERRORS: dict[str, dict[str, float | None]] = {
+    name: {} for name in ("test_sensors", "heldout_time", "heldout_restarted")
+}
 X = np.linspace(0, 6, 24, endpoint=False)
 TRUTH = np.sin(X[None] - TIMES[:, None])
 
@@ -182,3 +188,33 @@ def test_labels_with_room_stay_where_they_are() -> None:
 )
 def test_terms_are_printed_as_in_books(term: str, expected: str) -> None:
     assert pretty(term) == expected
+
+
+def test_axes_carry_the_units_of_what_they_show() -> None:
+    values = np.sin(TIMES)[:, None]
+    figures = [
+        sensor_traces(TIMES, values, ["a"], {}, {}, 8.0, {"a": "rad"}, "time [s]"),
+        verification_figure(
+            TIMES, values, ["a"], {"after": values}, 8.0, NO_ERRORS, {"a": "rad"}, "time [s]"
+        ),
+        forecast_figure(TIMES, values[:20], ["a"], {"after": values}, {"a": "rad"}, "time [s]"),
+    ]
+    for figure in figures:
+        labels = {axes.get_xlabel() for axes in figure.findobj(Axes)}
+        labels |= {axes.get_ylabel() for axes in figure.findobj(Axes)}
+        assert {"reading [rad]", "time [s]"} <= labels
+
+
+def test_a_forecast_shows_the_end_of_the_recording_and_all_beyond_it() -> None:
+    values = np.sin(TIMES)[:, None] * np.ones(5)
+    last = len(TIMES) // 2
+    names = [f"s{i}" for i in range(5)]
+    figure = forecast_figure(TIMES, values[: last + 1], names, {"corrected": values})
+    assert len(figure.axes) == 3
+    seen, line = figure.axes[0].lines[:2]
+    recorded, foretold = np.asarray(seen.get_ydata()), np.asarray(line.get_ydata())
+    begin = len(TIMES) - len(foretold)
+    assert 0 < begin < last
+    np.testing.assert_array_equal(foretold, values[begin:, 0])
+    np.testing.assert_array_equal(recorded[: last + 1 - begin], values[begin : last + 1, 0])
+    assert np.isnan(recorded[last + 1 - begin :]).all()

@@ -8,12 +8,19 @@ from typing import Any
 import pytest
 
 from dashred.findings import Fit, Input, misfit, new_findings
+from dashred.reporting.equation_html import equations_html
+from dashred.reporting.headline import headline
 from dashred.reporting.html import write_html
 from dashred.reporting.summary import summary
 from dashred.reporting.verdict_words import verdict_lines
 
+SYSTEM: dict[str, Any] = {
+    "title": "Front <in> a ring & more",
+    "axes": {"x": {"length": 6.28, "points": 64}},
+    "equations": {"u": "-u*d(u, x) + nu*lap(u)", "lam": "1 - lam"},
+}
 SOURCE = Input(
-    config={"system": {"title": "Front <in> a ring & more"}},
+    config={"system": SYSTEM},
     config_sha256="c0ffee",
     recording_sha256="facade",
     seed=7,
@@ -214,7 +221,8 @@ class Page(HTMLParser):
 def page(tmp_path: Path) -> Page:
     image = tmp_path / "where.png"
     image.write_bytes(b"\x89PNG")
-    write_html(tmp_path / "report.html", found(), {"Where <it> acts": image}, "printed <text>")
+    figures = {"where": {"Where <it> acts": image}}
+    write_html(tmp_path / "report.html", found(), figures, "printed <text>")
     assert sorted(file.name for file in tmp_path.iterdir()) == ["report.html", "where.png"]
     return Page((tmp_path / "report.html").read_text(encoding="utf-8"))
 
@@ -228,8 +236,12 @@ def test_the_page_refers_to_nothing_outside_itself(page: Page, tmp_path: Path) -
 
 def test_the_page_tells_the_law_its_rivals_the_proof_and_where_it_comes_from(page: Page) -> None:
     words = page.words
-    assert "Front <in> a ring & more: what the simulation leaves out" in words
-    assert words.index("A term is missing from the simulation.") < words.index("The law")
+    assert "Front <in> a ring & more: the simulation against the recording" in words
+    first = words.index("Verdict: missing-term: a term is missing from the simulation.")
+    titles = ["Where", "What", "How sure", "Before and after, on data that no fit has seen"]
+    titles += ["What stays unexplained", "How it was done", "Provenance", "The printed summary"]
+    places = [first, *map(words.index, titles)]
+    assert places == sorted(places)
     for told in ("u³", "−0.0251", "−0.0259 … −0.0243", "98 %", "0.035 → 0.0500"):
         assert told in words, told
     for told in (
@@ -245,10 +257,78 @@ def test_the_page_tells_the_law_its_rivals_the_proof_and_where_it_comes_from(pag
     assert "printed <text>" in words and "None" not in " ".join(words)
 
 
+def test_the_equations_show_what_is_put_into_them() -> None:
+    lines = equations_html(found())
+    assert "∂u/∂t = −u·d(u, x) + nu·lap(u) <mark>− 0.0251·u³</mark>" in lines
+    assert "∂lam/∂t = 1 − lam</div>" in lines
+    assert "<mark>nu = 0.0500</mark> instead of 0.035" in lines
+    gate = [{"field": "u", "above": 0.4, "std": 0.01, "ci95": [0.38, 0.42]}]
+    added = TERM | {"term": "u - u**2", "coefficient": 0.2, "region": gate}
+    known = found(terms=[added, CHANGE], units={"u": "J", "nu": "m2 s-1"})
+    assert "<mark>+ 0.2000·(u − u²) for u &gt; 0.400 J (± 0.010)</mark>" in equations_html(known)
+    assert "<mark>nu = 0.0500 m²/s</mark>" in equations_html(known)
+    assert equations_html(found(terms=[])).count("<mark>") == 0
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        (
+            {},
+            "The simulation leaves out cubic damping of internal energy (saturation), and a number "
+            "in it is wrong: nu is 0.0500, not 0.035. With that put in, the error at sensors that "
+            "no fit has seen is 8 times smaller.",
+        ),
+        (
+            {"terms": [TERM | {"says": "u changes by (−0.1 ± 0.2)·exp(u) per unit time"}]},
+            "The simulation leaves out a further change of u. With",
+        ),
+        (
+            {"terms": [TERM | {"says": "transport of u, forward in x, with velocity 0.04 m/s"}]},
+            "The simulation leaves out transport of u, forward in x. With",
+        ),
+        (
+            {"verdict": "parameter", "terms": [CHANGE]},
+            "The simulation has a wrong number in it: nu is 0.0500, not 0.035. With",
+        ),
+        (
+            {"verdict": "ambiguous", "terms": [TERM]},
+            "Several explanations fit this recording about equally well; the best guess is cubic",
+        ),
+        ({"terms": [TERM] * 4}, "The simulation leaves out 4 effects, told below. With"),
+        ({"verdict": "nothing-missing", "terms": []}, "The simulation agrees with the recording"),
+    ],
+)
+def test_the_headline_is_one_plain_sentence(changed: dict[str, Any], told: str) -> None:
+    assert headline(found(**changed)).startswith(told)
+
+
+def test_the_headline_does_not_claim_a_gain_that_there_is_none_of() -> None:
+    worse = found()
+    worse["fit"]["test_sensors"] = misfit(before_refit=0.2, after=0.4)
+    assert "is 2 times larger: beware." in headline(worse)
+    worse["fit"]["test_sensors"] = misfit(before_refit=0.2, after=0.199)
+    assert "is the same as before." in headline(worse)
+    assert "no fit" not in headline(found(verdict="nothing-missing", terms=[]))
+
+
+def test_units_stand_with_the_numbers_of_the_page(tmp_path: Path) -> None:
+    box = [{"axis": "x", "from": 10.1, "to": 16.0, "std": 0.1}]
+    known = found(
+        terms=[TERM | {"unit": "1/(J^2 s)"}],
+        where=WHERE | {"region": box, "regime": None},
+        units={"x": "m", "t": "s"},
+    )
+    write_html(tmp_path / "report.html", known, {}, "")
+    words = Page((tmp_path / "report.html").read_text(encoding="utf-8")).words
+    assert "unit" in words and "1/(J²·s)" in words and "x in m, t in s" in words
+    assert any("for 10.10 < x < 16.00 m (± 0.10)" in line for line in words)
+
+
 def test_a_page_of_findings_that_found_nothing_is_short_but_whole(tmp_path: Path) -> None:
     write_html(tmp_path / "report.html", new_findings(SOURCE), {}, "")
     page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
-    assert not page.open and "The law" not in page.words and "Provenance" in page.words
+    assert not page.open and "What" not in page.words and "Provenance" in page.words
 
 
 def test_the_same_findings_give_the_same_page(tmp_path: Path) -> None:

@@ -1,0 +1,58 @@
+"""What the corrected simulator foretells beyond the recording, and the uncorrected one."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.figure import Figure
+
+from dashred.reporting.style import GREY, new_figure, style
+from dashred.reporting.traces import draw_sensor
+from dashred.units import NONE, in_brackets
+
+MOST = 3
+# Of the recording this much is shown before the forecast begins, as a share of the forecast.
+BEFORE = 0.5
+
+Traces = Float[np.ndarray, "time sensor"]
+
+
+def forecast_figure(
+    times: Float[np.ndarray, " time"],
+    recorded: Traces,
+    names: Sequence[str],
+    traces: Mapping[str, Traces],
+    units: Mapping[str, str] = NONE,
+    clock: str = "time",
+) -> Figure:
+    """Draw up to three sensors over the end of the recording and beyond it.
+
+    Args:
+        times: the recording's clock, and the forecast's after it.
+        recorded: readings, of the recording's samples alone; NaN where missing.
+        names: of the sensors.
+        traces: by method, what they read over all times.
+        units: of the readings, by sensor.
+        clock: label of the time's axis.
+    """
+    last = len(recorded) - 1
+    begin = max(0, last - round(BEFORE * (len(times) - last)))
+    shown = min(len(names), MOST)
+    with style():
+        figure = new_figure(9.6, 0.9 + 1.75 * shown)
+        column = figure.subplots(shown, 1, sharex=True, squeeze=False)[:, 0]
+        for index, axes in enumerate(column):
+            read = np.full(len(times), np.nan)
+            read[: last + 1] = recorded[:, index]
+            cut = {method: trace[begin:, index] for method, trace in traces.items()}
+            draw_sensor(axes, times[begin:], read[begin:], cut)
+            axes.axvspan(times[last], times[-1], color="#f2f2f2", linewidth=0, zorder=0)
+            axes.axvline(times[last], color=GREY, linewidth=0.8, linestyle=(0, (2, 2)), zorder=1)
+            axes.set_title(names[index], fontsize=9, fontweight="bold")
+            label = in_brackets("reading", units.get(names[index]))
+            axes.set(ylabel=label, xlim=(times[begin], times[-1]))
+        column[0].set_title("shaded: beyond the recording", loc="right", fontsize=8)
+        column[-1].set_xlabel(clock)
+        handles, labels = column[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper left", ncols=len(handles))
+    return figure

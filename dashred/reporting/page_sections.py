@@ -1,0 +1,207 @@
+"""The sections of the report, each from the findings alone."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from dashred.reporting.equation_html import equations_html
+from dashred.reporting.page_parts import paragraphs, section, table
+from dashred.reporting.summary import METHODS
+from dashred.reporting.verdict_words import (
+    alternative_in_words,
+    certainty,
+    places,
+    worth,
+)
+from dashred.typeset import number, percent, pretty, rounded
+from dashred.units import NONE, TIME, measured, shown
+
+COMPARED = ("simulation", "before", "before_refit", "shred", "dashred", "after")
+PROOFS = {
+    "test_sensors": "test sensors",
+    "heldout_time": "held-out time",
+    "heldout_restarted": "held-out time, from a state fitted just before it",
+}
+ERRORS = (
+    "RMSE in standard deviations of what each sensor read: 0 is perfect, 1 as bad as its mean. "
+    "Nothing was fitted to any of this."
+)
+NOISY = 1.5
+
+
+def where_it_acts(findings: Mapping[str, Any], figures: str) -> str:
+    """In which equations, in what places, at what times and at which sensors."""
+    told = places(findings["where"], findings.get("units", NONE)) if findings["terms"] else []
+    return section("Where", paragraphs(told), figures)
+
+
+def the_law(findings: Mapping[str, Any], figures: str) -> str:
+    """The equations with what was put in, its size, and how sure it is."""
+    terms = findings["terms"] or []
+    if not terms:
+        return section("Other explanations", _alternatives(findings["alternatives"] or []), figures)
+    return section(
+        "What",
+        paragraphs(["Highlighted: what is put into the simulation's own equations."], "note"),
+        equations_html(findings),
+        _terms(terms),
+        "<h3>How sure</h3>",
+        paragraphs(certainty(findings)),
+        _alternatives(findings["alternatives"] or []),
+        figures,
+    )
+
+
+def proof(findings: Mapping[str, Any], figures: str) -> str:
+    """Errors before and after, where nothing was fitted."""
+    fit = findings["fit"]
+    kinds = {
+        kind: name
+        for kind, name in PROOFS.items()
+        if any(fit[kind].get(method) is not None for method in COMPARED)
+    }
+    known = {method: [fit[kind].get(method) for kind in kinds] for method in COMPARED}
+    rows = [
+        [METHODS[method], *("–" if value is None else f"{value:.3g}" for value in values)]
+        for method, values in known.items()
+        if any(value is not None for value in values)
+    ]
+    heads = ["", *kinds.values()]
+    errors = table(heads, rows, numbers=range(1, len(heads))) if rows else ""
+    note = paragraphs([ERRORS], "note") if rows else ""
+    told = paragraphs(worth(fit)) if rows else ""
+    return section("Before and after, on data that no fit has seen", told, errors, note, figures)
+
+
+def forecast(findings: Mapping[str, Any], figures: str) -> str:
+    """What the corrected simulation foretells, and how far to trust it."""
+    if not figures:
+        return ""
+    errors = findings["fit"]["heldout_time"]
+    before, after = errors.get("before_refit"), errors.get("after")
+    told = ["The corrected simulation runs on freely from where the recording ends."]
+    if before is not None and after is not None:
+        told.append(
+            "How far to trust it, the held-out time tells, which was foretold in the same way: "
+            f"there its error is {after:.3g} of a standard deviation, without the law {before:.3g}."
+        )
+    return section("Forecast, beyond the recording", paragraphs([" ".join(told)]), figures)
+
+
+def unexplained(findings: Mapping[str, Any]) -> str:
+    """What remains of the misfit when the best law is put in."""
+    fit, lines = findings["fit"], []
+    if (share := fit["unexplained"]) is not None:
+        if share >= 0.005:
+            lines.append(f"{percent(share)} of what misfit is left is more than the noise alone.")
+        else:
+            lines.append("No more misfit is left than the noise alone makes.")
+    correlation = fit["noise_correlation"]
+    if correlation is not None and abs(correlation) >= 0.1:
+        lines.append(
+            "What is left is not independent from sample to sample: "
+            f"neighbouring samples correlate by {number(float(f'{correlation:.2g}'))}."
+        )
+    sensors = (findings["where"] or {}).get("sensors") or []
+    worst = [s for s in sensors if s["after"] is not None and s["after"] > NOISY**2]
+    if worst:
+        named = ", ".join(f"{s['name']} ({s['after'] ** 0.5:.2g} σ)" for s in worst)
+        lines.append(f"Sensors that still miss by more than {NOISY:g} σ of the noise: {named}.")
+    elif sensors:
+        lines.append(f"No fit sensor misses by more than {NOISY:g} σ of the noise any longer.")
+    outside = [c for c in findings["causes"] or [] if c["kind"] == "outside-library"]
+    lines += [f"{str(c['says']).capitalize()}." for c in outside if "says" in c]
+    return section("What stays unexplained", paragraphs(lines))
+
+
+def how_it_was_done(findings: Mapping[str, Any], figures: str) -> str:
+    """The data, who was held out, the library, and the method in a few sentences."""
+    source, units = findings["input"], findings.get("units", NONE)
+    lines = []
+    if splits := source["splits"]:
+        until = measured(number(splits["time_end"]), units.get(TIME))
+        lines.append(
+            f"Every law was fitted through the simulator to sensors alone, up to time {until}: the "
+            "start and the law together, every candidate term with every other, and the laws "
+            "compared by what they explain for how many terms (BIC). Other causes were weighed by "
+            "the same measure: a changed parameter, another start, a sensor at fault, a law that "
+            "acts somewhere only, and something that no term of the library expresses."
+        )
+        lines.append("Test sensors and held-out time were read once, when all of that was settled.")
+        if splits["note"]:
+            lines.append(splits["note"])
+    rows = _set_up(findings)
+    return section("How it was done", paragraphs(lines), table([], rows) if rows else "", figures)
+
+
+def provenance(findings: Mapping[str, Any]) -> str:
+    """What determines the findings: the same again gives the same."""
+    source = findings["input"]
+    rows = [
+        ["configuration, sha256", source["config_sha256"]],
+        ["recording, sha256", source["recording_sha256"]],
+        ["seed", str(source["seed"])],
+        ["versions", ", ".join(f"{name} {v}" for name, v in sorted(source["versions"].items()))],
+    ]
+    if findings["corrected"]:
+        rows.append(["corrected simulation", findings["corrected"]])
+    note = "The same configuration, recording, seed and versions give the same findings.json."
+    return section("Provenance", table([], rows), paragraphs([note], "note"))
+
+
+def _set_up(findings: Mapping[str, Any]) -> list[list[str]]:
+    source, fit, rows = findings["input"], findings["fit"], []
+    if splits := source["splits"]:
+        roles = {
+            "inputs": "sensors that feed SHRED",
+            "extra": "further fit sensors",
+            "validate": "validation sensors",
+            "test": "test sensors",
+        }
+        rows += [[role, ", ".join(splits[key])] for key, role in roles.items() if splits[key]]
+    if sizes := source["library_size"]:
+        rows.append(["library", ", ".join(f"{n} terms for {f}" for f, n in sizes.items())])
+    if noise := fit["noise_std"]:
+        rows.append(["noise of the sensors, std", _noise(noise)])
+    if fit["chi2"] is not None:
+        rows.append(["χ² per sample of the fit", number(fit["chi2"])])
+    if units := findings.get("units"):
+        told = ", ".join(f"{name} in {shown(unit)}" for name, unit in units.items())
+        rows.append(["units", told])
+    return rows
+
+
+def _noise(noise: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {number(float(f'{std:.2g}'))}" for name, std in noise.items())
+
+
+def _terms(terms: Sequence[Mapping[str, Any]]) -> str:
+    rows, with_unit = [], any("unit" in term for term in terms)
+    for term in terms:
+        value, std = rounded(term["coefficient"], term["std"])
+        low, high = (rounded(end, term["std"])[0] for end in term["ci95"])
+        where = "parameter" if term["equation"] is None else f"equation of {term['equation']}"
+        if term["equation"] is None:
+            value = f"{number(term['from'])} → {rounded(term['to'], term['std'])[0]}"
+        unit = [shown(term["unit"]) if "unit" in term else "–"] if with_unit else []
+        included = percent(term["inclusion"])
+        cells = [where, pretty(term["term"]), value, std, f"{low} … {high}", *unit, included]
+        rows.append(cells)
+    heads = ["where", "term", "coefficient", "std", "95 % interval"]
+    heads += [*(["unit"] if with_unit else []), "probability"]
+    return table(heads, rows, numbers={2, 3, 4, len(heads) - 1})
+
+
+def _alternatives(alternatives: Sequence[Mapping[str, Any]]) -> str:
+    if not alternatives:
+        return ""
+    rows = [
+        [
+            alternative_in_words(other),
+            number(float(f"{other['delta_bic']:.3g}")),
+            "yes" if other["rival"] else "no",
+            "yes" if other["same_as_best"] else "no",
+        ]
+        for other in alternatives
+    ]
+    heads = ["other explanation", "ΔBIC", "fits about as well", "same at these sensors"]
+    return table(heads, rows, numbers={1})
