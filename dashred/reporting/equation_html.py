@@ -37,8 +37,9 @@ def _equation(
     partial: bool,
 ) -> str:
     d = "∂" if partial else "d"
+    gap = "" if len(field) == 1 else "&thinsp;"
     terms = "".join(f" <mark>{_term(term, units)}</mark>" for term in added)
-    return f"{d}{escape(field)}/{d}t = {escape(_printed(text))}{terms}"
+    return f"{d}{gap}{escape(field)}/{d}t = {escape(_printed(text))}{terms}"
 
 
 def _term(term: Mapping[str, Any], units: Mapping[str, str]) -> str:

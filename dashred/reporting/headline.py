@@ -1,7 +1,7 @@
 """The findings in one sentence, for a reader who knows the system and no statistics."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dashred.reporting.verdict_words import FEW, sentence
@@ -18,9 +18,14 @@ PLACES = {
 SAME = 1.05
 
 
-def headline(findings: Mapping[str, Any]) -> str:
-    """One sentence on what is wrong with the simulation, and one on what mending it is worth."""
-    told = _told(findings)
+def headline(findings: Mapping[str, Any], mostly: Sequence[str] = ()) -> str:
+    """One sentence on what is wrong with the simulation, and one on what mending it is worth.
+
+    Args:
+        findings: of ``findings.json``.
+        mostly: of more terms than a few, the words of the few that explain nearly all.
+    """
+    told = _told(findings, mostly)
     worth = _worth(findings["fit"]) if findings["terms"] else None
     return " ".join(sentence(text) for text in (told, worth) if text)
 
@@ -37,9 +42,10 @@ def gain(fit: Mapping[str, Any]) -> tuple[str, float] | None:
     return None
 
 
-def _told(findings: Mapping[str, Any]) -> str:
+def _told(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
     terms = findings["terms"] or []
-    missing = [_what(term["says"]) for term in terms if term["equation"] is not None]
+    all_missing = [_what(term["says"]) for term in terms if term["equation"] is not None]
+    missing = _listed(all_missing, mostly)
     changed = [_changed(term) for term in terms if term["equation"] is None]
     match findings["verdict"]:
         case "nothing-missing":
@@ -54,16 +60,16 @@ def _told(findings: Mapping[str, Any]) -> str:
         case "not-converged":
             return "no answer: the simulation could not be fitted to the recording, with any law"
         case "outside-library":
-            best = f"; what comes nearest is {_listed(missing)}" if missing else ""
+            best = f"; what comes nearest is {missing}" if missing else ""
             return f"the simulation lacks something that no term of the library expresses{best}"
         case "ambiguous":
-            best = f"; the best guess is {_listed(missing + changed)}" if terms else ""
+            best = f"; the best guess is {_listed(all_missing + changed, mostly)}" if terms else ""
             return f"several explanations fit this recording about equally well{best}"
         case "parameter":
             return f"the simulation has a wrong number in it: {_listed(changed)}"
         case "missing-term":
             also = f", and a number in it is wrong: {_listed(changed)}" if changed else ""
-            return f"the simulation leaves out {_listed(missing)}{also}"
+            return f"the simulation leaves out {missing}{also}"
     return "nothing was looked for"
 
 
@@ -77,10 +83,12 @@ def _changed(term: Mapping[str, Any]) -> str:
     return str(term["says"]).split(" (±")[0]
 
 
-def _listed(parts: list[str]) -> str:
-    if len(parts) > FEW:
-        return f"{len(parts)} effects, told below"
-    return " and ".join(parts)
+def _listed(parts: Sequence[str], mostly: Sequence[str] = ()) -> str:
+    if len(parts) <= FEW:
+        return " and ".join(parts)
+    if not mostly:
+        return f"{len(parts)} effects at once"
+    return f"mostly {' and '.join(map(_what, mostly))} ({len(parts)} terms in all)"
 
 
 def _worth(fit: Mapping[str, Any]) -> str | None:

@@ -1,6 +1,6 @@
 """`report.html`: one page that holds all a reader needs, and refers to nothing outside it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -9,7 +9,7 @@ from dashred.findings import write_text_atomic
 from dashred.reporting import page_sections as sections
 from dashred.reporting.headline import headline
 from dashred.reporting.page_parts import figures as drawn
-from dashred.reporting.page_parts import paragraphs, section
+from dashred.reporting.page_parts import paragraphs
 from dashred.reporting.page_style import PAPER, SCREEN
 from dashred.reporting.verdict_words import VERDICTS, causes, law
 
@@ -22,6 +22,7 @@ def write_html(
     findings: Mapping[str, Any],
     figures: Mapping[str, Mapping[str, Path]],
     summary: str,
+    mostly: Sequence[str] = (),
 ) -> None:
     """Write the report, whole or not at all.
 
@@ -31,6 +32,7 @@ def write_html(
         figures: PNG files by caption, by the section that they belong to: ``where``, ``what``,
             ``proof``, ``forecast`` or ``method``.
         summary: the printed summary, for the end of the page.
+        mostly: of more terms than a few, the words of the few that explain nearly all.
     """
     title = findings["input"]["config"].get("system", {}).get("title", "The system")
 
@@ -40,7 +42,7 @@ def write_html(
     parts = [
         f"<h1>{escape(title)}: the simulation against the recording</h1>",
         '<p class="about">Found by dashred from sensors alone.</p>',
-        _verdict(findings),
+        _verdict(findings, mostly),
         sections.where_it_acts(findings, of(WHERE)),
         sections.the_law(findings, of(WHAT)),
         sections.proof(findings, of(PROOF)),
@@ -48,7 +50,7 @@ def write_html(
         sections.unexplained(findings),
         sections.how_it_was_done(findings, of(METHOD)),
         sections.provenance(findings),
-        section("The printed summary", f"<pre>{escape(summary)}</pre>") if summary else "",
+        f"<details><summary>The printed summary</summary><pre>{escape(summary)}</pre></details>",
     ]
     body = "\n".join(part for part in parts if part)
     write_text_atomic(
@@ -60,10 +62,11 @@ def write_html(
     )
 
 
-def _verdict(findings: Mapping[str, Any]) -> str:
+def _verdict(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
     if findings["verdict"] is None:
         return ""
     told = VERDICTS.get(findings["verdict"], "see findings.json")
-    lines = [f"Verdict: {findings['verdict']}: {told}.", *causes(findings), *law(findings)]
-    first = paragraphs([headline(findings)], "headline")
+    said = [] if findings["verdict"] == "outside-library" else causes(findings)
+    lines = [f"Verdict: {findings['verdict']}: {told}.", *said, *law(findings)]
+    first = paragraphs([headline(findings, mostly)], "headline")
     return f'<div class="verdict">{first}\n{paragraphs(lines)}</div>'

@@ -36,7 +36,8 @@ def table(
 
     head = f"<thead>{row(heads, 'th')}</thead>" if heads else ""
     body = "\n".join(row(cells, "td") for cells in rows)
-    return f'<div class="scroll"><table>{head}<tbody>\n{body}\n</tbody></table></div>'
+    kind = "" if heads else ' class="facts"'
+    return f'<div class="scroll"><table{kind}>{head}<tbody>\n{body}\n</tbody></table></div>'
 
 
 def figures(files: Mapping[str, Path]) -> str:

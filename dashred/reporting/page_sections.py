@@ -1,5 +1,6 @@
 """The sections of the report, each from the findings alone."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -9,7 +10,9 @@ from dashred.reporting.summary import METHODS
 from dashred.reporting.verdict_words import (
     alternative_in_words,
     certainty,
+    consequences,
     places,
+    sentence,
     worth,
 )
 from dashred.typeset import number, percent, pretty, rounded
@@ -25,7 +28,8 @@ ERRORS = (
     "RMSE in standard deviations of what each sensor read: 0 is perfect, 1 as bad as its mean. "
     "Nothing was fitted to any of this."
 )
-NOISY = 1.5
+# What is left that is larger than the noise by less than this factor is noise.
+SAME = 1.02
 
 
 def where_it_acts(findings: Mapping[str, Any], figures: str) -> str:
@@ -43,6 +47,7 @@ def the_law(findings: Mapping[str, Any], figures: str) -> str:
         "What",
         paragraphs(["Highlighted: what is put into the simulation's own equations."], "note"),
         equations_html(findings),
+        paragraphs(consequences(findings)),
         _terms(terms),
         "<h3>How sure</h3>",
         paragraphs(certainty(findings)),
@@ -91,25 +96,22 @@ def unexplained(findings: Mapping[str, Any]) -> str:
     """What remains of the misfit when the best law is put in."""
     fit, lines = findings["fit"], []
     if (share := fit["unexplained"]) is not None:
-        if share >= 0.005:
-            lines.append(f"{percent(share)} of what misfit is left is more than the noise alone.")
-        else:
-            lines.append("No more misfit is left than the noise alone makes.")
+        times = 1 / math.sqrt(max(1 - share, 1e-12))
+        lines.append(
+            "What the corrected simulation misses is no larger than the sensors' own noise."
+            if times < SAME
+            else "What the corrected simulation misses at the sensors is "
+            f"{number(float(f'{times:.2g}'))} times as large as their own noise, as it was stated "
+            "or shows in the traces: either the law is not the whole story, or there is more noise."
+        )
     correlation = fit["noise_correlation"]
     if correlation is not None and abs(correlation) >= 0.1:
         lines.append(
             "What is left is not independent from sample to sample: "
             f"neighbouring samples correlate by {number(float(f'{correlation:.2g}'))}."
         )
-    sensors = (findings["where"] or {}).get("sensors") or []
-    worst = [s for s in sensors if s["after"] is not None and s["after"] > NOISY**2]
-    if worst:
-        named = ", ".join(f"{s['name']} ({s['after'] ** 0.5:.2g} σ)" for s in worst)
-        lines.append(f"Sensors that still miss by more than {NOISY:g} σ of the noise: {named}.")
-    elif sensors:
-        lines.append(f"No fit sensor misses by more than {NOISY:g} σ of the noise any longer.")
     outside = [c for c in findings["causes"] or [] if c["kind"] == "outside-library"]
-    lines += [f"{str(c['says']).capitalize()}." for c in outside if "says" in c]
+    lines += [sentence(c["says"]) for c in outside if "says" in c]
     return section("What stays unexplained", paragraphs(lines))
 
 

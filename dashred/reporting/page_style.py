@@ -20,7 +20,8 @@ p, li { max-width: 47rem; }
       padding-left: 2.2rem; text-indent: -2.2rem; }
 .eq.let { color: var(--soft); font-size: .92rem; }
 mark { background: #ffe3a3; color: inherit; padding: .1rem .3rem; border-radius: 3px;
-       font-weight: 600; }
+       font-weight: 600; display: inline-block; max-width: 100%; text-indent: 0;
+       line-height: 1.45; }
 .scroll { overflow-x: auto; margin: .6rem 0; }
 table { border-collapse: collapse; font-size: .93rem; font-variant-numeric: tabular-nums; }
 th, td { padding: .4rem .9rem .4rem 0; text-align: left; vertical-align: top; }
@@ -28,6 +29,9 @@ th { font-weight: 600; color: var(--soft); border-bottom: 1px solid var(--ink); 
 td { border-bottom: 1px solid var(--line); overflow-wrap: anywhere; }
 td.n, th.n { text-align: right; } td.n { white-space: nowrap; }
 td:first-child { overflow-wrap: normal; }
+.facts td:first-child { white-space: nowrap; padding-right: 1.6rem; }
+h3 { font-size: 1.02rem; margin: 1.6rem 0 .4rem; }
+details { margin-top: 2.4rem; color: var(--soft); }
 figure { margin: 1.5rem 0; } figcaption { margin-bottom: .3rem; }
 img { max-width: 100%; height: auto; display: block; }
 pre { white-space: pre-wrap; overflow-wrap: anywhere; font: .82rem/1.45 ui-monospace, monospace; }
@@ -42,7 +46,7 @@ PAPER = """
   .scroll { overflow: visible; } table { font-size: 9pt; width: 100%; }
   tr, table, figure, .verdict, .equations, .eq { break-inside: avoid; }
   thead { display: table-header-group; }
-  figcaption { break-after: avoid; }
+  h3, figcaption, .note { break-after: avoid; } details { display: none; }
   img { max-height: 210mm; width: auto; max-width: 100%; }
   pre { font-size: 8.5pt; }
 }

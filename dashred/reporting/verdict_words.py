@@ -48,8 +48,7 @@ def verdict_lines(findings: Mapping[str, Any]) -> list[str]:
         *law(findings),
         *certainty(findings),
         *places(findings["where"] if findings["terms"] else None, findings.get("units", NONE)),
-        *_energy(findings["energy"]),
-        *_structure(findings["structure"]),
+        *consequences(findings),
         *worth(findings["fit"]),
     ]
     return [head, *(f"  {line}" for line in body)]
@@ -102,12 +101,17 @@ def law(findings: Mapping[str, Any]) -> list[str]:
     return [sentence(line) for line in [*lines, *_gist(findings)]]
 
 
+def nearly_all(findings: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """Of more terms than a few, the smallest law that explains nearly all that they do."""
+    if len(findings["terms"] or []) <= FEW:
+        return None
+    nearly = (law for law in findings["smaller"] or [] if law["explained"] >= NEARLY)
+    return min(nearly, key=lambda law: len(law["terms"]), default=None)
+
+
 def _gist(findings: Mapping[str, Any]) -> list[str]:
     """What the first few of many terms explain: the smallest law that says nearly all."""
-    if len(findings["terms"] or []) <= FEW:
-        return []
-    nearly = (law for law in findings["smaller"] or [] if law["explained"] >= NEARLY)
-    few = min(nearly, key=lambda law: len(law["terms"]), default=None)
+    few = nearly_all(findings)
     if few is None:
         return []
     left = f"{100 * (1 - few['explained']):.2g} %"
@@ -170,6 +174,11 @@ def bounds(region: Mapping[str, Any], units: Mapping[str, str]) -> str:
         return f"{of} < {measured(place, unit)} (± {error})"
     place, error = rounded(region["from"] if "from" in region else region["above"], std)
     return f"{of} > {measured(place, unit)} (± {error})"
+
+
+def consequences(findings: Mapping[str, Any]) -> list[str]:
+    """What the law does to the system's energy, and to its structure."""
+    return [*_energy(findings["energy"]), *_structure(findings["structure"])]
 
 
 def _energy(energy: Mapping[str, Any] | None) -> list[str]:

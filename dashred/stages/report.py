@@ -10,6 +10,7 @@ import numpy as np
 
 from dashred.discovery.location import law_tendency
 from dashred.discovery.regression import SparseFit
+from dashred.discovery.wording import words
 from dashred.findings import Findings, Where
 from dashred.physics.system import Term
 from dashred.progress import stage
@@ -30,6 +31,7 @@ from dashred.reporting.figures import (
     where_figure,
 )
 from dashred.reporting.summary import summary
+from dashred.reporting.verdict_words import nearly_all
 from dashred.sensing.recording import Recording
 from dashred.stages.analysis import Analysis
 from dashred.stages.assimilation import Assimilated
@@ -90,7 +92,20 @@ def report(
             }
             for part, drawn in FIGURES.items()
         }
-        html.write_html(output / "report.html", findings, figures, summary(findings, None, {}))
+        text, mostly = summary(findings, None, {}), _mostly(problem, findings)
+        html.write_html(output / "report.html", findings, figures, text, mostly)
+
+
+def _mostly(problem: Problem, findings: Findings) -> list[str]:
+    """Return the words of the few terms that explain nearly all of what many do."""
+    few, system = nearly_all(findings), problem.system
+    found = []
+    for term in few["terms"] if few else []:
+        if (equation := term["equation"]) is None:
+            return []
+        expr = system.parse(term["term"], f"library.{equation}", equation=equation)
+        found.append(words(system, equation, expr, term["coefficient"], 0.0))
+    return found
 
 
 def _verification(problem: Problem, analysis: Analysis, findings: Findings, output: Path) -> None:

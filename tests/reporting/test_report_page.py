@@ -11,6 +11,7 @@ from dashred.findings import Fit, Input, misfit, new_findings
 from dashred.reporting.equation_html import equations_html
 from dashred.reporting.headline import headline
 from dashred.reporting.html import write_html
+from dashred.reporting.page_sections import unexplained
 from dashred.reporting.summary import summary
 from dashred.reporting.verdict_words import verdict_lines
 
@@ -260,7 +261,7 @@ def test_the_page_tells_the_law_its_rivals_the_proof_and_where_it_comes_from(pag
 def test_the_equations_show_what_is_put_into_them() -> None:
     lines = equations_html(found())
     assert "∂u/∂t = −u·d(u, x) + nu·lap(u) <mark>− 0.0251·u³</mark>" in lines
-    assert "∂lam/∂t = 1 − lam</div>" in lines
+    assert "∂&thinsp;lam/∂t = 1 − lam</div>" in lines
     assert "<mark>nu = 0.0500</mark> instead of 0.035" in lines
     gate = [{"field": "u", "above": 0.4, "std": 0.01, "ci95": [0.38, 0.42]}]
     added = TERM | {"term": "u - u**2", "coefficient": 0.2, "region": gate}
@@ -295,12 +296,28 @@ def test_the_equations_show_what_is_put_into_them() -> None:
             {"verdict": "ambiguous", "terms": [TERM]},
             "Several explanations fit this recording about equally well; the best guess is cubic",
         ),
-        ({"terms": [TERM] * 4}, "The simulation leaves out 4 effects, told below. With"),
+        ({"terms": [TERM] * 4}, "The simulation leaves out 4 effects at once. With"),
         ({"verdict": "nothing-missing", "terms": []}, "The simulation agrees with the recording"),
     ],
 )
 def test_the_headline_is_one_plain_sentence(changed: dict[str, Any], told: str) -> None:
     assert headline(found(**changed)).startswith(told)
+
+
+def test_of_many_terms_the_headline_names_the_few_that_say_nearly_all() -> None:
+    many = found(verdict="outside-library", terms=[TERM] * 5)
+    told = headline(many, ["viscous damping of angular velocity, −0.0533 per s"])
+    assert "nearest is mostly viscous damping of angular velocity (5 terms in all)." in told
+
+
+@pytest.mark.parametrize(
+    ("share", "told"),
+    [(0.01, "misses is no larger than"), (0.75, "is 2 times as large")],
+)
+def test_what_stays_unexplained_is_held_against_the_noise(share: float, told: str) -> None:
+    left = found()
+    left["fit"]["unexplained"] = share
+    assert told in unexplained(left)
 
 
 def test_the_headline_does_not_claim_a_gain_that_there_is_none_of() -> None:
