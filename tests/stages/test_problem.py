@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -9,21 +10,26 @@ import pytest
 from numpy.typing import NDArray
 
 from dashred.config import load_config
+from dashred.discovery.law import SensorFault
+from dashred.errors import InputError
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import Sensor
 from dashred.sensing.write_netcdf import write_netcdf
 from dashred.stages.problem import Problem, pose
+from dashred.units import NONE
 
 
 @pytest.fixture
 def posed(quick, tmp_path):
     """``posed(values)``: the problem of six sensors of u with these values, of unknown noise."""
 
-    def build(values: NDArray[np.float64], *words: str) -> Problem:
+    def build(values: NDArray[np.float64], *words: str, units: Mapping[str, str] = NONE) -> Problem:
         path: Path = tmp_path / "recording.nc"
         sensors = tuple(Sensor(f"s{i}", "u", (0.3 + i,), None) for i in range(6))
         write_netcdf(
-            Recording(sensors, np.linspace(0, 0.1 * (len(values) - 1), len(values)), values),
+            Recording(
+                sensors, np.linspace(0, 0.1 * (len(values) - 1), len(values)), values, units=units
+            ),
             path,
             ["x"],
         )
@@ -65,3 +71,18 @@ def test_no_stage_can_shift_anothers_draws(posed) -> None:
     assert draws["ensemble"] != draws["b"]
     other = posed(traces(), "seed=5")
     assert other.rng("ensemble").standard_normal(3).tolist() != draws["ensemble"]
+
+
+def test_units_of_either_side_hold_and_are_told(posed) -> None:
+    problem = posed(traces(), "system.units.x=m", units={"t": "s", "u": "K"})
+    assert problem.system.units == {"t": "s", "u": "K", "x": "m"}
+    told = {
+        "bias": "sensor s1 reads 1.50 ± 0.10 K too much",
+        "drift": "sensor s1 drifts by 1.50 ± 0.10 K per s",
+        "stuck": "sensor s1 is stuck at 1.50 ± 0.10 K from t = 3 s on",
+        "misplaced": "sensor s1 stands 1.50 ± 0.10 m from where it is said to",
+    }
+    for kind, words in told.items():
+        assert problem.fault_in_words(SensorFault(kind, "s1", 1.5, 0.1, 3.0)) == words
+    with pytest.raises(InputError, match="x is in cm here, but in m in command line"):
+        posed(traces(), "system.units.x=m", units={"x": "cm"})
