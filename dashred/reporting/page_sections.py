@@ -28,8 +28,18 @@ ERRORS = (
     "RMSE in standard deviations of what each sensor read: 0 is perfect, 1 as bad as its mean. "
     "Nothing was fitted to any of this."
 )
+CAUSES = {
+    "missing-term": "a missing term",
+    "nothing-missing": "nothing missing",
+    "parameter": "a changed parameter",
+    "initial-condition": "a start outside of its prior",
+    "sensor-fault": "a sensor at fault",
+    "outside-library": "something outside the library",
+}
 # What is left that is larger than the noise by less than this factor is noise.
 SAME = 1.02
+# A cause less probable than this is one of the others.
+RARE = 0.005
 
 
 def where_it_acts(findings: Mapping[str, Any], figures: str) -> str:
@@ -42,7 +52,8 @@ def the_law(findings: Mapping[str, Any], figures: str) -> str:
     """The equations with what was put in, its size, and how sure it is."""
     terms = findings["terms"] or []
     if not terms:
-        return section("Other explanations", _alternatives(findings["alternatives"] or []), figures)
+        others = _alternatives(findings["alternatives"] or [])
+        return section("How sure", paragraphs(_weighed(findings)), others, figures)
     return section(
         "What",
         paragraphs(["Highlighted: what is put into the simulation's own equations."], "note"),
@@ -50,7 +61,7 @@ def the_law(findings: Mapping[str, Any], figures: str) -> str:
         paragraphs(consequences(findings)),
         _terms(terms),
         "<h3>How sure</h3>",
-        paragraphs(certainty(findings)),
+        paragraphs([*_weighed(findings), *certainty(findings)]),
         _alternatives(findings["alternatives"] or []),
         figures,
     )
@@ -148,6 +159,19 @@ def provenance(findings: Mapping[str, Any]) -> str:
         rows.append(["corrected simulation", findings["corrected"]])
     note = "The same configuration, recording, seed and versions give the same findings.json."
     return section("Provenance", table([], rows), paragraphs([note], "note"))
+
+
+def _weighed(findings: Mapping[str, Any]) -> list[str]:
+    """The kinds of causes with their probabilities, where more than one was weighed."""
+    known: dict[str, float] = {}
+    for cause in findings["causes"] or []:
+        if cause["kind"] in CAUSES and cause["probability"] is not None:
+            known.setdefault(cause["kind"], cause["probability"])
+    told = [f"{CAUSES[kind]} {percent(p)}" for kind, p in known.items() if p >= RARE]
+    if len(told) < len(known):
+        told.append("others less than 1 %")
+    several = "; more than one may be true" if sum(known.values()) > 1 + RARE else ""
+    return [f"Of the causes that were weighed: {', '.join(told)}{several}."] if told else []
 
 
 def _set_up(findings: Mapping[str, Any]) -> list[list[str]]:

@@ -26,9 +26,9 @@ mark { background: #ffe3a3; color: inherit; padding: .1rem .3rem; border-radius:
 table { border-collapse: collapse; font-size: .93rem; font-variant-numeric: tabular-nums; }
 th, td { padding: .4rem .9rem .4rem 0; text-align: left; vertical-align: top; }
 th { font-weight: 600; color: var(--soft); border-bottom: 1px solid var(--ink); }
-td { border-bottom: 1px solid var(--line); overflow-wrap: anywhere; }
+td { border-bottom: 1px solid var(--line); overflow-wrap: break-word; }
 td.n, th.n { text-align: right; } td.n { white-space: nowrap; }
-td:first-child { overflow-wrap: normal; }
+.facts td { overflow-wrap: anywhere; }
 .facts td:first-child { white-space: nowrap; padding-right: 1.6rem; }
 h3 { font-size: 1.02rem; margin: 1.6rem 0 .4rem; }
 details { margin-top: 2.4rem; color: var(--soft); }

@@ -253,6 +253,7 @@ def test_the_page_tells_the_law_its_rivals_the_proof_and_where_it_comes_from(pag
         "c0ffee",
         "facade",
         "29 terms for u",
+        "Of the causes that were weighed: a missing term 98 %.",
     ):
         assert told in words, told
     assert "printed <text>" in words and "None" not in " ".join(words)
@@ -308,6 +309,15 @@ def test_of_many_terms_the_headline_names_the_few_that_say_nearly_all() -> None:
     many = found(verdict="outside-library", terms=[TERM] * 5)
     told = headline(many, ["viscous damping of angular velocity, −0.0533 per s"])
     assert "nearest is mostly viscous damping of angular velocity (5 terms in all)." in told
+
+
+def test_causes_are_told_with_their_probabilities(tmp_path: Path) -> None:
+    weighed = [("outside-library", 0.999), ("missing-term", 0.97), ("parameter", 1e-5)]
+    causes = [{"kind": kind, "probability": p} for kind, p in weighed]
+    write_html(tmp_path / "report.html", found(causes=causes), {}, "")
+    page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
+    told = "something outside the library 100 %, a missing term 97 %, others less than 1 %; more "
+    assert any(told in line for line in page.words)
 
 
 @pytest.mark.parametrize(
