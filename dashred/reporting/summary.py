@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from dashred.reporting.verdict_words import sentence, verdict_lines
+from dashred.units import NONE, TIME, measured
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -35,7 +36,7 @@ def summary(
     fit = findings["fit"]
     blocks = [
         verdict_lines(findings),
-        _compared(findings["input"]),
+        _compared(findings["input"], findings.get("units", NONE)),
         _errors("Test sensors, which nothing looked at before", fit["test_sensors"]),
         _errors("Held-out time, the end of the recording", fit["heldout_time"]),
         _errors("Held-out time, from a state fitted just before it", fit["heldout_restarted"]),
@@ -56,7 +57,7 @@ def print_summary(text: str, console: "Console | None" = None) -> None:
     console.print(Text(text.rstrip()), soft_wrap=True)
 
 
-def _compared(source: Mapping[str, Any]) -> list[str]:
+def _compared(source: Mapping[str, Any], units: Mapping[str, str]) -> list[str]:
     title = source["config"].get("system", {}).get("title", "The system")
     lines = [f"{title}: the simulation against recorded sensors (seed {source['seed']})."]
     splits = source.get("splits")
@@ -67,7 +68,8 @@ def _compared(source: Mapping[str, Any]) -> list[str]:
     for role, purpose in (("validate", "to say when to stop"), ("test", "kept for the test")):
         if splits[role]:
             counts.append(f"{len(splits[role])} {purpose}")
-    lines.append(f"{', '.join(counts)}; fitted up to time {splits['time_end']:.6g}.")
+    until = measured(f"{splits['time_end']:.6g}", units.get(TIME))
+    lines.append(f"{', '.join(counts)}; fitted up to time {until}.")
     return lines + ([sentence(splits["note"])] if splits.get("note") else [])
 
 
