@@ -61,7 +61,7 @@ def verification_figure(
             for index, axes in enumerate(column):
                 cut = {method: trace[:, index] for method, trace in traces.items()}
                 draw_sensor(axes, times, recorded[:, index], cut)
-                _frame(axes, recorded[:, index])
+                frame_recorded(axes, recorded[:, index])
                 axes.set_title(names[index], fontsize=9, fontweight="bold")
                 shade_held_out(axes, time_end, float(times[-1]), label=index == 0)
                 label = in_brackets("reading", units.get(names[index]))
@@ -79,7 +79,7 @@ def verification_figure(
     return figure
 
 
-def _frame(axes: Axes, values: Float[np.ndarray, " time"]) -> None:
+def frame_recorded(axes: Axes, values: Float[np.ndarray, " time"]) -> None:
     """Keep what was recorded in view: a simulation that runs away must not flatten the others."""
     seen = values[np.isfinite(values)]
     if seen.size:

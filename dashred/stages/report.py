@@ -79,8 +79,8 @@ def report(
         _sparsity(analysis, output)
         _curves(analysis, output)
         _verification(problem, analysis, findings, output)
-        _forecast(problem, analysis, output)
         if findings["where"] is not None:
+            _forecast(problem, analysis, output)
             path = [(len(best.candidates), best.score) for best in analysis.discovered.path]
             save_figure(evidence_figure(path, findings["terms"] or []), output / "evidence.png")
             _where(problem, analysis, findings["where"], output)
