@@ -28,6 +28,7 @@ def conclude(request: Request, kept: Sequence[Kept]) -> None:
         nulls=request.nulls,
         hours=sum(one.wall for one in kept) / 3600 / request.jobs,
         processes=request.jobs,
+        drawn_again=sum(one.draws - 1 for one in kept),
     )
     write_json_atomic(request.output / "records.json", {"records": records})
     make_output(str(request.document.parent))

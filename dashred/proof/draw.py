@@ -114,6 +114,17 @@ def draw_cases(seed: int, cases: int, nulls: int) -> list[Case]:
     return found
 
 
+def draw_again(case: Case, times: int) -> Case:
+    """Return another case in the place of one, of the same kind, when it was drawn so many times.
+
+    Args:
+        case: as it was drawn first, or later.
+        times: how often already: every time has streams of its own.
+    """
+    key = (*case.key[:3], times)
+    return _draw(SYSTEMS[case.system], case.group, case.number, case.kind, key)
+
+
 def _dealt(seed: int, system: str, turn: int) -> Kind:
     """Return the kind of a system's next case: no order tells it beforehand."""
     deck = DECKS[system]

@@ -66,7 +66,7 @@ def consult(case: Case, concealed: Concealed, folder: Path, exact: bool | None) 
     findings = json.loads((folder / "findings.json").read_text(encoding="utf-8"))
     words = (*case.analysis_words, f"recording.path={folder / 'recording.nc'}")
     simulator = pose(load_config([f"conf={case.system}", *words], entry="train"))
-    start, library = _known(case.system, simulator)
+    start, library = known(case.system, simulator)
     z, p = nearest(start, truth.states[0]), len(library)
 
     candidates = _true_candidates(simulator, library, concealed)
@@ -197,7 +197,7 @@ def _nearest_of_library(problem: Problem, findings: Mapping[str, Any]) -> float 
     return min(others, default=None)
 
 
-def _known(name: str, problem: Problem) -> tuple[StartModel, list[Candidate]]:
+def known(name: str, problem: Problem) -> tuple[StartModel, list[Candidate]]:
     """Return a system's start prior and its candidates: the same for all of its cases."""
     if name not in KEPT:
         nominal = simulate_nominal(problem, {})

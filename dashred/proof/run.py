@@ -24,25 +24,25 @@ from dashred.long_run import alone_in, last_line, signals_as_interrupt
 from dashred.output import make_output
 from dashred.progress import CONSOLE
 from dashred.proof.case_record import CaseRecord
-from dashred.proof.conceal import Concealed, conceal
 from dashred.proof.draw import Case, draw_cases, seed_of
 from dashred.proof.isolation import LIMIT, Analyst, AnalystLostError, analyst, bare_copy
 from dashred.proof.judge import judge, unjudged
 from dashred.proof.oracle import consult
+from dashred.proof.record_case import RecordedCase, record_case
 from dashred.proof.words import Request
 from dashred.score import score_findings
 from dashred.sealing import seal
-from dashred.sensing.write_netcdf import write_netcdf
 
-DOCUMENT, LOG = "case.json", "log.txt"
+DOCUMENT, LOG, RECORDING = "case.json", "log.txt", "recording.nc"
 
 
 @dataclass(frozen=True)
 class Kept:
-    """What a finished case leaves: its record, and the seconds by the clock."""
+    """What a finished case leaves: its record, seconds by the clock, how often it was drawn."""
 
     record: CaseRecord
     wall: float
+    draws: int
 
 
 def run_proof(request: Request) -> list[Kept]:
@@ -106,35 +106,32 @@ class _Desk:
     def _finish(self, case: Case, mine: Analyst) -> None:
         """See one case through, and keep its record: whatever goes wrong is part of it."""
         began = time.perf_counter()
-        concealed, problem, record = None, "", None
+        recorded, problem, record = None, "", None
         with tempfile.TemporaryDirectory(prefix="dashred-recording-") as name:
             desk = Path(name)
             try:
-                concealed = self._recorded(case, desk)
-                code, seconds = mine.analyse(self._words(case, desk), desk / LOG, LIMIT)
+                with self.keeper:
+                    recorded = record_case(case, desk / RECORDING)
+                words = self._words(recorded.case, desk)
+                code, seconds = mine.analyse(words, desk / LOG, LIMIT)
                 if code == DONE:
-                    record = self._judged(case, concealed, desk, seconds)
+                    record = self._judged(recorded, desk, seconds)
                 else:
                     problem = last_line(desk / LOG) or f"exit code {code}"
             except AnalystLostError as lost:
                 if not self.stopped.is_set():
-                    record = unjudged(case, concealed, f"the analyst died: {lost}")
-                    self._keep(case, record, desk, began)
+                    record = _unjudged(case, recorded, f"the analyst died: {lost}")
+                    self._keep(case, recorded, record, desk, began)
                 raise
             except Exception as error:  # The other cases have a right to their turn.
                 (desk / "problem.txt").write_text(traceback.format_exc(), encoding="utf-8")
                 problem = f"{type(error).__name__}: {error}"
-            self._keep(case, record or unjudged(case, concealed, problem), desk, began)
+            record = record or _unjudged(case, recorded, problem)
+            self._keep(case, recorded, record, desk, began)
 
-    def _recorded(self, case: Case, desk: Path) -> Concealed:
-        with self.keeper:
-            concealed = conceal(case)
-            axes = [axis.name for axis in concealed.system.axes]
-            write_netcdf(concealed.recording, desk / "recording.nc", axes)
-        return concealed
-
-    def _judged(self, case: Case, concealed: Concealed, desk: Path, seconds: float) -> CaseRecord:
+    def _judged(self, recorded: RecordedCase, desk: Path, seconds: float) -> CaseRecord:
         """Open the seal of a case whose findings are frozen, and judge them."""
+        case, concealed = recorded.case, recorded.concealed
         with self.keeper:
             check_freeze(desk)
             seal(desk / "sealed.nc", concealed.truth, concealed.system)
@@ -148,21 +145,34 @@ class _Desk:
         return [
             f"conf={case.system}",
             *case.analysis_words,
-            f"recording.path={desk / 'recording.nc'}",
+            f"recording.path={desk / RECORDING}",
             f"output={desk}",
             f"tracking.root={self.copy / 'mlruns'}",
             "tracking.experiment=analysis",
         ]
 
-    def _keep(self, case: Case, record: CaseRecord, desk: Path, began: float) -> None:
+    def _keep(
+        self,
+        case: Case,
+        recorded: RecordedCase | None,
+        record: CaseRecord,
+        desk: Path,
+        began: float,
+    ) -> None:
         """Move what a case left out of the analysts' sight, its record last."""
         wall = time.perf_counter() - began
         folder = self.request.output / str(case).replace(" ", "-")
         shutil.rmtree(folder, ignore_errors=True)
         shutil.copytree(desk, folder)
-        kept = {"case_sha256": _hash_of(case), "record": record, "wall_seconds": wall}
+        draws = 1 if recorded is None else recorded.draws
+        kept = {
+            "case_sha256": _hash_of(case),
+            "draws": draws,
+            "record": record,
+            "wall_seconds": wall,
+        }
         write_json_atomic(folder / DOCUMENT, kept)
-        self.kept[str(case)] = Kept(record, wall)
+        self.kept[str(case)] = Kept(record, wall, draws)
         how = "right" if record["right"] else "listed" if record["listed"] else "NOT RIGHT"
         told = record["problem"] or record["told"]
         _say(
@@ -178,9 +188,16 @@ def _read_done(case: Case, output: Path) -> Kept | None:
         kept: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
         record: CaseRecord = kept["record"]
         same = kept["case_sha256"] == _hash_of(case) and record["problem"] is None
-        return Kept(record, float(kept["wall_seconds"])) if same else None
+        done = Kept(record, float(kept["wall_seconds"]), int(kept["draws"]))
+        return done if same else None
     except (OSError, ValueError, TypeError, KeyError):
         return None
+
+
+def _unjudged(case: Case, recorded: RecordedCase | None, problem: str) -> CaseRecord:
+    if recorded is None:
+        return unjudged(case, None, problem)
+    return unjudged(recorded.case, recorded.concealed, problem)
 
 
 def _hash_of(case: Case) -> str:

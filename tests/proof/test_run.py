@@ -32,7 +32,12 @@ def keep(folder: Path, seed: str, cases: int) -> None:
         place = folder / str(case).replace(" ", "-")
         place.mkdir(parents=True)
         sha = proof._hash_of(case)
-        kept = {"case_sha256": sha, "record": record_of(case.number), "wall_seconds": 10.0}
+        kept = {
+            "case_sha256": sha,
+            "record": record_of(case.number),
+            "draws": 1,
+            "wall_seconds": 10.0,
+        }
         write_json_atomic(place / "case.json", kept)
 
 
@@ -117,7 +122,7 @@ def test_a_case_that_cannot_be_recorded_or_judged_is_a_record(tmp_path, monkeypa
     assert kept.record["problem"] == "ValueError: out of reach"
     assert kept.record["hidden"] != "unknown"
     assert "out of reach" in (tmp_path / "case-0" / "problem.txt").read_text()
-    monkeypatch.setattr(proof, "conceal", fail)
+    monkeypatch.setattr(proof, "record_case", fail)
     [kept] = proof.run_proof(request(tmp_path, 1))
     assert kept.record["hidden"] == "unknown"
 

@@ -1,0 +1,78 @@
+"""What a recording cannot tell from others is foreseen, and most of it is drawn again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import xarray as xr
+
+from dashred.proof import record_case as recording
+from dashred.proof.conceal import conceal
+from dashred.proof.draw import Case, draw_again, draw_cases, seed_of
+from dashred.proof.foreseen import lead
+from dashred.proof.record_case import MOST_DRAWS, record_case
+from dashred.sensing.write_netcdf import write_netcdf
+
+
+def case_of(effect: float, *terms: tuple[str, str, float]) -> Case:
+    """Return a case of the proof's smallest system, its terms in shares of a tendency."""
+    law = [{"equation": e, "term": term, "coefficient": share} for e, term, share in terms]
+    return Case(3, "cases", "fhn", "terms", (7, 0, 3), 0.03, 12, {"terms": law}, effect)
+
+
+def lead_of(case: Case, folder: Path) -> float:
+    concealed = conceal(case)
+    write_netcdf(concealed.recording, folder / "recording.nc", ["x"])
+    return lead(case, concealed, folder / "recording.nc")
+
+
+def test_a_law_is_the_clearer_the_more_it_does(tmp_path) -> None:
+    faint, weak, strong = (
+        lead_of(case_of(effect, ("v", "v**2", 1.0)), tmp_path) for effect in (0.05, 2.0, 20.0)
+    )
+    # What does next to nothing is worse than no law, by what its freedom costs.
+    assert -20 < faint < -10
+    assert faint < weak < strong and strong > 12
+
+
+def test_a_faint_term_beside_a_strong_one_is_not_told_from_its_absence(tmp_path) -> None:
+    alone = lead_of(case_of(20.0, ("v", "v**2", 1.0)), tmp_path)
+    both = lead_of(case_of(20.0, ("v", "v**2", 1.0), ("u", "v**3", 1e-4)), tmp_path)
+    assert both < 0 < alone
+
+
+def test_a_case_drawn_again_is_another_of_its_kind() -> None:
+    case = next(c for c in draw_cases(seed_of("a"), 20, 0) if c.kind == "terms")
+    again, later = draw_again(case, 1), draw_again(draw_again(case, 1), 2)
+    assert (again.kind, again.system, str(again)) == (case.kind, case.system, str(case))
+    assert case.hidden != again.hidden != later.hidden != case.hidden
+    assert case.analysis_seed != again.analysis_seed
+    assert draw_again(case, 2) == later
+
+
+@pytest.mark.parametrize(("leads", "draws"), [([20.0], 1), ([3.0, -8.0, 13.0], 3)])
+def test_unclear_cases_give_way_to_others(leads, draws, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(recording, "STAYING", 0.0)
+    told = iter(leads)
+    monkeypatch.setattr(recording, "lead", lambda *_: next(told))
+    path = tmp_path / "recording.nc"
+    found = record_case(case_of(8.0, ("v", "v**2", 1.0)), path)
+    assert found.draws == draws and next(told, None) is None
+    with xr.open_dataset(path, engine="h5netcdf") as recorded:
+        assert recorded.sizes["time"] == len(found.concealed.recording.times)
+        assert recorded.sizes["sensor"] == len(found.concealed.recording.sensors)
+    again = conceal(found.case)
+    assert (again.recording.values == found.concealed.recording.values).all()
+
+
+def test_nobody_draws_for_ever_and_other_kinds_are_drawn_once(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(recording, "STAYING", 0.0)
+    monkeypatch.setattr(recording, "lead", lambda *_: 0.0)
+    monkeypatch.setattr(recording, "MOST_DRAWS", 2)
+    assert MOST_DRAWS > 2
+    assert record_case(case_of(8.0, ("v", "v**2", 1.0)), tmp_path / "recording.nc").draws == 2
+    null = next(
+        c for c in draw_cases(seed_of("a"), 40, 0) if c.kind == "null" and c.system == "fhn"
+    )
+    assert record_case(null, tmp_path / "recording.nc").draws == 1
