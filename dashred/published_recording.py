@@ -132,8 +132,9 @@ def _csv(raw: bytes, source: str) -> bytes:
     import numpy as np
     from scipy.io import loadmat
 
+    file: Any = io.BytesIO(raw)  # scipy's stubs know of paths alone
     try:
-        held: dict[str, Any] = loadmat(io.BytesIO(raw))
+        held: dict[str, Any] = loadmat(file)
         pieces = [
             np.column_stack([np.ravel(times), np.transpose(state)])
             for clock, states in PIECES

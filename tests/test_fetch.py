@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from functools import partial
 from http.server import BaseHTTPRequestHandler, SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -73,13 +74,13 @@ def matlab(recording: Path) -> bytes:
     length = len(rows) // 6 + 1
     pieces = [rows[i : i + length] for i in range(0, len(rows), length)]
     assert len(pieces) == 6
-    cells = {"dt": 0.001}
+    cells: dict[str, Any] = {"dt": 0.001}
     for name, some in (("id", pieces[:4]), ("vad", pieces[4:])):
         states, times = (np.empty((len(some), 1), dtype=object) for _ in range(2))
         for i, piece in enumerate(some):
             states[i, 0], times[i, 0] = piece[:, 1:].T, piece[:, :1]
         cells |= {f"Y_{name}": states, f"Time_{name}": times}
-    file = io.BytesIO()
+    file: Any = io.BytesIO()
     savemat(file, cells, do_compression=True)
     return file.getvalue()
 
