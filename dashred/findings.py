@@ -19,6 +19,7 @@ from typing import Any
 from dashred.errors import InputError
 from dashred.findings_schema import (
     Alternative,
+    EpisodeSplit,
     Findings,
     Fit,
     Input,
@@ -42,6 +43,7 @@ from dashred.findings_schema import (
 
 __all__ = [
     "Alternative",
+    "EpisodeSplit",
     "Findings",
     "Fit",
     "Input",

@@ -35,7 +35,8 @@ class Fit(TypedDict):
 
     `heldout_restarted` is the held-out time again, run from a state that was fitted to the last
     samples before it alone. `noise_correlation` is between neighbouring samples, of the quantity
-    in which it is largest.
+    in which it is largest. `heldout_episode` is an episode that is held out whole, run from a start
+    that was fitted to its beginning; it is there only where one is.
     """
 
     noise_std: dict[str, float] | None
@@ -45,6 +46,7 @@ class Fit(TypedDict):
     test_sensors: Misfit
     heldout_time: Misfit
     heldout_restarted: Misfit
+    heldout_episode: NotRequired[Misfit]
 
 
 class TermFound(TypedDict):
@@ -216,8 +218,24 @@ class Latent(TypedDict):
     alg2: LatentSindy | None
 
 
+class EpisodeSplit(TypedDict):
+    """An episode from `begin` to `end` on its own clock; it was fitted until `time_end`.
+
+    Of one that is held out whole, its start alone.
+    """
+
+    name: str
+    begin: float
+    end: float
+    time_end: float
+    held_out_whole: bool
+
+
 class Splits(TypedDict):
-    """Names of the sensors in each role, the end of the fit window, and anything to know of it."""
+    """Names of the sensors in each role, the end of the fit window, and anything to know of it.
+
+    `episodes` is there only where there are several; the window is then that of the longest.
+    """
 
     inputs: list[str]
     extra: list[str]
@@ -225,6 +243,7 @@ class Splits(TypedDict):
     test: list[str]
     time_end: float
     note: str | None
+    episodes: NotRequired[list[EpisodeSplit]]
 
 
 class Input(TypedDict):

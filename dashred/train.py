@@ -86,12 +86,19 @@ def analyse(config: Config) -> Path:
             discovered = discovery.discover(
                 posed, nominal, resolution, ensemble, learned, found, run, seconds
             )
-            free = trajectories.run_free(posed, discovered, seconds)
-            relearned, corrected_shred = surrogate.retrain(
+            free = trajectories.run_free(posed, nominal, discovered, seconds)
+            relearned, (corrected_shred, *others) = surrogate.retrain(
                 posed, nominal, discovered.best, free, learned, run, seconds
             )
             analysis = Analysis(
-                nominal, learned, found, discovered, free, relearned, corrected_shred
+                nominal,
+                learned,
+                found,
+                discovered,
+                free,
+                relearned,
+                corrected_shred,
+                tuple(others),
             )
             findings = verify.verify(posed, analysis)
             verify.write_findings(posed, analysis, findings, output)

@@ -1,6 +1,6 @@
 """LightningDataModules: the simulated ensemble and the real recording."""
 
-from datamodules.recording import RecordingDataModule
+from datamodules.recording import EpisodesDataModule, RecordingDataModule
 from datamodules.simulation import SimulationDataModule
 
-__all__ = ["RecordingDataModule", "SimulationDataModule"]
+__all__ = ["EpisodesDataModule", "RecordingDataModule", "SimulationDataModule"]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
 from lightning import LightningDataModule
 from torch import Tensor
@@ -59,6 +61,22 @@ class RecordingDataModule(LightningDataModule):
     def val_dataloader(self) -> Batches:
         """Return (windows, fitted values, validated values) in order of time."""
         return ordered_batches((self.windows, self.fitted, self.validated.float()), self.batch)
+
+
+class EpisodesDataModule(RecordingDataModule):
+    """Several episodes one after another; each has windows of its own, and none spans two.
+
+    Args:
+        parts: the episodes.
+    """
+
+    def __init__(self, parts: Sequence[RecordingDataModule]) -> None:
+        LightningDataModule.__init__(self)
+        first = parts[0]
+        self.batch, self.seed = first.batch, first.seed
+        self.windows = torch.cat([part.windows for part in parts])
+        self.fitted = torch.cat([part.fitted for part in parts])
+        self.validated = torch.cat([part.validated for part in parts])
 
 
 def _on_clock(validation: Recording, fit: Recording) -> Tensor:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dashred.config import Config, load_config
-from dashred.errors import DONE, run_entry
+from dashred.errors import DONE, InputError, run_entry
 
 if TYPE_CHECKING:
     from dashred.baselines.estimate import Estimated
@@ -43,6 +43,9 @@ def analyse(config: Config) -> None:
     assert config.output is not None
     provenance.prepare_torch(config)
     posed = problem.pose(config)
+    if posed.others:
+        fault = "the baselines read one episode, and the recording has several"
+        raise InputError(fault, where=config.recording.path)
     as_it_is = replace(posed, config=_plain(config))
     nominal = simulation.simulate_nominal(posed, {})
     randomised = simulation.simulate_ensemble(posed, nominal, {})

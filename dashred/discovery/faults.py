@@ -14,7 +14,7 @@ from itertools import product
 import torch
 from torch import Tensor
 
-from dashred.discovery.faulty_shooting import MovedShooting, OffsetShooting
+from dashred.discovery.faulty_shooting import MovedShooting, OffsetShooting, columns_of
 from dashred.discovery.gauss_newton import Fitted, minimise
 from dashred.discovery.law import SensorFault
 from dashred.discovery.objective import Normal, Objective
@@ -33,9 +33,9 @@ class Fault:
 
     Attributes:
         kind: ``bias``, ``drift``, ``stuck``, ``spikes`` or ``misplaced``.
-        sensor: its index.
+        sensor: its index; of several episodes, in one of them.
         samples: that are no readings of the system at all, ``(time,)``; all False but for stuck
-            sensors and spikes.
+            sensors and spikes, which are of one episode alone.
         constant: what these samples add to F.
         parameters: how many numbers describe it.
     """
@@ -142,11 +142,12 @@ def _about(objective: Objective, states: Tensor, fault: Fault) -> tuple[Tensor, 
         columns = noise.whiten(shooting.columns(states).movedim(-1, 0)).flatten(1).T
         return torch.zeros(columns.shape[1], dtype=torch.float64), columns, 0 * columns[:, 0]
     assert isinstance(shooting, MovedShooting)
-    begin = _sought(shooting, objective.recorded[:, fault.sensor], noise.std[fault.sensor], states)
+    own = columns_of(shooting.operator.sensors, fault.sensor)
+    begin = _sought(shooting, objective.recorded[:, own], noise.std[fault.sensor], states)
     columns = noise.whiten(shooting.columns(states, begin).movedim(-1, 0)).flatten(1).T
     moved = torch.zeros_like(objective.recorded)
-    stated = shooting.operator(states)[:, fault.sensor]
-    moved[:, fault.sensor] = shooting.at(states, begin[None])[:, 0] - stated
+    stated = shooting.operator(states)[:, own]
+    moved[:, own] = shooting.at(states, begin[None]).reshape(stated.shape) - stated
     return begin, columns, noise.whiten(moved).flatten()
 
 
@@ -155,7 +156,7 @@ def _sought(shooting: MovedShooting, trace: Tensor, sigma: Tensor, states: Tenso
 
     Args:
         shooting: of which sensor.
-        trace: what it has read, ``(time,)``; NaN is missing.
+        trace: what it has read, ``(time, column)``; NaN is missing.
         sigma: its noise.
         states: ``(time, field, *grid)``.
     """
@@ -163,7 +164,8 @@ def _sought(shooting: MovedShooting, trace: Tensor, sigma: Tensor, states: Tenso
     shares = sorted({sign * share for share in SOUGHT for sign in (-1.0, 1.0)}, key=abs)
     places = torch.tensor(list(product(shares, repeat=len(axes))), dtype=torch.float64)
     lengths = torch.tensor([axis.length for axis in axes], dtype=torch.float64)
-    left = (shooting.at(states, places * lengths) - trace[:, None]) / sigma
+    found = shooting.at(states, places * lengths).reshape(*trace.shape, len(places))
+    left = ((found - trace[..., None]) / sigma).flatten(0, 1)
     misfits = left.nan_to_num().square().sum(dim=0) + (places / MISPLACED).square().sum(dim=1)
     return places[int(misfits.argmin())] * lengths
 
@@ -214,14 +216,17 @@ def describe(objective: Objective, fault: Fault, own: Tensor, stds: Tensor) -> S
         stds: their standard deviations.
     """
     times = objective.shooting.times
-    name = objective.shooting.operator.sensors[fault.sensor].name
+    sensors = objective.shooting.operator.sensors
+    name = sensors[fault.sensor].name
     if not len(own):
         if fault.kind == "spikes":
             return SensorFault(fault.kind, name, float(fault.samples.sum()), None, None)
         tail = objective.recorded[fault.samples, fault.sensor]
-        begin = float(times[int(torch.nonzero(fault.samples)[0])])
+        episode = columns_of(sensors, fault.sensor).index(fault.sensor)
+        first = int(torch.nonzero(fault.samples)[0])
+        begin = float(times.reshape(len(times), -1)[first, episode])
         return SensorFault(fault.kind, name, float(tail.nanmean()), None, begin)
-    length = float(times[-1] - times[0]) if fault.kind == "drift" else 1.0
+    length = float((times - times[0]).max()) if fault.kind == "drift" else 1.0
     value = float(own[0]) if len(own) == 1 else float(own.norm())
     return SensorFault(fault.kind, name, value / length, float(stds.norm()) / length, None)
 
@@ -242,8 +247,10 @@ def _parametrised(objective: Objective, fault: Fault) -> Objective | None:
         return None
     times = shooting.times
     pattern = torch.zeros((1, *objective.recorded.shape), dtype=torch.float64)
-    ramp = (times - times[0]) / (times[-1] - times[0])
-    pattern[0, :, fault.sensor] = ramp if fault.kind == "drift" else 1.0
+    # A drift begins anew with every episode.
+    passed = (times - times[0]).reshape(len(times), -1)
+    own = columns_of(shooting.operator.sensors, fault.sensor)
+    pattern[0, :, own] = passed / passed.max() if fault.kind == "drift" else 1.0
     offset = OffsetShooting(*same, times, pattern)
     stds = torch.tensor([size], dtype=torch.float64)
     return replace(objective, shooting=offset, prior_std=torch.cat([objective.prior_std, stds]))

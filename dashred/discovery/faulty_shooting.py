@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -9,6 +10,7 @@ from torch import Tensor
 
 from dashred.discovery.shooting import Linearisation, Shooting
 from dashred.sensing.observation import ObservationOperator
+from dashred.sensing.sensors import Sensor
 
 
 @dataclass(frozen=True)
@@ -61,11 +63,9 @@ class MovedShooting(Shooting):
         """Return what the sensors read, ``(batch, time, sensor)``."""
         split = len(self.candidates)
         states = self.states(z, xi[:, :split])
-        found = self.operator(states)
-        moved = self._moved(states, xi[:, split:])
-        return torch.cat(
-            [found[..., : self.sensor], moved[..., None], found[..., self.sensor + 1 :]], dim=-1
-        )
+        found = self.operator(states).clone()
+        found[..., self.columns_of_sensor] = self._moved(states, xi[:, split:])
+        return found
 
     def linearise(self, z: Tensor, xi: Tensor, readings: Tensor | None = None) -> Linearisation:
         """Return readings and Jacobian: of the start, of ξ, and of δ."""
@@ -87,12 +87,19 @@ class MovedShooting(Shooting):
         here = torch.zeros(len(self.reach), dtype=torch.float64) if delta is None else delta
         sensors = len(self.operator.sensors)
         found = torch.zeros((len(states), sensors, len(self.reach)), dtype=torch.float64)
+        own = self.columns_of_sensor
         for axis, h in enumerate(self.reach):
             step = torch.zeros_like(here)
             step[axis] = h
             ahead, behind = self.at(states, torch.stack([here + step, here - step])).unbind(-1)
-            found[:, self.sensor, axis] = (ahead - behind) / (2 * h)
+            slope = (ahead - behind) / (2 * h)
+            found[:, own, axis] = slope.reshape(len(states), len(own))
         return found
+
+    @property
+    def columns_of_sensor(self) -> list[int]:
+        """Where its readings stand among all."""
+        return columns_of(self.operator.sensors, self.sensor)
 
     def at(self, states: Tensor, deltas: Tensor) -> Tensor:
         """Return what the sensor reads off its stated place, ``(…, time, place)``.
@@ -110,10 +117,15 @@ class MovedShooting(Shooting):
         return ObservationOperator([replace(sensor, position=p) for p in moved], system)(states)
 
     def _moved(self, states: Tensor, delta: Tensor) -> Tensor:
-        """Return what the sensor reads where it stands, ``(batch, time)``."""
-        return torch.stack(
-            [self.at(s, d[None])[..., 0] for s, d in zip(states, delta, strict=True)]
-        )
+        """Return what the sensor reads where it stands, ``(batch, time, column)``."""
+        read = [self.at(s, d[None])[..., 0] for s, d in zip(states, delta, strict=True)]
+        return torch.stack(read).reshape(*states.shape[:2], -1)
+
+
+def columns_of(sensors: Sequence[Sensor], sensor: int) -> list[int]:
+    """Return the columns in which a sensor reads: one in each episode."""
+    name = sensors[sensor].name
+    return [column for column, other in enumerate(sensors) if other.name == name]
 
 
 def _plain(faulty: Shooting) -> Shooting:

@@ -15,7 +15,6 @@ from torch import Tensor
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.gauss_newton import Fitted, minimise
 from dashred.discovery.objective import Objective
-from dashred.discovery.shooting import Simulator
 from dashred.physics.algebra import Call, Expr, Name, Number, call, multiply, split_coefficient
 from dashred.physics.algebra import substitute as put_in
 from dashred.physics.differentiate import differentiate
@@ -128,7 +127,6 @@ def _inside(function: str, constant: float, operand: Expr) -> Expr:
 def _of(objective: Objective, candidates: Sequence[Candidate]) -> Objective:
     """Return F of other candidates, and the simulator with them in reach."""
     before = objective.shooting.simulator
-    simulator = Simulator(before.system, before.tangent.dt, candidates)
-    shooting = replace(objective.shooting, simulator=simulator, candidates=candidates)
+    shooting = replace(objective.shooting, simulator=before.of(candidates), candidates=candidates)
     scales = torch.tensor([c.scale for c in candidates], dtype=torch.float64)
     return replace(objective, shooting=shooting, prior_std=scales)

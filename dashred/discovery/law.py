@@ -46,7 +46,7 @@ class Law:
         candidates: what is missing or mis-stated; empty for the simulator as it is.
         coefficients: ξ, ``(candidate,)``, in the user's units.
         covariance: posterior covariance of ξ, the start's uncertainty in it.
-        start: state at the first sample, ``(field, *grid)``.
+        start: state at the first sample, ``(field, *grid)``; of several episodes, of each.
         score: ``F + k (ln n + 2 ln p)``; differences are ΔBIC.
         chi2: mean squared whitened residual over the fit; 1 for noise alone.
         residuals: readings minus recording over the fit, ``(time, sensor)``, NaN where missing.

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 from dashred.discovery.cause import Cause, refitted
 from dashred.discovery.faults import Fault, describe, predicted_faults
+from dashred.discovery.faulty_shooting import columns_of
 from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import law_of
@@ -30,7 +31,9 @@ STEPS, TOLERANCE = 6, 1e-3
 def fault_beneath(forced: FreeForcing) -> Fault | None:
     """Return the fault of a sensor that even a free forcing needs; None if it needs none."""
     objective, phi = forced.objective, forced.phi
-    if int(objective.noise.seen.any(dim=0).sum()) < FEWEST:
+    sensors = objective.shooting.operator.sensors
+    seen = objective.noise.seen.any(dim=0).tolist()
+    if len({s.name for s, any_ in zip(sensors, seen, strict=True) if any_}) < FEWEST:
         return None
     faults = suspects(objective, forced.normal)
     found = predicted_faults(objective, phi, forced.normal, faults)
@@ -42,7 +45,7 @@ def fault_beneath(forced: FreeForcing) -> Fault | None:
 def forced_without(forced: FreeForcing, sensor: int) -> FreeForcing:
     """Return a free forcing of the same size that one of the sensors has no part in."""
     seen = forced.objective.noise.seen.clone()
-    seen[:, sensor] = False
+    seen[:, columns_of(forced.objective.shooting.operator.sensors, sensor)] = False
     noise = replace(forced.objective.noise, seen=seen)
     mine = replace(forced.objective, noise=noise)
     fitted = minimise(mine, forced.phi, STEPS, TOLERANCE)

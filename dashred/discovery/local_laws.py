@@ -52,7 +52,7 @@ def local_laws(
         bound: what screens worse is not fitted.
     """
     shooting = forced.objective.shooting
-    [states] = shooting.states(*forced.objective.split(forced.phi[None]))
+    states = shooting.visited(*forced.objective.split(forced.phi))
     screened = screen(objective, everywhere, inside, forced, states)
     near = [found for found in screened if _expected(objective, found) < bound]
     ranked = sorted(near, key=lambda found: _expected(objective, found))

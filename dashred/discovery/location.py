@@ -35,7 +35,8 @@ def locate(
     Args:
         system: the simulator as it is.
         discovered: the best law and the simulator without it, both with their own starts.
-        states: the best law's trajectory, ``(time, field, *grid)``.
+        states: the best law's trajectory, ``(time, field, *grid)``; of several episodes, that of
+            the longest, on whose clock the others' residuals are told, too.
         times: its clock, ``(time,)``.
         sensors: names of the fit sensors, in the order of the residuals.
     """
@@ -117,6 +118,7 @@ def _sensors(
     this only where it shows.
     """
     found = []
+    before, after, seen = (part.reshape(-1, len(names)) for part in (before, after, seen))
     for column, name in enumerate(names):
         count = int(seen[:, column].sum())
         if not count:

@@ -57,7 +57,7 @@ def _places(cause: Cause) -> Tensor:
     """Return thresholds among the states of the law's own trajectory, ``(tried,)``."""
     objective, shooting = cause.objective, cause.objective.shooting
     assert isinstance(shooting, LocalShooting)
-    [states] = shooting.states(*objective.split(cause.phi[None]))
+    states = shooting.visited(*objective.split(cause.phi))
     field = shooting.simulator.system.fields.index(shooting.shape.of)
     values = states[:, field].flatten()
     low, high = (float(values.quantile(share)) for share in (TAIL, 1 - TAIL))

@@ -20,7 +20,6 @@ from dashred.discovery.driven_shooting import DrivenShooting
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import law_of
 from dashred.discovery.objective import Normal, Objective
-from dashred.discovery.shooting import Simulator
 from dashred.discovery.subsets import Eliminated
 from dashred.physics.library import build_library, resolve
 from dashred.physics.pulses import Pulses
@@ -110,7 +109,7 @@ def periodic_laws(
 def _frequencies(times: Tensor) -> Tensor:
     """Return ω from a turn over the record to the fastest that the knots can follow."""
     turns = torch.arange(1.0, KNOTS / PER_PERIOD, APART, dtype=torch.float64)
-    return 2 * math.pi * turns / float(times[-1] - times[0])
+    return 2 * math.pi * turns / float(times.max() - times.min())
 
 
 def _promising(
@@ -155,7 +154,7 @@ def _without(linear: Normal, own: int) -> Eliminated:
 def _fit(base: Cause, wave: Wave, size: Tensor, penalty: float) -> Cause:
     """Fit a wave, its frequency, the law beneath and the start."""
     times = base.objective.shooting.times
-    first, last = float(times[0]), float(times[-1])
+    first, last = float(times.min()), float(times.max())
     middle, half = (first + last) / 2, (last - first) / 2
     own, phi = len(base.phi), base.phi
     for _ in range(ROUNDS):
@@ -205,8 +204,7 @@ def _with(base: Cause, further: Sequence[Candidate]) -> Objective:
     objective = base.objective
     before = objective.shooting.simulator
     candidates = [*base.law.candidates, *further]
-    simulator = Simulator(before.system, before.tangent.dt, candidates)
-    shooting = replace(objective.shooting, simulator=simulator, candidates=candidates)
+    shooting = replace(objective.shooting, simulator=before.of(candidates), candidates=candidates)
     scales = torch.tensor([candidate.scale for candidate in further], dtype=torch.float64)
     prior = torch.cat([objective.prior_std, scales])
     return replace(objective, shooting=shooting, prior_std=prior)

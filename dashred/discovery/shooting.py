@@ -67,6 +67,10 @@ class Simulator:
         other._run = self._run.with_step(self.tangent.dt)
         return other
 
+    def of(self, candidates: Sequence[Candidate]) -> Simulator:
+        """Return the same system with other candidates in reach, everywhere."""
+        return Simulator(self.system, self.tangent.dt, candidates)
+
     def run(
         self,
         start: Tensor,
@@ -122,6 +126,10 @@ class Simulator:
             return tangent_linear(*base, torch.float32, drive, pulses)
         return tangent_ode(*base, drive, pulses)
 
+    def visited(self, states: Tensor, times: Tensor) -> Tensor:
+        """Return all states ``(sample, field, *grid)`` of a trajectory on its clock."""
+        return states
+
     def _by_term(self, candidates: Sequence[Candidate], xi: Tensor) -> Tensor:
         weights = torch.zeros((len(xi), len(self.terms)), dtype=torch.float64)
         for j, candidate in enumerate(candidates):
@@ -153,7 +161,8 @@ class Shooting:
         start: u₀(z), z ~ N(0, 1).
         candidates: what ξ multiplies.
         operator: H of the fit sensors.
-        times: clock of the recording's part that is fitted, ``(time,)``.
+        times: clock of the recording's part that is fitted, ``(time,)``; of several episodes as
+            :mod:`dashred.discovery.episodes` has them.
     """
 
     simulator: Simulator
@@ -174,6 +183,11 @@ class Shooting:
     ) -> Tensor:
         """Return the trajectories ``(batch, time, field, *grid)``, under a free forcing."""
         return self.simulator.run(self.start.start(z), self.times, self.candidates, xi, drive)
+
+    def visited(self, z: Float[Tensor, " mode"], xi: Float[Tensor, " candidate"]) -> Tensor:
+        """Return all states of one trajectory, ``(sample, field, *grid)``."""
+        [states] = self.states(z[None], xi[None])
+        return self.simulator.visited(states, self.times)
 
     def readings(self, z: Tensor, xi: Tensor) -> Float[Tensor, "batch time sensor"]:
         """Return what the sensors read; not finite from where a trajectory blows up."""

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.faults import Fault
+from dashred.discovery.faulty_shooting import columns_of
 from dashred.discovery.objective import Normal, Objective
 
 # A sample this many σ off what the other sensors and neighbours say is a spike.
@@ -30,10 +31,8 @@ def suspects(objective: Objective, normal: Normal) -> Iterator[Fault]:
     none = torch.zeros(shape[0], dtype=torch.bool)
     for sensor in range(shape[1]):
         rest = _without(objective, normal, sensor)
-        yield Fault("bias", sensor, none)
-        yield Fault("drift", sensor, none)
-        if objective.shooting.simulator.system.axes:
-            yield Fault("misplaced", sensor, none)
+        if columns_of(objective.shooting.operator.sensors, sensor)[0] == sensor:
+            yield from _in_all_episodes(objective, sensor, none)
         sigma = float(objective.noise.std[sensor])
         yield from _stuck(objective, sensor)
         spikes = seen[:, sensor] & (rest.abs() > SPIKE * sigma) & _alone(rest, sigma)
@@ -42,12 +41,21 @@ def suspects(objective: Objective, normal: Normal) -> Iterator[Fault]:
             yield Fault("spikes", sensor, spikes, parameters=1.5 * groups)
 
 
+def _in_all_episodes(objective: Objective, sensor: int, none: Tensor) -> Iterator[Fault]:
+    """Yield the faults that a sensor has in every episode."""
+    yield Fault("bias", sensor, none)
+    yield Fault("drift", sensor, none)
+    if objective.shooting.simulator.system.axes:
+        yield Fault("misplaced", sensor, none)
+
+
 def _without(objective: Objective, normal: Normal, sensor: int) -> Tensor:
     """Return what one sensor reads beyond what the others let expect, in its unit, ``(time,)``."""
     shape = objective.recorded.shape
     jacobian = normal.jacobian.reshape(*shape, -1)
     target = normal.target.reshape(shape)
-    others = [s for s in range(shape[1]) if s != sensor]
+    own = columns_of(objective.shooting.operator.sensors, sensor)
+    others = [s for s in range(shape[1]) if s not in own]
     rows, goal = jacobian[:, others].flatten(0, 1), target[:, others].flatten()
     matrix = rows.T @ rows + torch.diag(normal.precision)
     phi = torch.linalg.solve(matrix, rows.T @ goal)

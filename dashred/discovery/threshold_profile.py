@@ -44,7 +44,7 @@ def _interval(cause: Cause, shooting: LocalShooting) -> tuple[float, float]:
     objective, phi = cause.objective, cause.phi
     place = len(phi) - len(shooting.guess)
     at = float(phi[place])
-    [states] = shooting.states(*objective.split(phi[None]))
+    states = shooting.visited(*objective.split(phi))
     field = objective.shooting.simulator.system.fields.index(shooting.shape.of)
     values = states[:, field] - float(shooting.guess[0])
     nearest = NEAREST * cause.law.edges[0]

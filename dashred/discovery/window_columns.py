@@ -81,7 +81,7 @@ def _cells(axis: Axis) -> list[Window]:
 
 
 def _periods(times: Tensor) -> list[Window]:
-    edges = np.linspace(float(times[0]), float(times[-1]), TIMES + 1)[1:-1]
+    edges = np.linspace(float(times.min()), float(times.max()), TIMES + 1)[1:-1]
     width = float(edges[1] - edges[0])
     return [onset().at((float(t), math.log(width / 8))) for t in edges]
 

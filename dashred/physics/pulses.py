@@ -38,7 +38,7 @@ class Pulses:
 
         Args:
             system: its grid.
-            times: first and last are the first and last knot.
+            times: the earliest and the latest are the first and the last knot.
             cells: along every axis.
             knots: in time.
         """
@@ -51,7 +51,7 @@ class Pulses:
             if axis.ends == "fixed":
                 along = along * sides[side(axis.name)]
             bumps = (bumps[:, None] * along[None]).flatten(0, 1)
-        ends = float(times[0]), float(times[-1])
+        ends = float(times.min()), float(times.max())
         return cls(bumps, torch.linspace(*ends, knots, dtype=torch.float64), len(system.fields))
 
     @property

@@ -23,6 +23,7 @@ PROOFS = {
     "test_sensors": "test sensors",
     "heldout_time": "held-out time",
     "heldout_restarted": "held-out time, from a state fitted just before it",
+    "heldout_episode": "an episode held out whole",
 }
 ERRORS = (
     "RMSE in standard deviations of what each sensor read: 0 is perfect, 1 as bad as its mean. "
@@ -73,7 +74,7 @@ def proof(findings: Mapping[str, Any], figures: str) -> str:
     kinds = {
         kind: name
         for kind, name in PROOFS.items()
-        if any(fit[kind].get(method) is not None for method in COMPARED)
+        if any((fit.get(kind) or {}).get(method) is not None for method in COMPARED)
     }
     known = {method: [fit[kind].get(method) for kind in kinds] for method in COMPARED}
     rows = [

@@ -40,6 +40,7 @@ def summary(
         _errors("Test sensors, which nothing looked at before", fit["test_sensors"]),
         _errors("Held-out time, the end of the recording", fit["heldout_time"]),
         _errors("Held-out time, from a state fitted just before it", fit["heldout_restarted"]),
+        _errors("An episode held out whole", fit.get("heldout_episode") or {}),
         _errors("Whole field against the hidden truth", (score or {}).get("field_rmse") or {}),
         _proposals(findings["latent"]),
         _paths(paths),
@@ -68,9 +69,19 @@ def _compared(source: Mapping[str, Any], units: Mapping[str, str]) -> list[str]:
     for role, purpose in (("validate", "to say when to stop"), ("test", "kept for the test")):
         if splits[role]:
             counts.append(f"{len(splits[role])} {purpose}")
-    until = measured(f"{splits['time_end']:.6g}", units.get(TIME))
+    unit = units.get(TIME)
+    until = measured(f"{splits['time_end']:.6g}", unit)
     lines.append(f"{', '.join(counts)}; fitted up to time {until}.")
-    return lines + ([sentence(splits["note"])] if splits.get("note") else [])
+    lines += [sentence(splits["note"])] if splits.get("note") else []
+    return lines + [sentence(_episode(episode, unit)) for episode in splits.get("episodes", [])]
+
+
+def _episode(episode: Mapping[str, Any], unit: str | None) -> str:
+    begin, end, until = (f"{episode[key]:.6g}" for key in ("begin", "end", "time_end"))
+    fitted = f"fitted up to {measured(until, unit)}"
+    if episode["held_out_whole"]:
+        fitted = f"held out whole, its start {fitted}"
+    return f"episode {episode['name']}, {begin} to {measured(end, unit)}: {fitted}"
 
 
 def _errors(title: str, errors: Mapping[str, float | None]) -> list[str]:

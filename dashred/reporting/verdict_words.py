@@ -21,6 +21,7 @@ PROOFS = {
     "test_sensors": "At the test sensors",
     "heldout_time": "In the held-out time",
     "heldout_restarted": "From a state fitted just before it",
+    "heldout_episode": "In an episode held out whole",
 }
 # A p below this is no chance event, whatever its size.
 CERTAIN = 1e-12
@@ -215,7 +216,7 @@ def worth(fit: Mapping[str, Any]) -> list[str]:
     """How much the fit improves, against both uncorrected simulations."""
     lines = []
     for key, place in PROOFS.items():
-        errors = fit[key]
+        errors = fit.get(key, {})
         before, refit, after = (errors.get(k) for k in ("before", "before_refit", "after"))
         if refit is None or after is None:
             continue

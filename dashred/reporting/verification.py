@@ -23,6 +23,7 @@ WHERE = {
     "test_sensors": "test sensors",
     "heldout_time": "held-out time",
     "heldout_restarted": "held-out,\nnew state",
+    "heldout_episode": "held-out\nepisode",
 }
 
 Traces = Float[np.ndarray, "time sensor"]
@@ -46,7 +47,8 @@ def verification_figure(
         names: of the test sensors.
         traces: what they would read in `before`, `before_refit` and `after`.
         time_end: end of the fitted time.
-        errors: `test_sensors`, `heldout_time` and `heldout_restarted` of the findings.
+        errors: `test_sensors`, `heldout_time`, `heldout_restarted` and, if there is one,
+            `heldout_episode` of the findings.
         units: of the readings, by sensor.
         clock: label of the time's axis.
     """
@@ -91,7 +93,7 @@ def frame_recorded(axes: Axes, values: Float[np.ndarray, " time"]) -> None:
 def _draw_errors(axes: Axes, errors: Mapping[str, Mapping[str, float | None]]) -> None:
     """Draw the errors as bars, each with its number, in groups of one kind of proof."""
     axes.grid(False)
-    groups = [key for key in WHERE if any(errors[key].get(m) is not None for m in COMPARED)]
+    groups = [key for key in WHERE if any(errors.get(key, {}).get(m) is not None for m in COMPARED)]
     largest = max((errors[g].get(m) or 0.0 for g in groups for m in COMPARED), default=1.0) or 1.0
     ticks = []
     for place, group in enumerate(groups):

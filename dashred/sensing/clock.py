@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from dashred.errors import InputError
 from dashred.sensing.checks import FEWEST_SAMPLES
+from dashred.sensing.episodes import Episode, Episodes
 from dashred.sensing.recording import Recording
 
 # Times count as lying on a clock when they miss it by less than this part of a step.
@@ -45,6 +46,25 @@ def resample(recording: Recording, every: float | None) -> tuple[Recording, str]
     missing = np.isnan(values).mean()
     sampled = replace(recording, times=clock, values=values)
     return sampled, f"{says}{_missing(missing)}."
+
+
+def resample_all(episodes: Episodes, every: float | None) -> tuple[Episodes, str]:
+    """Return every episode on a clock of its own, all with one step, and how that came about.
+
+    ``every`` as :func:`resample` has it; None takes the longest of the episodes' own steps.
+
+    Raises:
+        InputError: as :func:`resample`, of the first episode that cannot have the step.
+    """
+    parts = episodes.episodes
+    if len(parts) > 1 and every is None:
+        every = max(own_step(part.recording.times) for part in parts)
+    sampled, said = [], []
+    for part in parts:
+        recording, says = resample(part.recording, every)
+        sampled.append(Episode(part.name, recording))
+        said.append(f"{part.name}: {says}" if part.name else says)
+    return Episodes(tuple(sampled)), " ".join(said)
 
 
 def own_step(times: NDArray[np.float64]) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from dashred.errors import InputError
@@ -12,15 +13,18 @@ from dashred.sensing.recording import Recording
 
 # Third differences of white noise of variance σ² have variance (1 + 9 + 9 + 1) σ².
 SPREAD = math.sqrt(20.0)
+# Steps that differ by more than this part are uneven: the clock of a logger is never exact.
+UNEVEN = 0.01
 # Median absolute value of a standard normal variable.
 MEDIAN = 0.6744897501960817
 
 
 def noise_std(recording: Recording) -> NDArray[np.float64]:
-    """Noise of each sensor of a uniformly sampled recording, shape (sensor,), in its own unit.
+    """Noise of each sensor, shape (sensor,), in its own unit.
 
-    The stated std, or σ = median |Δ³y| / (0.6745 √20): third differences remove whatever is
-    quadratic over four samples, and the median ignores the few that a front or a spike leaves.
+    The stated std, or σ = median |Δ³y| / (0.6745 √20): third differences, divided ones where
+    samples are unevenly apart, remove whatever is quadratic over four samples, and the median
+    ignores the few that a front or a spike leaves.
     A sensor in which nothing changes (stuck) gets the median of the others that read the same.
 
     Raises:
@@ -28,7 +32,7 @@ def noise_std(recording: Recording) -> NDArray[np.float64]:
     """
     found = np.array(
         [
-            _estimated(values) if sensor.std is None else sensor.std
+            _estimated(recording.times, values) if sensor.std is None else sensor.std
             for sensor, values in zip(recording.sensors, recording.values.T, strict=True)
         ],
         dtype=np.float64,
@@ -44,11 +48,32 @@ def noise_std(recording: Recording) -> NDArray[np.float64]:
     return found
 
 
-def _estimated(values: NDArray[np.float64]) -> float:
-    rough = np.diff(values, n=3)
+def _estimated(times: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+    rough = _third_differences(times, values)
     rough = np.abs(rough[np.isfinite(rough)])
     if not rough.size:
         return 0.0
     # Coarsely rounded values often repeat: the median is then zero, the mean square is not.
     typical = float(np.median(rough)) / MEDIAN or float(np.sqrt(np.mean(rough**2)))
     return typical / SPREAD
+
+
+def _third_differences(
+    times: NDArray[np.float64], values: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return Δ³y, divided and scaled to the same noise where steps are uneven, ``(time - 3,)``.
+
+    The weights ``w_i ∝ 1/Π_j (t_i - t_j)`` of four samples remove every quadratic.
+    """
+    rough: NDArray[np.float64] = np.diff(values, n=3)
+    if len(values) < 4:
+        return rough
+    steps = sliding_window_view(np.diff(times), 3)
+    uneven = np.ptp(steps, axis=1) > UNEVEN * steps.mean(axis=1)
+    four = sliding_window_view(times, 4)[uneven]
+    apart = four[:, :, None] - four[:, None, :] + np.eye(4)
+    # In units of the middle step: the powers of a tiny one would be none.
+    weights = 1 / np.prod(apart / (four[:, 2] - four[:, 1])[:, None, None], axis=2)
+    weights *= SPREAD / np.linalg.norm(weights, axis=1, keepdims=True)
+    rough[uneven] = (weights * sliding_window_view(values, 4)[uneven]).sum(axis=1)
+    return rough

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dashred.errors import InputError, nearest
 from dashred.physics.measured import Measured
 from dashred.sensing.checks import checked_recording
-from dashred.sensing.recording import Recording
+from dashred.sensing.episodes import Episode, Episodes, Stretch, stretches
 from dashred.sensing.sensors import RESERVED, Described, Sensor, readable
 from dashred.sensing.sensors_table import read_sensors
 from dashred.sensing.stated_units import StatedUnits
@@ -18,7 +18,7 @@ from dashred.sensing.tables import Table, read_table
 from dashred.units import TIME
 
 
-def read_csv(path: str, sensors_table: str | None, system: Described) -> Recording:
+def read_csv(path: str, sensors_table: str | None, system: Described) -> Episodes:
     """Read a recording and the table that says what its columns are.
 
     An ODE system needs no table: columns named like its fields or lets are the sensors.
@@ -28,7 +28,6 @@ def read_csv(path: str, sensors_table: str | None, system: Described) -> Recordi
     """
     table = read_table(path)
     _check_time_column(table)
-    _check_episode(table)
     inputs, stated = _inputs(table, system), StatedUnits(system)
     if sensors_table is None:
         sensors = _sensors_by_name(table, system)
@@ -40,8 +39,20 @@ def read_csv(path: str, sensors_table: str | None, system: Described) -> Recordi
     for index, sensor in enumerate(sensors):
         values[:, index] = table.numbers(sensor.name)
     times = table.numbers("time")
-    recording = checked_recording(sensors, times, values, path=path, place=table.place)
-    return replace(recording, inputs=Measured(times, inputs), units=stated.units)
+
+    def episode(stretch: Stretch) -> Episode:
+        rows, first = stretch.rows, stretch.rows.start
+
+        def place(row: int, column: str | None) -> str:
+            return table.place(first + row, column)
+
+        recording = checked_recording(
+            sensors, times[rows], values[rows], path=stretch.within(path), place=place
+        )
+        driven = Measured(times[rows], {name: found[rows] for name, found in inputs.items()})
+        return Episode(stretch.name, replace(recording, inputs=driven, units=stated.units))
+
+    return Episodes(tuple(map(episode, _stretches(table))))
 
 
 def _state_units(
@@ -80,15 +91,11 @@ def _check_time_column(table: Table) -> None:
     raise InputError("the recording has no column 'time'", where=table.path, hint=hint)
 
 
-def _check_episode(table: Table) -> None:
-    if "episode" not in table.columns:
-        return
-    episodes = table.texts("episode")
-    for row, episode in enumerate(episodes):
-        if episode != episodes[0]:
-            problem = f"a second episode, {episode!r}, starts here: this version reads one"
-            hint = "give each episode a file of its own"
-            raise InputError(problem, where=table.place(row, "episode"), hint=hint)
+def _stretches(table: Table) -> list[Stretch]:
+    """Return the rows of every episode; of a table without the column, all of them."""
+    if "episode" not in table.columns or not table.rows:
+        return [Stretch("", slice(0, len(table.rows)))]
+    return stretches(table.texts("episode"), lambda row: table.place(row, "episode"))
 
 
 def _sensor_columns(table: Table, system: Described) -> list[str]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dashred.errors import InputError, nearest
 from dashred.physics.measured import Measured
 from dashred.sensing.checks import checked_recording
-from dashred.sensing.recording import Recording
+from dashred.sensing.episodes import Episode, Episodes, Stretch, stretches
 from dashred.sensing.sensors import Described, Sensor, check_names, check_sensor
 from dashred.sensing.stated_units import StatedUnits
 from dashred.units import TIME, check_unit
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-def read_netcdf(path: str, system: Described) -> Recording:
+def read_netcdf(path: str, system: Described) -> Episodes:
     """Read a recording whose sensors are described in the file itself.
 
     Raises:
@@ -39,12 +39,21 @@ def read_netcdf(path: str, system: Described) -> Recording:
     units = _units(dataset, sensors, system, path)
     times = _numbers(dataset, "time", ("time",), path)
     values = _numbers(dataset, "value", ("time", "sensor"), path)
+    parts = _stretches(dataset, "episode", "time", path)
+    inputs = _inputs(dataset, system, parts, path)
 
-    def place(sample: int, sensor: str | None) -> str:
-        return f"{path}, sample {sample + 1}" + (f", {sensor!r}" if sensor else "")
+    def episode(stretch: Stretch, driven: Measured) -> Episode:
+        rows, first = stretch.rows, stretch.rows.start
 
-    recording = checked_recording(sensors, times, values, path=path, place=place)
-    return replace(recording, inputs=_inputs(dataset, system, path), units=units)
+        def place(row: int, sensor: str | None) -> str:
+            return _place(path, first + row, sensor)
+
+        recording = checked_recording(
+            sensors, times[rows], values[rows], path=stretch.within(path), place=place
+        )
+        return Episode(stretch.name, replace(recording, inputs=driven, units=units))
+
+    return Episodes(tuple(map(episode, parts, inputs)))
 
 
 def _units(
@@ -81,21 +90,49 @@ def _attribute(dataset: xr.Dataset, variable: str, path: str) -> str | None:
     return check_unit(text, variable, f"{path}, {variable!r}") if text.strip() else None
 
 
-def _inputs(dataset: xr.Dataset, system: Described, path: str) -> Measured:
-    """Return the system's inputs by column: on a clock of their own, or on the recording's."""
-    clock = "input_time" if "input_time" in dataset.variables else "time"
+def _place(path: str, sample: int, variable: str | None) -> str:
+    return f"{path}, sample {sample + 1}" + (f", {variable!r}" if variable else "")
+
+
+def _stretches(dataset: xr.Dataset, name: str, clock: str, path: str) -> list[Stretch]:
+    """Return the samples of every episode of a clock; without the variable, all of them."""
+    count = dataset.sizes[clock]
+    if name not in dataset.variables or not count:
+        return [Stretch("", slice(0, count))]
+    labels = _variable(dataset, name, (clock,), path).values
+    if labels.dtype.kind not in "OUSiu":
+        raise InputError(f"{name!r} holds neither names nor whole numbers", where=path)
+    texts = [label.decode() if isinstance(label, bytes) else str(label) for label in labels]
+    return stretches(texts, lambda sample: _place(path, sample, name))
+
+
+def _inputs(
+    dataset: xr.Dataset, system: Described, parts: Sequence[Stretch], path: str
+) -> list[Measured]:
+    """Return every episode's inputs by column: on a clock of their own, or on the recording's."""
+    clock, driven = "time", list(parts)
+    if "input_time" in dataset.variables:
+        clock, driven = "input_time", _stretches(dataset, "input_episode", "input_time", path)
+    names = [[part.name for part in found] for found in (parts, driven)]
+    if len(parts) != len(driven) or (len(parts) > 1 and names[0] != names[1]):
+        problem = "the inputs have other episodes than the samples"
+        raise InputError(problem, where=f"{path}, 'input_episode'", hint="give both the same ones")
     times = _numbers(dataset, clock, (clock,), path)
-    if not np.all(np.diff(times) > 0):
-        raise InputError(f"{clock!r} does not increase", where=path)
     columns = {
         column: _numbers(dataset, column, (clock,), path) for column in system.inputs.values()
     }
     for column, found in columns.items():
         if np.isnan(found).any():
             sample = int(np.flatnonzero(np.isnan(found))[0])
-            where = f"{path}, sample {sample + 1}, {column!r}"
-            raise InputError("this input is missing here", where=where)
-    return Measured(times, columns)
+            raise InputError("this input is missing here", where=_place(path, sample, column))
+    # The recording's own clock is looked at with the samples.
+    for part in driven if clock == "input_time" else ():
+        if not np.all(np.diff(times[part.rows]) > 0):
+            raise InputError(f"{clock!r} does not increase", where=part.within(path))
+    return [
+        Measured(times[part.rows], {name: found[part.rows] for name, found in columns.items()})
+        for part in driven
+    ]
 
 
 def _load(path: str) -> xr.Dataset:

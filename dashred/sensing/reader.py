@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dashred.errors import InputError
+from dashred.sensing.episodes import Episodes
 from dashred.sensing.read_csv import read_csv
 from dashred.sensing.read_netcdf import read_netcdf
 from dashred.sensing.recording import Recording
@@ -12,6 +13,15 @@ from dashred.sensing.sensors import Described
 
 
 def read_recording(path: str, sensors_table: str | None, system: Described) -> Recording:
+    """Read a recording of one episode.
+
+    Raises:
+        InputError: for several episodes, or whatever :func:`read_episodes` refuses.
+    """
+    return read_episodes(path, sensors_table, system).alone(path)
+
+
+def read_episodes(path: str, sensors_table: str | None, system: Described) -> Episodes:
     """Read a recording of this system from ``.csv`` (with its table of sensors) or ``.nc``.
 
     Raises:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,8 @@ STREAM = 0x5E25
 FEWEST_SENSORS = 5
 # From this many fit sensors on, a third of them is kept from SHRED's input by default.
 FEWEST_FOR_EXTRA = 6
+# Of an episode that is held out whole this part, and so many samples, find the start.
+BEGINNING, FEWEST_TO_BEGIN = 0.1, 6
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,31 @@ def split_recording(recording: Recording, splits: Splits, seed: int) -> Split:
         time_end=float(times[last]),
         fit_end=float(times[fit_last]),
         note=_note(recording, validate, test, float(times[fit_last]), float(times[last])),
+    )
+
+
+def hold_out(recording: Recording, split: Split) -> Split:
+    """Return the split of an episode that is held out whole: a tenth of it finds its start.
+
+    Args:
+        recording: the episode.
+        split: as it would be, were it fitted: the sensors keep their roles.
+    """
+    times = recording.times
+    last = max(_last_fitted(times, 1 - BEGINNING), FEWEST_TO_BEGIN - 1)
+    early, late = (
+        recording.between(times[0], times[last]),
+        recording.between(times[last + 1], times[-1]),
+    )
+    return replace(
+        split,
+        fit=early.select(split.fit.names),
+        validation=early.select(split.validation.names),
+        heldout=late.select([*split.fit.names, *split.validate]),
+        tested=recording.select(split.test),
+        time_end=float(times[last]),
+        fit_end=float(times[last]),
+        note=f"Held out whole; its start is fitted until t = {times[last]:.6g}.",
     )
 
 

@@ -8,28 +8,34 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
+from dashred.sensing.episodes import Episodes
 from dashred.sensing.recording import Recording
 from dashred.units import TIME
 
 
 def write_netcdf(
-    recording: Recording, path: str | Path, axes: Sequence[str] = ("x", "y", "z")
+    recorded: Recording | Episodes, path: str | Path, axes: Sequence[str] = ("x", "y", "z")
 ) -> None:
     """Write a recording at once or not at all; equal recordings give equal bytes.
 
     Variables: ``value`` (time, sensor), ``time``, and along ``sensor``: ``name``, ``reads``,
     ``std`` (NaN if unknown), ``unit`` where any is stated (empty if unknown) and one coordinate for
     each axis; along ``input_time``, a clock of their own, the measured inputs, if there are any.
-    Units of the others are attributes ``units``.
+    Units of the others are attributes ``units``. Of several episodes, one after another,
+    ``episode`` and ``input_episode`` name that of every sample.
 
     Args:
-        recording: what to write.
+        recorded: what to write.
         path: the file, which is replaced if it exists.
         axes: names of the system's axes, at least as many as the sensors have coordinates.
     """
     import xarray as xr  # takes a second, which reading a CSV need not wait for
 
-    sensors, inputs, units = recording.sensors, recording.inputs, recording.units
+    named = dict(_named(recorded))
+    parts = list(named.values())
+    sensors, inputs, units = parts[0].sensors, parts[0].inputs.values, parts[0].units
 
     def of(name: str) -> dict[str, str]:
         return {"units": units[name]} if name in units else {}
@@ -40,15 +46,26 @@ def write_netcdf(
         for index in range(len(sensors[0].position))
     }
     stds = [math.nan if sensor.std is None else sensor.std for sensor in sensors]
+    clocks = {"time": [part.times for part in parts]}
+    if inputs:
+        clocks["input_time"] = [part.inputs.times for part in parts]
+    labels = {"time": "episode", "input_time": "input_episode"}
     dataset = xr.Dataset(
         {
-            "value": (("time", "sensor"), recording.values),
-            **{column: ("input_time", found) for column, found in inputs.values.items()},
+            "value": (("time", "sensor"), np.concatenate([part.values for part in parts])),
+            **{
+                column: ("input_time", np.concatenate([p.inputs.values[column] for p in parts]))
+                for column in inputs
+            },
         },
         coords={
-            "time": ("time", recording.times, of(TIME)),
-            **({"input_time": ("input_time", inputs.times, of(TIME))} if inputs.values else {}),
-            "name": ("sensor", list(recording.names), {"cf_role": "timeseries_id"}),
+            **{clock: (clock, np.concatenate(times), of(TIME)) for clock, times in clocks.items()},
+            **{
+                labels[clock]: (clock, np.repeat([*named], [len(part) for part in times]))
+                for clock, times in clocks.items()
+                if isinstance(recorded, Episodes)
+            },
+            "name": ("sensor", list(parts[0].names), {"cf_role": "timeseries_id"}),
             "reads": ("sensor", [sensor.reads for sensor in sensors]),
             "std": ("sensor", stds),
             **({"unit": ("sensor", read)} if any(read) else {}),
@@ -61,3 +78,9 @@ def write_netcdf(
         unfinished = Path(folder) / target.name
         dataset.to_netcdf(unfinished, engine="h5netcdf")
         os.replace(unfinished, target)
+
+
+def _named(recorded: Recording | Episodes) -> list[tuple[str, Recording]]:
+    if isinstance(recorded, Recording):
+        return [("", recorded)]
+    return [(episode.name, episode.recording) for episode in recorded.episodes]

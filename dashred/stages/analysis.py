@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from torch import Tensor
 
 from dashred.discovery.discovered import Discovered
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.learning import Learned
+from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal
 from dashred.stages.trajectories import Trajectories
 
@@ -25,6 +26,7 @@ class Analysis:
         free: free runs with and without it.
         relearned: SHRED on the corrected simulation.
         corrected_shred: what it reads from the recording, ``(time, field, *grid)``.
+        corrected_shred_of_others: from the other fitted episodes.
     """
 
     nominal: Nominal
@@ -34,6 +36,35 @@ class Analysis:
     free: Trajectories
     relearned: Learned
     corrected_shred: Tensor
+    corrected_shred_of_others: tuple[Tensor, ...] = ()
+
+    def episodes(self, problem: Problem) -> list[tuple[Problem, Analysis]]:
+        """Return every fitted episode with what was found out of it, the longest first."""
+        found, free, simulated = self.found, self.free, self.nominal
+        others = zip(
+            problem.others,
+            simulated.others,
+            found.others,
+            free.others,
+            self.corrected_shred_of_others,
+            strict=True,
+        )
+        return [
+            (replace(problem, others=(), whole=()), self),
+            *(
+                (
+                    episode,
+                    replace(
+                        self,
+                        nominal=replace(simulated, states=states),
+                        found=replace(found, shred=shred, dashred=dashred),
+                        free=run,
+                        corrected_shred=corrected,
+                    ),
+                )
+                for episode, states, (shred, dashred), run, corrected in others
+            ),
+        ]
 
     def estimates(self, samples: int) -> dict[str, Tensor]:
         """Return the field by method over the first samples, ``(time, field, *grid)``."""

@@ -22,7 +22,7 @@ from dashred.stages.learning import make_trainer
 from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal
 from dashred.tracking import Tracker
-from datamodules import RecordingDataModule
+from datamodules import EpisodesDataModule, RecordingDataModule
 
 METRIC = "rmse/sensors_validate"
 
@@ -39,6 +39,7 @@ class Assimilated:
         epochs: epochs at which the regressions ran.
         coefficients: algorithm → coefficients by epoch, ``(epoch, term)``.
         curves: metric → (epoch, value).
+        others: ``shred`` and ``dashred`` of the other fitted episodes.
     """
 
     shred: Tensor
@@ -48,18 +49,23 @@ class Assimilated:
     epochs: list[int]
     coefficients: dict[str, list[list[float]]]
     curves: dict[str, list[tuple[int, float]]]
+    others: tuple[tuple[Tensor, Tensor], ...] = ()
 
 
 def sensor_data(problem: Problem) -> RecordingDataModule:
-    """Return the recording as SHRED reads it."""
-    return RecordingDataModule(
-        problem.split.fit,
-        problem.split.validation,
-        problem.split.inputs,
-        problem.config.shred.lags,
-        problem.config.assimilation.batch,
-        problem.config.seed,
-    )
+    """Return the recording as SHRED reads it, one episode after another."""
+    parts = [
+        RecordingDataModule(
+            episode.split.fit,
+            episode.split.validation,
+            episode.split.inputs,
+            episode.config.shred.lags,
+            episode.config.assimilation.batch,
+            episode.config.seed,
+        )
+        for episode in problem.episodes
+    ]
+    return parts[0] if len(parts) == 1 else EpisodesDataModule(parts)
 
 
 def assimilate(
@@ -102,18 +108,22 @@ def assimilate(
         proposals = discovery.finish(module)
         report(1.0, f"best after {best.best_epoch} epochs, RMSE {best.best:.3f} on validation")
     after = reconstruct(module.encoder, module.shred, data.windows)
+    counts = [len(episode.split.fit.times) for episode in problem.episodes]
+    (first, assimilated), *others = zip(before.split(counts), after.split(counts), strict=True)
     return Assimilated(
-        before,
-        after,
+        first,
+        assimilated,
         best.best_epoch,
         proposals,
         discovery.epochs,
         discovery.history,
         curves.history,
+        tuple(others),
     )
 
 
 def _latent_problem(problem: Problem, nominal: Nominal, data: RecordingDataModule) -> LatentProblem:
+    # Steps must not lead from one episode into another: the longest, which is the first, speaks.
     fit = problem.split.fit
     count = len(fit.times)
     start = float(problem.times[0])
@@ -123,7 +133,7 @@ def _latent_problem(problem: Problem, nominal: Nominal, data: RecordingDataModul
         scales=term_scales(problem.system, problem.library, nominal.states[:count], start),
         operator=problem.operator(fit.select(problem.split.inputs)),
         times=problem.times[:count],
-        windows=data.windows,
+        windows=data.windows[:count],
         settings=problem.config.latent_sindy,
         seed=problem.config.seed,
     )

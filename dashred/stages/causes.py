@@ -24,7 +24,7 @@ from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.physics.window import shapes_of
 from dashred.progress import Report
-from dashred.stages.objectives import fit_noise
+from dashred.stages.objectives import fit_noise, simulator_with
 from dashred.stages.prior_start import about, about_the_prior
 from dashred.stages.problem import Problem
 from dashred.stages.seeding import Seed
@@ -79,9 +79,9 @@ def weigh_causes(
         phi = grow(null, phi, min(samples, FIRST))
     fitted = minimise(null, phi, STEPS, TOLERANCE)
     if not (reached and best.members):
-        again = about_the_prior(nominal.prior, null, fitted.phi)
+        again = about_the_prior(nominal.start, null, fitted.phi)
         if again is not None:
-            everything, (null, fitted) = about(everything, nominal.prior), again
+            everything, (null, fitted) = about(everything, nominal.start), again
     empty = Cause(law_of(null, fitted, (), fitted.cost), null, fitted.phi)
     law = objective.only(best.members)
     found = Cause(laws[0], law, best.phi[objective.places(best.members)]) if reached else empty
@@ -134,8 +134,7 @@ def _with(objective: Objective, local: Sequence[Candidate], weak: float) -> Obje
 
 
 def _with_windows(problem: Problem, candidates: Sequence[Candidate]) -> Simulator:
-    system = problem.system
-    return Simulator(system, problem.ensemble_system.dt, candidates, shapes_of(system))
+    return simulator_with(problem, candidates, shapes_of(problem.system))
 
 
 def _beyond(
@@ -145,7 +144,7 @@ def _beyond(
     system, begin = problem.system, float(problem.times[0])
     further = candidates_beyond(system, problem.library, nominal.states, begin)
     reach = [*further, *slopes_of(further), *carried]
-    return Simulator(system, problem.ensemble_system.dt, reach), further
+    return simulator_with(problem, reach), further
 
 
 def _tendency_size(system: System, states: Tensor, t: float) -> Tensor:

@@ -72,7 +72,7 @@ def discover(
             selection = select(objective.until(walked.samples), walked.phi, proposals, report)
             if not walked.reached:
                 walked, selection = _walk_on(objective, walked, selection, proposals, report)
-            selection = select_about_the_prior(nominal.prior, selection, KEPT, report)
+            selection = select_about_the_prior(nominal.start, selection, KEPT, report)
             objective = about(objective, selection.objective.shooting.start)
             report(1.0, f"{len(selection.tried)} sets refitted")
         with stage("fit the law to the end", seconds) as report:

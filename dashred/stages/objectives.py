@@ -8,11 +8,13 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.candidates import Candidate
+from dashred.discovery.episodes import clocks, operator_of, side_by_side, simulator_of
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.shooting import Shooting, Simulator
 from dashred.discovery.starts import StartModel
 from dashred.physics.resolution import Resolution
+from dashred.physics.window import Shape
 from dashred.stages.problem import Problem
 
 # σ is taken for at least this share of a trace's std until residuals tell it: a recording may be
@@ -22,7 +24,19 @@ FLOOR = 0.01
 
 def exact_simulator(problem: Problem, candidates: Sequence[Candidate]) -> Simulator:
     """Return the simulator with all candidates in reach; its derivative takes longer steps."""
-    return Simulator(problem.system, problem.ensemble_system.dt, candidates)
+    return simulator_with(problem, candidates)
+
+
+def simulator_with(
+    problem: Problem, candidates: Sequence[Candidate], shapes: tuple[Shape, ...] = ()
+) -> Simulator:
+    """Return the simulator of every episode, compiled once where no input tells them apart."""
+    dt = problem.ensemble_system.dt
+    first = Simulator(problem.system, dt, candidates, shapes)
+    if not problem.system.inputs:
+        return simulator_of([first] * len(problem.episodes))
+    further = (Simulator(other.system, dt, candidates, shapes) for other in problem.others)
+    return simulator_of([first, *further])
 
 
 def rough_simulator(problem: Problem, simulator: Simulator, resolution: Resolution) -> Simulator:
@@ -30,22 +44,33 @@ def rough_simulator(problem: Problem, simulator: Simulator, resolution: Resoluti
 
     With the derivative's longer steps, if their error, of fourth order, stays far below the noise.
     """
-    names = problem.split.fit.names
-    noise = float((problem.noise_of(names) / trace_std(problem).clamp(min=1e-300)).median())
+    std = _for_each(problem, problem.noise_of(problem.split.fit.names))
+    noise = float((std / trace_std(problem).clamp(min=1e-300)).median())
     longer = simulator.tangent.dt / simulator.system.dt
     return simulator.coarse() if resolution.error * longer**4 < noise / 3 else simulator
 
 
 def trace_std(problem: Problem) -> Tensor:
-    """Return the std of each fit sensor's trace, ``(sensor,)``."""
-    return torch.from_numpy(problem.split.fit.trace_std())
+    """Return the std of each fit sensor's trace, ``(episode·sensor,)``."""
+    return torch.cat([torch.from_numpy(e.split.fit.trace_std()) for e in problem.episodes])
 
 
 def fit_noise(problem: Problem) -> NoiseModel:
     """Return the noise of the fit sensors, as far as it is known before any fit."""
-    fit = problem.split.fit
-    std = torch.maximum(problem.noise_of(fit.names), FLOOR * trace_std(problem))
-    return NoiseModel(std, torch.zeros_like(std), ~torch.isnan(torch.from_numpy(fit.values)))
+    names = problem.split.fit.names
+    # A sensor is as noisy in one episode as in the others.
+    largest = trace_std(problem).reshape(-1, len(names)).amax(dim=0)
+    std = _for_each(problem, torch.maximum(problem.noise_of(names), FLOOR * largest))
+    return NoiseModel(std, torch.zeros_like(std), ~torch.isnan(_recorded(problem)))
+
+
+def _for_each(problem: Problem, values: Tensor) -> Tensor:
+    """Return values of the sensors ``(sensor,)`` once for every episode."""
+    return values.repeat(len(problem.episodes))
+
+
+def _recorded(problem: Problem) -> Tensor:
+    return side_by_side([torch.from_numpy(e.split.fit.values) for e in problem.episodes])
 
 
 def pose_objective(
@@ -64,10 +89,9 @@ def pose_objective(
         candidates: what may be missing.
         prior: std of each coefficient, in units of its natural scale (design §4.2.3).
     """
-    fit = problem.split.fit
-    operator = problem.operator(fit)
-    times = problem.times[: len(fit.times)]
-    recorded = torch.from_numpy(fit.values)
+    episodes = problem.episodes
+    operator = operator_of(problem.operator(problem.split.fit), len(episodes))
+    times = clocks([e.times[: len(e.split.fit.times)] for e in episodes])
     scales = torch.tensor([c.scale for c in candidates], dtype=torch.float64)
     shooting = Shooting(simulator, start, candidates, operator, times)
-    return Objective(shooting, recorded, fit_noise(problem), prior * scales)
+    return Objective(shooting, _recorded(problem), fit_noise(problem), prior * scales)

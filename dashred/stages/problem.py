@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,30 +12,39 @@ from torch import Tensor
 from dashred.config import Config
 from dashred.discovery.explanation import fault_in_words
 from dashred.discovery.law import SensorFault
+from dashred.errors import InputError
+from dashred.physics.algebra import names
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
-from dashred.sensing.clock import resample
+from dashred.sensing.clock import resample_all
 from dashred.sensing.driving import under
 from dashred.sensing.noise import noise_std
 from dashred.sensing.observation import ObservationOperator
-from dashred.sensing.reader import read_recording
+from dashred.sensing.reader import read_episodes
 from dashred.sensing.recording import Recording
-from dashred.sensing.splits import Split, split_recording
+from dashred.sensing.sensors import Sensor
+from dashred.sensing.splits import Split, hold_out, split_recording
+
+# From so many episodes on, the last is held out whole.
+FEWEST_TO_HOLD_OUT = 3
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Everything the later stages start from.
+    """Everything the later stages start from, of one episode; and the others beside it.
 
     Attributes:
-        system: the simulator.
+        system: the simulator, under this episode's inputs.
         library: candidate terms.
         recording_sha256: hash of the recording as it was read.
-        times: analysis clock over the whole recording, ``(time,)``.
+        times: analysis clock over the whole episode, ``(time,)``.
         clock: one sentence on how the clock came about.
         split: roles of the sensors, and the parts of the recording.
         noise: stated or estimated σ by sensor name, in the sensor's unit; of the fit and the
             validation sensors, from the fit window: nothing held out has a part in it.
+        name: of the episode.
+        others: the further episodes that are fitted; this one is the longest.
+        whole: the episode that is held out whole, if there is one.
     """
 
     config: Config
@@ -45,6 +55,18 @@ class Problem:
     clock: str
     split: Split
     noise: dict[str, float]
+    name: str = ""
+    others: tuple[Problem, ...] = ()
+    whole: tuple[Problem, ...] = ()
+
+    @property
+    def episodes(self) -> tuple[Problem, ...]:
+        """All episodes that are fitted."""
+        return (self, *self.others)
+
+    def starts(self, start: Tensor) -> Tensor:
+        """Return what a fit calls the start as ``(episode, field, *grid)``."""
+        return start.reshape(-1, len(self.system.fields), *self.system.grid.shape)
 
     @property
     def ensemble_system(self) -> System:
@@ -83,26 +105,58 @@ def pose(config: Config) -> Problem:
     library = build_library(system, config.library)
     assert config.recording.path is not None
     table = config.recording.sensors if isinstance(config.recording.sensors, str) else None
-    raw = read_recording(config.recording.path, table, system)
+    read = read_episodes(config.recording.path, table, system)
+    _check_readings(system, read.sensors)
     # What either side states holds; where both do, they agree.
-    units = {**raw.units, **system.units}
+    units = {**read.episodes[0].recording.units, **system.units}
     system = system.declared_as(replace(system.config, units=units))
-    system = under(system, raw.inputs)
-    recording, clock = resample(raw, config.recording.every)
-    split = split_recording(recording, config.splits, config.seed)
-    return Problem(
-        config=config,
-        system=system,
-        library=library,
-        recording_sha256=raw.sha256(),
-        times=torch.from_numpy(recording.times),
-        clock=clock,
-        split=split,
-        noise=_noise(raw, split),
-    )
+    sampled, clock = resample_all(read, config.recording.every)
+    splits = [split_recording(e.recording, config.splits, config.seed) for e in sampled.episodes]
+    held_out = len(splits) >= FEWEST_TO_HOLD_OUT
+    raw = [episode.recording for episode in read.episodes]
+    fitted = len(splits) - held_out
+    if held_out:
+        splits[-1] = hold_out(sampled.episodes[-1].recording, splits[-1])
+    posed = [
+        Problem(
+            config=config,
+            system=under(system, episode.recording.inputs),
+            library=library,
+            recording_sha256=read.sha256(),
+            times=torch.from_numpy(episode.recording.times),
+            clock=clock,
+            split=split,
+            noise=_noise(raw[:fitted], splits[:fitted]),
+            name=episode.name,
+        )
+        for episode, split in zip(sampled.episodes, splits, strict=True)
+    ]
+    longest = max(posed[:fitted], key=lambda problem: len(problem.split.fit.times))
+    others = tuple(problem for problem in posed[:fitted] if problem is not longest)
+    return replace(longest, others=others, whole=tuple(posed[fitted:]))
 
 
-def _noise(raw: Recording, split: Split) -> dict[str, float]:
-    seen = raw.select([name for name in raw.names if name not in split.test])
-    early = seen.between(float(raw.times[0]), split.time_end)
-    return dict(zip(early.names, noise_std(early).tolist(), strict=True))
+def _check_readings(system: System, sensors: Sequence[Sensor]) -> None:
+    """Refuse what states alone do not determine.
+
+    Raises:
+        InputError: a sensor reads a let that names the time or an input.
+    """
+    for sensor in sensors:
+        key = f"system.let.{sensor.reads}"
+        read = names(system.resolve(system.parse(sensor.reads, key), key)) & system.clock
+        if read:
+            problem = f"sensor {sensor.name!r} reads {sensor.reads!r}, which names {min(read)!r}"
+            hint = "a sensor reads fields: take what time or an input adds out of its column"
+            raise InputError(problem, where=system.where(key), hint=hint)
+
+
+def _noise(raw: Sequence[Recording], splits: Sequence[Split]) -> dict[str, float]:
+    """Return σ of every sensor that may be seen, the rms of what each episode says."""
+    found = []
+    for recording, split in zip(raw, splits, strict=True):
+        seen = recording.select([name for name in recording.names if name not in split.test])
+        early = seen.between(float(recording.times[0]), split.time_end)
+        found.append(noise_std(early))
+    std = found[0] if len(found) == 1 else np.sqrt(np.mean(np.square(found), axis=0))
+    return dict(zip(early.names, std.tolist(), strict=True))

@@ -36,14 +36,21 @@ from dashred.sensing.recording import Recording
 from dashred.stages.analysis import Analysis
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.problem import Problem
+from dashred.stages.trajectories import Trajectories
 from dashred.stages.verification import MISFITS
 from dashred.units import in_brackets, time_label
 
 Errors = Mapping[str, float | None]
-Proof = Literal["test_sensors", "heldout_time", "heldout_restarted"]
-HELD_OUT: tuple[Proof, ...] = ("test_sensors", "heldout_time", "heldout_restarted")
+Proof = Literal["test_sensors", "heldout_time", "heldout_restarted", "heldout_episode"]
+HELD_OUT: tuple[Proof, ...] = (
+    "test_sensors",
+    "heldout_time",
+    "heldout_restarted",
+    "heldout_episode",
+)
 PANELS = ("simulation", "dashred", "corrected")
 TITLES = {"alg1": "Algorithm 1", "alg2": "Algorithm 2"}
+SENSORS, WHOLE = "All sensors", "held_out_episode.png"
 FIGURES = {
     html.WHERE: {
         "Where the law acts, and at which sensors it shows": "where.png",
@@ -52,9 +59,10 @@ FIGURES = {
     html.WHAT: {"What was left out, and how sure that is": "evidence.png"},
     html.PROOF: {
         "What the law is worth on data that no fit has seen": "verification.png",
+        "The episode that was held out whole, from a start fitted to its beginning": WHOLE,
         "The reconstructed field": "space_time.png",
         "The reconstructed field, at three times": "snapshots.png",
-        "All sensors": "sensor_traces.png",
+        SENSORS: "sensor_traces.png",
     },
     html.FORECAST: {"The sensors, foretold with and without the law": "forecast.png"},
     html.METHOD: {
@@ -74,7 +82,12 @@ def report(
 ) -> None:
     """Save every figure of the analysis in ``output``, and the page that holds them."""
     with stage("draw figures", seconds):
-        _traces(problem, analysis, output)
+        for (episode, mine), name in zip(
+            analysis.episodes(problem), _trace_files(problem).values(), strict=True
+        ):
+            _traces(episode, mine, output / name)
+        for whole, free in zip(problem.whole, analysis.free.whole, strict=True):
+            _whole(whole, free, output / WHOLE)
         _coefficients(problem, analysis.found, output)
         _sparsity(analysis, output)
         _curves(analysis, output)
@@ -86,11 +99,12 @@ def report(
             _where(problem, analysis, findings["where"], output)
         if problem.system.axes:
             _fields(problem, analysis, output)
+        files = FIGURES | {html.PROOF: FIGURES[html.PROOF] | _trace_files(problem)}
         figures = {
             part: {
                 title: output / name for title, name in drawn.items() if (output / name).is_file()
             }
-            for part, drawn in FIGURES.items()
+            for part, drawn in files.items()
         }
         text, mostly = summary(findings, None, {}), _mostly(problem, findings)
         html.write_html(output / "report.html", findings, figures, text, mostly)
@@ -108,6 +122,14 @@ def _mostly(problem: Problem, findings: Findings) -> list[str]:
     return found
 
 
+def _trace_files(problem: Problem) -> dict[str, str]:
+    """Return the figure of every fitted episode's sensors, by caption."""
+    return {SENSORS: FIGURES[html.PROOF][SENSORS]} | {
+        f"{SENSORS} in episode {episode.name}": f"sensor_traces_{number}.png"
+        for number, episode in enumerate(problem.others, start=2)
+    }
+
+
 def _verification(problem: Problem, analysis: Analysis, findings: Findings, output: Path) -> None:
     tested = problem.split.tested
     operator, total = problem.operator(tested), len(problem.times)
@@ -116,7 +138,7 @@ def _verification(problem: Problem, analysis: Analysis, findings: Findings, outp
         for name, states in analysis.free.states.items()
     }
     fit = findings["fit"]
-    errors: dict[str, Errors] = {name: cast(Errors, fit[name]) for name in HELD_OUT}
+    errors: dict[str, Errors] = {name: cast(Errors, fit.get(name) or {}) for name in HELD_OUT}
     figure = verification_figure(
         problem.times.numpy(),
         tested.values,
@@ -181,15 +203,50 @@ def _where(problem: Problem, analysis: Analysis, where: Where, output: Path) -> 
     save_figure(where_figure(where, law_map, system.units), output / "where.png")
 
 
-def _traces(problem: Problem, analysis: Analysis, output: Path) -> None:
+def _all_sensors(problem: Problem) -> tuple[Recording, dict[str, str]]:
+    """Return the parts of the split together again, and the role of every sensor."""
     split = problem.split
     parts = [split.fit, split.validation, split.tested]
     sensors = {s.name: s for part in parts for s in part.sensors}
     roles = {name: "test" for name in split.test} | {name: "validate" for name in split.validate}
     roles |= {name: "extra" for name in split.extra} | {name: "input" for name in split.inputs}
     recorded = _recorded(problem, list(sensors))
-    whole = Recording(tuple(sensors.values()), problem.times.numpy(), recorded)
-    operator = problem.operator(whole)
+    return Recording(tuple(sensors.values()), problem.times.numpy(), recorded), roles
+
+
+def _whole(problem: Problem, free: Trajectories, path: Path) -> None:
+    """Draw the episode that was held out whole, and what runs from its beginning make of it."""
+    recording, roles = _all_sensors(problem)
+    operator, total = problem.operator(recording), len(problem.times)
+    compared = ("simulation_refit", "corrected")
+    traces = {MISFITS[name]: operator(free.states[name][:total]).numpy() for name in compared}
+    _draw_sensors(problem, recording, roles, traces, path)
+
+
+def _draw_sensors(
+    problem: Problem,
+    recording: Recording,
+    roles: Mapping[str, str],
+    traces: Mapping[str, np.ndarray],
+    path: Path,
+) -> None:
+    figure = sensor_traces(
+        recording.times,
+        recording.values,
+        list(recording.names),
+        roles,
+        traces,
+        problem.split.time_end,
+        _reading_units(problem, recording),
+        time_label(problem.system.units),
+    )
+    save_figure(figure, path)
+
+
+def _traces(problem: Problem, analysis: Analysis, path: Path) -> None:
+    split = problem.split
+    recording, roles = _all_sensors(problem)
+    operator, sensors = problem.operator(recording), recording.sensors
     total, count = len(problem.times), len(split.fit.times)
     states = analysis.free.states["corrected"][:total]
     traces = {"simulation": operator(analysis.nominal.states).numpy()}
@@ -198,17 +255,7 @@ def _traces(problem: Problem, analysis: Analysis, output: Path) -> None:
         known = operator(analysis.estimates(count)[name]).numpy()
         traces[name] = np.full((total, len(sensors)), np.nan)
         traces[name][:count] = known
-    figure = sensor_traces(
-        problem.times.numpy(),
-        recorded,
-        list(sensors),
-        roles,
-        traces,
-        split.time_end,
-        _reading_units(problem, whole),
-        time_label(problem.system.units),
-    )
-    save_figure(figure, output / "sensor_traces.png")
+    _draw_sensors(problem, recording, roles, traces, path)
 
 
 def _recorded(problem: Problem, names: list[str]) -> np.ndarray:

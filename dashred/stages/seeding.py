@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from dashred.discovery.episodes import operator_of, side_by_side, starts_of
 from dashred.discovery.first_window import first_samples, fit_first_window
 from dashred.discovery.objective import Objective
 from dashred.discovery.seeds import NetworkEstimate, Readings, SeedSettings, make_seeds
@@ -58,28 +59,44 @@ def fit_seeds(
     report: Report,
 ) -> list[Seed]:
     """Fit every seed to the first window and return them, the best on validation first."""
-    fit = problem.split.fit
-    readings = Readings(
-        problem.times[: len(fit.times)],
-        torch.from_numpy(fit.values),
-        problem.operator(fit),
-        problem.noise_of(fit.names),
-    )
     error = torch.tensor([learned.test_rmse[f] for f in problem.system.fields]) * learned.scale
-    models = make_seeds(
-        problem.ensemble_system,
-        nominal.prior,
-        ensemble,
-        resolve(problem.system, problem.library),
-        readings,
-        NetworkEstimate(found.dashred[0], error),
-        SeedSettings(),
-    )
+    states = (found.dashred[0], *(dashred[0] for _, dashred in found.others))
+    made = [
+        _made(episode, nominal, ensemble, NetworkEstimate(state, error))
+        for episode, state in zip(problem.episodes, states, strict=True)
+    ]
+    models = {"prior": nominal.start} | {
+        name: starts_of([seeds[name] for seeds in made])
+        for name in made[0]
+        if name != "prior" and all(name in seeds for seeds in made)
+    }
     fitted = []
     for i, (name, model) in enumerate(models.items(), start=1):
         fitted.append(fit_seed(problem, simulator, name, model))
         report(i / len(models), f"{name} {fitted[-1].error:.2f} σ")
     return ranked(fitted)
+
+
+def _made(
+    episode: Problem, nominal: Nominal, ensemble: Ensemble, network: NetworkEstimate
+) -> dict[str, StartModel]:
+    """Return the seeds of one episode by name."""
+    fit = episode.split.fit
+    readings = Readings(
+        episode.times[: len(fit.times)],
+        torch.from_numpy(fit.values),
+        episode.operator(fit),
+        episode.noise_of(fit.names),
+    )
+    return make_seeds(
+        episode.ensemble_system,
+        nominal.prior,
+        ensemble,
+        resolve(episode.system, episode.library),
+        readings,
+        network,
+        SeedSettings(),
+    )
 
 
 def ranked(seeds: Sequence[Seed]) -> list[Seed]:
@@ -103,21 +120,26 @@ def fit_seed(problem: Problem, simulator: Simulator, name: str, model: StartMode
     return Seed(name, model, fitted.phi, error, count)
 
 
-def _judges(problem: Problem) -> list[Recording]:
-    split = problem.split
-    return [split.fit, split.validation] if split.validate else [split.fit]
+def _judges(problem: Problem) -> list[list[Recording]]:
+    """Return what judges a seed: recordings of some sensors in every episode."""
+    splits = [episode.split for episode in problem.episodes]
+    fitted = [split.fit for split in splits]
+    return [fitted, [split.validation for split in splits]] if splits[0].validate else [fitted]
 
 
 def _rmse(
-    problem: Problem, objective: Objective, z: Tensor, sensors: Recording
+    problem: Problem, objective: Objective, z: Tensor, judges: list[Recording]
 ) -> tuple[float, int]:
     """Return the RMSE in σ over the first window, infinite for none, and of how many values."""
     samples = first_samples(objective)
-    shooting = replace(objective.shooting.until(samples), operator=problem.operator(sensors))
+    operator = operator_of(problem.operator(judges[0]), len(judges))
+    shooting = replace(objective.shooting.until(samples), operator=operator)
     [readings] = shooting.readings(z[None], z.new_zeros((1, 0)))
-    recorded = torch.from_numpy(sensors.values[:samples])
+    recorded = side_by_side([torch.from_numpy(part.values[:samples]) for part in judges])
+    recorded = recorded[: len(readings)]
+    noise = problem.noise_of(judges[0].names).repeat(len(judges))
     seen = ~torch.isnan(recorded)
     # Where a run blows up, nothing is missing: the seed is lost.
-    scaled = ((readings - recorded) / problem.noise_of(sensors.names))[seen]
+    scaled = ((readings - recorded) / noise)[seen]
     rmse = float(scaled.square().mean().sqrt()) if len(scaled) else math.inf
     return rmse if math.isfinite(rmse) else math.inf, max(len(scaled), 1)

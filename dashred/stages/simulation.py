@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import torch
 from torch import Tensor
 
+from dashred.discovery.episodes import starts_of
+from dashred.discovery.starts import StartModel
 from dashred.physics.ensemble import Discrepancies, Ensemble, draw_ensemble
 from dashred.physics.library import refuse_collinear
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
@@ -25,10 +29,19 @@ class Nominal:
     Attributes:
         prior: what is known of the start.
         states: the simulation from the nominal start, ``(time, field, *grid)``.
+        others: the same over the clocks, and under the inputs, of the other fitted episodes.
+        whole: the same over those that are held out whole.
     """
 
     prior: StartPrior
     states: Tensor
+    others: tuple[Tensor, ...] = field(default=())
+    whole: tuple[Tensor, ...] = field(default=())
+
+    @cached_property
+    def start(self) -> StartModel:
+        """What is known of the starts of all fitted episodes."""
+        return starts_of([self.prior] * (1 + len(self.others)))
 
 
 @torch.no_grad()
@@ -46,7 +59,11 @@ def simulate_nominal(problem: Problem, seconds: dict[str, float]) -> Nominal:
         refuse_collinear(system, problem.library, path[0], float(times[0]))
     modes = system.config.spread.get("modes")
     prior = StartPrior(system, start[0], field_rms(path[0]), None if modes is None else int(modes))
-    return Nominal(prior, path[0])
+    further = [
+        tuple(simulate(e.system, start, e.times)[0] for e in episodes)
+        for episodes in (problem.others, problem.whole)
+    ]
+    return Nominal(prior, path[0], *further)
 
 
 @torch.no_grad()
@@ -77,22 +94,49 @@ def check(problem: Problem, nominal: Nominal, seconds: dict[str, float]) -> Reso
 def simulate_ensemble(problem: Problem, nominal: Nominal, seconds: dict[str, float]) -> Ensemble:
     """Draw the members that SHRED learns from, over the fit window."""
     settings = problem.config.simulation
-    system = problem.ensemble_system
-    times = problem.times[: len(problem.split.fit.times)]
+    count = len(problem.split.fit.times)
     discrepancies = None
     if settings.discrepancy:
         discrepancies = Discrepancies(problem.library, settings.terms, settings.amplitude)
     with stage("simulate the ensemble", seconds) as report:
-        ensemble = draw_ensemble(
-            system,
-            times,
-            nominal.prior,
-            nominal.states[: len(times)],
-            settings.members,
-            discrepancies,
-            problem.rng("ensemble"),
-            lambda done: report(done, ""),
-        )
+        drawn = [
+            draw_ensemble(
+                episode.ensemble_system,
+                times,
+                nominal.prior,
+                nominal.states[:count],
+                members,
+                discrepancies,
+                problem.rng(f"ensemble{suffix}"),
+                lambda done: report(done, ""),
+            )
+            for episode, times, members, suffix in shares(problem, settings.members)
+        ]
+        ensemble = together(drawn)
         kind = "with random discrepancies" if settings.discrepancy else "plain"
         report(1.0, f"{settings.members} members, {kind}")
     return ensemble
+
+
+def shares(problem: Problem, members: int) -> Iterator[tuple[Problem, Tensor, int, str]]:
+    """Yield every episode with a clock as long as the longest, its members, and a name for dice."""
+    episodes = problem.episodes
+    passed = problem.times[: len(problem.split.fit.times)] - problem.times[0]
+    for index, episode in enumerate(episodes):
+        share = len(range(index, members, len(episodes)))
+        if episode is problem:
+            yield episode, problem.times[: len(passed)], share, ""
+        else:
+            yield episode, episode.times[0] + passed, share, f" {episode.name}"
+
+
+def together(drawn: Sequence[Ensemble]) -> Ensemble:
+    """Return the members of all episodes, on the clock of the first."""
+    if len(drawn) == 1:
+        return drawn[0]
+    # By turns, so that members of every episode are among those that are held out.
+    turns = [turn for ensemble in drawn for turn in range(len(ensemble.states))]
+    order = sorted(range(len(turns)), key=turns.__getitem__)
+    states = torch.cat([ensemble.states for ensemble in drawn])[order]
+    coefficients = torch.cat([ensemble.coefficients for ensemble in drawn])[order]
+    return Ensemble(drawn[0].times, states, coefficients)

@@ -16,7 +16,7 @@ from dashred.progress import stage
 from dashred.stages.assimilation import sensor_data
 from dashred.stages.learning import Learned, train_shred
 from dashred.stages.problem import Problem
-from dashred.stages.simulation import Nominal
+from dashred.stages.simulation import Nominal, shares, together
 from dashred.stages.trajectories import Trajectories
 from dashred.tracking import Tracker
 
@@ -32,7 +32,7 @@ def retrain(
     learned: Learned,
     run: Tracker,
     seconds: dict[str, float],
-) -> tuple[Learned, Tensor]:
+) -> tuple[Learned, list[Tensor]]:
     """Train SHRED on the corrected simulator and read the recording with it.
 
     The members start about the fitted start, nearer to it than the prior's are to theirs: the
@@ -48,28 +48,36 @@ def retrain(
         seconds: to note the time in.
 
     Returns:
-        The network, and the field that it reads, ``(time, field, *grid)``, over the fit window.
+        The network, and the field that it reads, ``(time, field, *grid)``, over the fit window of
+        every episode.
     """
     settings = problem.config.surrogate
-    system = correct(problem.ensemble_system, law)
-    prior = nominal.prior
-    about = ScaledStart(StartPrior(system, law.start, prior.rms, prior.kept), settings.spread)
-    fit = problem.split.fit
+    prior, starts = nominal.prior, problem.starts(law.start)
+    corrected = [free, *free.others]
     with torch.no_grad(), stage("simulate the corrected", seconds) as report:
-        ensemble = draw_ensemble(
-            system,
-            problem.times[: len(fit.times)],
-            about,
-            free.states["corrected"][: len(fit.times)],
-            settings.members,
-            None,
-            problem.rng("corrected ensemble"),
-            lambda done: report(done, ""),
-        )
+        drawn = []
+        for i, (episode, times, members, suffix) in enumerate(shares(problem, settings.members)):
+            system = correct(episode.ensemble_system, law)
+            about = StartPrior(system, starts[i], prior.rms, prior.kept)
+            drawn.append(
+                draw_ensemble(
+                    system,
+                    times,
+                    ScaledStart(about, settings.spread),
+                    corrected[i].states["corrected"][: len(episode.split.fit.times)],
+                    members,
+                    None,
+                    problem.rng(f"corrected ensemble{suffix}"),
+                    lambda done: report(done, ""),
+                )
+            )
+        ensemble = together(drawn)
         report(1.0, f"{settings.members} members")
     found = train_shred(problem, ensemble, run, seconds, "corrected SHRED", learned.shred)
     windows = sensor_data(problem).windows
     step = seconds_a_step(found.shred, windows[-1])
     run.log_metrics({"surrogate/milliseconds": 1e3 * step}, 0)
     seconds[STEP] = step
-    return found, reconstruct(found.shred.encode, found.shred, windows)
+    counts = [len(episode.split.fit.times) for episode in problem.episodes]
+    read = reconstruct(found.shred.encode, found.shred, windows)
+    return found, list(read.split(counts))

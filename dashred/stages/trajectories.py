@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -10,9 +10,12 @@ from torch import Tensor
 from dashred.discovery.candidates import forcing_of
 from dashred.discovery.correction import correct, enters_linearly
 from dashred.discovery.discovered import Discovered
+from dashred.discovery.law import Law
 from dashred.physics.simulate import simulate
 from dashred.progress import stage
 from dashred.stages.problem import Problem
+from dashred.stages.simulation import Nominal
+from dashred.stages.whole_episode import fit_starts
 
 # How long the forecast is, in lengths of the recording.
 FORECAST = 0.5
@@ -28,11 +31,15 @@ class Trajectories:
         states: by method, ``(time, field, *grid)``: the uncorrected simulator from the law's
             start (``simulation_same_start``) and from its own best one (``simulation_refit``),
             and the corrected simulator (``corrected``).
+        others: those of the other fitted episodes.
+        whole: those of the episodes that are held out whole.
     """
 
     times: Tensor
     recorded: int
     states: dict[str, Tensor]
+    others: tuple[Trajectories, ...] = ()
+    whole: tuple[Trajectories, ...] = ()
 
     def over(self, samples: slice) -> dict[str, Tensor]:
         """Return the states over some samples."""
@@ -40,24 +47,41 @@ class Trajectories:
 
 
 @torch.no_grad()
-def run_free(problem: Problem, discovered: Discovered, seconds: dict[str, float]) -> Trajectories:
-    """Run all three; a run that blows up is not finite from then on."""
+def run_free(
+    problem: Problem, nominal: Nominal, discovered: Discovered, seconds: dict[str, float]
+) -> Trajectories:
+    """Run all three in every episode; a run that blows up is not finite from then on."""
+    best, nothing = discovered.best, discovered.nothing
+    with stage("run free", seconds):
+        found = [
+            _run(episode, best, mine, alone)
+            for episode, mine, alone in zip(
+                problem.episodes,
+                problem.starts(best.start),
+                problem.starts(nothing.start),
+                strict=True,
+            )
+        ]
+        whole = [_run(e, best, *fit_starts(e, nominal.prior, best)) for e in problem.whole]
+    return replace(found[0], others=tuple(found[1:]), whole=tuple(whole))
+
+
+def _run(problem: Problem, best: Law, start: Tensor, refitted: Tensor) -> Trajectories:
+    """Run one episode from the law's start, and without the law from that or its own."""
     times = problem.times
     step = float((times[1:] - times[:-1]).median())
     ahead = round(FORECAST * float(times[-1] - times[0]) / step)
     beyond = times[-1] + step * torch.arange(1, ahead + 1, dtype=torch.float64)
     clock = torch.cat([times, beyond])
-    best, nothing = discovered.best, discovered.nothing
-    with stage("run free", seconds):
-        starts = torch.stack([best.start, nothing.start, best.start])
-        none = torch.zeros((1, len(best.candidates)), dtype=torch.float64)
-        coefficients = torch.cat([none, none, best.coefficients[None]])
-        forcing = forcing_of(best.candidates, coefficients)
-        same_start, refit, corrected = simulate(problem.system, starts, clock, forcing)
-        changed = [c.name for c in best.candidates if c.equation is None]
-        if not all(enters_linearly(problem.system, name) for name in changed):
-            # Their law is a tangent; what is reported and written is the new value itself.
-            [corrected] = simulate(correct(problem.system, best), best.start[None], clock)
+    starts = torch.stack([start, refitted, start])
+    none = torch.zeros((1, len(best.candidates)), dtype=torch.float64)
+    coefficients = torch.cat([none, none, best.coefficients[None]])
+    forcing = forcing_of(best.candidates, coefficients)
+    same_start, refit, corrected = simulate(problem.system, starts, clock, forcing)
+    changed = [c.name for c in best.candidates if c.equation is None]
+    if not all(enters_linearly(problem.system, name) for name in changed):
+        # Their law is a tangent; what is reported and written is the new value itself.
+        [corrected] = simulate(correct(problem.system, best), start[None], clock)
     states = {
         "simulation_same_start": same_start,
         "simulation_refit": refit,

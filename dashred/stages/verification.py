@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from dashred.discovery.location import locate
 from dashred.discovery.regression import SparseFit
 from dashred.discovery.verdict import unexplained, verdict
 from dashred.findings import (
+    EpisodeSplit,
     Findings,
     Fit,
     Input,
@@ -60,16 +62,22 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     discovered = analysis.discovered
     kind, causes = verdict(discovered, problem.fault_in_words)
     units = problem.system.units
+    episodes = analysis.episodes(problem)
     names = problem.split.fit.names
     fit = Fit(
-        noise_std=problem.noise | dict(zip(names, discovered.noise.std.tolist(), strict=True)),
+        # Of several episodes the same in each.
+        noise_std=problem.noise | dict(zip(names, discovered.noise.std.tolist(), strict=False)),
         noise_correlation=float(discovered.noise.correlation.max()),
         chi2=discovered.best.chi2,
-        unexplained=unexplained(problem.noise_of(names), discovered.noise),
-        test_sensors=misfit(**_test_errors(problem, analysis)),
-        heldout_time=misfit(**_heldout_errors(problem, analysis)),
-        heldout_restarted=misfit(**_restarted_errors(problem, analysis)),
+        unexplained=unexplained(
+            problem.noise_of(names).repeat(len(problem.episodes)), discovered.noise
+        ),
+        test_sensors=misfit(**_pooled(_test_errors, episodes)),
+        heldout_time=misfit(**_pooled(_heldout_errors, episodes)),
+        heldout_restarted=misfit(**_pooled(_restarted_errors, episodes)),
     )
+    if problem.whole:
+        fit["heldout_episode"] = misfit(**_whole_errors(problem, analysis))
     proposals = {n: _proposals(problem, f) for n, f in analysis.found.proposals.items()}
     latent = Latent(alg1=proposals["alg1"], alg2=proposals["alg2"])
     if kind == "not-converged":
@@ -94,7 +102,10 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         alternatives=alternatives(discovered, problem.system.units),
         smaller=smaller(discovered),
         energy=energy_lost(
-            problem.system, discovered.best, problem.times[:count], problem.rng("energy")
+            problem.system,
+            replace(discovered.best, start=problem.starts(discovered.best.start)[0]),
+            problem.times[:count],
+            problem.rng("energy"),
         ),
         structure=structure_changed(
             problem.system, discovered.best, analysis.free.states["corrected"][:count]
@@ -135,8 +146,22 @@ def refuse_unresolved(problem: Problem, resolution: Resolution) -> Findings:
     )
 
 
-def write_estimates(path: Path, system: System, times: Tensor, fields: dict[str, Tensor]) -> None:
-    """Write fields by method, dims ``(method, time, *axes)``, one variable a field."""
+def write_estimates(
+    path: Path,
+    system: System,
+    times: Tensor,
+    fields: dict[str, Tensor],
+    episodes: Sequence[str] = (),
+) -> None:
+    """Write fields by method, dims ``(method, time, *axes)``, one variable a field.
+
+    Args:
+        path: the file.
+        system: names and grid.
+        times: ``(time,)``.
+        fields: by method, ``(time, field, *grid)``.
+        episodes: that of every sample, where there are several.
+    """
     axes = [axis.name for axis in system.axes]
     stacked = system.grid.own(torch.stack(list(fields.values()))).numpy()
     data = {
@@ -144,6 +169,8 @@ def write_estimates(path: Path, system: System, times: Tensor, fields: dict[str,
         for i, name in enumerate(system.fields)
     }
     coordinates: dict[str, Any] = {"method": list(fields), "time": times.numpy()}
+    if len(episodes):
+        coordinates["episode"] = ("time", list(episodes))
     coordinates |= {name: x.numpy() for name, x in system.grid.own_coordinates.items()}
     partial = path.with_name(f".{path.name}.partial")
     xr.Dataset(data, coordinates).to_netcdf(partial, engine="h5netcdf")
@@ -153,11 +180,17 @@ def write_estimates(path: Path, system: System, times: Tensor, fields: dict[str,
 def write_findings(problem: Problem, analysis: Analysis, findings: Findings, output: Path) -> None:
     """Write the fields, the forecast, the corrected configuration and the findings; freeze all."""
     system, free = problem.system, analysis.free
-    count = len(problem.split.fit.times)
-    fields = analysis.estimates(count)
-    write_estimates(output / "estimates.nc", system, problem.times[:count], fields)
-    beyond = slice(free.recorded, len(free.times))
-    write_estimates(output / "forecast.nc", system, free.times[beyond], free.over(beyond))
+    fields = []
+    for episode, mine in analysis.episodes(problem):
+        count = len(episode.split.fit.times)
+        fields.append((episode, episode.times[:count], mine.estimates(count)))
+    _write_all(output / "estimates.nc", fields)
+    runs = zip((*problem.episodes, *problem.whole), (free, *free.others, *free.whole), strict=True)
+    beyond = []
+    for episode, run in runs:
+        ahead = slice(run.recorded, len(run.times))
+        beyond.append((episode, run.times[ahead], run.over(ahead)))
+    _write_all(output / "forecast.nc", beyond)
     others = ["estimates.nc", "forecast.nc"]
     if findings["corrected"] is not None:
         law = analysis.discovered.best
@@ -165,6 +198,19 @@ def write_findings(problem: Problem, analysis: Analysis, findings: Findings, out
         write_corrected(output / CORRECTED, problem.config, system, law, sha256)
         others.append(CORRECTED)
     freeze_findings(output, findings, others)
+
+
+def _write_all(path: Path, parts: Sequence[tuple[Problem, Tensor, dict[str, Tensor]]]) -> None:
+    """Write what methods make of every episode, one after another."""
+    system = parts[0][0].system
+    if len(parts) == 1:
+        [(_, times, fields)] = parts
+        write_estimates(path, system, times, fields)
+        return
+    methods = [name for name in parts[0][2] if all(name in fields for *_, fields in parts)]
+    together = {name: torch.cat([fields[name] for *_, fields in parts]) for name in methods}
+    labels = [episode.name for episode, times, _ in parts for _ in times]
+    write_estimates(path, system, torch.cat([t for _, t, _ in parts]), together, labels)
 
 
 def freeze_findings(output: Path, findings: Findings, others: list[str]) -> None:
@@ -180,6 +226,16 @@ def source_of(problem: Problem) -> Input:
         equation: sum(term.equation == equation for term in problem.library)
         for equation in problem.system.fields
     }
+    splits = Splits(
+        inputs=list(split.inputs),
+        extra=list(split.extra),
+        validate=list(split.validate),
+        test=list(split.test),
+        time_end=split.time_end,
+        note=f"{split.note} Clock: {problem.clock}",
+    )
+    if problem.others:
+        splits["episodes"] = _episodes(problem)
     return Input(
         config=json.loads(json.dumps(frozen_input(config))),
         config_sha256=config_sha256(config),
@@ -187,52 +243,93 @@ def source_of(problem: Problem) -> Input:
         seed=config.seed,
         versions=versions(),
         library_size=sizes,
-        splits=Splits(
-            inputs=list(split.inputs),
-            extra=list(split.extra),
-            validate=list(split.validate),
-            test=list(split.test),
-            time_end=split.time_end,
-            note=f"{split.note} Clock: {problem.clock}",
-        ),
+        splits=splits,
     )
 
 
-def _test_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
+def _episodes(problem: Problem) -> list[EpisodeSplit]:
+    """Return what was fitted of every episode, and what was held out."""
+    every = [*((p, False) for p in problem.episodes), *((p, True) for p in problem.whole)]
+    return [
+        EpisodeSplit(
+            name=episode.name,
+            begin=float(episode.times[0]),
+            end=float(episode.times[-1]),
+            time_end=episode.split.time_end,
+            held_out_whole=whole,
+        )
+        for episode, whole in every
+    ]
+
+
+# By method: the RMSE, and over how many values it is.
+Errors = dict[str, tuple[float, int]]
+
+
+def _pooled(
+    errors: Callable[[Problem, Analysis], Errors], episodes: Sequence[tuple[Problem, Analysis]]
+) -> dict[str, float]:
+    """Return the RMSE of each method over all samples of all episodes."""
+    found = [errors(problem, analysis) for problem, analysis in episodes]
+    if len(found) == 1:
+        return {name: rmse for name, (rmse, _) in found[0].items()}
+    pooled = {}
+    for name in found[0]:
+        seen = [(rmse, count) for rmse, count in (each[name] for each in found) if count]
+        total = sum(count for _, count in seen)
+        squares = sum(rmse**2 * count for rmse, count in seen)
+        pooled[name] = math.sqrt(squares / total) if total else math.nan
+    return pooled
+
+
+def _test_errors(problem: Problem, analysis: Analysis) -> Errors:
     split = problem.split
     tested = split.tested.between(float(problem.times[0]), split.time_end)
     if not tested.sensors:
         return {}
     operator, scale = problem.operator(tested), _unit(tested)
+    count = int((~np.isnan(tested.values)).sum())
     return {
-        MISFITS[name]: _relative_rmse(operator(states).numpy(), tested.values, scale)
+        MISFITS[name]: (_relative_rmse(operator(states).numpy(), tested.values, scale), count)
         for name, states in analysis.estimates(len(tested.times)).items()
         if name in MISFITS
     }
 
 
-def _heldout_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
+def _heldout_errors(problem: Problem, analysis: Analysis) -> Errors:
     total = len(problem.times)
     begin = total - len(problem.split.heldout.times)
     ends = {"simulation": analysis.nominal.states, **analysis.free.states}
     runs = {MISFITS[name]: states[begin:total] for name, states in ends.items()}
-    return _on_heldout(problem, runs)
+    return _on_heldout(problem, runs, [problem])
 
 
-def _restarted_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
+def _restarted_errors(problem: Problem, analysis: Analysis) -> Errors:
     corrected = analysis.free.states["corrected"][: len(problem.split.fit.times)]
-    return _on_heldout(problem, restart(problem, analysis.discovered.best, corrected))
+    restarted = restart(problem, analysis.discovered.best, corrected)
+    return _on_heldout(problem, restarted, [problem])
 
 
-def _on_heldout(problem: Problem, runs: Mapping[str, Tensor]) -> dict[str, float]:
-    """Return the RMSE of states over the held-out time, in units of each trace's earlier std."""
+def _whole_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
+    """Return the RMSE of free runs over what follows the beginning of the whole episode."""
+    [whole], [simulated], [free] = problem.whole, analysis.nominal.whole, analysis.free.whole
+    ends = slice(len(whole.split.fit.times), len(whole.times))
+    states = {"simulation": simulated, **free.states}
+    runs = {MISFITS[name]: path[ends] for name, path in states.items()}
+    errors = _on_heldout(whole, runs, problem.episodes)
+    return {name: rmse for name, (rmse, _) in errors.items()}
+
+
+def _on_heldout(problem: Problem, runs: Mapping[str, Tensor], fitted: Sequence[Problem]) -> Errors:
+    """Return the RMSE of states over the held-out time, in units of each trace's fitted std."""
     heldout = problem.split.heldout
-    parts = (problem.split.validation, problem.split.fit)
+    parts = [part for p in fitted for part in (p.split.validation, p.split.fit)]
     earlier = {n: std for part in parts for n, std in zip(part.names, _unit(part), strict=True)}
     scale = np.array([earlier[name] for name in heldout.names])
     operator = problem.operator(heldout)
+    count = int((~np.isnan(heldout.values)).sum())
     return {
-        name: _relative_rmse(operator(states).numpy(), heldout.values, scale)
+        name: (_relative_rmse(operator(states).numpy(), heldout.values, scale), count)
         for name, states in runs.items()
     }
 

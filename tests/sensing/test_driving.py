@@ -14,7 +14,7 @@ from dashred.errors import InputError
 from dashred.physics.system import System
 from dashred.recorder import FORECAST, clock_of
 from dashred.sensing.driving import driven, under
-from dashred.sensing.read_netcdf import read_netcdf
+from dashred.sensing.reader import read_recording
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import Sensor
 from dashred.sensing.write_netcdf import write_netcdf
@@ -46,7 +46,7 @@ def test_it_is_written_on_a_clock_of_its_own_and_read_again(circuit, tmp_path: P
     values = torch.zeros((count, 1)).double().numpy()
     recording = Recording((Sensor("s1", "Q", (), 0.1),), times[:count].numpy(), values, inputs)
     write_netcdf(recording, tmp_path / "r.nc")
-    again = read_netcdf(str(tmp_path / "r.nc"), system)
+    again = read_recording(str(tmp_path / "r.nc"), None, system)
     assert len(again.times) == count and again.sha256() == recording.sha256()
     np.testing.assert_array_equal(again.inputs.times, inputs.times)
     np.testing.assert_array_equal(again.inputs.values["voltage"], inputs.values["voltage"])

@@ -33,6 +33,16 @@ def test_white_noise_on_a_smooth_signal_is_found(noisy):
     np.testing.assert_allclose(found, [0.05, 1.0], rtol=0.1)
 
 
+def test_uneven_steps_are_no_noise():
+    rng = np.random.default_rng(8)
+    time = np.cumsum(rng.uniform(0.02, 0.18, 2000))
+    clean, white = np.sin(time) + time**2 / 1000, rng.standard_normal(2000)
+    for sigma in (0.002, 0.1):
+        values = clean + sigma * white
+        found = noise_std(Recording((Sensor("s", "u"),), time, values[:, None]))
+        assert found[0] == pytest.approx(sigma, rel=0.1)
+
+
 def test_jumps_spikes_and_missing_values_hardly_matter(noisy):
     spoilt = noisy[0].copy()
     spoilt[::40] += 100.0

@@ -106,9 +106,25 @@ BAD = {
         "sensor 'v' has no value at all",
     ),
     "no sensor": (text(["time"] + [str(i) for i in range(20)]), "the recording has no sensor"),
-    "two episodes": (
-        text(["time,episode,u"] + [f"{i},{i // 10},1" for i in range(20)]),
-        "r.csv:12, column 'episode': a second episode, '1'",
+    "short episode": (
+        text(["time,episode,u"] + [f"{i},{i // 25},1" for i in range(40)]),
+        "r.csv, episode '1': 15 samples are too few",
+    ),
+    "episode again": (
+        text(["time,episode,u"] + [f"{i},{i // 20 % 2},1" for i in range(60)]),
+        "r.csv:42, column 'episode': episode '0' goes on here",
+    ),
+    "no episode": (
+        text(["time,episode,u"] + [f"{i},{'a' if i < 30 else ''},1" for i in range(60)]),
+        "r.csv:32, column 'episode': the episode is missing here",
+    ),
+    "back within an episode": (
+        text(["time,episode,u"] + [f"{i % 30 if i != 45 else 3},{i // 30},1" for i in range(60)]),
+        "r.csv:47, column 'time': time goes back: 3 after 14",
+    ),
+    "silent episode": (
+        text(["time,episode,u"] + [f"{i},{i // 30},{1 if i < 30 else ''}" for i in range(60)]),
+        "r.csv, episode '1': sensor 'u' has no value at all",
     ),
 }
 

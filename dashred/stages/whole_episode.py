@@ -1,0 +1,46 @@
+"""The start of an episode that is held out whole: fitted to its beginning, under a given law."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from dashred.discovery.correction import correct
+from dashred.discovery.first_window import fit_first_window
+from dashred.discovery.gauss_newton import minimise
+from dashred.discovery.law import Law
+from dashred.discovery.objective import Objective
+from dashred.discovery.shooting import Shooting, Simulator
+from dashred.discovery.starts import StartModel
+from dashred.physics.system import System
+from dashred.stages.objectives import fit_noise, trace_std
+from dashred.stages.problem import Problem
+
+STEPS, TOLERANCE = 30, 1e-8
+
+
+@torch.no_grad()
+def fit_starts(episode: Problem, prior: StartModel, law: Law) -> tuple[Tensor, Tensor]:
+    """Return the starts ``(field, *grid)`` with the law, and of the simulator as it is.
+
+    Args:
+        episode: held out; its beginning is the fit part of its split.
+        prior: what is known of any start.
+        law: what the simulator leaves out.
+    """
+    return (
+        _fitted(episode, prior, correct(episode.system, law)),
+        _fitted(episode, prior, episode.system),
+    )
+
+
+def _fitted(episode: Problem, prior: StartModel, system: System) -> Tensor:
+    fit = episode.split.fit
+    times = episode.times[: len(fit.times)]
+    shooting = Shooting(Simulator(system, system.dt, []), prior, [], episode.operator(fit), times)
+    none = torch.zeros(0, dtype=torch.float64)
+    recorded = torch.from_numpy(fit.values)
+    objective = Objective(shooting, recorded, fit_noise(episode), none)
+    begin = fit_first_window(objective, trace_std(episode)).phi
+    z = minimise(objective, begin, STEPS, TOLERANCE).phi
+    return prior.start(z[None])[0]

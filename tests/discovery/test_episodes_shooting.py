@@ -1,0 +1,164 @@
+"""Several episodes at once: each as it would be alone, and one law for all of them."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from dashred.discovery.episodes import (
+    clocks,
+    one_after_another,
+    operator_of,
+    running,
+    side_by_side,
+    simulator_of,
+    starts_of,
+)
+from dashred.discovery.faults import Fault, fit_fault
+from dashred.discovery.gauss_newton import minimise
+from dashred.discovery.law import law_of
+from dashred.discovery.local_shooting import LocalShooting
+from dashred.discovery.noise_model import NoiseModel
+from dashred.discovery.objective import Objective
+from dashred.discovery.shooting import Shooting, Simulator
+from dashred.physics.pulses import Pulses
+from dashred.physics.window import onset
+from tests.swing import Swing, noisy
+
+# Starts, lengths and clocks of their own: one begins at t = 60.
+TIMES = [
+    0.15 * torch.arange(61, dtype=torch.float64),
+    60 + 0.15 * torch.arange(41, dtype=torch.float64),
+    0.15 * torch.arange(61, dtype=torch.float64),
+]
+Z = [(1.0, -0.5), (-2.0, 0.3), (0.2, 1.5)]
+LAW = ("x**3", "cos(2*t)")
+XI = (-0.4, 0.3)
+SIGMA = 0.02
+
+
+def alone(swing: Swing, episode: int, names=LAW) -> Shooting:
+    candidates = [swing.everything[name] for name in names]
+    return Shooting(swing.simulator, swing.start, candidates, swing.operator, TIMES[episode])
+
+
+def together(swing: Swing, names=LAW) -> Shooting:
+    candidates = [swing.everything[name] for name in names]
+    return Shooting(
+        simulator_of([swing.simulator] * 3),
+        starts_of([swing.start] * 3),
+        candidates,
+        operator_of(swing.operator, 3),
+        clocks(TIMES),
+    )
+
+
+def readings(swing: Swing, xi=XI) -> list[torch.Tensor]:
+    unknowns = torch.tensor([xi], dtype=torch.float64)
+    starts = (torch.tensor([z], dtype=torch.float64) for z in Z)
+    return [alone(swing, e).readings(z, unknowns)[0] for e, z in enumerate(starts)]
+
+
+def objective(swing: Swing, recorded: list[torch.Tensor], names=LAW) -> Objective:
+    values = side_by_side(recorded)
+    std = torch.full((values.shape[1],), SIGMA, dtype=torch.float64)
+    noise = NoiseModel(std, torch.zeros_like(std), ~values.isnan())
+    return Objective(together(swing, names), values, noise, torch.ones(len(names)).double())
+
+
+@pytest.fixture
+def z() -> torch.Tensor:
+    return torch.tensor(Z, dtype=torch.float64).flatten()
+
+
+def test_each_reads_what_it_would_alone_and_stands_still_after_its_end(swing, z):
+    xi = torch.tensor(XI, dtype=torch.float64)
+    [found] = together(swing).readings(z[None], xi[None])
+    for e, expected in enumerate(readings(swing)):
+        mine = found[:, 2 * e : 2 * e + 2]
+        torch.testing.assert_close(mine[: len(expected)], expected)
+        torch.testing.assert_close(
+            mine[len(expected) :], expected[-1:].expand(len(mine) - len(expected), -1)
+        )
+    visited = together(swing).visited(z, xi)
+    assert len(visited) == sum(map(len, TIMES))
+
+
+def test_a_clock_that_stands_still_is_no_time(swing):
+    times = clocks(TIMES)
+    assert [len(running(clock)) for clock in times.T] == [61, 41, 61]
+    assert [len(running(clock)) for clock in times[:45].T] == [45, 41, 45]
+    flat = one_after_another(times[..., None], times)[:, 0]
+    torch.testing.assert_close(flat, torch.cat(TIMES))
+
+
+def test_its_derivative_is_that_of_its_readings(swing, z):
+    shooting, xi = together(swing), torch.tensor(XI, dtype=torch.float64)
+    point = shooting.linearise(z, xi)
+    differences = shooting._difference(z, xi)
+    recorded = ~side_by_side(readings(swing)).isnan()
+    for mine, other in (
+        (point.by_start, differences.by_start),
+        (point.by_error, differences.by_error),
+    ):
+        torch.testing.assert_close(mine[recorded], other[recorded], atol=1e-5, rtol=1e-4)
+        assert not mine[~recorded].any()
+    # No start moves another episode.
+    assert not point.by_start[:, 2:, :2].any() and not point.by_start[:, :2, 2:].any()
+
+
+def test_windows_and_forcings_are_on_the_clocks(swing, z):
+    xi = torch.tensor([*XI, 0.0, 0.0], dtype=torch.float64)
+    guess = torch.tensor([62.0, -1.0], dtype=torch.float64)
+    inside = [swing.everything["x**3"]]
+    everywhere = [swing.everything["cos(2*t)"]]
+    both = together(swing, ("cos(2*t)",))
+    windowed = Simulator(swing.system, swing.system.dt, [*everywhere, *inside], (onset(),))
+    local = LocalShooting(
+        simulator=simulator_of([windowed] * 3),
+        start=both.start,
+        candidates=everywhere,
+        operator=both.operator,
+        times=both.times,
+        inside=inside,
+        shape=onset(),
+        guess=guess,
+    )
+    order = xi[[1, 0, 2, 3]]
+    [found] = local.readings(z[None], order[None])
+    [without] = both.readings(z[None], order[None, :1])
+    # Of three only the second has reached t = 62.
+    torch.testing.assert_close(found[:, [0, 1, 4, 5]], without[:, [0, 1, 4, 5]])
+    assert float((found - without)[:, 2:4].abs().max()) > 0.05
+    pulses = Pulses.over(swing.system, both.times, 1, 5)
+    assert pulses.knots[0] == 0 and pulses.knots[-1] == TIMES[1][-1]
+
+
+def test_one_law_is_fitted_to_all_and_surer_than_to_one(swing, z):
+    recorded = [noisy(r, SIGMA, seed=e) for e, r in enumerate(readings(swing))]
+    begin = torch.cat([0.5 * z, torch.zeros(2, dtype=torch.float64)])
+    fitted = minimise(objective(swing, recorded), begin, 30, 1e-8)
+    law = law_of(objective(swing, recorded), fitted, together(swing).candidates, fitted.cost)
+    stds = law.covariance.diagonal().sqrt()
+    assert ((law.coefficients - torch.tensor(XI)) / stds).abs().max() < 3
+    torch.testing.assert_close(fitted.phi[:6], z, atol=0.1, rtol=0.1)
+    assert 0.8 < law.chi2 < 1.2
+    assert law.start.shape == (3, 2)
+    values = recorded[0]
+    std = torch.full((2,), SIGMA, dtype=torch.float64)
+    noise = NoiseModel(std, torch.zeros_like(std), ~values.isnan())
+    single = Objective(alone(swing, 0), values, noise, torch.ones(2).double())
+    mine = minimise(single, torch.zeros(4).double(), 30, 1e-8)
+    alone_stds = law_of(single, mine, alone(swing, 0).candidates, 0.0).covariance.diagonal().sqrt()
+    assert bool((stds < alone_stds).all())
+
+
+def test_a_bias_is_that_of_a_sensor_in_all_episodes(swing, z):
+    recorded = [noisy(r, SIGMA, seed=e) for e, r in enumerate(readings(swing))]
+    for part in recorded:
+        part[:, 1] += 0.3
+    posed = objective(swing, recorded)
+    fault = Fault("bias", 1, torch.zeros(61, dtype=torch.bool))
+    begin = torch.cat([z, torch.tensor(XI, dtype=torch.float64)])
+    tested = fit_fault(posed, fault, begin, torch.zeros(1).double())
+    assert float(tested.fitted.phi[-1]) == pytest.approx(0.3, abs=0.02)

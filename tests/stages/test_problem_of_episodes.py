@@ -1,0 +1,116 @@
+"""Posing a problem of several episodes: what is fitted of each, and what nothing has seen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from dashred.config import load_config
+from dashred.discovery.episodes import EpisodesSimulator
+from dashred.errors import InputError
+from dashred.sensing.episodes import Episode, Episodes
+from dashred.sensing.recording import Recording
+from dashred.sensing.sensors import Sensor
+from dashred.sensing.write_netcdf import write_netcdf
+from dashred.stages.assimilation import sensor_data
+from dashred.stages.objectives import exact_simulator, pose_objective
+from dashred.stages.problem import Problem, pose
+from dashred.stages.simulation import simulate_ensemble, simulate_nominal
+
+SENSORS = tuple(Sensor(f"s{i}", "u", (0.3 + i,)) for i in range(6))
+LENGTHS = {"a": (0.0, 41), "b": (60.0, 61), "c": (-5.0, 51)}
+
+
+def episode(name: str) -> Episode:
+    begin, count = LENGTHS[name]
+    rng = np.random.default_rng(ord(name))
+    times = begin + 0.1 * np.arange(count, dtype=np.float64)
+    values = 1 + 0.3 * np.sin(times)[:, None] + 0.01 * rng.standard_normal((count, 6))
+    return Episode(name, Recording(SENSORS, times, values))
+
+
+def posed(quick: Path, folder: Path, *episodes: Episode) -> Problem:
+    path = folder / "recording.nc"
+    write_netcdf(Episodes(episodes), path, ["x"])
+    return pose(load_config([f"conf={quick}", f"recording.path={path}"], entry="train"))
+
+
+def test_the_last_fifth_of_each_is_held_out_and_of_three_the_last_whole(quick, tmp_path):
+    problem = posed(quick, tmp_path, *map(episode, "abc"))
+    assert [p.name for p in problem.episodes] == ["b", "a"]
+    assert [p.name for p in problem.whole] == ["c"]
+    [whole] = problem.whole
+    for part, share in ((problem, 0.8), (problem.others[0], 0.8), (whole, 0.1)):
+        first, last = part.times[0], part.times[-1]
+        assert part.split.time_end == pytest.approx(float(first + share * (last - first)))
+        assert len(part.split.fit.times) + len(part.split.heldout.times) == len(part.times)
+        assert part.split.test == problem.split.test
+        assert part.split.inputs == problem.split.inputs
+    assert float(problem.times[0]) == 60
+
+
+def test_of_two_none_is_held_out_whole(quick, tmp_path):
+    problem = posed(quick, tmp_path, *map(episode, "ab"))
+    assert [p.name for p in problem.episodes] == ["b", "a"]
+    assert not problem.whole
+
+
+def test_nothing_held_out_moves_what_is_fitted(quick, tmp_path):
+    before = posed(quick, tmp_path, *map(episode, "abc"))
+    changed = []
+    for part, end in zip(map(episode, "abc"), (3.2, 64.8, -100.0), strict=True):
+        values = part.recording.values.copy()
+        values[part.recording.times > end + 1e-9] += 10
+        sensors, times = part.recording.sensors, part.recording.times
+        changed.append(Episode(part.name, Recording(sensors, times, values)))
+    after = posed(quick, tmp_path, *changed)
+    assert after.noise == before.noise
+    for one, other in zip(after.episodes, before.episodes, strict=True):
+        np.testing.assert_array_equal(one.split.fit.values, other.split.fit.values)
+    for name in ("windows", "fitted"):
+        mine, yours = getattr(sensor_data(after), name), getattr(sensor_data(before), name)
+        torch.testing.assert_close(mine, yours, equal_nan=True, rtol=0, atol=0)
+
+
+def test_no_window_spans_two_episodes(quick, tmp_path):
+    problem = posed(quick, tmp_path, *map(episode, "ab"))
+    data = sensor_data(problem)
+    count = len(problem.split.fit.times)
+    assert (
+        len(data.windows)
+        == len(data.fitted)
+        == sum(len(part.split.fit.times) for part in problem.episodes)
+    )
+    # Before an episode's first sample there is that sample alone.
+    first = data.windows[count]
+    torch.testing.assert_close(first, first[-1:].expand_as(first))
+    own = torch.from_numpy(problem.others[0].split.fit.select(problem.split.inputs).values)
+    torch.testing.assert_close(data.windows[count + 3, -4:], own[:4].float())
+
+
+def test_its_objective_has_a_start_for_each_and_all_samples_once(quick, tmp_path):
+    problem = posed(quick, tmp_path, *map(episode, "abc"))
+    nominal = simulate_nominal(problem, {})
+    simulator = exact_simulator(problem, [])
+    assert isinstance(simulator, EpisodesSimulator)
+    objective = pose_objective(problem, simulator, nominal.start, [], 1.0)
+    assert objective.modes == 2 * nominal.prior.size
+    fitted = len(problem.split.fit.sensors)
+    assert objective.noise.count == fitted * sum(
+        len(part.split.fit.times) for part in problem.episodes
+    )
+    # Five samples of each: a horizon grows in all of them.
+    assert objective.until(5).noise.count == 2 * 5 * fitted
+    cost, _ = objective.values(torch.zeros(1, objective.modes).double())
+    assert bool(torch.isfinite(cost).all())
+    members = problem.config.simulation.members
+    assert len(simulate_ensemble(problem, nominal, {}).states) == members
+
+
+def test_an_episode_that_is_too_short_is_refused_by_name(quick, tmp_path):
+    short = episode("a").recording.between(0.0, 1.5)
+    with pytest.raises(InputError, match="episode 'short': 16 samples are too few"):
+        posed(quick, tmp_path, episode("b"), Episode("short", short))
