@@ -47,7 +47,7 @@ def forecast_figure(
             read[: last + 1] = recorded[:, index]
             cut = {method: trace[begin:, index] for method, trace in traces.items()}
             draw_sensor(axes, times[begin:], read[begin:], cut)
-            frame_recorded(axes, read[begin:])
+            frame_recorded(axes, recorded[:, index])
             axes.axvspan(times[last], times[-1], color="#f2f2f2", linewidth=0, zorder=0)
             axes.axvline(times[last], color=GREY, linewidth=0.8, linestyle=(0, (2, 2)), zorder=1)
             axes.set_title(names[index], fontsize=9, fontweight="bold")

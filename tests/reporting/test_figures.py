@@ -218,3 +218,11 @@ def test_a_forecast_shows_the_end_of_the_recording_and_all_beyond_it() -> None:
     np.testing.assert_array_equal(foretold, values[begin:, 0])
     np.testing.assert_array_equal(recorded[: last + 1 - begin], values[begin : last + 1, 0])
     assert np.isnan(recorded[last + 1 - begin :]).all()
+
+
+def test_a_forecast_is_framed_by_the_whole_recording_and_not_by_a_run_that_is_lost() -> None:
+    values = np.sin(TIMES)[:, None]
+    lost = 1e6 * np.ones_like(values)
+    figure = forecast_figure(TIMES, values[:30], ["a"], {"before_refit": lost, "after": values})
+    low, high = figure.axes[0].get_ylim()
+    assert -4 < low < values[:30].min() and values[:30].max() < high < 4
