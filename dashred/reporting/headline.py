@@ -11,6 +11,7 @@ from dashred.typeset import number
 SIZE = re.compile(r"[,:]?\s+(?:by |with velocity |coefficient )?\(?[−-]?\d")
 PLACES = {
     "test_sensors": "at sensors that no fit has seen",
+    "heldout_episode": "in an episode that no fit has seen",
     "heldout_time": "in the time that no fit has seen",
     "heldout_restarted": "in the time that no fit has seen, from a state fitted just before it",
 }
@@ -36,7 +37,8 @@ def gain(fit: Mapping[str, Any]) -> tuple[str, float] | None:
     Held against the uncorrected simulation from its own best start.
     """
     for key in PLACES:
-        before, after = fit[key]["before_refit"], fit[key]["after"]
+        errors = fit.get(key) or {}
+        before, after = errors.get("before_refit"), errors.get("after")
         if before is not None and after is not None and before > 0 and after > 0:
             return key, before / after
     return None
