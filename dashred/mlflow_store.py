@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING
 from filelock import FileLock, Timeout
 
 from dashred.errors import InputError
+from dashred.local_state import state_folder
+from dashred.mlflow_server import is_server, open_server
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -25,46 +27,114 @@ os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 os.environ.setdefault("DO_NOT_TRACK", "true")
 
 LOCK_SECONDS = 120
+CHOOSE = "choose another with tracking.root=DIR"
+# What a run's status may be when it has not come to its end; after SIGKILL it still "runs".
+INTERRUPTED = ("RUNNING", "FAILED", "KILLED", "SCHEDULED")
 
 
 @dataclass(frozen=True)
 class Store:
-    """An open store and the experiment in it: `artifacts` is an absolute local folder."""
+    """An open store and the experiment in it: `artifacts` is an absolute local folder.
+
+    Attributes:
+        remote: whether it is a server's, to which artifacts are sent; else `artifacts` is where
+            MLflow itself looks for them.
+    """
 
     client: "MlflowClient"
     uri: str
     artifacts: Path
     experiment_id: str
+    remote: bool = False
 
     def artifact_dir(self, run_id: str) -> Path:
-        """The folder of a run's artifacts, where MLflow looks for them; created if new."""
-        folder = self.artifacts / run_id / "artifacts"
-        folder.mkdir(parents=True, exist_ok=True)
-        return folder
+        """The local folder of a run's artifacts; created if new."""
+        return _made(self.artifacts / run_id / "artifacts")
+
+    def checkpoints(self, run_id: str) -> Path:
+        """The folder of what a run that is cut short goes on from; created if new."""
+        return _made(self.artifacts / run_id / "checkpoints")
 
 
 def open_store(root: str, experiment: str) -> Store:
     """Open the store, creating folder, tables and experiment where they are missing.
 
+    Args:
+        root: its folder, or the URL of a tracking server.
+        experiment: by name.
+
     Raises:
-        InputError: if the folder or the database cannot be used, or the experiment was deleted.
+        InputError: if the folder or the database cannot be used, the server does not answer, or
+            the experiment was deleted.
     """
-    from mlflow import MlflowClient
+    if is_server(root):
+        client = open_server(root)
+        with refusals_as_errors(root):
+            found = _experiment_id(client, experiment, None)
+        return Store(client, root, state_folder("runs"), found, remote=True)
+    folder = _folder(root)
+    artifacts = folder / "artifacts"
+    with _locked(folder), _quiet(), refusals_as_errors(str(folder / "mlflow.db")):
+        client = _local_client(folder)
+        found = _experiment_id(client, experiment, artifacts)
+    return Store(client, _uri(folder), artifacts, found)
+
+
+def store_of_run(root: str, run_id: str) -> tuple[Store, str]:
+    """Open the store that holds a run; returns the name of its experiment, too.
+
+    Raises:
+        InputError: there is no store, or no such run in it.
+    """
     from mlflow.exceptions import MlflowException
 
-    folder = _folder(root)
-    uri, artifacts = f"sqlite:///{folder / 'mlflow.db'}", folder / "artifacts"
-    with _locked(folder), _quiet():
-        try:
-            client = MlflowClient(tracking_uri=uri)
-            experiment_id = _experiment_id(client, experiment, artifacts)
-        except MlflowException as error:
-            raise InputError(
-                f"MLflow cannot use this store: {str(error).splitlines()[0]}",
-                where=str(folder / "mlflow.db"),
-                hint="choose another folder with tracking.root=DIR",
-            ) from error
-    return Store(client, uri, artifacts, experiment_id)
+    place = root if is_server(root) else str(Path(root).expanduser() / "mlflow.db")
+    if not is_server(root) and not Path(place).is_file():
+        hint = "say where it is: tracking.root=DIR, or tracking.root=http://SERVER"
+        raise InputError("there is no MLflow store here", where=place, hint=hint)
+    client = open_server(root) if is_server(root) else _local_client(_folder(root))
+    run = None
+    with _quiet(), refusals_as_errors(place), suppress(MlflowException):
+        run = client.get_run(run_id)
+        experiment = client.get_experiment(run.info.experiment_id).name
+    if run is None or run.info.lifecycle_stage != "active":
+        hint = "MLflow's page of a run shows its id; another store is tracking.root=DIR"
+        raise InputError(f"there is no run {run_id!r} in {place}", where="resume", hint=hint)
+    return open_store(root, experiment), experiment
+
+
+def status_of(store: Store, run_id: str) -> str | None:
+    """RUNNING, FINISHED, FAILED or KILLED; None where the store has no such run."""
+    from mlflow.exceptions import MlflowException
+
+    try:
+        info = store.client.get_run(run_id).info
+    except MlflowException:
+        return None
+    return str(info.status) if info.lifecycle_stage == "active" else None
+
+
+def tags_of(store: Store, run_id: str) -> dict[str, str]:
+    """The tags of a run that the store has."""
+    with refusals_as_errors(store.uri):
+        return dict(store.client.get_run(run_id).data.tags)
+
+
+@contextmanager
+def refusals_as_errors(place: str, hint: str = CHOOSE) -> Iterator[None]:
+    """Tell what MLflow refuses (a locked database, a server that has gone) in one message.
+
+    Raises:
+        InputError: instead of MLflow's own exception.
+    """
+    from mlflow.exceptions import MlflowException
+    from sqlalchemy.exc import SQLAlchemyError
+
+    try:
+        yield
+    except (MlflowException, SQLAlchemyError) as error:
+        what = f"MLflow cannot use this store: {str(error).splitlines()[0]}"
+        raise InputError(what, where=place, hint=hint) from error
 
 
 def find_run(store: Store, run_id: str, *, key: str = "tracking.run") -> str:
@@ -91,6 +161,22 @@ def end_failed_run(store: Store, run_id: str, *, killed: bool) -> None:
 
     with suppress(MlflowException):
         store.client.set_terminated(run_id, "KILLED" if killed else "FAILED")
+
+
+def _uri(folder: Path) -> str:
+    return f"sqlite:///{folder / 'mlflow.db'}"
+
+
+def _local_client(folder: Path) -> "MlflowClient":
+    from mlflow import MlflowClient
+
+    with _quiet():
+        return MlflowClient(tracking_uri=_uri(folder))
+
+
+def _made(folder: Path) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
 
 
 def _folder(root: str) -> Path:
@@ -133,14 +219,16 @@ def _quiet() -> Iterator[None]:
         yield
 
 
-def _experiment_id(client: "MlflowClient", name: str, artifacts: Path) -> str:
+def _experiment_id(client: "MlflowClient", name: str, artifacts: Path | None) -> str:
+    """The id of the experiment; `artifacts` is where they go, None where the server decides."""
     found = client.get_experiment_by_name(name)
     if found is None:
-        return str(client.create_experiment(name, artifact_location=str(artifacts)))
+        location = None if artifacts is None else str(artifacts)
+        return str(client.create_experiment(name, artifact_location=location))
     hint = "choose another name with tracking.experiment=NAME"
     if found.lifecycle_stage != "active":
         raise InputError("this experiment was deleted in MLflow", where=name, hint=hint)
-    if found.artifact_location != str(artifacts):
+    if artifacts is not None and found.artifact_location != str(artifacts):
         what = f"this experiment keeps its artifacts elsewhere: {found.artifact_location}"
         raise InputError(what, where=name, hint=f"the store was moved or made by others; {hint}")
     return str(found.experiment_id)

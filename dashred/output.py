@@ -6,6 +6,7 @@ from pathlib import Path
 
 from dashred.config import Config
 from dashred.errors import InputError
+from dashred.mlflow_server import is_server
 
 # What one run leaves and the next may not write again: it would pass for part of that one.
 OF_ONE_RUN = (
@@ -28,7 +29,7 @@ def named_output(config: Config) -> Path | None:
     if not config.output:
         return None
     folder, store = Path(config.output), Path(config.tracking.root).expanduser()
-    if store.resolve().is_relative_to(folder.resolve()):
+    if not is_server(config.tracking.root) and store.resolve().is_relative_to(folder.resolve()):
         what = f"MLflow's store, {store}, lies in this folder, and would keep a copy of itself"
         hint = "name a folder of its own: output=DIR or tracking.root=DIR"
         raise InputError(what, where=config.output, hint=hint)

@@ -2,7 +2,8 @@
 
 A twin experiment (``recording.twin=a``) is three processes: a recorder that knows the hidden
 truth, this analysis, which is handed the recording alone, and a scorer that opens the seal when
-the findings are frozen.
+the findings are frozen. What was cut short goes on with ``resume=RUN_ID``, or where the same
+command is given again with the same ``output=DIR``.
 """
 
 from __future__ import annotations
@@ -11,13 +12,19 @@ import sys
 import time
 from pathlib import Path
 
-from dashred.config import Config, config_sha256, frozen_input, load_config
+from dashred.config import Config, config_sha256, load_config
 from dashred.errors import InputError, run_entry
+from dashred.mlflow_server import check_server
 
 
 def main(argv: list[str]) -> int:
     """Run the analysis, or the twin experiment around it."""
+    if any(word.startswith("resume=") for word in argv):
+        from dashred.resume import resume
+
+        return resume(argv)
     config = load_config(argv, entry="train")
+    check_server(config.tracking.root)
     if config.recording.twin is not None:
         from dashred.twin_experiment import run_twin
 
@@ -38,7 +45,10 @@ def analyse(config: Config) -> Path:
     Raises:
         InputError: the input is wrong; nothing is written then, though the folder may be made.
     """
+    from dashred.attempt import began_with, end
     from dashred.output import clear_output, named_output
+    from dashred.parent_run import open_parent
+    from dashred.run_notes import conclude, describe
     from dashred.stages import (
         assimilation,
         discovery,
@@ -52,14 +62,14 @@ def analyse(config: Config) -> Path:
     )
     from dashred.stages import verification as verify
     from dashred.stages.analysis import Analysis
+    from dashred.stages.checkpoints import Checkpoints
     from dashred.stages.structure import check_structure
-    from dashred.tracking import Tracker, flatten
 
     provenance.prepare_torch(config)
     posed = problem.pose(config)
     named = named_output(config)
     seconds: dict[str, float] = {}
-    began = time.perf_counter()
+    clock = time.perf_counter()
     nominal = simulation.simulate_nominal(posed, seconds)
     check_structure(posed.system, nominal.states)
     resolution = simulation.check(posed, nominal, seconds)
@@ -68,27 +78,36 @@ def analyse(config: Config) -> Path:
         ensemble = simulation.simulate_ensemble(posed, nominal, seconds)
 
     # Whatever can be wrong with the input has been met by here: only now is anything written.
-    name = f"{config.name} seed {config.seed}"
-    keep = config.tracking
-    experiment = keep.experiment or config.name
-    with Tracker.open(keep.root, experiment, name, keep.run, parent=keep.parent) as run:
+    began = began_with(config, posed.recording_sha256)
+    with open_parent(config, named, began) as (run, folder):
         output = named or run.artifact_dir
         clear_output(output)
-        run.log_params(flatten(frozen_input(config)))
-        run.set_tags({"system": config.name, "git commit": provenance.git_commit()})
+        describe(run, config, provenance.git_commit())
+        kept = Checkpoints(folder, seconds)
 
         if ensemble is None:
             findings = verify.refuse_unresolved(posed, resolution)
             verify.freeze_findings(output, findings, [])
         else:
-            learned = learning.train_shred(posed, ensemble, run, seconds, "SHRED")
-            found = assimilation.assimilate(posed, nominal, learned.shred, run, seconds)
-            discovered = discovery.discover(
-                posed, nominal, resolution, ensemble, learned, found, run, seconds
+            learned = kept.stage(
+                "shred", lambda: learning.train_shred(posed, ensemble, run, seconds, "SHRED")
+            )
+            found = kept.stage(
+                "assimilate",
+                lambda: assimilation.assimilate(posed, nominal, learned.shred, run, seconds),
+            )
+            discovered = kept.stage(
+                "discover",
+                lambda: discovery.discover(
+                    posed, nominal, resolution, ensemble, learned, found, run, seconds
+                ),
             )
             free = trajectories.run_free(posed, nominal, discovered, seconds)
-            relearned, (corrected_shred, *others) = surrogate.retrain(
-                posed, nominal, discovered.best, free, learned, run, seconds
+            relearned, (corrected_shred, *others) = kept.stage(
+                "corrected_shred",
+                lambda: surrogate.retrain(
+                    posed, nominal, discovered.best, free, learned, run, seconds
+                ),
             )
             analysis = Analysis(
                 nominal,
@@ -104,8 +123,10 @@ def analyse(config: Config) -> Path:
             verify.write_findings(posed, analysis, findings, output)
             report.report(posed, analysis, findings, output, seconds)
 
-        seconds["in all"] = time.perf_counter() - began
+        seconds["in all"] = time.perf_counter() - clock
+        conclude(run, config, findings, output)
         provenance.finish(run, output, findings, seconds, config_sha256(config))
+        end(folder, output)
     return output
 
 

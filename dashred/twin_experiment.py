@@ -1,7 +1,8 @@
 """A twin experiment: recorder, analysis and scorer, each a process of its own.
 
 The analysis is handed the path of the recording and nothing else of the twin: not its name, not
-its noise, not its random stream. The seal lies in a private folder until the findings are frozen.
+its noise, not its random stream. The seal lies in a private folder until the findings are frozen,
+and nothing else of the twin is kept for an experiment that is cut short.
 """
 
 from __future__ import annotations
@@ -15,14 +16,20 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from dashred.config import Config
+from dashred.attempt import RECORDING as READ
+from dashred.attempt import began_with, pointed_to, read_began
+from dashred.config import Config, load_config
 from dashred.errors import DONE, OUR_FAILURE, WRONG_INPUT
-from dashred.mlflow_store import Store, open_store
+from dashred.kept_seal import SEALED, drop_seal, keep_seal, kept_seal
+from dashred.mlflow_store import Store, open_store, status_of
 from dashred.output import named_output
+from dashred.parent_run import cut_short, experiment_of
+from dashred.run_notes import name_of
 from dashred.tracking import Tracker
 
 OWN = ("output=", "tracking.run=", "tracking.parent=")
 # Of what describes the twin, the step of the analysis clock alone is the analysis' business.
+RECORDING = "recording.nc"
 TWIN = "recording."
 CLOCK = "recording.every="
 # MLflow, with what it reaches an SQLite store by.
@@ -35,7 +42,7 @@ NEEDED = {
 }
 
 
-class _EndedError(Exception):
+class EndedError(Exception):
     """A process of the experiment ended with an exit code that is not 0."""
 
     def __init__(self, code: int) -> None:
@@ -48,39 +55,45 @@ def run_twin(config: Config, argv: list[str]) -> int:
     """Record, analyse, score; returns the exit code of the first process that fails."""
     words = [word for word in argv if not word.startswith(OWN)]
     named = named_output(config)
-    with (
-        tempfile.TemporaryDirectory(prefix="dashred-seal-") as private,
-        tempfile.TemporaryDirectory(prefix="dashred-recording-") as open_to_all,
-    ):
+    with tempfile.TemporaryDirectory(prefix="dashred-seal-") as private:
         try:
-            _run(config, words, named, Path(private), Path(open_to_all))
-        except _EndedError as ended:
+            _run(config, words, named, Path(private))
+        except EndedError as ended:
             return ended.code
     return DONE
 
 
-def _run(
-    config: Config, words: list[str], named: Path | None, private: Path, open_to_all: Path
-) -> None:
-    experiment = config.tracking.experiment or config.name
-    sealed, recording = private / "sealed.nc", open_to_all / "recording.nc"
-    with _standby("record") as recorder, _standby("train") as analyser:
-        _tell(recorder, [*words, f"output={private}"])
+def _run(config: Config, words: list[str], named: Path | None, private: Path) -> None:
+    with standby("record") as recorder, standby("train") as analyser:
+        tell(recorder, [*words, f"output={private}"])
         # The store's schema takes seconds to create: time that the recorder needs anyway.
-        store = open_store(config.tracking.root, experiment)
-        _wait(recorder)
-        shutil.move(private / "recording.nc", recording)
-        with _open_run(config, experiment, store) as run, _standby("score") as scorer:
-            output = named or run.artifact_dir
-            told = words_of_analysis(words, recording, output)
-            _tell(analyser, [*told, f"tracking.run={run.run_id}"])
-            _wait(analyser)
-            shutil.copyfile(recording, output / "recording.nc")
-            place = [f"root={config.tracking.root}", f"experiment={experiment}"]
-            place += [f"findings={output}", f"sealed={sealed}", f"run={run.run_id}"]
-            _tell(scorer, place)
-            _wait(scorer)
-            shutil.copyfile(sealed, output / "sealed.nc")
+        store = open_store(config.tracking.root, experiment_of(config))
+        wait(recorder)
+        recording = private / RECORDING
+        earlier = _cut_short(store, named, words, recording)
+        with _open_run(config, store, earlier) as run, standby("score") as scorer:
+            keep_seal(run.run_id, private / SEALED)
+            own = Path(shutil.move(recording, run.artifact_dir / RECORDING))
+            told = words_of_analysis(words, own, named or run.artifact_dir)
+            tell(analyser, [*told, f"tracking.run={run.run_id}"])
+            wait(analyser)
+            place = config.tracking.root, experiment_of(config)
+            score(run, scorer, named or run.artifact_dir, *place)
+
+
+def score(
+    run: Tracker, scorer: subprocess.Popen[str], output: Path, root: str, experiment: str
+) -> None:
+    """Open the seal over the frozen findings; recording and truth then lie beside them."""
+    if output.resolve() != run.artifact_dir.resolve():
+        shutil.copyfile(run.artifact_dir / RECORDING, output / RECORDING)
+    sealed = kept_seal(run.run_id)
+    assert sealed is not None
+    place = [f"root={root}", f"experiment={experiment}", f"run={run.run_id}"]
+    tell(scorer, [*place, f"findings={output}", f"sealed={sealed}"])
+    wait(scorer)
+    shutil.copyfile(sealed, output / SEALED)
+    drop_seal(run.run_id)
 
 
 def words_of_analysis(words: list[str], recording: Path, output: Path) -> list[str]:
@@ -89,23 +102,42 @@ def words_of_analysis(words: list[str], recording: Path, output: Path) -> list[s
     return [*told, f"recording.path={recording}", f"output={output}"]
 
 
+def _cut_short(store: Store, named: Path | None, words: list[str], recording: Path) -> str | None:
+    """Return the run that was cut short in this folder, if it analysed this very recording."""
+    run_id = pointed_to(named)
+    if run_id is None or status_of(store, run_id) is None:
+        return None
+    before = store.artifact_dir(run_id) / RECORDING
+    if not before.is_file() or before.read_bytes() != recording.read_bytes():
+        return None
+    config = load_config(words_of_analysis(words, before, before.parent), entry="train")
+    began = read_began(store.checkpoints(run_id)) or {}
+    return cut_short(store, run_id, began_with(config, began.get(READ, "")))
+
+
 @contextmanager
-def _open_run(config: Config, experiment: str, store: Store) -> Iterator[Tracker]:
+def _open_run(config: Config, store: Store, earlier: str | None) -> Iterator[Tracker]:
     """Open the parent run; where the input turns out to be wrong, nothing of it stays."""
-    name = f"{config.name} seed {config.seed}"
+    root, experiment, parent = config.tracking.root, experiment_of(config), config.tracking.parent
+    opened = (
+        Tracker.reopen(root, experiment, earlier)
+        if earlier
+        else Tracker.open(root, experiment, name_of(config), parent=parent)
+    )
     try:
-        root, parent = config.tracking.root, config.tracking.parent
-        with Tracker.open(root, experiment, name, parent=parent) as run:
+        with opened as run:
             yield run
-    except _EndedError as ended:
-        if ended.code == WRONG_INPUT:
+    except EndedError as ended:
+        # What has begun was right; it can be gone on with.
+        if ended.code == WRONG_INPUT and read_began(store.checkpoints(run.run_id)) is None:
             store.client.delete_run(run.run_id)
             shutil.rmtree(run.artifact_dir.parent)
+            drop_seal(run.run_id)
         raise
 
 
 @contextmanager
-def _standby(entry: str) -> Iterator[subprocess.Popen[str]]:
+def standby(entry: str) -> Iterator[subprocess.Popen[str]]:
     """Get an entry point ready beside the block; at its end nothing of it is left running."""
     command = [sys.executable, "-m", "dashred.standby", f"dashred.{entry}", *NEEDED[entry]]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, text=True)
@@ -116,7 +148,7 @@ def _standby(entry: str) -> Iterator[subprocess.Popen[str]]:
         process.wait()
 
 
-def _tell(process: subprocess.Popen[str], words: list[str]) -> None:
+def tell(process: subprocess.Popen[str], words: list[str]) -> None:
     """Start an entry point on its words."""
     assert process.stdin is not None
     # One that has died meanwhile is told by its exit code.
@@ -124,11 +156,11 @@ def _tell(process: subprocess.Popen[str], words: list[str]) -> None:
         stdin.write(json.dumps(words) + "\n")
 
 
-def _wait(process: subprocess.Popen[str]) -> None:
+def wait(process: subprocess.Popen[str]) -> None:
     """Wait for an entry point to end.
 
     Raises:
-        _EndedError: with an exit code that is not 0.
+        EndedError: with an exit code that is not 0.
     """
     if (code := process.wait()) != DONE:
-        raise _EndedError(code)
+        raise EndedError(code)

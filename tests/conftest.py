@@ -10,7 +10,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -44,6 +44,7 @@ shred: {lags: 5, latent: 8, decoder: [16], modes: 8, epochs: 2, steps: 4, batch:
 assimilation: {epochs: 2, width: 8}
 latent_sindy: {steps: [1, 2], bootstraps: 3, begins: 3}
 threads: 1
+tracking: {model: false}
 """
 
 TWINS = """\
@@ -72,6 +73,15 @@ class Ended:
 
 
 Run = Callable[..., Ended]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """What runs keep of this user lies among the tests' files."""
+    folder = tmp_path_factory.mktemp("state")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(folder))
+        yield folder
 
 
 @pytest.fixture(scope="session")

@@ -26,6 +26,7 @@ PACKAGES = ("dashred", "datamodules", "callbacks")
 # A bench knows every twin's name, and reads scores: it stands on the scorer's side.
 SECRET_FILES = {
     *("record", "recorder", "score", "sealing", "twin_file", "twin_experiment", "standby"),
+    *("resume", "kept_seal"),
     *("bench", "compare", "prove", "publish", "scoring", "cause_scoring", "window_kinds"),
 }
 SECRET_PACKAGES = {"benchmark", "comparison", "proof"}
@@ -77,22 +78,36 @@ def tree_of(module: str) -> ast.Module:
     return ast.parse(MODULES[module].read_text(encoding="utf-8"))
 
 
-def train_without_the_twin_branch() -> ast.Module:
+TWIN_BRANCH = "config.recording.twin is not None"
+RESUME_BRANCH = "any((word.startswith('resume=') for word in argv))"
+
+
+def train_without_its_branches() -> ast.Module:
     """Return ``train.py`` as it runs when it is handed a recording."""
     tree = ast.parse(MODULES["dashred.train"].read_text(encoding="utf-8"))
-    branches = []
+    seen = []
     for node in ast.walk(tree):
-        if isinstance(node, ast.If) and "recording.twin" in ast.unparse(node.test):
-            assert ast.unparse(node.test) == "config.recording.twin is not None"
+        if isinstance(node, ast.If) and {"twin", "resume="} & words_of(node.test):
             assert isinstance(node.body[-1], ast.Return) and not node.orelse
-            branches.append(node)
-    assert len(branches) == 1
-    branches[0].body = [ast.Pass()]
+            seen.append(ast.unparse(node.test))
+            node.body = [ast.Pass()]
+    assert sorted(seen) == [RESUME_BRANCH, TWIN_BRANCH]
     return tree
 
 
+def words_of(test: ast.expr) -> set[object]:
+    """Return the constants and the attributes in a condition."""
+    found: set[object] = set()
+    for node in ast.walk(test):
+        if isinstance(node, ast.Constant):
+            found.add(node.value)
+        elif isinstance(node, ast.Attribute):
+            found.add(node.attr)
+    return found
+
+
 def reached_by_the_analysis() -> set[str]:
-    return reached_from("dashred.train", train_without_the_twin_branch())
+    return reached_from("dashred.train", train_without_its_branches())
 
 
 def reached_from(start: str, tree: ast.AST) -> set[str]:

@@ -8,6 +8,7 @@ import sqlite3
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -301,3 +302,45 @@ def test_mlflow_sends_nothing_home() -> None:
 def test_flatten_joins_keys_with_dots() -> None:
     tree = {"shred": {"lags": 8, "decoder": [1, 2]}, "seed": 1, "axes": {}}
     assert flatten(tree) == {"shred.lags": 8, "shred.decoder": [1, 2], "seed": 1, "axes": {}}
+
+
+def test_points_of_an_earlier_attempt_are_not_drawn_twice(root: str, tracker: Tracker) -> None:
+    tracker.log_metrics({"loss": 1.0}, 0)
+    with Tracker.open(root, "rde", "", tracker.run_id) as again:
+        again.log_metrics({"loss": 1.0}, 0)
+        again.log_metrics({"loss": 0.5}, 1)
+    history = client_of(tracker).get_metric_history(tracker.run_id, "loss")
+    assert [(point.step, point.value) for point in history] == [(0, 1.0), (1, 0.5)]
+
+
+def test_a_stage_that_is_begun_again_takes_the_place_of_the_one_cut_short(
+    tracker: Tracker,
+) -> None:
+    with suppress(KeyboardInterrupt), tracker.child("shred"):
+        raise KeyboardInterrupt
+    with tracker.child("shred") as child:
+        pass
+    client = client_of(tracker)
+    [nested] = client.search_runs(
+        [client.get_run(tracker.run_id).info.experiment_id],
+        f"tags.`mlflow.parentRunId` = '{tracker.run_id}'",
+    )
+    assert nested.info.run_id == child.run_id
+
+
+def test_an_experiment_is_described_once(tracker: Tracker) -> None:
+    tracker.describe_experiment("what it is about")
+    tracker.describe_experiment("something else")
+    tags = client_of(tracker).get_experiment_by_name("rde").tags
+    assert tags["mlflow.note.content"] == "what it is about"
+
+
+@pytest.mark.slow
+def test_a_locked_database_is_told_in_a_message(tmp_path: Path) -> None:
+    with Tracker.open(str(tmp_path), "rde", "a run") as tracker:
+        with closing(sqlite3.connect(tmp_path / "mlflow.db", isolation_level=None)) as database:
+            database.execute("BEGIN EXCLUSIVE")
+            with pytest.raises(InputError, match="locked") as caught:
+                tracker.log_metrics({"loss": 1.0}, 0)
+        assert tracker.run_id in str(caught.value.hint)
+        tracker.log_metrics({"loss": 1.0}, 0)

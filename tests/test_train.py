@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+from dashred.run_notes import found_in_short, headline
+
 CHECKOUT = Path(__file__).resolve().parents[1]
 PENDULUM = CHECKOUT.parent / "shared" / "data" / "pendulum_single" / "recording.csv"
 FIGURES = {
@@ -66,15 +68,18 @@ def test_the_store_holds_one_finished_run_with_its_stages(twin_run) -> None:
         metrics = {key for (key,) in database.execute("select distinct key from metrics")}
     database.close()
     parent = json.loads(twin_run.read("run.json"))["mlflow_run"]
+    findings = json.loads(twin_run.read("findings.json"))
     assert sorted(runs) == [
         ("assimilate", "FINISHED", parent),
         ("corrected_shred", "FINISHED", parent),
         ("discover", "FINISHED", parent),
-        ("quick seed 0", "FINISHED", None),
+        (f"quick seed 0: {found_in_short(findings)}", "FINISHED", None),
         ("shred", "FINISHED", parent),
     ]
     assert tags["twin"] == "a" and tags["system"] == "quick" and "verdict" in tags
-    assert {"score/dashred", "test_sensors/shred"} <= metrics
+    assert tags["mlflow.note.content"].startswith(f"**Verdict: {findings['verdict']}")
+    assert tags["findings sha256"] == json.loads(twin_run.read("freeze.json"))["sha256"]
+    assert {"score/dashred", "assimilate/rmse/sensors_validate", *headline(findings)} <= metrics
     filed = twin_run.root / "artifacts" / parent / "artifacts" / "findings.json"
     assert filed.read_bytes() == twin_run.read("findings.json")
 

@@ -40,8 +40,15 @@ def prepare(source: Source, *, folder: Path) -> Source:
     where = where_in(source.lines)
     values = _fit(_name_the_null_twin(source.values), Settings, "", where)
     for key in PATHS:
-        _edit(values, key, lambda text: abspath(folder / Path(text).expanduser()))
+        _edit(values, key, lambda text: _absolute(folder, text))
     return Source(values, source.lines)
+
+
+def _absolute(folder: Path, text: str) -> str:
+    """Return a path as it is from anywhere; the address of a server is one already."""
+    if text.startswith(("http://", "https://")):
+        return text
+    return abspath(folder / Path(text).expanduser())
 
 
 def merge(defaults: Source, system: Source, overrides: Source) -> Settings:

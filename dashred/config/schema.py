@@ -325,7 +325,8 @@ class Tracking:
     """Where MLflow keeps the run."""
 
     root: str
-    """Folder of the MLflow store and of its artifacts."""
+    """Folder of the MLflow store and of its artifacts; or the URL of an MLflow tracking server,
+    http://HOST:PORT, which then gets both."""
 
     experiment: str | None
     """Name of the MLflow experiment; null names it after the configuration."""
@@ -335,6 +336,9 @@ class Tracking:
 
     parent: str | None
     """Id of a run to nest a newly opened run below; null nests it nowhere."""
+
+    model: bool
+    """Whether the corrected surrogate is logged as an MLflow model, which takes some seconds."""
 
 
 @dataclass

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 
 import torch
@@ -11,6 +12,10 @@ from torch import Tensor, nn
 
 from dashred.sensing.pod import POD
 from dashred.sensing.scaler import Scaler
+
+# What makes up a POD, and the name of a dense layer's weights.
+BASIS = ("mean", "modes", "scale", "energy")
+DENSE = r"decoder\.\d+\.weight"
 
 
 class SHRED(nn.Module):
@@ -51,6 +56,24 @@ class SHRED(nn.Module):
             for layer in (nn.Linear(before, after), nn.GELU())
         ]
         self.decoder = nn.Sequential(*hidden, nn.Linear(widths[-1], len(spread)))
+
+    @classmethod
+    def from_weights(cls, weights: Mapping[str, Tensor], grid: tuple[int, ...]) -> SHRED:
+        """Return the network with these weights: its state dict, which tells every size but one.
+
+        Args:
+            weights: by name, as ``state_dict()`` has them.
+            grid: points along each axis.
+        """
+        scaler = Scaler(weights["scaler.mean"], weights["scaler.std"])
+        mean, modes, scale, energy = (weights[f"pod.{name}"] for name in BASIS)
+        pod = POD(mean, modes, scale, energy, grid)
+        layers = sum(name.startswith("encoder.weight_hh_l") for name in weights)
+        latent = weights["encoder.weight_hh_l0"].shape[1]
+        widths = [len(w) for name, w in weights.items() if re.fullmatch(DENSE, name)]
+        shred = cls(scaler, pod, weights["spread"], latent, layers, widths[:-1])
+        shred.load_state_dict(weights)
+        return shred
 
     def begin_as(self, other: SHRED) -> None:
         """Take over another network's weights but the last layer's, whose POD modes are others."""

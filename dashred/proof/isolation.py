@@ -26,7 +26,7 @@ CONCEALED = (
     *("twins", "proof", "benchmark", "comparison", "__pycache__"),
     *("record.py", "recorder.py", "sealing.py", "twin_file.py", "twin_experiment.py"),
     *("score.py", "scoring.py", "cause_scoring.py", "window_kinds.py", "bench.py", "prove.py"),
-    *("compare.py", "publish.py", "standby.py", "faulty.py"),
+    *("compare.py", "publish.py", "standby.py", "faulty.py", "resume.py", "kept_seal.py"),
 )
 # An analysis that takes so many seconds will not end.
 LIMIT = 3600.0

@@ -28,7 +28,7 @@ from dashred.stages.prior_start import about, select_about_the_prior
 from dashred.stages.problem import Problem
 from dashred.stages.seeding import Seed, fit_seeds
 from dashred.stages.simulation import Nominal
-from dashred.tracking import Tracker
+from dashred.tracking import Tracker, metric_name
 
 # A step that gains a smaller share of F ends a fit: of the law, and of the simulator as it is,
 # whose misfit is so large that more would be spent for nothing.
@@ -65,6 +65,7 @@ def discover(
             child.set_tags({"seed of the start": seed.name})
         for samples, level in walked.levels:
             child.log_metrics({"horizon/chi2": level}, samples)
+            run.log_metrics({"horizon/chi2": level}, samples)
         weak = problem.config.discovery.weak
         objective = pose_objective(problem, simulator, seed.start, candidates, weak)
         objective = _with_noise_after(objective, walked)
@@ -88,7 +89,7 @@ def discover(
         path = _path(selection, nothing)
         for best_of in path:
             scores = {"evidence/score": best_of.score, "evidence/rmse": best_of.rmse}
-            child.log_metrics(scores, len(best_of.candidates))
+            child.log_metrics(scores | _coefficients(best_of), len(best_of.candidates))
     part = selection.objective
     free = part.noise.whiten(walked.readings - part.recorded).square().sum()
     return Discovered(
@@ -107,6 +108,14 @@ def discover(
         beyond=weighed.gain,
         forcing=weighed.forcing,
     )
+
+
+def _coefficients(best: BestOfSize) -> dict[str, float]:
+    """Return the coefficients of the best law of a size, by their names in MLflow."""
+    return {
+        metric_name("coef", candidate.equation or "parameter", candidate.name): value
+        for candidate, value in zip(best.candidates, best.coefficients, strict=True)
+    }
 
 
 def _explains(problem: Problem, weighed: Weighed) -> bool:

@@ -41,6 +41,29 @@ class Learned:
     curves: dict[str, list[tuple[int, float]]]
 
 
+@dataclass(frozen=True)
+class KeptNetwork:
+    """What a checkpoint holds of a :class:`Learned`: no module, its weights alone."""
+
+    weights: dict[str, Tensor]
+    grid: tuple[int, ...]
+    test_rmse: dict[str, float]
+    scale: Tensor
+    curves: dict[str, list[tuple[int, float]]]
+
+    @classmethod
+    def of(cls, learned: Learned) -> KeptNetwork:
+        """Take it out of the network."""
+        shred = learned.shred
+        weights = dict(shred.state_dict())
+        return cls(weights, shred.pod.grid, learned.test_rmse, learned.scale, learned.curves)
+
+    def restored(self) -> Learned:
+        """Return the network again."""
+        shred = SHRED.from_weights(self.weights, self.grid)
+        return Learned(shred, self.test_rmse, self.scale, self.curves)
+
+
 def train_shred(
     problem: Problem,
     ensemble: Ensemble,

@@ -11,9 +11,10 @@ from pathlib import Path
 import torch
 from threadpoolctl import threadpool_limits
 
+from dashred.attempt import FROZEN
 from dashred.config import Config
 from dashred.errors import InputError
-from dashred.findings import Findings, write_json_atomic
+from dashred.findings import Findings, sha256_of, write_json_atomic
 from dashred.physics.side_by_side import use_threads
 from dashred.reporting.summary import print_summary, summary
 from dashred.tracking import Tracker
@@ -63,9 +64,8 @@ def git_commit() -> str:
 def finish(
     run: Tracker, output: Path, findings: Findings, seconds: dict[str, float], config_sha256: str
 ) -> None:
-    """Write ``run.json``, log everything, and print the summary."""
-    verdict = findings["verdict"] or "none yet"
-    run.set_tags({"verdict": verdict, "config sha256": config_sha256})
+    """Write ``run.json``, log every file, and print the summary."""
+    run.set_tags({"config sha256": config_sha256})
     record = {
         "seconds": {title: float(f"{value:.3g}") for title, value in seconds.items()},
         "host": platform.node(),
@@ -73,14 +73,9 @@ def finish(
         "mlflow_run": run.run_id,
     }
     write_json_atomic(output / "run.json", record)
-    known = {
-        f"test_sensors/{name}": value
-        for name, value in findings["fit"]["test_sensors"].items()
-        if isinstance(value, float)
-    }
-    run.log_metrics(known, 0)
     paths = {"findings": output, "MLflow store": run.uri}
     text = summary(findings, None, paths)
     (output / "summary.txt").write_text(text, encoding="utf-8")
     run.log_folder(output)
+    run.set_tags({FROZEN: sha256_of(output / "findings.json")})
     print_summary(text)

@@ -18,6 +18,7 @@ from dashred.stages.learning import Learned, train_shred
 from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal, shares, together
 from dashred.stages.trajectories import Trajectories
+from dashred.surrogate_model import log_surrogate
 from dashred.tracking import Tracker
 
 # What run.json calls the seconds of one step of the corrected surrogate.
@@ -78,6 +79,11 @@ def retrain(
     step = seconds_a_step(found.shred, windows[-1])
     run.log_metrics({"surrogate/milliseconds": 1e3 * step}, 0)
     seconds[STEP] = step
+    if problem.config.tracking.model:
+        with stage("log the surrogate", seconds) as report:
+            uri = log_surrogate(run, found.shred, windows, list(problem.split.inputs))
+            run.set_tags({"surrogate": uri})
+            report(1.0, uri)
     counts = [len(episode.split.fit.times) for episode in problem.episodes]
     read = reconstruct(found.shred.encode, found.shred, windows)
     return found, list(read.split(counts))

@@ -1,0 +1,110 @@
+"""Go on with a run that was cut short: ``python -m dashred.train resume=RUN_ID``.
+
+The analysis is a process of its own, told the configuration that the run began with and nothing
+else. A twin experiment's seal, which no analysis can reach, is then opened as it would have been.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dashred.attempt import FROZEN, differences, end, present, read_began, words_of
+from dashred.config.commandline import BASE, PLACE
+from dashred.config.source import read_file
+from dashred.errors import DONE, InputError, nearest
+from dashred.kept_seal import kept_seal
+from dashred.long_run import alone_in
+from dashred.mlflow_server import is_server
+from dashred.mlflow_store import INTERRUPTED, Store, status_of, store_of_run, tags_of
+from dashred.output import make_output
+from dashred.tracking import Tracker
+from dashred.twin_experiment import EndedError, score, standby, tell, wait
+
+KEYS = ("resume", "output", "tracking.root")
+
+
+def resume(argv: list[str]) -> int:
+    """Go on; returns the exit code of the first process that fails.
+
+    Raises:
+        InputError: there is no such run, it has ended, another process works on it, or what it
+            began with is not there any more.
+    """
+    words = read_words(argv)
+    run_id, root = words["resume"], _root(words)
+    store, experiment = store_of_run(root, run_id)
+    _refuse_finished(store, run_id)
+    folder, analysed = store.checkpoints(run_id), FROZEN in tags_of(store, run_id)
+    told = [] if analysed else _told(folder, run_id)
+    with alone_in(folder, "analysis"):
+        pass
+    output = make_output(words["output"]) if "output" in words else store.artifact_dir(run_id)
+    told += [f"output={output}", f"tracking.root={root}", f"tracking.experiment={experiment}"]
+    try:
+        with Tracker.reopen(root, experiment, run_id) as run:
+            if analysed:
+                run.fetch_artifacts(output)
+            else:
+                with standby("train") as analyser:
+                    tell(analyser, [*told, f"tracking.run={run_id}"])
+                    wait(analyser)
+            if kept_seal(run_id):
+                with standby("score") as scorer:
+                    score(run, scorer, output, root, experiment)
+    except EndedError as ended:
+        return ended.code
+    end(folder, output)
+    return DONE
+
+
+def read_words(argv: list[str]) -> dict[str, str]:
+    """Return the words of the command line by their keys.
+
+    Raises:
+        InputError: one that does not go with ``resume=``.
+    """
+    words: dict[str, str] = {}
+    for word in argv:
+        key, _, value = word.partition("=")
+        if key not in KEYS:
+            hint = f"a run goes on with the configuration that it began with; {nearest(key, KEYS)}"
+            raise InputError(f"resume= does not go with {word!r}", where=PLACE, hint=hint)
+        words[key] = value
+    if not words["resume"]:
+        raise InputError("resume= is empty", where=PLACE, hint="give the id of a run")
+    return words
+
+
+def _root(words: dict[str, str]) -> str:
+    if "tracking.root" not in words:
+        default = str(read_file(BASE, label="conf/base.yaml").values["tracking"]["root"])
+        return str((BASE.parent / default).resolve())
+    root = words["tracking.root"]
+    return root if is_server(root) else str(Path(root).expanduser().resolve())
+
+
+def _refuse_finished(store: Store, run_id: str) -> None:
+    if status_of(store, run_id) not in INTERRUPTED:
+        raise InputError(
+            "this run has come to its end: there is nothing to go on with",
+            where=f"run {run_id}",
+            hint=f"what it found: {store.artifact_dir(run_id)}",
+        )
+
+
+def _told(folder: Path, run_id: str) -> list[str]:
+    """Return the words of the analysis: the configuration that it began with."""
+    words, began = words_of(folder), read_began(folder)
+    if words is None or began is None:
+        raise InputError(
+            "this run left nothing to go on with",
+            where=f"run {run_id}",
+            hint="it was cut short before it began, or on another machine: begin it anew",
+        )
+    if changed := differences(began, present()):
+        raise InputError(
+            f"this run cannot be gone on with: {'; '.join(changed)}",
+            where=f"run {run_id}",
+            hint="go back to what it began with, or begin it anew, without resume=",
+        )
+    return words

@@ -1,0 +1,97 @@
+"""What the stages of an analysis have found so far, on disk: an attempt that was cut short goes on.
+
+Read back with weights only: tensors, numbers, texts, and the records of findings listed here. A
+file that was tampered with can name no other class, and no function at all.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import torch
+from numpy._core.multiarray import _reconstruct  # how NumPy pickles an array
+
+from dashred.discovery.candidates import Candidate
+from dashred.discovery.discovered import BestOfSize, Discovered
+from dashred.discovery.forcing_map import ForcingMap
+from dashred.discovery.law import Law, SensorFault
+from dashred.discovery.noise_model import NoiseModel
+from dashred.discovery.regression import SparseFit
+from dashred.physics import nodes
+from dashred.physics.system import Term
+from dashred.physics.window import Shape, Window
+from dashred.progress import CONSOLE
+from dashred.stages.assimilation import Assimilated
+from dashred.stages.learning import KeptNetwork, Learned
+
+Found = TypeVar("Found")
+
+EXPRESSIONS = (
+    *(nodes.Number, nodes.Name, nodes.Sum, nodes.Product),
+    *(nodes.Power, nodes.Call, nodes.Derivative, nodes.Flux),
+)
+RECORDS = (
+    *(Assimilated, SparseFit, Discovered, BestOfSize, Law, SensorFault, Candidate, Term),
+    *(Window, Shape, NoiseModel, ForcingMap, KeptNetwork, *EXPRESSIONS),
+)
+ARRAYS = (np.ndarray, np.dtype, _reconstruct, *map(type, map(np.dtype, ("f8", "f4", "i8", "?"))))
+UNREADABLE = (OSError, EOFError, RuntimeError, KeyError, pickle.UnpicklingError)
+
+
+class Checkpoints:
+    """One file a stage.
+
+    Args:
+        folder: where they are.
+        seconds: seconds by stage; of one that is read back, those that it took when it ran.
+    """
+
+    def __init__(self, folder: Path, seconds: dict[str, float]) -> None:
+        self.folder, self.seconds = folder, seconds
+
+    def stage(self, name: str, find: Callable[[], Found]) -> Found:
+        """Return what a stage found: in the attempt that was cut short, or else now."""
+        path = self.folder / f"{name}.pt"
+        kept = _read(path)
+        if kept is not None:
+            self.seconds |= kept["seconds"]
+            CONSOLE.print(f"  {name:<28} found before the interruption", highlight=False)
+            return _restored(kept["found"])
+        before = dict(self.seconds)
+        found = find()
+        mine = {title: s for title, s in self.seconds.items() if before.get(title) != s}
+        _write(path, {"found": _plain(found), "seconds": mine})
+        return found
+
+
+def _plain(found: Any) -> Any:
+    if isinstance(found, tuple):
+        return tuple(map(_plain, found))
+    return KeptNetwork.of(found) if isinstance(found, Learned) else found
+
+
+def _restored(kept: Any) -> Any:
+    if isinstance(kept, tuple):
+        return tuple(map(_restored, kept))
+    return kept.restored() if isinstance(kept, KeptNetwork) else kept
+
+
+def _write(path: Path, kept: dict[str, Any]) -> None:
+    partial = path.with_name(f".{path.name}.partial")
+    torch.save(kept, partial)
+    partial.replace(path)
+
+
+def _read(path: Path) -> dict[str, Any] | None:
+    """Return what a file holds; None where there is none that can be read."""
+    if not path.is_file():
+        return None
+    with torch.serialization.safe_globals([*RECORDS, *ARRAYS]):
+        try:
+            return torch.load(path, map_location="cpu", weights_only=True)
+        except UNREADABLE:
+            return None

@@ -1,0 +1,90 @@
+"""The corrected surrogate as an MLflow model: ``mlflow.pytorch.load_model`` gives it back.
+
+It is stored as an exported graph (PyTorch's ``pt2``), not as a pickle: loading it runs no code of
+ours or of anyone's, and needs torch and MLflow alone.
+"""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import metadata
+from typing import TYPE_CHECKING
+
+import torch
+from torch import Tensor
+
+from dashred.models.shred import SHRED
+
+if TYPE_CHECKING:
+    from dashred.tracking import Run
+
+NAME = "corrected_shred"
+# Windows in the example; more than one, or the graph would be traced for one alone.
+EXAMPLES = 2
+NEEDED = ("torch", "mlflow")
+
+
+def log_surrogate(run: Run, shred: SHRED, windows: Tensor, sensors: list[str]) -> str:
+    """Log the network, float32 ``(batch, lag, sensor)`` → ``(batch, field, *grid)``.
+
+    Args:
+        run: that it belongs to.
+        shred: the network.
+        windows: of the recording, ``(time, lag, sensor)``.
+        sensors: names of the input's columns.
+
+    Returns:
+        What ``mlflow.pytorch.load_model`` takes, once the tracking URI is the run's.
+    """
+    import mlflow
+    from mlflow.models import Model, infer_signature
+
+    example = windows[:EXAMPLES].float().contiguous()
+    with torch.no_grad():
+        field = shred(example)
+    with _store_of(run), _quiet():
+        logged = Model.log(
+            artifact_path=None,
+            model_id=run.new_model(NAME),
+            flavor=mlflow.pytorch,
+            run_id=run.run_id,
+            pytorch_model=shred.train(False),
+            signature=infer_signature(example.numpy(), field.numpy()),
+            input_example=example.numpy(),
+            serialization_format="pt2",
+            metadata={"sensors": sensors},
+            pip_requirements=[f"{name}=={metadata.version(name)}" for name in NEEDED],
+        )
+    return str(logged.model_uri)
+
+
+@contextmanager
+def _store_of(run: Run) -> Iterator[None]:
+    """Let MLflow's own idea of the current store be the run's, for as long as it is needed."""
+    import mlflow
+
+    before = mlflow.get_tracking_uri()
+    mlflow.set_tracking_uri(run.uri)
+    try:
+        yield
+    finally:
+        mlflow.set_tracking_uri(before)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep back what MLflow and torch's export say to their developers."""
+    loggers = [logging.getLogger(name) for name in ("mlflow", "torch.export", "torch.fx")]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)

@@ -1,0 +1,152 @@
+"""A tracking server: a real process on the loopback, a whole run sent to it, and a real browser."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+from urllib.request import urlopen
+
+import numpy as np
+import pytest
+
+from dashred.errors import InputError
+from dashred.tracking import Tracker
+
+CHROMIUM = shutil.which("chromium")
+QUIET = "no-sandbox disable-gpu disable-quic no-first-run disable-background-networking"
+FLAGS = [f"--{flag}" for flag in (*QUIET.split(), "headless", "disable-component-update")]
+START_SECONDS = 90
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def wait_for(url: str, process: subprocess.Popen[bytes]) -> None:
+    until = time.monotonic() + START_SECONDS
+    while time.monotonic() < until and process.poll() is None:
+        with suppress(OSError), urlopen(f"{url}/health", timeout=2):
+            return
+        time.sleep(0.3)
+    pytest.fail("the server did not start")
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """An `mlflow server` with a store and artifacts of its own; yields its URL."""
+    folder, port = tmp_path_factory.mktemp("server"), free_port()
+    command = [sys.executable, "-m", "mlflow", "server", "--host", "127.0.0.1", "--workers", "1"]
+    command += ["--port", str(port), "--backend-store-uri", f"sqlite:///{folder / 'mlflow.db'}"]
+    command += ["--artifacts-destination", str(folder / "artifacts")]
+    with (folder / "log").open("wb") as log:
+        process = subprocess.Popen(
+            command, cwd=folder, stdout=log, stderr=log, start_new_session=True
+        )
+        try:
+            wait_for(f"http://127.0.0.1:{port}", process)
+            yield f"http://127.0.0.1:{port}"
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, 15)
+            process.wait()
+
+
+@pytest.fixture(scope="module")
+def sent(server: str, quick: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A twin experiment whose run the server keeps, its model too; returns the run's id."""
+    output = tmp_path_factory.mktemp("sent") / "output"
+    words = [f"conf={quick}", f"output={output}", f"tracking.root={server}", "tracking.model=true"]
+    ended = subprocess.run(
+        [sys.executable, "-m", "dashred.train", *words], capture_output=True, text=True
+    )
+    assert ended.returncode == 0, ended.stderr
+    return str(json.loads((output / "run.json").read_text())["mlflow_run"])
+
+
+def client_of(server: str) -> Any:
+    from mlflow import MlflowClient
+
+    return MlflowClient(tracking_uri=server)
+
+
+@pytest.mark.slow
+def test_a_whole_run_is_on_the_server_with_its_artifacts(server: str, sent: str) -> None:
+    client = client_of(server)
+    run = client.get_run(sent)
+    assert run.info.status == "FINISHED"
+    assert run.info.run_name.startswith(f"quick seed 0: {run.data.tags['verdict']}")
+    assert run.data.tags["twin"] == "a"
+    assert run.data.tags["mlflow.note.content"].startswith("**Verdict: ")
+    kept = {file.path for file in client.list_artifacts(sent)}
+    assert {"findings.json", "report.html", "corrected.yaml", "space_time.png"} <= kept
+    assert "checkpoints" not in kept
+
+
+@pytest.mark.slow
+def test_the_surrogate_loads_without_dashred(server: str, sent: str, tmp_path: Path) -> None:
+    """From the server, in a process whose path has no dashred on it."""
+    [logged] = client_of(server).search_logged_models(
+        [client_of(server).get_run(sent).info.experiment_id]
+    )
+    assert logged.name == "corrected_shred" and logged.source_run_id == sent
+    program = f"""
+import sys, numpy as np, mlflow
+sys.meta_path[:] = [f for f in sys.meta_path if "__editable__" not in getattr(f, "__module__", "")]
+mlflow.set_tracking_uri({server!r})
+info = mlflow.models.get_model_info("runs:/{sent}/corrected_shred")
+model = mlflow.pytorch.load_model("runs:/{sent}/corrected_shred")
+example = info.load_input_example() if hasattr(info, "load_input_example") else None
+import torch
+shape = [abs(n) for n in info.signature.inputs.inputs[0].shape]
+field = model(torch.zeros(5, *shape[1:]))
+assert "dashred" not in sys.modules
+np.save({str(tmp_path / "shape.npy")!r}, np.array([*field.shape, *shape]))
+"""
+    ended = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert ended.returncode == 0, ended.stderr
+    batch, fields, points, _, lags, sensors = np.load(tmp_path / "shape.npy")
+    assert (batch, fields, points) == (5, 1, 32)
+    assert (lags, sensors) == (6, 3)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+def test_a_browser_shows_the_run_and_its_artifacts(server: str, sent: str, tmp_path: Path) -> None:
+    experiment = client_of(server).get_run(sent).info.experiment_id
+    runs = seen(f"{server}/#/experiments/{experiment}/runs", tmp_path / "runs")
+    assert "quick seed 0: " in runs
+    page = seen(f"{server}/#/experiments/{experiment}/runs/{sent}/artifacts", tmp_path / "page")
+    assert "report.html" in page and "findings.json" in page
+
+
+def seen(url: str, profile: Path) -> str:
+    """Return a page as the browser has it when its scripts have run."""
+    assert CHROMIUM is not None
+    own = [f"--user-data-dir={profile}", "--virtual-time-budget=30000", "--dump-dom"]
+    ended = subprocess.run(
+        [CHROMIUM, *FLAGS, *own, url], capture_output=True, text=True, timeout=120
+    )
+    return ended.stdout
+
+
+def test_a_server_that_does_not_answer_is_named() -> None:
+    url = f"http://127.0.0.1:{free_port()}"
+    with (
+        pytest.raises(InputError, match="no MLflow server answers") as caught,
+        Tracker.open(url, "rde", "a run"),
+    ):
+        pass
+    assert caught.value.where == url

@@ -1,0 +1,211 @@
+"""A run that was cut short goes on: to the same bytes, in the same run, with no word of a twin."""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from dashred.attempt import BEGAN, begin, words_of
+from dashred.config import bundled, frozen_input, load_config
+from dashred.stages.checkpoints import Checkpoints
+
+# Of a twin's noise: a number that nothing else has.
+NOISE = "0.0213578"
+
+
+def interrupted(*_: object, **__: object) -> None:
+    raise KeyboardInterrupt
+
+
+def no_second_time(*_: object, **__: object) -> None:
+    pytest.fail("this stage had come to its end before the interruption")
+
+
+def rows(root: Path, query: str) -> list[tuple[Any, ...]]:
+    with closing(sqlite3.connect(root / "mlflow.db")) as database:
+        return database.execute(query).fetchall()
+
+
+def parent_of(root: Path) -> tuple[str, str]:
+    """Return id and status of the one parent run that is active."""
+    children = "select run_uuid from tags where key = 'mlflow.parentRunId'"
+    query = "select run_uuid, status from runs where lifecycle_stage = 'active'"
+    [found] = rows(root, f"{query} and run_uuid not in ({children})")
+    return found
+
+
+def children_of(root: Path) -> list[tuple[Any, ...]]:
+    query = "select name, status from runs join tags using (run_uuid) where key = "
+    query += "'mlflow.parentRunId' and lifecycle_stage = 'active'"
+    return sorted(rows(root, query))
+
+
+def test_a_twin_goes_on_to_the_same_bytes_in_the_same_run(
+    quick, twin_run, train, monkeypatch, tmp_path, own_state
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr("dashred.stages.surrogate.retrain", interrupted)
+        assert train(f"conf={quick}").code == 130
+    root, output = tmp_path / "mlruns", tmp_path / "output"
+    run_id, status = parent_of(root)
+    assert status in ("FAILED", "KILLED")
+    assert not list(output.rglob("sealed.nc")) + list(root.rglob("sealed.nc"))
+    for stage in ("learning.train_shred", "assimilation.assimilate", "discovery.discover"):
+        monkeypatch.setattr(f"dashred.stages.{stage}", no_second_time)
+
+    ended = train(f"resume={run_id}")
+
+    assert ended.code == 0, ended.err
+    for name in ("findings.json", "score.json"):
+        assert ended.read(name) == twin_run.read(name)
+    assert (ended.output / "sealed.nc").is_file()
+    assert parent_of(root) == (run_id, "FINISHED")
+    names = ("assimilate", "corrected_shred", "discover", "shred")
+    assert children_of(root) == [(name, "FINISHED") for name in names]
+    twice = "select key, step, count(*) from metrics group by run_uuid, key, step having count(*)>1"
+    assert rows(root, twice) == []
+    seconds = json.loads(ended.read("run.json"))["seconds"]
+    assert {"train SHRED", "select the law", "train corrected SHRED"} <= seconds.keys()
+    assert not list((root / "artifacts").glob("*/checkpoints/*"))
+    assert not list((own_state / "dashred" / "recorder").glob(run_id))
+
+    again = train(f"resume={run_id}")
+    assert again.code == 2 and "has come to its end" in again.err
+
+
+def test_the_same_command_in_the_same_folder_goes_on(
+    quick, twin_run, train, monkeypatch, tmp_path
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr("dashred.stages.discovery.discover", interrupted)
+        assert train(f"conf={quick}").code == 130
+    run_id, _ = parent_of(tmp_path / "mlruns")
+    monkeypatch.setattr("dashred.stages.learning.train_shred", no_second_time)
+    ended = train(f"conf={quick}")
+    assert ended.code == 0, ended.err
+    assert ended.read("findings.json") == twin_run.read("findings.json")
+    assert parent_of(ended.root) == (run_id, "FINISHED")
+
+
+def test_an_own_recording_goes_on_where_it_was_analysed_and_not_with_another(
+    quick, twin_run, train, monkeypatch, tmp_path
+) -> None:
+    own = tmp_path / "own.nc"
+    own.write_bytes(twin_run.read("recording.nc"))
+    with monkeypatch.context() as patch:
+        patch.setattr("dashred.stages.assimilation.assimilate", interrupted)
+        assert train(f"conf={quick}", f"recording.path={own}").code == 130
+    root = tmp_path / "mlruns"
+    run_id, _ = parent_of(root)
+    kept = root / "artifacts" / run_id / "checkpoints"
+    began = json.loads((kept / BEGAN).read_text())
+
+    (kept / BEGAN).write_text(json.dumps(began | {"torch": "1.0"}))
+    refused = train(f"resume={run_id}")
+    assert refused.code == 2
+    assert f"torch was 1.0, is {torch.__version__}" in refused.err
+
+    (kept / BEGAN).write_text(json.dumps(began | {"the recording": "0"}))
+    refused = train(f"resume={run_id}")
+    assert refused.code == 2 and "the recording has changed" in refused.err
+    assert "Traceback" not in refused.err
+
+    (kept / BEGAN).write_text(json.dumps(began))
+    monkeypatch.setattr("dashred.stages.learning.train_shred", no_second_time)
+    ended = train(f"resume={run_id}")
+    assert ended.code == 0, ended.err
+    before = json.loads(twin_run.read("findings.json"))
+    found = json.loads(ended.read("findings.json"))
+    assert found["terms"] == before["terms"] and found["fit"] == before["fit"]
+
+
+def test_nothing_of_a_twin_lies_where_the_analysis_or_the_store_shows_it(
+    quick, train, monkeypatch, tmp_path, own_state
+) -> None:
+    monkeypatch.setattr("dashred.stages.learning.train_shred", interrupted)
+    words = ("recording.twin=b", f"recording.noise={NOISE}")
+    assert train(f"conf={quick}", *words).code == 130
+    run_id, _ = parent_of(tmp_path / "mlruns")
+    shown = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert {"mlflow.db", "recording.nc", BEGAN, "quick.yaml"} <= {path.name for path in shown}
+    for path in shown:
+        assert path.name != "sealed.nc"
+        held = path.read_bytes()
+        assert NOISE.encode() not in held, path
+    kept = tmp_path / "mlruns" / "artifacts" / run_id / "checkpoints" / "config" / "quick.yaml"
+    assert json.loads(kept.read_text())["recording"].keys() == {"every"}
+    seal = own_state / "dashred" / "recorder" / run_id / "sealed.nc"
+    assert seal.is_file()
+    assert seal.parent.stat().st_mode & 0o077 == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("resume=0123",), "there is no run '0123'"),
+        (("resume=",), "resume= is empty"),
+        (("resume=0123", "seed=1"), "resume= does not go with 'seed=1'"),
+    ],
+)
+def test_what_cannot_be_gone_on_with_is_refused(twin_run, capsys, monkeypatch, words, says) -> None:
+    from dashred.errors import run_entry
+    from dashred.train import main
+
+    monkeypatch.setattr("sys.argv", ["train", *words, f"tracking.root={twin_run.root}"])
+    assert run_entry(main) == 2
+    error = capsys.readouterr().err
+    assert says in error and "Traceback" not in error
+
+
+def test_a_folder_without_a_store_is_refused_and_left_alone(tmp_path, capsys, monkeypatch) -> None:
+    from dashred.errors import run_entry
+    from dashred.train import main
+
+    monkeypatch.setattr("sys.argv", ["train", "resume=0123", f"tracking.root={tmp_path / 'no'}"])
+    assert run_entry(main) == 2
+    assert "there is no MLflow store here" in capsys.readouterr().err
+    assert not (tmp_path / "no").exists()
+
+
+@pytest.mark.parametrize("name", bundled())
+def test_a_settled_configuration_reads_back_as_the_same_input(name: str, tmp_path: Path) -> None:
+    words = [f"recording.path={tmp_path / 'mine.csv'}", "seed=3", "shred.rate=1e-4"]
+    config = load_config([f"conf={name}", *words, "output=there"], entry="train")
+    begin(tmp_path, config, {})
+    kept = words_of(tmp_path)
+    assert kept is not None and not any("there" in word for word in kept)
+    again = load_config(kept, entry="train")
+    assert frozen_input(again) == frozen_input(config)
+    assert (again.name, again.tracking.model) == (config.name, config.tracking.model)
+    assert again.recording.path == config.recording.path
+
+
+class Runs:
+    """A class that no checkpoint may name."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Ask whoever reads it to run a command."""
+        return os.system, ("echo run > ran.txt",)
+
+
+def test_a_checkpoint_that_would_run_code_is_not_read(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    torch.save({"found": Runs(), "seconds": {}}, tmp_path / "shred.pt")
+    assert Checkpoints(tmp_path, {}).stage("shred", lambda: {"a": 1}) == {"a": 1}
+    assert not (tmp_path / "ran.txt").exists()
+
+
+def test_a_checkpoint_that_was_cut_off_is_made_anew(tmp_path) -> None:
+    kept = Checkpoints(tmp_path, {})
+    assert kept.stage("shred", lambda: {"a": torch.ones(9)})["a"].sum() == 9
+    path = tmp_path / "shred.pt"
+    path.write_bytes(path.read_bytes()[:-40])
+    assert Checkpoints(tmp_path, {}).stage("shred", lambda: {"a": 1}) == {"a": 1}
+    assert Checkpoints(tmp_path, {}).stage("shred", lambda: pytest.fail("kept")) == {"a": 1}
