@@ -15,17 +15,15 @@ from torch import Tensor
 from dashred.config import Config
 from dashred.discovery.correction import with_parameters
 from dashred.discovery.starts import ScaledStart
-from dashred.errors import InputError
 from dashred.physics.algebra import Expr, multiply
 from dashred.physics.prior import StartPrior, field_rms, nominal_start, spread_in_percent
 from dashred.physics.simulate import Progress, check_finite, simulate
 from dashred.physics.system import System, Term
 from dashred.physics.window import box, gate, onset
 from dashred.sensing.faulty import correlated, moved, reported
+from dashred.sensing.layout import place_sensors
 from dashred.sensing.observation import ObservationOperator
 from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Sensor
-from dashred.sensing.spreading import spread_out
 
 if TYPE_CHECKING:
     from dashred.sealing import SealedTerm
@@ -158,30 +156,3 @@ def clock_of(config: Config) -> Tensor:
     assert every is not None
     samples = round(FORECAST * config.recording.duration / every)
     return torch.arange(samples + 1, dtype=torch.float64) * every
-
-
-def place_sensors(system: System, config: Config, rng: np.random.Generator) -> list[Sensor]:
-    """Draw places for the fit sensors, and for the validation and test sensors on top.
-
-    Each place is the best of 20 random ones, so that sensors keep a distance but no pattern.
-    An ODE system has no places: its sensors read their quantities, over and over.
-    """
-    count, reads = config.recording.sensors, config.recording.reads
-    if not isinstance(count, int):
-        raise InputError("a twin's sensors are a number", where=config.where("recording.sensors"))
-    if not system.axes:
-        return [Sensor(_name(i, count), reads[i % len(reads)], (), None) for i in range(count)]
-    for role in ("validate", "test"):
-        extra = getattr(config.splits.sensors, role)
-        count += extra if isinstance(extra, int) else len(extra)
-    lengths = np.array([axis.length for axis in system.axes])
-    candidates = rng.random((20 * count, len(lengths))) * lengths
-    chosen = spread_out(candidates, count, rng, candidates=range(len(candidates)))
-    order = sorted(tuple(candidates[i].tolist()) for i in chosen)
-    return [
-        Sensor(_name(i, count), reads[i % len(reads)], place, None) for i, place in enumerate(order)
-    ]
-
-
-def _name(index: int, count: int) -> str:
-    return f"s{index + 1:0{len(str(count))}d}"

@@ -17,7 +17,8 @@ from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.proof.draw import Case
 from dashred.proof.systems import SYSTEMS
-from dashred.recorder import clock_of, draw_start, place_sensors, run_truth, with_law
+from dashred.recorder import clock_of, draw_start, run_truth, with_law
+from dashred.sensing.layout import place_sensors
 from dashred.sensing.observation import ObservationOperator
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import Sensor

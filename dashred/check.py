@@ -1,0 +1,62 @@
+"""Say what is wrong or doubtful before a run: ``python -m dashred.check conf=my.yaml``.
+
+Reads what a run would read, never a twin's truth, and writes nothing. It ends with 0 where a run
+could begin, whatever is doubtful, and with 2 where the input is wrong.
+"""
+
+from __future__ import annotations
+
+import sys
+
+from dashred.checkup.page import Page
+from dashred.config import Config, load_config
+from dashred.errors import DONE, WRONG_INPUT, run_entry
+
+
+def main(argv: list[str]) -> int:
+    """Check the configuration, then what it names, cheapest first."""
+    page = check(load_config(argv, entry="check"))
+    return WRONG_INPUT if page.wrong else DONE
+
+
+def check(config: Config) -> Page:
+    """Print what there is to say about a configuration, section by section.
+
+    Raises:
+        InputError: whatever a run would refuse.
+    """
+    from dashred.checkup.to_do import left_to_do
+
+    page = Page()
+    print(f"{config.system.title}: {config.where('')}", flush=True)
+    page.section("Left to do", left_to_do(config))
+
+    # Imported late: torch takes a second, and what is left to do needs none of it.
+    import torch
+
+    from dashred.checkup.agreement import about_agreement
+    from dashred.checkup.observability import about_observability, look
+    from dashred.checkup.recording import about_recording
+    from dashred.checkup.run_time import about_run_time
+    from dashred.checkup.simulator import about_simulator, run_nominal
+    from dashred.checkup.situation import situation_of
+    from dashred.checkup.splits import about_splits
+    from dashred.physics.side_by_side import use_threads
+
+    torch.set_num_threads(1)
+    use_threads(config.threads)
+    situation = situation_of(config)
+    page.section("Recording", about_recording(situation))
+    page.section("Splits", about_splits(situation))
+    simulated = run_nominal(situation)
+    page.section("Simulator", about_simulator(situation, simulated))
+    seen = look(situation, simulated)
+    page.section("What the sensors can see", about_observability(situation, seen))
+    page.section("Simulator and recording", about_agreement(situation, simulated, seen))
+    page.section("A run", [about_run_time(situation, simulated, seen)])
+    page.conclude()
+    return page
+
+
+if __name__ == "__main__":
+    sys.exit(run_entry(main))

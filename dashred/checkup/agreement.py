@@ -1,0 +1,86 @@
+"""Whether simulator and recording speak of the same thing: its size, and where it begins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import torch
+from torch import Tensor
+
+from dashred.checkup.observability import Seen
+from dashred.checkup.remark import Remark, doubtful, some
+from dashred.checkup.simulator import Simulated
+from dashred.checkup.situation import Situation
+from dashred.checkup.to_do import still
+from dashred.sensing.observation import ObservationOperator
+
+# Factors by which what is read and what is simulated may differ in size.
+OTHER_SIZE = 5.0
+# Standard deviations that the first sample may lie from where the simulator begins.
+FAR = 4.0
+
+
+@torch.no_grad()
+def about_agreement(
+    situation: Situation, simulated: Simulated, seen: Seen | None
+) -> Iterator[Remark]:
+    """Compare the simulator's readings with the recording's, up to the end of the fit window."""
+    if situation.recording is None:
+        return
+    fit = situation.split.fit
+    count = min(len(fit.times), len(simulated.times))
+    values = torch.from_numpy(fit.values[:count])
+    operator = ObservationOperator(fit.sensors, situation.system)
+    read = operator(simulated.states[:count])
+    if not still(situation.config):
+        yield from _sizes(fit.names, values, read)
+    if seen is not None:
+        yield from _beginning(situation, simulated, seen)
+
+
+def _sizes(names: tuple[str, ...], values: Tensor, read: Tensor) -> Iterator[Remark]:
+    both = [_std(column) for column in values.T], [_std(column) for column in read.T]
+    ratios = {n: r / max(s, 1e-300) for n, r, s in zip(names, *both, strict=True) if s > 0}
+    off = [name for name, ratio in ratios.items() if not 1 / OTHER_SIZE < ratio < OTHER_SIZE]
+    if off:
+        yield doubtful(
+            f"What {some(off)} read varies {ratios[off[0]]:.2g} times as much as in the simulator",
+            "are both in the same unit (rad or degrees, s or ms)?",
+        )
+    elif ratios:
+        typical = sorted(ratios.values())[len(ratios) // 2]
+        yield Remark(f"The sensors vary {typical:.2g} times as much as in the simulator")
+
+
+def _beginning(situation: Situation, simulated: Simulated, seen: Seen) -> Iterator[Remark]:
+    """Hold the first sample against the start's prior: ``y₀ − Hm`` over ``√(σ² + HBBᵀHᵀ)``."""
+    sensors = situation.sensors
+    parts = (situation.split.fit, situation.split.validation)
+    first = {
+        name: value
+        for part in parts
+        if part.times[0] == situation.split.fit.times[0]
+        for name, value in zip(part.names, part.values[0].tolist(), strict=True)
+        if value == value
+    }
+    read = ObservationOperator(sensors, situation.system)(simulated.states[0])
+    sigma = situation.sigma(simulated.states)
+    spread = (seen.sensitivity[: len(sensors)].square().sum(dim=1) + 1).sqrt() * sigma
+    far = [
+        sensor.name
+        for sensor, was, size in zip(sensors, read.tolist(), spread.tolist(), strict=True)
+        if sensor.name in first and abs(first[sensor.name] - was) > FAR * size
+    ]
+    if far:
+        yield doubtful(
+            f"The first sample lies more than {FAR:g} standard deviations from the simulator's "
+            f"start: {some(far)}",
+            "give the start that it has, or more system.spread",
+        )
+    elif first:
+        yield Remark("The first sample lies where the start may be")
+
+
+def _std(column: Tensor) -> float:
+    known = column[~column.isnan()]
+    return float(known.std()) if len(known) > 1 else 0.0

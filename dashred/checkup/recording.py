@@ -1,0 +1,183 @@
+"""The recording itself: its clock, what is missing, what is repeated, its noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dashred.checkup.remark import Remark, counted, doubtful, some
+from dashred.checkup.situation import Situation
+from dashred.errors import InputError
+from dashred.sensing.clock import GAP, own_step
+from dashred.sensing.noise import noise_std
+from dashred.sensing.recording import Recording
+from dashred.sensing.time_scale import A_PERIOD, samples_a_change, suggested_step
+
+# Steps that differ from the mean by more than this share make a clock irregular.
+IRREGULAR = 0.05
+# Of a trace: a share of values that is missing, or is the same as the one before.
+MANY_MISSING, MANY_REPEATED = 0.1, 0.5
+# So many times as much noise as is stated, or as little.
+FAR_OFF = 3.0
+# A trace of more noise than this share of its std says little.
+NOISY = 0.5
+# Samples on the analysis clock beyond which a run gets long, and that are too few to learn from.
+MANY_SAMPLES, FEW_SAMPLES = 2000, 60
+
+
+def about_recording(situation: Situation) -> Iterator[Remark]:
+    """Say what there is, then what is wrong with it."""
+    recording = situation.recording
+    if recording is None:
+        yield from _about_none(situation)
+        return
+    times = recording.times
+    span = f"{len(times)} samples of {counted(len(recording.sensors), 'sensor')}"
+    yield Remark(f"{span}, t from {times[0]:.6g} to {times[-1]:.6g}")
+    if situation.episodes > 1:
+        yield Remark(
+            f"That is the longest of {situation.episodes} episodes; the others are not looked at"
+        )
+    yield from _clock(recording)
+    yield from _missing(recording)
+    yield from _repeated(recording)
+    estimated = _estimated_noise(recording)
+    yield from _noise(recording, estimated)
+    yield from _sampling(situation, recording, estimated)
+
+
+def _about_none(situation: Situation) -> Iterator[Remark]:
+    asked = situation.config.recording
+    count = len(situation.split.tested.sensors) + len(situation.sensors)
+    reads, noise = ", ".join(asked.reads), f"{asked.noise:.0%} noise"
+    yield Remark(
+        "There is no recording yet: the simulator is checked, and a layout of "
+        f"{counted(count, 'sensor')} as it is asked for, reading {reads}: {noise}, "
+        f"{situation.clock}. A recording of your own is recording.path=FILE"
+    )
+
+
+def _clock(recording: Recording) -> Iterator[Remark]:
+    step, steps = own_step(recording.times), np.diff(recording.times)
+    gaps = np.flatnonzero(steps > GAP * step)
+    usual = steps[steps <= GAP * step]
+    if usual.size and np.abs(usual / step - 1).max() > IRREGULAR:
+        shortest, longest = f"{usual.min():.4g}", f"{usual.max():.4g}"
+        yield doubtful(
+            f"The steps differ, from {shortest} to {longest}: values are interpolated in between",
+            "recording.every=STEP sets the clock that they are brought to",
+        )
+    if gaps.size:
+        worst = int(gaps[steps[gaps].argmax()])
+        yield doubtful(
+            f"{counted(gaps.size, 'gap')} longer than {GAP:g} steps; the longest, "
+            f"{steps[worst]:.4g}, begins at t = {recording.times[worst]:.6g}",
+            "nothing is read into a gap; if the system was started anew in it, its parts are "
+            "episodes",
+        )
+
+
+def _missing(recording: Recording) -> Iterator[Remark]:
+    missing = np.isnan(recording.values).mean(axis=0)
+    if not missing.any():
+        return
+    yield Remark(f"{missing.mean():.1%} of the values are missing")
+    many = [n for n, share in zip(recording.names, missing, strict=True) if share > MANY_MISSING]
+    if many:
+        says = f"More than {MANY_MISSING:.0%} of their values are missing: {some(many)}"
+        yield doubtful(says, "take a sensor out that hardly ever reads")
+
+
+def _repeated(recording: Recording) -> Iterator[Remark]:
+    stuck = []
+    for name, values in zip(recording.names, recording.values.T, strict=True):
+        known = values[~np.isnan(values)]
+        if len(known) > 1 and (np.diff(known) == 0).mean() > MANY_REPEATED:
+            stuck.append(name)
+    if stuck:
+        yield doubtful(
+            f"Most values are the same as the one before: {some(stuck)}",
+            "stuck, coarsely rounded, or sampled more often than it was measured "
+            "(recording.every=STEP thins it)",
+        )
+    seen: dict[bytes, str] = {}
+    for name, values in zip(recording.names, recording.values.T, strict=True):
+        twin = seen.setdefault(np.nan_to_num(values).tobytes(), name)
+        if twin != name:
+            yield doubtful(f"{twin} and {name} read the very same values", "is one of them a copy?")
+
+
+def _estimated_noise(recording: Recording) -> NDArray[np.float64]:
+    """Return σ of every sensor as third differences tell it, ``(sensor,)``; NaN if they do not."""
+    found = []
+    for name in recording.names:
+        alone = recording.select([name])
+        bare = tuple(type(s)(s.name, s.reads, s.position, None) for s in alone.sensors)
+        try:
+            found.append(float(noise_std(Recording(bare, alone.times, alone.values))[0]))
+        except InputError:
+            found.append(math.nan)
+    return np.array(found)
+
+
+def _noise(recording: Recording, estimated: NDArray[np.float64]) -> Iterator[Remark]:
+    varies = recording.trace_std()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = estimated / varies
+    known = shares[np.isfinite(shares)]
+    if known.size:
+        sizes = dict.fromkeys(f"{100 * float(x):.2g}" for x in (known.min(), known.max()))
+        yield Remark(f"The noise looks like {' to '.join(sizes)} % of what the sensors vary")
+    names = recording.names
+    noisy = [n for n, share in zip(names, shares, strict=True) if share > NOISY]
+    if noisy:
+        says = "More than half of what they vary is noise, or changes from sample to sample: "
+        yield doubtful(says + some(noisy), "are they sampled too slowly for what they follow?")
+    for sensor, sigma in zip(recording.sensors, estimated, strict=True):
+        if sensor.std is not None and sigma > FAR_OFF * sensor.std:
+            says = f"{sensor.name}: its std is stated as {sensor.std:.3g}, but it scatters by "
+            yield doubtful(f"{says}{sigma:.3g}", "leave std empty to have it estimated")
+
+
+def _sampling(
+    situation: Situation, recording: Recording, estimated: NDArray[np.float64]
+) -> Iterator[Remark]:
+    lags = samples_a_change(recording, np.nan_to_num(estimated))
+    yield Remark(f"The analysis clock: {situation.clock}")
+    if situation.config.recording.every is None and lags:
+        fastest = min(lags, key=lambda name: lags[name])
+        step = suggested_step(recording, lags)
+        if step is not None and step >= 4 * own_step(recording.times):
+            yield doubtful(
+                f"It is sampled finely: the fastest sensor, {fastest}, takes {lags[fastest]} "
+                f"samples for a {A_PERIOD}th of its period",
+                f"recording.every={step:g} loses little and makes a run faster",
+            )
+    count = len(situation.times)
+    if count > MANY_SAMPLES:
+        yield doubtful(f"{count} samples make a run long", "recording.every=STEP thins them")
+    elif count < FEW_SAMPLES:
+        yield doubtful(f"{count} samples are few to find a law from", "record longer, or finer")
+    yield _correlation(recording, lags)
+
+
+def _correlation(recording: Recording, lags: dict[str, int]) -> Remark:
+    """Compare the noise at every and at every second sample: white noise is as large at both."""
+    smooth = [name for name, lag in lags.items() if lag >= 8]
+    if not smooth:
+        says = "Whether its noise is correlated cannot be told at this step"
+        return Remark(f"{says}: a run tells it by what its fit leaves")
+    fine = recording.select(smooth)
+    bare = tuple(type(s)(s.name, s.reads, s.position, None) for s in fine.sensors)
+    whole = noise_std(Recording(bare, fine.times, fine.values))
+    half = noise_std(Recording(bare, fine.times[::2], fine.values[::2]))
+    ratio = float(np.median(whole / half))
+    if ratio > 1 - 4 / math.sqrt(len(fine.times)):
+        return Remark("Its noise looks independent from sample to sample")
+    return doubtful(
+        f"Its noise looks correlated: every second sample scatters {1 / ratio:.2g} times as much",
+        "a run estimates the correlation and counts such samples for less",
+    )

@@ -1,0 +1,144 @@
+"""The simulator itself, within a budget of seconds: does it run, and is it resolved?"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from dashred.checkup.remark import Remark, doubtful
+from dashred.checkup.situation import Situation
+from dashred.checkup.to_do import still
+from dashred.errors import InputError
+from dashred.physics.library import refuse_collinear
+from dashred.physics.prior import StartPrior, field_rms, nominal_start
+from dashred.physics.resolution import Readings, doubling_error
+from dashred.physics.simulate import check_finite, simulate
+from dashred.physics.system import System
+from dashred.sensing.observation import ObservationOperator
+
+# Seconds for the nominal run, and for the run at doubled resolution.
+RUN, DOUBLED = 2.0, 3.0
+# Samples whose run tells how long the others take; compiling is in neither.
+PROBED = 6
+FEWEST = 3
+# Of what it reads, a share below which changes are rounding.
+STILL = 1e-9
+# Twice the points along every axis and twice the steps, and a little for what is larger than a
+# cache.
+DEARER = 1.3
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """The simulator's nominal run over the samples that there was time for.
+
+    Attributes:
+        prior: what is known of the start.
+        states: ``(time, field, *grid)``.
+        times: their times, the first ones of the clock.
+        sample_seconds: how long one sample takes.
+    """
+
+    prior: StartPrior
+    states: Tensor
+    times: Tensor
+    sample_seconds: float
+
+    def affordable(self, seconds: float, dearer: float) -> int:
+        """Return how many samples of what is so much dearer there are seconds for."""
+        return _affordable(seconds, self.sample_seconds * dearer, len(self.times))
+
+
+@torch.no_grad()
+def run_nominal(situation: Situation) -> Simulated:
+    """Run the simulator from its established start.
+
+    Raises:
+        InputError: it blows up.
+    """
+    system, times = situation.system, situation.times
+    start = nominal_start(system)
+    probed = simulate_timed(system, start, times[:PROBED])
+    each = probed[1] / (len(times[:PROBED]) - 1)
+    count = _affordable(RUN, each, len(times))
+    path, seconds = simulate_timed(system, start, times[:count])
+    check_finite(path, times[:count], system)
+    modes = system.config.spread.get("modes")
+    prior = StartPrior(system, start[0], field_rms(path[0]), None if modes is None else int(modes))
+    return Simulated(prior, path[0], times[:count], min(each, seconds / (count - 1)))
+
+
+def simulate_timed(system: System, start: Tensor, times: Tensor) -> tuple[Tensor, float]:
+    """Return a simulation, and how many seconds it took."""
+    began = time.perf_counter()
+    path = simulate(system, start, times)
+    return path, time.perf_counter() - began
+
+
+def about_simulator(situation: Situation, simulated: Simulated) -> Iterator[Remark]:
+    """Say whether it moves, and whether it is resolved."""
+    total, count = len(situation.times), len(simulated.times)
+    within = "" if count == total else f" (the first {count} of {total} samples)"
+    yield Remark(f"It runs from its start to t = {float(simulated.times[-1]):.6g}{within}")
+    readings = _readings(situation)
+    traces = readings(situation.system, simulated.states[None])[0]
+    if not (traces.std(dim=0) > STILL * traces.abs().max()).any():
+        yield doubtful("In it nothing moves that a sensor reads", "are its equations written?")
+        return
+    yield _resolution(situation, simulated, traces)
+    yield from _library(situation, simulated)
+
+
+def _library(situation: Situation, simulated: Simulated) -> Iterator[Remark]:
+    """Tell of terms that a run would refuse."""
+    # Those that a part of the record cannot tell apart the whole of it may.
+    if len(simulated.times) < len(situation.times) or still(situation.config):
+        return
+    try:
+        begin = float(simulated.times[0])
+        refuse_collinear(situation.system, situation.library, simulated.states, begin)
+    except InputError as error:
+        own = situation.config.library is not None
+        hint = error.hint if own else "list the candidate terms yourself (library:), without one"
+        yield Remark(f"{error.what}: no data could tell their coefficients", "wrong", hint)
+
+
+@torch.no_grad()
+def _resolution(situation: Situation, simulated: Simulated, traces: Tensor) -> Remark:
+    system, limit = situation.system, situation.config.resolution_limit
+    dearer = DEARER * 2.0 ** (1 + len(system.axes))
+    count = simulated.affordable(DOUBLED, dearer)
+    times, start = simulated.times[:count], simulated.states[:1]
+    readings = _readings(situation)
+    error, _ = doubling_error(system, start, times, readings, traces[None, :count])
+    span = f", over the first {count} samples" if count < len(situation.times) else ""
+    moves = f"twice its resolution moves a sensor's trace by {error:.2g} of its std{span}"
+    if error <= limit:
+        return Remark(f"It is resolved: {moves}")
+    return doubtful(
+        f"It is not resolved: {moves}; more than {limit:g}",
+        f"a run refuses it: its error would pass for missing physics. {_remedy(system)}",
+    )
+
+
+def _remedy(system: System) -> str:
+    if not system.axes:
+        return "Make system.integrator.dt smaller"
+    return "Make system.integrator.dt smaller, or the axes' points more"
+
+
+def _readings(situation: Situation) -> Readings:
+    sensors = situation.sensors
+
+    def readings(system: System, states: Tensor) -> Tensor:
+        return ObservationOperator(sensors, system)(states)
+
+    return readings
+
+
+def _affordable(seconds: float, each: float, most: int) -> int:
+    return max(min(FEWEST, most), min(most, 1 + int(seconds / max(each, 1e-9))))

@@ -1,0 +1,110 @@
+"""What a check looks at: the simulator, and sensors over a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dashred.config import Config
+from dashred.physics.library import build_library
+from dashred.physics.system import System, Term
+from dashred.sensing.driving import driven, under
+from dashred.sensing.layout import place_sensors
+from dashred.sensing.reader import read_episodes
+from dashred.sensing.recording import Recording
+from dashred.sensing.sensors import Sensor
+from dashred.sensing.splits import Split, split_recording
+from dashred.stages.problem import pose
+
+# Places like a twin's: they come from a stream of the check's own, and tell nothing of any twin's.
+STREAM = 0xC4EC
+# A twin without noise is checked as one of so little.
+LEAST_NOISE = 1e-6
+
+
+@dataclass(frozen=True)
+class Situation:
+    """A simulator and the sensors that shall tell what it leaves out.
+
+    Attributes:
+        system: under its inputs.
+        library: candidate terms.
+        times: the analysis clock, ``(time,)``.
+        split: roles of the sensors. Without a recording it is one of nothing but zeros.
+        recording: the user's own, as it was read, or the longest of its episodes that are fitted;
+            None while there is none.
+        episodes: how many there are.
+        clock: how the clock came about.
+        noise: σ by sensor; empty while there is no recording.
+    """
+
+    config: Config
+    system: System
+    library: list[Term]
+    times: Tensor
+    split: Split
+    recording: Recording | None
+    episodes: int
+    clock: str
+    noise: dict[str, float]
+
+    @property
+    def sensors(self) -> tuple[Sensor, ...]:
+        """The sensors that a fit may look at: to fit and to validate."""
+        every = (*self.split.fit.sensors, *self.split.validation.sensors)
+        return tuple({sensor.name: sensor for sensor in every}.values())
+
+    def sigma(self, states: Tensor) -> Tensor:
+        """Return σ of these sensors, ``(sensor,)``; of a twin's by the simulator's own fields.
+
+        Args:
+            states: the nominal simulation, ``(time, field, *grid)``.
+        """
+        if self.noise:
+            return torch.tensor([self.noise[s.name] for s in self.sensors], dtype=torch.float64)
+        share = max(self.config.recording.noise, LEAST_NOISE)
+        sizes = {s.reads: float(self.system.evaluate(s.reads, states).std()) for s in self.sensors}
+        return torch.tensor([share * sizes[s.reads] for s in self.sensors], dtype=torch.float64)
+
+
+def situation_of(config: Config) -> Situation:
+    """Read what there is.
+
+    Raises:
+        InputError: whatever a run would refuse about equations, library, recording or splits.
+    """
+    if config.recording.path is None:
+        return _without_recording(config)
+    posed = pose(config)
+    table = config.recording.sensors if isinstance(config.recording.sensors, str) else None
+    episodes = read_episodes(config.recording.path, table, posed.system).episodes
+    return Situation(
+        config,
+        posed.system,
+        posed.library,
+        posed.times,
+        posed.split,
+        next(episode.recording for episode in episodes if episode.name == posed.name),
+        len(episodes),
+        posed.clock,
+        posed.noise,
+    )
+
+
+def _without_recording(config: Config) -> Situation:
+    """Return the layout that the configuration asks for; nobody's truth has a part in it."""
+    bare = System(config.system, config.where)
+    library = build_library(bare, config.library)
+    every, duration = config.recording.every, config.recording.duration
+    assert every is not None
+    times = torch.arange(round(duration / every) + 1, dtype=torch.float64) * every
+    inputs = driven(bare, config, times)
+    system = under(bare, inputs)
+    sensors = place_sensors(system, config, np.random.default_rng([config.seed, STREAM]))
+    silent = Recording(tuple(sensors), times.numpy(), np.zeros((len(times), len(sensors))))
+    split = split_recording(silent, config.splits, config.seed)
+    clock = f"{len(times)} samples at a step of {every:.6g}"
+    return Situation(config, system, library, times, split, None, 1, clock, {})

@@ -1,0 +1,40 @@
+"""What a configuration leaves to be filled in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from dashred.checkup.remark import Remark
+from dashred.config import Config
+from dashred.starter.document import TO_DO
+
+
+def left_to_do(config: Config) -> Iterator[Remark]:
+    """Tell the lines of the system's file that are marked, and equations that are 0."""
+    marked = dict(_marked(config))
+    for line, says in marked.items():
+        yield Remark(f"{line}: {says}", "to do")
+    for field, text in config.system.equations.items():
+        where = config.where(f"system.equations.{field}")
+        if is_zero(text) and where not in marked:
+            says = f"{where}: the equation of {field} is 0: nothing moves it"
+            yield Remark(says, "to do", "write its right-hand side, unless it never changes")
+
+
+def still(config: Config) -> list[str]:
+    """Return the fields that nothing moves."""
+    return [field for field, text in config.system.equations.items() if is_zero(text)]
+
+
+def is_zero(text: str) -> bool:
+    """Whether an equation is nothing but a zero."""
+    return text.strip() in ("0", "0.0", "-0")
+
+
+def _marked(config: Config) -> Iterator[tuple[str, str]]:
+    """Yield ``FILE:LINE`` and what stands behind the mark."""
+    label = config.where("")
+    for number, line in enumerate(config.source.read_text(encoding="utf-8-sig").splitlines(), 1):
+        written, mark, comment = line.partition(f"# {TO_DO}:")
+        if mark and written.strip():
+            yield f"{label}:{number}", comment.strip()

@@ -1,0 +1,126 @@
+"""Write a first configuration for your own recording: ``python -m dashred.init path=FILE.csv``."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+from dashred.errors import DONE, InputError, nearest, run_entry
+
+PLACE = "command line"
+KEYS = ("path", "sensors", "output")
+USAGE = """\
+usage: python -m dashred.init path=FILE.csv [sensors=TABLE.csv] [output=FILE.yaml]
+
+Reads a recording and writes a first configuration for it: fields, start, steps as the recording
+shows them, every block with what it means, and what is yours to fill in marked TO DO.
+
+  path=FILE.csv       a column `time`, and one for each sensor. Without a table of sensors the
+                      columns are the fields of an ODE: call them what your equations call them
+  sensors=TABLE.csv   of sensors in space: columns name (the recording's column), field,
+                      x or x and y (from 0 up) and, if known, std (of the noise)
+  output=FILE.yaml    where to write; default: the recording's name with .yaml, in this folder.
+                      A file that is there already is left as it is
+
+Then: python -m dashred.check conf=FILE.yaml
+"""
+
+
+def main(argv: list[str]) -> int:
+    """Read, guess, write."""
+    if {"--help", "-h"} & set(argv):
+        print(USAGE, end="")
+        return DONE
+    words = _read_words(argv)
+    path = str(Path(words["path"]).expanduser())
+    table = str(Path(words["sensors"]).expanduser()) if "sensors" in words else None
+    output = Path(words.get("output") or f"{Path(path).stem}.yaml").expanduser()
+    _check_output(output)
+
+    from dashred.findings import write_text_atomic
+    from dashred.starter.columns import MANY_FIELDS, read_own
+    from dashred.starter.document import TO_DO, document
+    from dashred.starter.guess import guess
+
+    guessed, recording = read_own(path, table)
+    seen = [None if file is None else _seen_from(output, file) for file in (path, table)]
+    assert seen[0] is not None
+    found = guess(guessed, recording)
+    text = document(guessed, recording, found, seen[0], seen[1], str(output))
+    _check_loads(text, output)
+    try:
+        write_text_atomic(output, text)
+    except OSError as error:
+        what, hint = (
+            f"cannot be written: {error.strerror}",
+            "choose another place: output=FILE.yaml",
+        )
+        raise InputError(what, where=str(output), hint=hint) from None
+    left = text.count(f"# {TO_DO}:")
+    print(f"{output}: fields {', '.join(guessed.fields)}; {left} to do")
+    if not guessed.axes and len(guessed.fields) > MANY_FIELDS:
+        print("so many columns are hardly the fields of an ODE: if they are sensors of a field in")
+        print("space, say where they are: sensors=TABLE.csv (see --help)")
+    print(f"next: fill in the lines marked {TO_DO}, then python -m dashred.check conf={output}")
+    return DONE
+
+
+def _read_words(argv: list[str]) -> dict[str, str]:
+    words: dict[str, str] = {}
+    example = "python -m dashred.init path=my.csv"
+    for word in argv:
+        key, sign, text = word.partition("=")
+        if not sign or not text:
+            raise InputError(f"expected key=value, got {word!r}", where=PLACE, hint=example)
+        if key not in KEYS:
+            raise InputError(f"unknown key {key}", where=PLACE, hint=nearest(key, KEYS))
+        if key in words:
+            raise InputError(f"{key}= is given twice", where=PLACE)
+        words[key] = text
+    if "path" not in words:
+        raise InputError("which recording? path= is missing", where=PLACE, hint=example)
+    if Path(words["path"]).suffix.lower() != ".csv":
+        hint = "a NetCDF recording describes itself: write its configuration after conf/rde.yaml"
+        raise InputError("this is not a .csv file", where=words["path"], hint=hint)
+    return words
+
+
+def _check_output(output: Path) -> None:
+    """Refuse a place that is taken, or that no command would read.
+
+    Raises:
+        InputError: what to do instead.
+    """
+    if output.suffix not in (".yaml", ".yml"):
+        hint = f"output={output.with_suffix('.yaml')}"
+        raise InputError("a configuration's name ends in .yaml", where=str(output), hint=hint)
+    if output.exists() or output.is_symlink():
+        hint = "name another file with output=FILE.yaml, or remove this one first"
+        raise InputError("is there already, and is left as it is", where=str(output), hint=hint)
+    if not output.parent.is_dir():
+        raise InputError("there is no such folder", where=str(output.parent), hint="make it first")
+
+
+def _seen_from(output: Path, file: str) -> str:
+    """Return a file's path as the configuration has to write it."""
+    return Path(os.path.relpath(Path(file).resolve(), output.parent.resolve())).as_posix()
+
+
+def _check_loads(text: str, output: Path) -> None:
+    """Hold the text against the loader that will read it.
+
+    Raises:
+        InputError: a name in the recording is one that configurations cannot hold.
+    """
+    from dashred.config import load_config
+
+    with tempfile.TemporaryDirectory() as folder:
+        draft = Path(folder) / output.name
+        draft.write_text(text, encoding="utf-8")
+        load_config([f"conf={draft}"], entry="init")
+
+
+if __name__ == "__main__":
+    sys.exit(run_entry(main))

@@ -1,0 +1,1 @@
+"""A first configuration for somebody's own recording, guessed from the file."""

@@ -1,0 +1,82 @@
+"""Numbers of a first configuration: start, spread, steps, from what the recording shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dashred.errors import InputError
+from dashred.sensing.clock import own_step
+from dashred.sensing.noise import noise_std
+from dashred.sensing.recording import Recording
+from dashred.sensing.time_scale import samples_a_change, suggested_step
+from dashred.starter.columns import Guessed
+from dashred.starter.relations import Rate, find_rates
+from dashred.starter.start import start_expression
+
+# Steps of the integrator in one of the recording's.
+STEPS_A_SAMPLE = 5
+# The start is known to so many σ of the noise, and to this share of what is seen to vary.
+STARTS, SHARE = 3.0, 0.1
+
+
+@dataclass(frozen=True)
+class Guess:
+    """What a first configuration says of a recording.
+
+    Attributes:
+        every: step of the analysis; None keeps the recording's own.
+        dt: step of the integrator.
+        start, spread: of every field, in its own unit.
+        rates: columns that are another's rate of change, by field; of an ODE.
+    """
+
+    every: float | None
+    dt: float
+    start: dict[str, str]
+    spread: dict[str, float]
+    rates: dict[str, Rate]
+
+
+def guess(guessed: Guessed, recording: Recording) -> Guess:
+    """Guess what the recording lets one guess."""
+    noise = _noise(recording)
+    every = suggested_step(recording, samples_a_change(recording, noise))
+    step = own_step(recording.times) if every is None else every
+    start, spread = {}, {}
+    for field in guessed.fields:
+        mine = [sensor.reads == field for sensor in recording.sensors]
+        values = recording.values[:, mine]
+        places = np.array([s.position for s in recording.sensors if s.reads == field])
+        start[field] = start_expression(guessed.axes, places, _firsts(values))
+        varies = float(np.nanstd(values))
+        known = SHARE * varies if not guessed.axes else varies
+        spread[field] = _rounded(max(STARTS * float(noise[mine].max()), known)) or 1.0
+    return Guess(
+        every,
+        _rounded(step / STEPS_A_SAMPLE),
+        start,
+        spread,
+        {} if guessed.axes else find_rates(recording),
+    )
+
+
+def _noise(recording: Recording) -> NDArray[np.float64]:
+    try:
+        return noise_std(recording)
+    except InputError:
+        # A sensor that never changes: what to do about it is for the check to say.
+        return np.zeros(len(recording.sensors))
+
+
+def _firsts(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the first value that each sensor has."""
+    seen = ~np.isnan(values)
+    found: NDArray[np.float64] = values[seen.argmax(axis=0), np.arange(values.shape[1])]
+    return found
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.3g}")

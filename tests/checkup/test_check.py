@@ -1,0 +1,192 @@
+"""The command: what it says of good and bad input, and that it knows of no truth."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dashred import check, init
+from dashred.errors import InputError
+from tests.starter.strangers import bar_csv, swing_csv
+from tests.test_seal import SECRET_MODULES, reached_from, tree_of
+
+SWING = """\
+system:
+  title: Swing
+  fields: {x: place, v: speed}
+  equations: {x: v, v: -x}
+  start: {x: 1, v: 0}
+  spread: {x: 0.1, v: 0.1}
+  integrator: {method: rk4, dt: 0.05}
+recording: {path: swing.csv}
+threads: 1
+"""
+
+
+def swing(folder: Path, rows: list[str] | None = None, header: str = "time,x,v") -> Path:
+    """Write a swing at 200 samples, 1 % noise, and its configuration."""
+    rng = np.random.default_rng(0)
+    t = 0.2 * np.arange(200)
+    x = np.cos(t) + 0.01 * rng.standard_normal(200)
+    v = -np.sin(t) + 0.01 * rng.standard_normal(200)
+    lines = rows or [f"{a:.3f},{b:.6f},{c:.6f}" for a, b, c in zip(t, x, v, strict=True)]
+    (folder / "swing.csv").write_text("\n".join([header, *lines]) + "\n")
+    (folder / "swing.yaml").write_text(SWING)
+    return folder / "swing.yaml"
+
+
+def rows_of(folder: Path) -> list[str]:
+    return (folder / "swing.csv").read_text().splitlines()[1:]
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    """Return what a check prints, its lines joined."""
+    assert check.main(list(words)) == 0
+    return re.sub(r"\s+", " ", capsys.readouterr().out)
+
+
+def test_nothing_is_doubtful_about_a_good_recording(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = said(capsys, f"conf={swing(tmp_path)}")
+    assert found.endswith("Nothing is doubtful. ")
+    assert "200 samples of 2 sensors" in found
+    assert "t > 31.8 is held out" in found
+    assert "It is resolved" in found
+    assert "feel 2 of 2 ways" in found
+    assert "The first sample lies where the start may be" in found
+
+
+def cells_of(row: str) -> list[str]:
+    return row.split(",")
+
+
+def with_v(rows: list[str], written: Callable[[int, str], str]) -> list[str]:
+    """Write v anew: by its row and what it was."""
+    cells = map(cells_of, rows)
+    return [f"{t},{x},{written(i, v)}" for i, (t, x, v) in enumerate(cells)]
+
+
+def in_degrees(rows: list[str]) -> list[str]:
+    cells = [[float(cell) for cell in row.split(",")] for row in rows]
+    return [f"{t},{57.3 * x},{57.3 * v}" for t, x, v in cells]
+
+
+SPOILT: dict[str, Callable[[list[str]], list[str]]] = {
+    "1 gap longer than 2 steps; the longest, 6.2": lambda rows: rows[:80] + rows[110:],
+    "values are missing: v": lambda rows: with_v(rows, lambda i, v: v if i // 30 != 2 else ""),
+    "the same as the one before: v": lambda rows: with_v(rows, lambda i, _: f"{i // 3}"),
+    "x and v read the very same values": lambda rows: [
+        f"{t},{x},{x}" for t, x, _ in map(cells_of, rows)
+    ],
+    "57 times as much as in the simulator": in_degrees,
+    "The first sample lies more than 4 standard deviations": lambda rows: rows[12:],
+    "50 samples are few": lambda rows: rows[:50],
+}
+
+
+@pytest.mark.parametrize("says", SPOILT)
+def test_what_is_doubtful_about_a_recording_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], says: str
+) -> None:
+    swing(tmp_path)
+    found = said(capsys, f"conf={swing(tmp_path, SPOILT[says](rows_of(tmp_path)))}")
+    assert says in found
+    assert "doubtful (?)" in found
+
+
+def test_a_recording_at_a_kilohertz_is_told_to_be_fine(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    swing_csv(tmp_path, "time,x,v")
+    (tmp_path / "swing.yaml").write_text(SWING)
+    found = said(capsys, f"conf={tmp_path / 'swing.yaml'}", "system.equations.v=-39.5*x")
+    assert "recording.every=0.05 loses little" in found
+
+
+def test_a_wrong_recording_is_refused(tmp_path: Path) -> None:
+    swing(tmp_path)
+    rows = rows_of(tmp_path)
+    with pytest.raises(InputError, match="time is repeated"):
+        check.main([f"conf={swing(tmp_path, [*rows[:50], *rows[49:]])}"])
+
+
+def test_a_field_that_no_sensor_feels_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The speed is not measured; where it moves nothing that is, it cannot be told."""
+    swing(tmp_path)
+    rows = [row.rsplit(",", 1)[0] for row in rows_of(tmp_path)]
+    conf = swing(tmp_path, rows, "time,x")
+    assert "v, which no sensor reads itself, is seen:" in said(capsys, f"conf={conf}")
+    words = ["system.equations.x=-0.1*x", "library={x: [x], v: [v]}"]
+    alone = said(capsys, f"conf={conf}", *words)
+    assert "v, which no sensor reads itself, is hardly seen: 100%" in alone
+
+
+def test_too_long_a_step_is_not_resolved(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = said(
+        capsys, f"conf={swing(tmp_path)}", "system.integrator.dt=0.2", "system.equations.v=-60*x"
+    )
+    assert "It is not resolved" in found
+    assert "Make system.integrator.dt smaller" in found
+
+
+def test_terms_that_no_data_can_tell_apart_are_wrong(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A decay from 1 is never negative: its sign is the constant."""
+    words = ["system.equations.x=-0.1*x", "library={x: [1, sign(x)], v: [v]}"]
+    assert check.main([f"conf={swing(tmp_path)}", *words]) == 2
+    found = capsys.readouterr().out
+    assert "x the terms '1' and 'sign(x)' are proportional" in found
+    assert "1 wrong (x)" in found
+
+
+def test_a_first_configuration_tells_what_is_left_to_do(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = tmp_path / "mine.yaml"
+    init.main([f"path={swing_csv(tmp_path)}", f"output={output}"])
+    marked = [i for i, s in enumerate(output.read_text().splitlines(), 1) if "# TO DO:" in s]
+    found = said(capsys, f"conf={output}")
+    assert len(marked) == 1
+    assert f"! {output}:{marked[0]}: write what you know of d(speed)/dt" in found
+    assert "1 left to do (!)" in found
+
+
+def test_a_first_configuration_in_space_can_be_checked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, table = bar_csv(tmp_path)
+    output = tmp_path / "bar.yaml"
+    init.main([f"path={path}", f"sensors={table}", f"output={output}"])
+    found = said(capsys, f"conf={output}")
+    assert "2 left to do (!)" in found
+    assert "In it nothing moves that a sensor reads" in found
+    filled = said(capsys, f"conf={output}", "system.equations.T=0.5*lap(T)")
+    assert "8 samples" not in filled and "80 samples of 8 sensors" in filled
+    assert "To test:" in filled
+
+
+def test_a_twin_s_configuration_is_checked_without_its_truths(
+    quick: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    alone = tmp_path / "quick.yaml"
+    alone.write_text(quick.read_text())
+    found = said(capsys, f"conf={alone}", "recording.twin=there-is-none")
+    assert "There is no recording yet" in found
+    assert "of 6 sensors" in found
+    assert "u is seen" in found
+
+
+def test_a_check_reaches_nothing_that_knows_the_truth() -> None:
+    reached = reached_from("dashred.check", tree_of("dashred.check"))
+    assert {"dashred.stages.problem", "dashred.checkup.observability"} <= reached
+    assert not reached & SECRET_MODULES

@@ -1,0 +1,49 @@
+"""What sensors tell of a start, against closed forms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from dashred.checkup.observability import look
+from dashred.checkup.simulator import run_nominal
+from dashred.checkup.situation import situation_of
+from dashred.config import load_config
+
+DECAY = """\
+system:
+  title: Decay
+  fields: {{u: amount}}
+  equations: {{u: -0.3*u}}
+  start: {{u: 1}}
+  spread: {{u: 0.5}}
+  integrator: {{method: {method}, dt: 0.02}}
+library: {{u: [u, u**2]}}
+recording: {{path: decay.csv, sensors: table.csv}}
+"""
+SIGMA, SPREAD, STEP = 0.05, 0.5, 0.1
+
+
+@pytest.mark.parametrize("method", ["rk4", "dopri5"])
+def test_what_stays_unknown_of_a_decay_is_the_kalman_smoother_s(
+    tmp_path: Path, method: str
+) -> None:
+    """``1/P = 1/s² + Σ e^{-2at}/σ²`` over the fit and validation samples: 80 % of the record."""
+    t = STEP * np.arange(101)
+    rows = [f"{now:.2f},{np.exp(-0.3 * now):.6f}" for now in t]
+    (tmp_path / "decay.csv").write_text("\n".join(["time,s", *rows]) + "\n")
+    (tmp_path / "table.csv").write_text(f"name,field,std\ns,u,{SIGMA}\n")
+    (tmp_path / "decay.yaml").write_text(DECAY.format(method=method))
+    situation = situation_of(load_config([f"conf={tmp_path / 'decay.yaml'}"], entry="check"))
+    seen = look(situation, run_nominal(situation))
+    assert seen is not None
+    sampled = t[: seen.samples]
+    information = 1 / SPREAD**2 + np.exp(-0.6 * sampled).sum() / SIGMA**2
+    expected = 1 / np.sqrt(information) / SPREAD
+    assert seen.samples > 20
+    torch.testing.assert_close(
+        seen.unknown(), torch.tensor([expected], dtype=torch.float64), rtol=1e-4, atol=0
+    )

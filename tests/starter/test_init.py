@@ -1,0 +1,99 @@
+"""A stranger's CSV becomes a configuration that loads and says what is left to do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dashred import init
+from dashred.config import Config, load_config
+from dashred.errors import InputError
+from tests.starter.strangers import bar_csv, swing_csv
+
+
+def written(tmp_path: Path, *words: str) -> tuple[Config, str]:
+    output = tmp_path / "mine.yaml"
+    assert init.main([*words, f"output={output}"]) == 0
+    return load_config([f"conf={output}"], entry="train"), output.read_text(encoding="utf-8")
+
+
+def test_columns_of_an_ode_are_its_fields_and_one_is_the_other_s_rate(tmp_path: Path) -> None:
+    path = swing_csv(tmp_path)
+    config, text = written(tmp_path, f"path={path}")
+    assert config.recording.path == str(path)
+    assert list(config.system.fields) == ["angle", "speed"]
+    assert config.system.equations == {"angle": "speed", "speed": "0"}
+    assert config.system.start["angle"] == pytest.approx(1, abs=0.02)
+    assert text.count("TO DO:") == 1
+
+
+def test_a_kilohertz_recording_of_a_slow_swing_is_thinned(tmp_path: Path) -> None:
+    """A sixteenth of the period, 0.0625, in round numbers."""
+    config, _ = written(tmp_path, f"path={swing_csv(tmp_path)}")
+    assert config.recording.every == pytest.approx(0.05)
+    assert config.system.integrator.dt == pytest.approx(0.01)
+
+
+def test_a_table_of_sensors_makes_a_field_in_space(tmp_path: Path) -> None:
+    path, table = bar_csv(tmp_path)
+    config, text = written(tmp_path, f"path={path}", f"sensors={table}")
+    assert config.recording.sensors == str(table)
+    assert list(config.system.fields) == ["T"]
+    assert config.system.axes["x"].length == pytest.approx(9.6)
+    assert config.system.equations == {"T": "0"}
+    assert text.count("TO DO:") == 2
+
+
+def test_units_in_headers_are_the_configuration_s(tmp_path: Path) -> None:
+    path = swing_csv(tmp_path, "time [s],angle [rad],speed [rad/s]")
+    config, _ = written(tmp_path, f"path={path}")
+    assert config.system.units == {"t": "s", "angle": "rad", "speed": "rad/s"}
+
+
+def test_a_file_that_is_there_is_left_as_it_is(tmp_path: Path) -> None:
+    output = tmp_path / "mine.yaml"
+    output.write_text("mine")
+    with pytest.raises(InputError, match="already"):
+        init.main([f"path={swing_csv(tmp_path)}", f"output={output}"])
+    assert output.read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("header", "says"),
+    [
+        ("t,angle,speed", "call the column 't' 'time'"),
+        ("time,lambda,speed", "lambda"),
+        ("time,angle (rad),speed", r"cannot be a name in an equation"),
+        ("time,angle,t", "'t' means something else"),
+    ],
+)
+def test_headers_that_no_equation_can_hold_are_refused(
+    tmp_path: Path, header: str, says: str
+) -> None:
+    with pytest.raises(InputError) as told:
+        init.main([f"path={swing_csv(tmp_path, header)}", f"output={tmp_path / 'mine.yaml'}"])
+    assert says in str(told.value)
+    assert not (tmp_path / "mine.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ([], "path= is missing"),
+        (["path=a.nc"], "not a .csv"),
+        (["pth=a.csv"], "path"),
+        (["path=a.csv", "output=a.txt"], ".yaml"),
+        (["path=gone.csv"], "no such file"),
+        (["path=a.csv", "output=gone/a.yaml"], "no such folder"),
+    ],
+)
+def test_wrong_words_say_what_to_do(words: list[str], says: str) -> None:
+    with pytest.raises(InputError) as told:
+        init.main(words)
+    assert says in str(told.value)
+
+
+def test_names_that_yaml_reads_as_something_else_are_quoted(tmp_path: Path) -> None:
+    config, _ = written(tmp_path, f"path={swing_csv(tmp_path, 'time,null,true')}")
+    assert list(config.system.fields) == ["null", "true"]
