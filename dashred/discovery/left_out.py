@@ -86,7 +86,8 @@ def beside_the_fault(bare: Cause, sensor: int) -> Beside:
     """Return an explanation that was fitted without a sensor, beside what is wrong with that."""
     whole, phi = _whole(bare.objective), bare.phi
     normal = whole.linearise(phi)
-    mine = [fault for fault in suspects(whole, normal) if fault.sensor == sensor]
+    own = columns_of(whole.shooting.operator.sensors, sensor)
+    mine = [fault for fault in suspects(whole, normal) if fault.sensor in own]
     found = predicted_faults(whole, phi, normal, mine)
     best, fault = min(found, key=lambda pair: pair[0].score)
     [cost], _ = bare.objective.values(phi[None])

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dashred.errors import InputError
 from dashred.sensing.checks import FEWEST_SAMPLES
-from dashred.sensing.episodes import Episode, Episodes
+from dashred.sensing.episodes import Episode, Episodes, said_of
 from dashred.sensing.recording import Recording
 
 # Times count as lying on a clock when they miss it by less than this part of a step.
@@ -61,7 +61,8 @@ def resample_all(episodes: Episodes, every: float | None) -> tuple[Episodes, str
         every = max(own_step(part.recording.times) for part in parts)
     sampled, said = [], []
     for part in parts:
-        recording, says = resample(part.recording, every)
+        with said_of(part.name):
+            recording, says = resample(part.recording, every)
         sampled.append(Episode(part.name, recording))
         said.append(f"{part.name}: {says}" if part.name else says)
     return Episodes(tuple(sampled)), " ".join(said)

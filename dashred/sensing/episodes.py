@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -61,6 +62,18 @@ class Episodes:
             problem = f"{len(self.episodes)} episodes, where one is expected"
             raise InputError(problem, where=path, hint="give each episode a file of its own")
         return self.episodes[0].recording
+
+
+@contextmanager
+def said_of(name: str) -> Iterator[None]:
+    """Let errors name the episode that they are about, if it has a name."""
+    try:
+        yield
+    except InputError as error:
+        if not name:
+            raise
+        what = f"episode {name!r}: {error.what}"
+        raise InputError(what, where=error.where, hint=error.hint) from None
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
 from dashred.sensing.clock import resample_all
 from dashred.sensing.driving import under
+from dashred.sensing.episodes import said_of
 from dashred.sensing.noise import noise_std
 from dashred.sensing.observation import ObservationOperator
 from dashred.sensing.reader import read_episodes
@@ -111,7 +112,10 @@ def pose(config: Config) -> Problem:
     units = {**read.episodes[0].recording.units, **system.units}
     system = system.declared_as(replace(system.config, units=units))
     sampled, clock = resample_all(read, config.recording.every)
-    splits = [split_recording(e.recording, config.splits, config.seed) for e in sampled.episodes]
+    splits = []
+    for part in sampled.episodes:
+        with said_of(part.name):
+            splits.append(split_recording(part.recording, config.splits, config.seed))
     held_out = len(splits) >= FEWEST_TO_HOLD_OUT
     raw = [episode.recording for episode in read.episodes]
     fitted = len(splits) - held_out

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
+from dashred.discovery.cause import Cause
 from dashred.discovery.episodes import (
     clocks,
     one_after_another,
@@ -14,13 +15,15 @@ from dashred.discovery.episodes import (
     simulator_of,
     starts_of,
 )
-from dashred.discovery.faults import Fault, fit_fault
+from dashred.discovery.faults import Fault, describe, fit_fault
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import law_of
+from dashred.discovery.left_out import beside_the_fault
 from dashred.discovery.local_shooting import LocalShooting
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.shooting import Shooting, Simulator
+from dashred.discovery.suspects import suspects
 from dashred.physics.pulses import Pulses
 from dashred.physics.window import onset
 from tests.swing import Swing, noisy
@@ -162,3 +165,20 @@ def test_a_bias_is_that_of_a_sensor_in_all_episodes(swing, z):
     begin = torch.cat([z, torch.tensor(XI, dtype=torch.float64)])
     tested = fit_fault(posed, fault, begin, torch.zeros(1).double())
     assert float(tested.fitted.phi[-1]) == pytest.approx(0.3, abs=0.02)
+
+
+def test_a_fault_of_one_episode_is_looked_at_among_those_of_its_sensor(swing, z):
+    recorded = [noisy(r, SIGMA, seed=e) for e, r in enumerate(readings(swing))]
+    recorded[1][20:, 0] = recorded[1][20, 0]
+    posed = objective(swing, recorded)
+    phi = torch.cat([z, torch.tensor(XI, dtype=torch.float64)])
+    found = list(suspects(posed, posed.linearise(phi)))
+    kinds = [(fault.kind, fault.sensor) for fault in found]
+    # Its column stands in the second of three episodes of two sensors.
+    assert ("stuck", 2) in kinds
+    assert {sensor for kind, sensor in kinds if kind == "bias"} == {0, 1}
+    [stuck] = [fault for fault in found if fault.kind == "stuck"]
+    told = describe(posed, stuck, torch.zeros(0), torch.zeros(0))
+    assert (told.sensor, told.begin) == ("place", pytest.approx(63.0, abs=0.2))
+    law = law_of(posed, minimise(posed, phi, 3, 1e-3), posed.shooting.candidates, 0.0)
+    assert beside_the_fault(Cause(law, posed, phi), stuck.sensor).law.fault is not None

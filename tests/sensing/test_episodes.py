@@ -124,7 +124,7 @@ def test_each_episode_keeps_its_own_clock_and_all_have_one_step():
 
 def test_a_step_that_leaves_too_little_of_an_episode_is_refused():
     episodes = Episodes((of("a", 0.0, 0.1, 100), of("b", 0.0, 0.1, 25)))
-    with pytest.raises(InputError, match="leaves 13 samples"):
+    with pytest.raises(InputError, match=r"episode 'b': a step of 0\.2 leaves 13 samples"):
         resample_all(episodes, 0.2)
 
 

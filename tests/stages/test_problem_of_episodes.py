@@ -110,6 +110,15 @@ def test_its_objective_has_a_start_for_each_and_all_samples_once(quick, tmp_path
     assert len(simulate_ensemble(problem, nominal, {}).states) == members
 
 
+def test_a_sensor_that_is_silent_where_it_should_be_fitted_is_refused_by_episode(quick, tmp_path):
+    part = episode("a").recording
+    values = part.values.copy()
+    values[:38, 2] = np.nan
+    silent = Episode("a", Recording(SENSORS, part.times, values))
+    with pytest.raises(InputError, match="episode 'a': sensor 's2' has no value until"):
+        posed(quick, tmp_path, episode("b"), silent)
+
+
 def test_an_episode_that_is_too_short_is_refused_by_name(quick, tmp_path):
     short = episode("a").recording.between(0.0, 1.5)
     with pytest.raises(InputError, match="episode 'short': 16 samples are too few"):
