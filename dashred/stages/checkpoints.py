@@ -38,7 +38,12 @@ RECORDS = (
     *(Assimilated, SparseFit, Discovered, BestOfSize, Law, SensorFault, Candidate, Term),
     *(Window, Shape, NoiseModel, ForcingMap, KeptNetwork, *EXPRESSIONS),
 )
-ARRAYS = (np.ndarray, np.dtype, _reconstruct, *map(type, map(np.dtype, ("f8", "f4", "i8", "?"))))
+ARRAYS: tuple[Any, ...] = (
+    np.ndarray,
+    np.dtype,
+    _reconstruct,
+    *map(type, map(np.dtype, ("f8", "f4", "i8", "?"))),
+)
 UNREADABLE = (OSError, EOFError, RuntimeError, KeyError, pickle.UnpicklingError)
 
 
