@@ -6,6 +6,8 @@ import difflib
 import sys
 from collections.abc import Callable, Iterable
 
+from dashred.machine_failures import told
+
 DONE, OUR_FAILURE, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
@@ -50,8 +52,9 @@ def nearest(name: str, known: Iterable[str]) -> str:
 def run_entry(main: Callable[[list[str]], int]) -> int:
     """Run ``main`` on the command line's words and return the process's exit code.
 
-    An :class:`InputError` is printed to stderr, without a traceback, and gives 2; Ctrl-C gives
-    130. Anything else is a failure of ours: it propagates, and Python ends with 1.
+    An :class:`InputError` is printed to stderr, without a traceback, and gives 2; what the machine
+    refuses, a full disk for example, likewise and gives 1; Ctrl-C gives 130. Anything else is a
+    failure of ours: it propagates, and Python ends with 1.
     """
     try:
         return main(sys.argv[1:])
@@ -61,3 +64,8 @@ def run_entry(main: Callable[[list[str]], int]) -> int:
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return INTERRUPTED
+    except Exception as error:
+        if (said := told(error)) is None:
+            raise
+        print(f"error: {said}", file=sys.stderr)
+        return OUR_FAILURE

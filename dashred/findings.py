@@ -8,7 +8,6 @@ seal of a twin experiment is opened.
 import hashlib
 import json
 import math
-import os
 import platform
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
@@ -40,6 +39,7 @@ from dashred.findings_schema import (
     misfit,
     new_findings,
 )
+from dashred.whole_files import write_text_atomic
 
 __all__ = [
     "Alternative",
@@ -104,16 +104,6 @@ def write_json_atomic(path: Path, obj: Any) -> None:
     """Write `obj` so that the same object gives the same bytes, and never half of them."""
     text = json.dumps(canonical(obj), sort_keys=True, indent=2, ensure_ascii=False, allow_nan=False)
     write_text_atomic(path, f"{text}\n")
-
-
-def write_text_atomic(path: Path, text: str) -> None:
-    """Write a text, whole or not at all."""
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        partial.write_bytes(text.encode())
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def sha256_of(path: Path) -> str:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryFile
 
 from dashred.config import Config
 from dashred.errors import InputError
 from dashred.mlflow_server import is_server
+from dashred.whole_files import clear_partial
 
 # What one run leaves and the next may not write again: it would pass for part of that one.
 OF_ONE_RUN = (
@@ -37,21 +39,28 @@ def named_output(config: Config) -> Path | None:
 
 
 def make_output(path: str) -> Path:
-    """Make the folder that the user named.
+    """Make the folder that the user named, and make sure that it can be written to.
 
     Raises:
-        InputError: it cannot be made, or is a file.
+        InputError: it cannot be made or written to, or is a file.
     """
-    folder = Path(path)
+    folder, hint = Path(path), "choose another: output=DIR"
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        what, hint = f"this folder cannot be made: {error.strerror}", "choose another: output=DIR"
+        what = f"this folder cannot be made: {error.strerror}"
         raise InputError(what, where=path, hint=hint) from None
-    return folder
+    try:
+        # Rights alone do not tell: a disk may be mounted for reading only.
+        with TemporaryFile(dir=folder):
+            return folder
+    except OSError as error:
+        what = f"this folder cannot be written to: {error.strerror}"
+        raise InputError(what, where=path, hint=hint) from None
 
 
 def clear_output(folder: Path) -> None:
-    """Take away the results of an earlier run."""
+    """Take away the results of an earlier run, and what a killed one had not finished."""
+    clear_partial(folder)
     for name in OF_ONE_RUN:
         (folder / name).unlink(missing_ok=True)

@@ -18,6 +18,7 @@ from torch import Tensor
 
 from dashred.errors import InputError
 from dashred.physics.system import System
+from dashred.whole_files import write_netcdf_atomic
 
 
 @dataclass(frozen=True)
@@ -102,10 +103,8 @@ def seal(path: Path, truth: Truth, system: System) -> None:
     concealed = json.dumps(asdict(truth.concealed))
     attributes = {"twin": truth.twin, "terms": terms, "duration": truth.duration}
     attributes["concealed"] = concealed
-    partial = path.with_name(f".{path.name}.partial")
     dataset = xr.Dataset(fields, {"time": truth.times.numpy()}, attributes)
-    dataset.to_netcdf(partial, engine="h5netcdf")
-    partial.replace(path)
+    write_netcdf_atomic(path, dataset)
 
 
 def open_seal(path: Path) -> tuple[Truth, tuple[str, ...]]:

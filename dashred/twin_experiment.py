@@ -26,6 +26,7 @@ from dashred.output import named_output
 from dashred.parent_run import cut_short, experiment_of
 from dashred.run_notes import name_of
 from dashred.tracking import Tracker
+from dashred.whole_files import copy_atomic
 
 OWN = ("output=", "tracking.run=", "tracking.parent=")
 # Of what describes the twin, the step of the analysis clock alone is the analysis' business.
@@ -86,13 +87,13 @@ def score(
 ) -> None:
     """Open the seal over the frozen findings; recording and truth then lie beside them."""
     if output.resolve() != run.artifact_dir.resolve():
-        shutil.copyfile(run.artifact_dir / RECORDING, output / RECORDING)
+        copy_atomic(run.artifact_dir / RECORDING, output / RECORDING)
     sealed = kept_seal(run.run_id)
     assert sealed is not None
     place = [f"root={root}", f"experiment={experiment}", f"run={run.run_id}"]
     tell(scorer, [*place, f"findings={output}", f"sealed={sealed}"])
     wait(scorer)
-    shutil.copyfile(sealed, output / SEALED)
+    copy_atomic(sealed, output / SEALED)
     drop_seal(run.run_id)
 
 

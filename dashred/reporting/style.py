@@ -4,7 +4,6 @@ The colours are those of Okabe and Ito (2008), told apart by colour-blind reader
 keeps its colour and its name in every figure.
 """
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +13,9 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from dashred.whole_files import whole_file
 
 BLACK, GREY, LIGHT = "#1a1a1a", "#8a8a8a", "#d9d9d9"
 ORANGE, SKY, GREEN = "#e69f00", "#56b4e9", "#009e73"
@@ -91,13 +93,23 @@ def new_figure(width: float, height: float) -> Figure:
 
 def save_figure(figure: Figure, path: Path) -> None:
     """Save as PNG, whole or not at all; the same figure gives the same bytes."""
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        with style():
-            figure.savefig(partial, format="png", dpi=150, metadata={"Software": None})
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with whole_file(path) as partial, style():
+        _take_names_as_they_are(figure)
+        figure.savefig(partial, format="png", dpi=150, metadata={"Software": None})
+
+
+def _take_names_as_they_are(figure: Figure) -> None:
+    """Let a $ in a user's name be a $; the powers of ten along an axis alone are mathematics."""
+    powers = {
+        id(label)
+        for axes in figure.axes
+        for axis in (axes.xaxis, axes.yaxis)
+        if axis.get_scale() != "linear"
+        for label in axis.get_ticklabels(which="both")
+    }
+    for text in figure.findobj(Text):
+        if isinstance(text, Text) and id(text) not in powers:
+            text.set_parse_math(False)
 
 
 def method_name(method: str) -> str:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,6 +11,7 @@ import numpy as np
 from dashred.sensing.episodes import Episodes
 from dashred.sensing.recording import Recording
 from dashred.units import TIME
+from dashred.whole_files import write_netcdf_atomic
 
 
 def write_netcdf(
@@ -73,11 +72,7 @@ def write_netcdf(
         },
         attrs={"Conventions": "CF-1.11", "featureType": "timeSeries"},
     )
-    target = Path(path)
-    with tempfile.TemporaryDirectory(dir=target.parent, prefix=".writing-") as folder:
-        unfinished = Path(folder) / target.name
-        dataset.to_netcdf(unfinished, engine="h5netcdf")
-        os.replace(unfinished, target)
+    write_netcdf_atomic(Path(path), dataset)
 
 
 def _named(recorded: Recording | Episodes) -> list[tuple[str, Recording]]:

@@ -15,6 +15,7 @@ from dashred.discovery.correction import correct
 from dashred.discovery.explanation import law_in_words
 from dashred.discovery.law import Law
 from dashred.physics.system import System
+from dashred.whole_files import write_text_atomic
 
 NAME = "corrected.yaml"
 # Where results go and which recording is read are of one run: the corrected system is of any.
@@ -40,9 +41,7 @@ def write_corrected(
         tidy = {name: float(f"{value:.12g}") for name, value in corrected.parameters.items()}
         values["system"]["parameters"] = _Block(tidy)
     body = yaml.dump(values, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=WIDTH)
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_text(f"{_header(config, system, law, recording_sha256)}\n{body}", "utf-8")
-    partial.replace(path)
+    write_text_atomic(path, f"{_header(config, system, law, recording_sha256)}\n{body}")
 
 
 def _layer(config: Config) -> dict[str, Any]:

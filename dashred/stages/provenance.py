@@ -18,6 +18,7 @@ from dashred.findings import Findings, sha256_of, write_json_atomic
 from dashred.physics.side_by_side import use_threads
 from dashred.reporting.summary import print_summary, summary
 from dashred.tracking import Tracker
+from dashred.whole_files import write_text_atomic
 
 
 def prepare_torch(config: Config) -> None:
@@ -75,7 +76,7 @@ def finish(
     write_json_atomic(output / "run.json", record)
     paths = {"findings": output, "MLflow store": run.uri}
     text = summary(findings, None, paths)
-    (output / "summary.txt").write_text(text, encoding="utf-8")
+    write_text_atomic(output / "summary.txt", text)
     run.log_folder(output)
     run.set_tags({FROZEN: sha256_of(output / "findings.json")})
     print_summary(text)

@@ -45,6 +45,7 @@ from dashred.stages.energy import energy_lost
 from dashred.stages.problem import Problem
 from dashred.stages.restart import restart
 from dashred.stages.structure import structure_changed
+from dashred.whole_files import write_netcdf_atomic
 
 # What the findings call the methods.
 MISFITS = {
@@ -172,9 +173,7 @@ def write_estimates(
     if len(episodes):
         coordinates["episode"] = ("time", list(episodes))
     coordinates |= {name: x.numpy() for name, x in system.grid.own_coordinates.items()}
-    partial = path.with_name(f".{path.name}.partial")
-    xr.Dataset(data, coordinates).to_netcdf(partial, engine="h5netcdf")
-    partial.replace(path)
+    write_netcdf_atomic(path, xr.Dataset(data, coordinates))
 
 
 def write_findings(problem: Problem, analysis: Analysis, findings: Findings, output: Path) -> None:
