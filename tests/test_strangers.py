@@ -1,0 +1,165 @@
+"""A stranger's configuration and recording run no code, and touch nothing outside the output."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import warnings
+from pathlib import Path
+
+import pytest
+
+from dashred.config import load_config
+from dashred.errors import InputError
+from dashred.physics.system import System
+from dashred.reporting.style import new_figure, save_figure
+from tests.conftest import CHECKOUT, run_command
+from tests.test_bad_input import csv_text
+
+# Whatever turns text or a file into running code.
+CALLS = {"eval", "exec", "compile", "__import__", "system", "popen"}
+MODULES = {"pickle", "cPickle", "dill", "cloudpickle", "marshal", "shelve", "joblib"}
+# Its kernels are written from checked expression trees, in which every name is an index.
+WRITES_CODE = CHECKOUT / "dashred" / "physics" / "kernel.py"
+UNSAFE_YAML = {"load_all", "full_load", "unsafe_load", "full_load_all", "unsafe_load_all"}
+
+
+def faults_of(tree: ast.AST) -> list[str]:
+    """Return what in a module could run what a file says."""
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found += [alias.name for alias in node.names if alias.name in MODULES]
+        elif isinstance(node, ast.ImportFrom) and node.module in MODULES:
+            found.append(node.module)
+        elif isinstance(node, ast.Call):
+            found += _of_call(node)
+    return found
+
+
+def _of_call(node: ast.Call) -> list[str]:
+    said = ast.unparse(node.func)
+    name = said.rpartition(".")[2]
+    words = {word.arg: ast.unparse(word.value) for word in node.keywords}
+    if (said == name and name in CALLS) or said in ("os.system", "os.popen"):
+        return [said]
+    if said == "torch.load" and words.get("weights_only") != "True":
+        return ["torch.load without weights_only=True"]
+    if said.startswith("yaml.") and (name == "load" or name in UNSAFE_YAML):
+        return [said]
+    if words.get("shell", "False") != "False" or words.get("allow_pickle", "False") != "False":
+        return [said]
+    return []
+
+
+def test_no_code_of_ours_runs_what_a_file_says() -> None:
+    """Checkpoints, too, are loaded as weights only."""
+    for package in ("dashred", "datamodules", "callbacks"):
+        for path in (CHECKOUT / package).rglob("*.py"):
+            allowed = ["exec"] if path == WRITES_CODE else []
+            assert faults_of(ast.parse(path.read_text())) == allowed, path
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "eval(text)",
+        "import pickle",
+        "from marshal import loads",
+        "torch.load(path)",
+        "torch.load(path, weights_only=False)",
+        "yaml.load(text, Loader=yaml.Loader)",
+        "subprocess.run(text, shell=True)",
+        "np.load(path, allow_pickle=True)",
+        "os.system(text)",
+    ],
+)
+def test_the_search_for_such_code_finds_it(code) -> None:
+    assert faults_of(ast.parse(code))
+
+
+WRONG = {
+    "a tag": ("title: !!python/object/apply:os.system [touch hacked]", "YAML tags"),
+    "a resolver": ("title: ${oc.env:HOME}", "interpolation"),
+    "a class": ("title: T\n  class: os.system", "class"),
+    "a terminal's commands": ('title: "\\e[2J"', "'\\x1b'"),
+    "an alias": ("title: &a T\n  energy: *a", "aliases"),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_a_file_that_would_run_code_is_refused(kind, quick, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    text, says = WRONG[kind]
+    Path("theirs.yaml").write_text(quick.read_text().replace("title: Burgers", text))
+    with pytest.raises(InputError) as caught:
+        load_config(["conf=theirs.yaml", "recording.path=a.csv"], entry="train")
+    assert says in str(caught.value) and "theirs.yaml:" in str(caught.value)
+    assert os.listdir(tmp_path) == ["theirs.yaml"]
+
+
+@pytest.mark.parametrize("section", ["fields", "parameters", "let", "axes", "inputs"])
+@pytest.mark.parametrize("name", ["../u", "/etc", "u/v", "u v", "..", "__class__", "u;v"])
+def test_a_name_is_never_a_path(section, name, quick, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    entry = "{length: 1, points: 8}" if section == "axes" else "1"
+    text = quick.read_text().replace("system:\n", f"system:\n  extra: {{'{name}': {entry}}}\n", 1)
+    Path("theirs.yaml").write_text(text.replace("extra", section, 1))
+    with pytest.raises(InputError):
+        load_config(["conf=theirs.yaml", "recording.path=a.csv"], entry="train")
+
+
+def test_a_few_lets_cannot_make_an_endless_expression(quick, tmp_path, monkeypatch) -> None:
+    """Each twice in the next: forty lines would be 10¹² names."""
+    monkeypatch.chdir(tmp_path)
+    lets = "a0: u + 1, " + ", ".join(f"a{i + 1}: sin(a{i}) + cos(a{i})" for i in range(40))
+    text = quick.read_text().replace("  equations:", f"  let: {{{lets}}}\n  equations:")
+    Path("theirs.yaml").write_text(text)
+    config = load_config(["conf=theirs.yaml", "recording.path=a.csv"], entry="train")
+    with pytest.raises(InputError, match="too large"):
+        System(config.system, config.where)
+
+
+def test_a_dollar_in_a_name_is_no_mathematics(tmp_path) -> None:
+    figure = new_figure(3, 2)
+    axes = figure.add_subplot()
+    axes.plot([1, 10], [1, 1000], label="$\\frac{$")
+    axes.set_yscale("log")
+    axes.set_title("$\\nothing$")
+    axes.legend()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        save_figure(figure, tmp_path / "a.png")
+    assert os.listdir(tmp_path) == ["a.png"]
+
+
+@pytest.mark.slow
+def test_evil_names_leave_nothing_outside_the_output(quick, tmp_path) -> None:
+    """Of the title, a field's meaning, the sensors and the experiment."""
+    evil = "<script>alert(1)</script> $\\frac{$ [/red] ../../up %s {x}"
+    names = ["../up", "<b>", "$\\x$", "[red]", "/etc/p", "..", "{x}%s"][:6]
+    (tmp_path / "theirs").mkdir()
+    text = quick.read_text().replace("title: Burgers", f"title: '{evil}'")
+    (tmp_path / "theirs" / "theirs.yaml").write_text(text.replace("velocity", f"'{evil}'"))
+    table = [f"{name},u,{0.5 + i},0.02" for i, name in enumerate(names)]
+    (tmp_path / "theirs" / "s.csv").write_text("\n".join(["name,field,x,std", *table]))
+    _, *rows = csv_text().splitlines()
+    recording = "\n".join([",".join(["time", *names]), *rows])
+    (tmp_path / "theirs" / "r.csv").write_text(recording)
+    folder = tmp_path / "a" / "b"
+    folder.mkdir(parents=True)
+    before = {path for path in tmp_path.rglob("*") if folder not in path.parents}
+    ended = run_command(
+        folder,
+        f"conf={tmp_path / 'theirs' / 'theirs.yaml'}",
+        f"recording.path={tmp_path / 'theirs' / 'r.csv'}",
+        f"recording.sensors={tmp_path / 'theirs' / 's.csv'}",
+        "tracking.experiment=../../up",
+    )
+    assert ended.code == 0, ended.err
+    assert {path for path in tmp_path.rglob("*") if folder not in path.parents} == before
+    assert {path.name for path in folder.iterdir()} == {"output", "mlruns"}
+    page = ended.read("report.html").decode()
+    assert "<script" not in page and "<b>" not in page
+    assert evil in json.loads(ended.read("findings.json"))["input"]["config"]["system"]["title"]
