@@ -52,11 +52,17 @@ def test_a_number_tells_what_it_counts_in(name: str, counts_in: str | None) -> N
 @pytest.mark.parametrize(
     ("name", "row"),
     [
-        ("seed", "whole number at least 0 |  | `0` |"),
+        ("seed", "whole number at least 0 and below 4294967296 |  | `0` |"),
         ("splits.time.test", "number above 0 and below 0.9 | the record | `0.2` |"),
-        ("system.axes.NAME.points", "whole number at least 8 |  | *must be given* |"),
+        (
+            "system.axes.NAME.points",
+            "whole number at least 8 and at most 1000000 |  | *must be given* |",
+        ),
         ("library", "lists of texts, by name; or `null` |  | `null` |"),
-        ("latent_sindy.steps", "list of whole numbers, each at least 1 | samples | `[1, 2, 5]` |"),
+        (
+            "latent_sindy.steps",
+            "list of whole numbers, each at least 1 and at most 1000000 | samples | `[1, 2, 5]` |",
+        ),
         ("system.axes.NAME.ends", "`periodic` or `insulated` or `fixed` |  | `periodic` |"),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from dataclasses import is_dataclass
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
@@ -14,7 +15,8 @@ from dashred.config.system_checks import check_system
 from dashred.errors import InputError
 
 TWIN = re.compile(r"[A-Za-z0-9_-]+\Z")
-DEVICE = re.compile(r"(cpu|cuda(:\d+)?)\Z")
+DEVICE = re.compile(r"(cpu|cuda(:\d{1,3})?)\Z")
+MOST_POINTS, MOST_STEPS = 1_000_000, 10_000_000
 
 
 def check(settings: Settings, where: Where) -> None:
@@ -25,6 +27,7 @@ def check(settings: Settings, where: Where) -> None:
     """
     check_limits(settings, Settings, "", where)
     check_system(settings.system, where)
+    _check_effort(settings, where)
     _check_library(settings, where)
     _check_recording(settings, where)
     _check_sensor_split(settings.splits.sensors, settings.recording, where)
@@ -71,6 +74,27 @@ def _unwrapped(kind: Any) -> tuple[Any, Limit | None]:
         bare, *carried = get_args(kind)
         return bare, next((mark for mark in carried if isinstance(mark, Limit)), None)
     return kind, None
+
+
+def _check_effort(settings: Settings, where: Where) -> None:
+    """Refuse what no machine would ever finish: a slip of the finger, or of a unit."""
+    system, recording = settings.system, settings.recording
+    points = math.prod(axis.points for axis in system.axes.values())
+    if points > MOST_POINTS:
+        hint = f"{MOST_POINTS} at most"
+        raise InputError(
+            f"{points} grid points are too many", where=where("system.axes"), hint=hint
+        )
+    dt, spin_up_dt = system.integrator.dt, system.spin_up_dt
+    spin_up_key = "system.spin_up_dt" if spin_up_dt else "system.integrator.dt"
+    steps = [(spin_up_key, system.spin_up, spin_up_dt or dt)]
+    if recording.twin is not None:
+        steps += [("system.integrator.dt", recording.duration, dt)]
+        steps += [("recording.every", recording.duration, recording.every or recording.duration)]
+    for key, span, step in steps:
+        if span > MOST_STEPS * step:
+            problem = f"{key}: {span:g} in steps of {step:g} are too many steps"
+            raise InputError(problem, where=where(key), hint=f"{MOST_STEPS} at most")
 
 
 def _check_library(settings: Settings, where: Where) -> None:
@@ -164,4 +188,5 @@ def _check_sensor_split(split: SensorSplit, recording: Recording, where: Where) 
 
 
 def _repeated(items: list[str]) -> str | None:
-    return next((item for i, item in enumerate(items) if item in items[:i]), None)
+    counts = Counter(items)
+    return next((item for item in items if counts[item] > 1), None)

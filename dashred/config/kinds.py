@@ -83,7 +83,9 @@ def kind_at(key: str, where: Where) -> Any:
         name, *items = part.replace("]", "").split("[")
         path = f"{path}.{name}" if path else name
         kind = child(kind, name, path, where)
-        for _ in items:
+        for item in items:
+            if get_origin(required(kind)) is not list or not item.isdecimal():
+                raise InputError(f"unknown key {key}", where=where(key), hint=in_words(kind))
             kind = get_args(required(kind))[0]
     return kind
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import is_dataclass
+from functools import partial
 from os.path import abspath
 from pathlib import Path
 from typing import Any, get_args, get_origin
@@ -40,15 +41,18 @@ def prepare(source: Source, *, folder: Path) -> Source:
     where = where_in(source.lines)
     values = _fit(_name_the_null_twin(source.values), Settings, "", where)
     for key in PATHS:
-        _edit(values, key, lambda text: _absolute(folder, text))
+        _edit(values, key, partial(_absolute, folder=folder, where=where(key)))
     return Source(values, source.lines)
 
 
-def _absolute(folder: Path, text: str) -> str:
+def _absolute(text: str, *, folder: Path, where: str) -> str:
     """Return a path as it is from anywhere; the address of a server is one already."""
     if text.startswith(("http://", "https://")):
         return text
-    return abspath(folder / Path(text).expanduser())
+    try:
+        return abspath(folder / Path(text).expanduser())
+    except RuntimeError:
+        raise InputError(f"there is no home folder for {text!r}", where=where) from None
 
 
 def merge(defaults: Source, system: Source, overrides: Source) -> Settings:
@@ -103,6 +107,9 @@ def _fit(value: Any, kind: Any, key: str, where: Where) -> Any:
         raise _unexpected(value, kind, key, where)
     if bare is float and isinstance(value, str):
         return evaluate(value, key, where)
+    if bare in (int, bool) and type(value) is not bare:
+        # OmegaConf would read more: '1_0' as 10, yes as true, true as 1.
+        raise _unexpected(value, kind, key, where)
     return value
 
 

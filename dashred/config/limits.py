@@ -13,6 +13,7 @@ class Limit:
     at_least: float | None = None
     above: float | None = None
     below: float | None = None
+    at_most: float | None = None
 
     def holds(self, value: float) -> bool:
         """Whether ``value`` lies within."""
@@ -20,12 +21,14 @@ class Limit:
             (self.at_least is None or value >= self.at_least)
             and (self.above is None or value > self.above)
             and (self.below is None or value < self.below)
+            and (self.at_most is None or value <= self.at_most)
         )
 
     def __str__(self) -> str:
         """In words: ``above 0 and below 0.9``."""
         bounds = {"at least": self.at_least, "above": self.above, "below": self.below}
-        return " and ".join(f"{word} {x:g}" for word, x in bounds.items() if x is not None)
+        bounds |= {"at most": self.at_most}
+        return " and ".join(f"{word} {x:.10g}" for word, x in bounds.items() if x is not None)
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,8 @@ class Unit:
     name: str
 
 
-Count = Annotated[int, Limit(at_least=1)]
+# More of anything than fits a machine is a slip of the finger.
+Count = Annotated[int, Limit(at_least=1, at_most=1_000_000)]
 Positive = Annotated[float, Limit(above=0)]
 NonNegative = Annotated[float, Limit(at_least=0)]
 Time = Annotated[Positive, Unit("the system's time")]

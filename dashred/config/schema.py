@@ -19,7 +19,7 @@ class Axis:
     length: Annotated[Positive, Unit("the system's space")]
     """Its length."""
 
-    points: Annotated[int, Limit(at_least=8)]
+    points: Annotated[int, Limit(at_least=8, at_most=1_000_000)]
     """Number of grid points."""
 
     ends: Literal["periodic", "insulated", "fixed"] = "periodic"
@@ -191,7 +191,7 @@ class Splits:
 class Simulation:
     """The ensemble of simulations that SHRED learns from."""
 
-    members: Annotated[int, Limit(at_least=2)]
+    members: Annotated[int, Limit(at_least=2, at_most=1_000_000)]
     """Trajectories in all."""
 
     held_out: Count
@@ -313,7 +313,7 @@ class Discovery:
 class Surrogate:
     """SHRED retrained on the corrected simulator."""
 
-    members: Annotated[int, Limit(at_least=2)]
+    members: Annotated[int, Limit(at_least=2, at_most=1_000_000)]
     """Trajectories in all, simulation.held_out of them not trained on."""
 
     spread: Annotated[Positive, Unit("the start prior's spread")]
@@ -361,7 +361,7 @@ class Settings:
     resolution_limit: Annotated[Positive, Unit("a trace's standard deviation")]
     """How far doubling the resolution may move a sensor trace."""
 
-    seed: Annotated[int, Limit(at_least=0)]
+    seed: Annotated[int, Limit(at_least=0, below=2**32)]
     """Fixes everything random in the analysis."""
 
     threads: Count

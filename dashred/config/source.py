@@ -17,6 +17,7 @@ import yaml
 from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from dashred.errors import InputError
+from dashred.plain_text import unprintable
 
 TAG = "tag:yaml.org,2002:"
 QUOTE = "quote a text that holds ': ' or ' #', or that begins with one of * & ! % @ ` [ { - |"
@@ -33,6 +34,8 @@ CONVERT: dict[str, Callable[[str], Any]] = {
     "float": float,
 }
 DEEPEST = 12
+# More than anybody writes by hand; larger files would be read for minutes.
+LARGEST, MOST_VALUES = 100_000, 2000
 COMMA = "inside [ ] and { } a comma ends a text: put quotes around an expression that holds one"
 
 
@@ -61,7 +64,9 @@ def read_file(path: Path, *, label: str) -> Source:
         InputError: the file is missing or not UTF-8, or it is not a mapping in this small YAML.
     """
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        with path.open("rb") as file:
+            data = file.read(LARGEST + 1)
+        text = data.decode("utf-8-sig")
     except OSError as error:
         raise InputError(f"cannot read the file: {error.strerror}", where=label) from None
     except UnicodeDecodeError as error:
@@ -69,6 +74,9 @@ def read_file(path: Path, *, label: str) -> Source:
         raise InputError(
             "the file is not UTF-8", where=f"{label}:{line}", hint="save it as UTF-8 text"
         ) from None
+    if len(data) > LARGEST:
+        problem = f"the file is larger than {LARGEST} bytes"
+        raise InputError(problem, where=label, hint="recordings have files of their own")
     values, lines = read_text(text, label=label)
     if values is None:
         values = {}
@@ -103,11 +111,14 @@ def read_text(text: str, *, label: str, key: str = "") -> tuple[Any, dict[str, s
 
 
 def plain(text: str, *, where: str) -> str:
-    """Return the text as it is, unless OmegaConf would read more into it.
+    """Return the text as it is, unless it cannot be printed or OmegaConf would read more into it.
 
     Raises:
-        InputError: it holds an interpolation, or the mark of a missing value.
+        InputError: it holds an interpolation, the mark of a missing value, or a control character.
     """
+    if sign := unprintable(text):
+        problem = f"the character {sign!r} cannot stand in a text"
+        raise InputError(problem, where=where, hint="write plain text")
     if "${" in text:
         raise InputError(
             "interpolation with ${...} is not used here",
@@ -128,12 +139,22 @@ class _Loader(yaml.SafeLoader):
 
     yaml_implicit_resolvers = {None: [(TAG + kind, SCALARS[kind]) for kind in SCALARS]}  # noqa: RUF012
 
+    depth = count = 0
+
     def compose_node(self, parent: Node | None, index: Any) -> Node | None:
-        """Refuse aliases: a bomb of them is small to write and endless to read."""
+        """Refuse aliases, a bomb of which is endless to read, and towers, and endless lists."""
+        mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
         if self.check_event(yaml.AliasEvent):
-            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
             raise yaml.composer.ComposerError(None, None, "YAML aliases are not used here", mark)
-        return super().compose_node(parent, index)
+        if self.depth > 4 * DEEPEST:
+            raise yaml.composer.ComposerError(None, None, "nested too deeply", mark)
+        if self.count > MOST_VALUES:
+            raise yaml.composer.ComposerError(None, None, f"over {MOST_VALUES} values", mark)
+        self.count += 1
+        self.depth += 1
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
 
 
 class _Reader:

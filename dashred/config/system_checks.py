@@ -43,6 +43,9 @@ def check_system(system: System, where: Where) -> None:
                 f"system.start.{name} must be a number or an expression",
                 where=where(f"system.start.{name}"),
             )
+        if isinstance(value, int | float) and not math.isfinite(value):
+            problem = f"system.start.{name} must be finite; got {value}"
+            raise InputError(problem, where=where(f"system.start.{name}"))
     _check_spread(system, where)
     _check_front(system, where)
 

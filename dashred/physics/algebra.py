@@ -88,7 +88,7 @@ def multiply(factors: Iterable[Expr]) -> Expr:
                 others.append(f)
             else:
                 exponents[base] = exponents.get(base, 0.0) + exponent
-    merged = [power(b, Number(e)) for b, e in exponents.items() if e != 0.0] + others
+    merged = [power(b, Number(_real(e))) for b, e in exponents.items() if e != 0.0] + others
     return scale(value, _flat_product(merged))
 
 

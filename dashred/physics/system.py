@@ -14,6 +14,7 @@ from dashred.errors import InputError
 from dashred.physics import algebra
 from dashred.physics.algebra import Expr, Number
 from dashred.physics.expression import Vocabulary, number, parse
+from dashred.physics.expression_size import DEEPEST, MOST_PARTS, Size, size_of
 from dashred.physics.grid import Axis, Grid
 from dashred.physics.integrators import METHODS
 from dashred.physics.measured import NOTHING, Array, Measured
@@ -72,8 +73,10 @@ class System:
         }
         constants = {k: Number(float(v)) for k, v in config.parameters.items()}
         self._values: dict[str, Expr] = dict(constants)
+        self._sizes: dict[str, Size] = {}
         for name, expr in self.lets.items():
             self._values[name] = self.resolve(expr, f"system.let.{name}")
+            self._sizes[name] = size_of(expr, self._sizes)
         self.resolved = {
             field: self.ready(expr, field, f"system.equations.{field}")
             for field, expr in self.equations.items()
@@ -196,8 +199,12 @@ class System:
         """Put lets and parameters into an expression; ``key`` locates it in the config.
 
         Raises:
-            InputError: the parameters make a constant infinite.
+            InputError: the parameters make a constant infinite, or the lets the expression huge.
         """
+        if size_of(expr, self._sizes).too_large:
+            problem = "with the lets that it reads put in, this expression is too large"
+            hint = f"{MOST_PARTS} names, numbers and signs at most, {DEEPEST} levels deep"
+            raise InputError(problem, where=self.where(key), hint=hint)
         try:
             return algebra.substitute(expr, self._values)
         except (ArithmeticError, ValueError):

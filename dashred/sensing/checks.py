@@ -13,6 +13,8 @@ from dashred.sensing.sensors import Sensor
 
 # Fewer samples than this fill neither a lagged window nor a fit and a held-out part.
 FEWEST_SAMPLES = 20
+# Larger numbers are marks of a missing value, or damage; their squares would not be finite.
+LARGEST = 1e100
 
 # Where a sample (and a sensor's value in it) stands in the file.
 Place = Callable[[int, str | None], str]
@@ -48,6 +50,10 @@ def _check_times(times: NDArray[np.float64], place: Place) -> None:
         problem = "the time is missing or not finite"
         hint = "every sample needs its time"
         raise InputError(problem, where=place(int(bad[0]), "time"), hint=hint)
+    far = np.flatnonzero(np.abs(times) > LARGEST)
+    if far.size:
+        problem = f"the time is beyond {LARGEST:g}"
+        raise InputError(problem, where=place(int(far[0]), "time"))
     late = np.flatnonzero(times[1:] <= times[:-1])
     if late.size:
         row = int(late[0]) + 1
@@ -65,6 +71,12 @@ def _check_values(
         row, column = (int(index) for index in infinite[0])
         hint = "leave the cell empty where a value is missing"
         raise InputError("the value is infinite", where=place(row, names[column]), hint=hint)
+    large = np.argwhere(np.abs(values) > LARGEST)
+    if large.size:
+        row, column = (int(index) for index in large[0])
+        hint = "leave the cell empty where a value is missing"
+        problem = f"the value is beyond {LARGEST:g}"
+        raise InputError(problem, where=place(row, names[column]), hint=hint)
     for name, column in zip(names, values.T, strict=True):
         if np.isnan(column).all():
             problem = f"sensor {name!r} has no value at all"

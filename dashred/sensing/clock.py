@@ -16,6 +16,8 @@ from dashred.sensing.recording import Recording
 ON_CLOCK = 0.01
 # A stretch without samples that is longer than this many steps is a gap, not to be bridged.
 GAP = 2.0
+# More than this is a slip in the times rather than a recording.
+MOST_SAMPLES = 10_000_000
 
 
 def resample(recording: Recording, every: float | None) -> tuple[Recording, str]:
@@ -28,7 +30,7 @@ def resample(recording: Recording, every: float | None) -> tuple[Recording, str]
 
     Raises:
         InputError: if ``every`` is shorter than the recording's own step, or so long that fewer
-            than 20 samples would remain.
+            than 20 samples would remain, or the samples would be more than a machine can hold.
     """
     own = own_step(recording.times)
     step = own if every is None else every
@@ -83,6 +85,10 @@ def _clock(times: NDArray[np.float64], own: float, step: float) -> NDArray[np.fl
     if count < FEWEST_SAMPLES:
         problem = f"a step of {step:g} leaves {count} samples: at least {FEWEST_SAMPLES} are needed"
         hint = f"set recording.every to {(times[-1] - times[0]) / FEWEST_SAMPLES:.3g} or less"
+        raise InputError(problem, where="recording.every", hint=hint)
+    if count > MOST_SAMPLES:
+        problem = f"a step of {step:.6g} from {times[0]:g} to {times[-1]:g} makes {count} samples"
+        hint = f"{MOST_SAMPLES} at most: set recording.every, or mend a time that lies far off"
         raise InputError(problem, where="recording.every", hint=hint)
     clock: NDArray[np.float64] = times[0] + step * np.arange(count)
     return clock

@@ -22,6 +22,9 @@ from dashred.units import TIME, check_unit
 if TYPE_CHECKING:
     import xarray as xr
 
+# In bytes: what a recording may hold.
+LARGEST = 2**32
+
 
 def read_netcdf(path: str, system: Described) -> Episodes:
     """Read a recording whose sensors are described in the file itself.
@@ -145,7 +148,14 @@ def _load(path: str) -> xr.Dataset:
             # h5netcdf leaves a traceback on stderr when a damaged object stops it halfway.
             file.visititems(lambda name, item: None)
         # Times stay the numbers they are: t is the recording's own clock.
-        return xr.load_dataset(path, engine="h5netcdf", decode_times=False)
+        with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as dataset:
+            # A file of a few bytes may declare any size.
+            if dataset.nbytes > LARGEST:
+                problem = f"{dataset.nbytes} bytes of values are too many: {LARGEST} at most"
+                raise InputError(problem, where=path)
+            return dataset.load()
+    except InputError:
+        raise
     except Exception as error:  # a damaged file fails in as many ways as HDF5 has layers
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"not a readable NetCDF-4 file: {reason}", where=path) from error

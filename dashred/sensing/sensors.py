@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from dashred.errors import InputError, nearest
+from dashred.plain_text import unprintable
 
 # Columns of a recording that are not sensors.
 RESERVED = ("time", "episode")
@@ -95,7 +96,7 @@ def check_sensor(sensor: Sensor, system: Described, where: str) -> None:
         InputError: for an unusable name, an unknown quantity, a position off the axes, or a
             noise level that is not a positive number.
     """
-    if not sensor.name or sensor.name in RESERVED:
+    if unprintable(sensor.name) or sensor.name in ("", *RESERVED):
         problem = f"{sensor.name!r} cannot be a sensor's name"
         raise InputError(problem, where=where, hint="give each sensor a name of its own")
     if sensor.reads not in readable(system):

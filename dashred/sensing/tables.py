@@ -94,6 +94,9 @@ def read_table(path: str) -> Table:
 
 def _text(path: str) -> str:
     try:
+        if Path(path).exists() and not Path(path).is_file():
+            # A pipe or a device would be waited for, or read for ever.
+            raise InputError("cannot be read: not a file", where=path)
         data = Path(path).read_bytes()
     except FileNotFoundError:
         raise InputError("no such file", where=path, hint=f"looked in {Path.cwd()}") from None

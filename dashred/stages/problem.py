@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from dashred.config import Config
+from dashred.config.checks import MOST_STEPS
 from dashred.discovery.explanation import fault_in_words
 from dashred.discovery.law import SensorFault
 from dashred.errors import InputError
@@ -115,6 +116,8 @@ def pose(config: Config) -> Problem:
     splits = []
     for part in sampled.episodes:
         with said_of(part.name):
+            times = part.recording.times
+            _check_steps(config, float(times[-1] - times[0]), system.dt)
             splits.append(split_recording(part.recording, config.splits, config.seed))
     held_out = len(splits) >= FEWEST_TO_HOLD_OUT
     raw = [episode.recording for episode in read.episodes]
@@ -153,6 +156,13 @@ def _check_readings(system: System, sensors: Sequence[Sensor]) -> None:
             problem = f"sensor {sensor.name!r} reads {sensor.reads!r}, which names {min(read)!r}"
             hint = "a sensor reads fields: take what time or an input adds out of its column"
             raise InputError(problem, where=system.where(key), hint=hint)
+
+
+def _check_steps(config: Config, span: float, dt: float) -> None:
+    if span > MOST_STEPS * dt:
+        problem = f"the recording spans {span:g}: in steps of {dt:g} these are too many"
+        hint = f"{MOST_STEPS} steps at most: are the recording's times in the system's unit?"
+        raise InputError(problem, where=config.where("system.integrator.dt"), hint=hint)
 
 
 def _noise(raw: Sequence[Recording], splits: Sequence[Split]) -> dict[str, float]:

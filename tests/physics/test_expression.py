@@ -86,6 +86,7 @@ def column(error):
         ("u*1e400", 3, "not a finite real number"),
         ("1e300*u*1e300", 1, "not a finite real number"),
         ("u/0", 1, "not a finite real number"),
+        ("u**1e308*u**1e308", 1, "not a finite real number"),
         ("u + 1/(2 - 2)", 5, "not a finite real number"),
         ("(-8)**(1/3)", 1, "not a finite real number"),
         ("u*log(-1)", 3, "not a finite real number"),

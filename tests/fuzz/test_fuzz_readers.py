@@ -1,0 +1,190 @@
+"""Any bytes at all as a recording: refused with their place, or read as finite numbers in order."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py  # type: ignore[import-untyped]
+import numpy as np
+import pytest
+from hypothesis import strategies as st
+
+from dashred.errors import InputError
+from dashred.physics.grid import Axis
+from dashred.plain_text import unprintable
+from dashred.sensing.clock import resample_all
+from dashred.sensing.noise import noise_std
+from dashred.sensing.reader import read_episodes
+from dashred.sensing.recording import Recording
+from dashred.sensing.sensors_table import read_sensors
+from dashred.sensing.stated_units import StatedUnits
+from tests.fuzz.examples import fuzzed
+
+
+@dataclass(frozen=True)
+class Swing:
+    """An ODE system with an input."""
+
+    axes: tuple[Axis, ...] = ()
+    fields: tuple[str, ...] = ("u", "v")
+    lets: tuple[str, ...] = ("speed",)
+    inputs: dict[str, str] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    where: Callable[[str], str] = "a.yaml, {}".format
+
+
+RING = Swing((Axis("x", 2.0, 16),))
+NUMBERS = st.one_of(
+    st.floats(width=32).map(repr),
+    st.integers(-9, 9).map(str),
+    st.sampled_from(
+        ["", " ", "nan", "NaN", "inf", "-inf", "1e308", "-1e101", "5e-324", "1_0", "0x1"]
+    ),
+    st.sampled_from(["1,5", "1;5", "'1'", '"1"', "high", "\0", "٣", "1e999", "--1", "+1", "1."]),
+)
+HEADS = st.sampled_from(["time", "u", "v", "speed", "episode", "f", "w", "", "u ", "\0", "u [m]"])
+NAMES = st.sampled_from(["p0", "p1", "time", "../p", "", "<b>", "$x$", "p\0", "p\x1b[2J", "a\nb"])
+WRITTEN = st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "latin-1"])
+
+
+def csv_of(head: list[str], rows: list[list[str]], end: str, codec: str) -> bytes:
+    lines = [head, *rows]
+    return end.join(",".join(line) for line in lines).encode(codec, "replace")
+
+
+ROWS = st.lists(st.lists(NUMBERS, min_size=3, max_size=3), max_size=26)
+STEPS = st.lists(st.sampled_from([0.1, 0.1, 0.1, 0.11, 1.0, 1e9, 0.0, -1.0, 1e-9]), min_size=20)
+
+
+def steady(steps: list[float], cells: list[str]) -> list[list[str]]:
+    """Return rows whose times mostly go on, so that what comes later is tried, too."""
+    times = np.cumsum(steps).tolist()
+    return [[repr(t), repr(np.sin(t)), cells[i % len(cells)]] for i, t in enumerate(times)]
+
+
+STEADY = st.builds(steady, STEPS, st.lists(NUMBERS | st.floats(-1, 1).map(repr), min_size=1))
+TABLES = st.one_of(
+    st.binary(max_size=80),
+    st.text(max_size=80).map(str.encode),
+    st.builds(csv_of, st.lists(HEADS, min_size=3, max_size=3), ROWS | STEADY,
+              st.sampled_from(["\n", "\r\n", "\r"]), WRITTEN),
+    st.builds(csv_of, st.just(["time", "u", "v"]), STEADY, st.just("\n"), st.just("utf-8")),
+)  # fmt: skip
+
+
+@pytest.fixture(autouse=True, scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Work where only the files of the test lie."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("fuzz"))
+        yield
+
+
+@fuzzed(200, 20_000, data=TABLES, every=st.none() | st.sampled_from([1e-300, 0.1, 0.2, 7.0, 1e300]))
+def test_any_table_is_refused_or_a_recording(data: bytes, every: float | None) -> None:
+    Path("a.csv").write_bytes(data)
+    try:
+        read = read_episodes("a.csv", None, Swing())
+        for episode in read.episodes:
+            assert_sound(episode.recording)
+        sampled, says = resample_all(read, every)
+        assert says
+        for episode in sampled.episodes:
+            assert np.all(np.diff(episode.recording.times) > 0)
+            assert not np.isinf(episode.recording.values).any()
+            assert np.all(noise_std(episode.recording) > 0)
+    except InputError as error:
+        assert "Traceback" not in str(error)
+
+
+def assert_sound(recording: Recording) -> None:
+    """What the analysis relies on."""
+    assert np.all(np.diff(recording.times) > 0) and np.isfinite(recording.times).all()
+    assert not np.isinf(recording.values).any()
+    assert np.isfinite(recording.trace_std()).all()
+    assert len(set(recording.names)) == len(recording.names) > 0
+    assert all(name and not unprintable(name) for name in recording.names)
+    assert len(recording.sha256()) == 64
+
+
+SENSOR_ROWS = st.lists(st.tuples(NAMES, HEADS, NUMBERS, NUMBERS).map(list), max_size=5)
+SENSOR_HEADS = st.permutations(["name", "field", "x", "std"]) | st.lists(HEADS, max_size=4)
+
+
+@fuzzed(
+    150,
+    10_000,
+    head=SENSOR_HEADS,
+    rows=SENSOR_ROWS,
+    raw=st.binary(max_size=60),
+    plain=st.booleans(),
+)
+def test_any_table_of_sensors_is_refused_or_sound(
+    head: list[str], rows: list[list[str]], raw: bytes, plain: bool
+) -> None:
+    Path("s.csv").write_bytes(csv_of(head, rows, "\n", "utf-8") if plain else raw)
+    try:
+        sensors = read_sensors("s.csv", RING, StatedUnits(RING))
+    except InputError as error:
+        assert "s.csv" in str(error)
+        return
+    assert sensors and len({sensor.name for sensor in sensors}) == len(sensors)
+    for sensor in sensors:
+        assert not unprintable(sensor.name) and sensor.reads in ("u", "v", "speed")
+        assert all(0 <= place <= 2 for place in sensor.position) and len(sensor.position) == 1
+        assert sensor.std is None or 0 < sensor.std < np.inf
+
+
+KINDS = st.sampled_from(["f8", "f4", "i8", "u1", "S3", "c16", "bool", "O"])
+SHAPES = st.sampled_from([(25,), (2,), (25, 2), (2, 25), (), (0,), (25, 0), (10**13,)])
+PARTS = st.dictionaries(
+    st.sampled_from(["time", "value", "name", "reads", "std", "x", "input_time", "episode"]),
+    st.tuples(KINDS, SHAPES, st.sampled_from([0.0, 1.0, np.nan, np.inf, 1e300])),
+)
+
+
+@fuzzed(8, 2_500, parts=PARTS, cut=st.integers(0, 12_000), raw=st.binary(max_size=60))
+def test_any_netcdf_is_refused_or_a_recording(
+    parts: dict[str, tuple[str, tuple[int, ...], float]], cut: int, raw: bytes
+) -> None:
+    """Of any shape and kind, cut off anywhere, or no NetCDF at all."""
+    with h5py.File("a.nc", "w") as file:
+        for name, (kind, shape, value) in parts.items():
+            written(file, name, kind, shape, value)
+    whole = Path("a.nc").read_bytes()
+    Path("a.nc").write_bytes(raw if not cut else whole[:cut] if cut < 6_000 else whole)
+    try:
+        for episode in read_episodes("a.nc", None, RING).episodes:
+            assert_sound(episode.recording)
+    except InputError as error:
+        assert "a.nc" in str(error)
+
+
+def written(file: Any, name: str, kind: str, shape: tuple[int, ...], value: float) -> None:
+    """Write one variable; of a huge one the declaration alone."""
+    if kind == "O":
+        texts = np.full(shape if np.prod(shape) < 100 else (2,), "u", dtype=object)
+        file.create_dataset(name, data=texts, dtype=h5py.string_dtype())
+    elif shape == (10**13,):
+        file.create_dataset(name, shape, dtype="f8", chunks=(1000,))
+    else:
+        filled = np.full(shape, value if kind.startswith(("f", "c")) else 1).astype(kind)
+        file.create_dataset(name, data=filled)
+
+
+@pytest.mark.parametrize("ending", ["csv", "nc"])
+@pytest.mark.parametrize("made", ["pipe", "folder", "device", "nothing"])
+def test_what_is_no_file_is_refused_at_once(made: str, ending: str, tmp_path: Path) -> None:
+    path = tmp_path / f"a.{ending}"
+    if made == "pipe":
+        os.mkfifo(path)
+    elif made == "folder":
+        path.mkdir()
+    elif made == "device":
+        path.symlink_to("/dev/zero")
+    with pytest.raises(InputError, match=r"a\.(csv|nc)"):
+        read_episodes(str(path), None, Swing())
