@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -27,6 +28,7 @@ from dashred.physics.window import Shape, Window
 from dashred.progress import CONSOLE
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.learning import KeptNetwork, Learned
+from dashred.whole_files import whole_file
 
 Found = TypeVar("Found")
 
@@ -86,9 +88,11 @@ def _restored(kept: Any) -> Any:
 
 
 def _write(path: Path, kept: dict[str, Any]) -> None:
-    partial = path.with_name(f".{path.name}.partial")
-    torch.save(kept, partial)
-    partial.replace(path)
+    # Of a full disk torch tells in words of its own; of its bytes the system tells.
+    made = BytesIO()
+    torch.save(kept, made)
+    with whole_file(path) as partial:
+        partial.write_bytes(made.getvalue())
 
 
 def _read(path: Path) -> dict[str, Any] | None:
