@@ -16,6 +16,8 @@ Verdict = Literal[
     "outside-library",
     "ambiguous",
     "not-converged",
+    "mismatch",
+    "no-mismatch-seen",
 ]
 
 
@@ -247,11 +249,12 @@ class Splits(TypedDict):
 
 
 class Input(TypedDict):
-    """Everything that determines the findings."""
+    """Everything that determines the findings; the snapshots' hash, where there are any."""
 
     config: dict[str, Any]
     config_sha256: str
     recording_sha256: str
+    snapshots_sha256: NotRequired[str]
     seed: int
     versions: dict[str, str]
     library_size: dict[str, int] | None

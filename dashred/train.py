@@ -35,7 +35,12 @@ def main(argv: list[str]) -> int:
             where=config.where("recording"),
             hint="give recording.path=FILE, or recording.twin=NAME for a twin experiment",
         )
-    analyse(config)
+    if config.system.snapshots is not None:
+        from dashred.stages.black_box import analyse_snapshots
+
+        analyse_snapshots(config)
+    else:
+        analyse(config)
     return 0
 
 

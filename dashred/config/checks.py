@@ -11,6 +11,7 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 from dashred.config.kinds import Where, nearest, required
 from dashred.config.limits import Limit
 from dashred.config.schema import Recording, SensorSplit, Settings
+from dashred.config.snapshot_checks import check_snapshots
 from dashred.config.system_checks import check_system
 from dashred.errors import InputError
 
@@ -26,6 +27,7 @@ def check(settings: Settings, where: Where) -> None:
         InputError: which key, where it was written, and what it may be.
     """
     check_limits(settings, Settings, "", where)
+    check_snapshots(settings, where)
     check_system(settings.system, where)
     _check_effort(settings, where)
     _check_library(settings, where)
@@ -98,7 +100,7 @@ def _check_effort(settings: Settings, where: Where) -> None:
 
 
 def _check_library(settings: Settings, where: Where) -> None:
-    equations = settings.system.equations
+    equations = settings.system.fields
     for name, terms in (settings.library or {}).items():
         key = f"library.{name}"
         if name not in equations:

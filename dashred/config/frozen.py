@@ -38,6 +38,14 @@ def frozen_input(config: Settings) -> dict[str, Any]:
     for key in ("path", "sensors"):
         if isinstance(recording.get(key), str):
             recording[key] = Path(recording[key]).name
+    system = values["system"]
+    name = system.pop("class_")
+    if name is not None:
+        system["class"] = name
+    if system["snapshots"] is None:
+        del system["snapshots"]
+    else:
+        system["snapshots"] = Path(system["snapshots"]).name
     return values
 
 

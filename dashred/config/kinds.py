@@ -42,8 +42,8 @@ def optional(kind: Any) -> bool:
 
 @cache
 def hints(kind: type) -> dict[str, Any]:
-    """The keys of a section, and the kind of each."""
-    return get_type_hints(kind)
+    """The keys of a section, and the kind of each; ``class`` is ``class_`` to Python."""
+    return {name.rstrip("_"): member for name, member in get_type_hints(kind).items()}
 
 
 def child(kind: Any, name: str, key: str, where: Where) -> Any:

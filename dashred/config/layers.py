@@ -16,7 +16,9 @@ from dashred.config.schema import Settings
 from dashred.config.source import Source
 from dashred.errors import InputError
 
-PATHS = ("recording.path", "recording.sensors", "output", "tracking.root")
+PATHS = ("recording.path", "recording.sensors", "system.snapshots", "output", "tracking.root")
+# What a system needs that is declared by its equations.
+OF_EQUATIONS = ("equations", "start", "integrator.dt")
 
 
 def where_in(lines: dict[str, str]) -> Where:
@@ -66,18 +68,37 @@ def merge(defaults: Source, system: Source, overrides: Source) -> Settings:
     for layer in _one_recording([defaults, system, overrides]):
         lines |= layer.lines
         try:
-            merged = OmegaConf.merge(tree, layer.values)
+            merged = OmegaConf.merge(tree, _as_attributes(layer.values))
         except ValidationError as error:
             raise _wrong_type(error, layer.values, where_in(lines)) from None
         assert isinstance(merged, DictConfig)
         tree = merged
-    if missing := sorted(OmegaConf.missing_keys(tree)):
+    if missing := sorted({*OmegaConf.missing_keys(tree), *_missing_equations(tree)}):
         where = where_in(system.lines)
         raise InputError(f"missing: {', '.join(missing)}", where=where(missing[0]))
     settings = OmegaConf.to_object(tree)
     assert isinstance(settings, Settings)
     _complete(settings, where_in(lines))
     return settings
+
+
+def _as_attributes(values: dict[str, Any]) -> dict[str, Any]:
+    """Return a layer with the names of the schema's attributes: none can be called ``class``."""
+    system = values.get("system", {})
+    if "class" not in system:
+        return values
+    named = {("class_" if key == "class" else key): value for key, value in system.items()}
+    return values | {"system": named}
+
+
+def _missing_equations(tree: DictConfig) -> list[str]:
+    """Return what is missing of a system's equations; nothing where snapshots stand for them."""
+    if OmegaConf.select(tree, "system.snapshots") is not None:
+        return []
+    keys = [f"system.{key}" for key in OF_EQUATIONS]
+    if OmegaConf.select(tree, "system.class_") is not None:
+        keys.remove("system.equations")
+    return [key for key in keys if OmegaConf.select(tree, key) in (None, {})]
 
 
 def _complete(settings: Settings, where: Where) -> None:

@@ -89,7 +89,9 @@ def _plain_keys(prefix: str, kind: type, defaults: dict[str, Any]) -> Iterator[K
     for member in fields(kind):
         if _section_of(kinds[member.name]) is None:
             default = _default(member, defaults)
-            yield Key(prefix + member.name, kinds[member.name], meanings[member.name], default)
+            yield Key(
+                prefix + member.name.rstrip("_"), kinds[member.name], meanings[member.name], default
+            )
 
 
 def _subsections(prefix: str, kind: type) -> Iterator[tuple[str, type]]:

@@ -33,8 +33,9 @@ class Integrator:
     method: str | None
     """Name of the time stepper; null lets the system choose (ETDRK4 where it can)."""
 
-    dt: Time
-    """Largest time step; adaptive methods of ODEs choose their own."""
+    dt: Time | None
+    """Largest time step; adaptive methods of ODEs choose their own and do without it, as do
+    snapshots."""
 
     dealias: bool
     """Whether products are dealiased by the 2/3 rule."""
@@ -86,10 +87,18 @@ class System:
     let: dict[str, str] = field(default_factory=dict)
     """Abbreviations: name, and the expression it stands for."""
 
-    equations: dict[str, str]
+    equations: dict[str, str] = field(default_factory=dict)
     """Right-hand side of d(field)/dt, for every field."""
 
-    start: dict[str, Any]
+    snapshots: str | None = None
+    """Instead of equations: runs of a simulator that nothing else is known of, as a NetCDF file
+    (``.nc``) or a Zarr folder, one variable a field, over ``(member, time, *axes)``."""
+
+    class_: str | None = None
+    """Instead of equations: ``MODULE.CLASS`` of a simulator in Python, whose code runs only if the
+    command line says ``trust=MODULE.CLASS``."""
+
+    start: dict[str, Any] = field(default_factory=dict)
     """Nominal initial state of every field: a number or an expression in the coordinates."""
 
     spin_up: Annotated[NonNegative, Unit("the system's time")] = 0.0

@@ -32,6 +32,8 @@ def check_system(system: System, where: Where) -> None:
         raise InputError("a system needs at least one field", where=where("system.fields"))
     for section, entries in (("equations", system.equations), ("start", system.start)):
         _check_fields(f"system.{section}", entries, system, where)
+        if system.snapshots is not None:
+            continue
         if absent := [name for name in system.fields if name not in entries]:
             raise InputError(
                 f"system.{section} is missing the field {absent[0]}",

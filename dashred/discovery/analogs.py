@@ -74,7 +74,7 @@ def nearest_analogs(
     states = ensemble.states[:, :window] if system.clock & known else ensemble.states
     read = ObservationOperator(moved, system)(states)
     read = read.unflatten(-1, (len(moves), len(sensors)))
-    misfit = _misfits(read, values, noise)
+    misfit = window_misfits(read, values, noise)
     best, where = misfit.min(dim=2)
     chosen = _spread_over_members(best, min(count, best.numel()))
     member, time = chosen // best.shape[1], chosen % best.shape[1]
@@ -89,7 +89,7 @@ def nearest_analogs(
     return Analogs(torch.stack(rolled), readings, coefficients, best[member, time])
 
 
-def _misfits(
+def window_misfits(
     read: Float[Tensor, "member time move sensor"],
     values: Float[Tensor, "window sensor"],
     noise: Float[Tensor, " sensor"],

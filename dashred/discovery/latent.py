@@ -14,7 +14,7 @@ from dashred import config as schema
 from dashred.discovery.algorithms import compressed_advancing, compressed_search
 from dashred.discovery.history import HistoryEncoder
 from dashred.discovery.regression import SparseFit, sparse_fit
-from dashred.discovery.tangents import Step, forecast_steps, tangents
+from dashred.discovery.tangents import SimulatorSteps, Step, Steps
 from dashred.errors import InputError
 from dashred.models.assimilation import AssimilatedEncoder
 from dashred.physics.system import System, Term
@@ -34,6 +34,7 @@ class LatentProblem:
         windows: the recording's own histories, ``(time, lag, sensor)``.
         settings: config section ``latent_sindy``.
         seed: of the bootstrap.
+        steps: what a step of the simulator does; None runs the system's own equations.
     """
 
     system: System
@@ -44,6 +45,7 @@ class LatentProblem:
     windows: Tensor
     settings: schema.LatentSindy
     seed: int
+    steps: Steps | None = None
 
     @property
     def lags(self) -> int:
@@ -85,19 +87,15 @@ class LatentSindy:
     def __init__(self, problem: LatentProblem, fields: Tensor, count: int) -> None:
         self.problem, self.fields = problem, fields
         self.begins = problem.begins(count)
-        self.columns = tangents(
-            problem.system,
-            problem.library,
-            problem.scales,
-            fields,
-            problem.times,
-            self.forecasts(fields),
+        self.steps = problem.steps or SimulatorSteps(
+            problem.system, problem.library, problem.scales
         )
+        self.columns = self.steps.columns(fields, problem.times, self.forecasts(fields))
 
     def forecasts(self, fields: Tensor) -> list[Step]:
         """Return the simulator's steps from the reconstructed field, one entry a length."""
         problem = self.problem
-        return forecast_steps(problem.system, fields, problem.times, self.begins, problem.strides)
+        return self.steps.forecasts(fields, problem.times, self.begins, problem.strides)
 
     def propose(
         self, encoder: AssimilatedEncoder, fields: Tensor, bootstraps: int

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import torch
 from torch import Tensor
@@ -37,6 +38,43 @@ class Step:
     def forecast(self) -> Tensor:
         """``Φ_Δt(û_begin)``, ``(begin, field, *grid)``."""
         return self.path[:, -1]
+
+
+class Steps(Protocol):
+    """What the simulator forecasts over steps, and what each candidate would change in that."""
+
+    def forecasts(
+        self, fields: Tensor, times: Tensor, begins: Tensor, strides: Sequence[int]
+    ) -> list[Step]:
+        """Return forecasts from the begins, one entry a step length; see :func:`forecast_steps`."""
+
+    def columns(self, fields: Tensor, times: Tensor, steps: Sequence[Step]) -> list[Tensor]:
+        """Return what each term adds, ``(begin, term, field, *grid)`` by step length."""
+
+
+@dataclass(frozen=True)
+class SimulatorSteps:
+    """Steps of a simulator that can be run.
+
+    Attributes:
+        system: the simulator.
+        library: the candidates.
+        scales: coefficient of each at which it would equal the whole tendency, ``(term,)``.
+    """
+
+    system: System
+    library: Sequence[Term]
+    scales: Tensor
+
+    def forecasts(
+        self, fields: Tensor, times: Tensor, begins: Tensor, strides: Sequence[int]
+    ) -> list[Step]:
+        """Run the simulator; see :func:`forecast_steps`."""
+        return forecast_steps(self.system, fields, times, begins, strides)
+
+    def columns(self, fields: Tensor, times: Tensor, steps: Sequence[Step]) -> list[Tensor]:
+        """Carry each term along with the simulator; see :func:`tangents`."""
+        return tangents(self.system, self.library, self.scales, fields, times, steps)
 
 
 @torch.no_grad()

@@ -52,9 +52,14 @@ class Axis:
         return self.length if self.periodic else 2 * self.length
 
     @property
+    def own_points(self) -> int:
+        """How many of the ring's points are the axis' own, both ends among them."""
+        return self.points if self.periodic else self.points + 1
+
+    @property
     def own(self) -> slice:
-        """The ring's points that are the axis' own, both ends among them."""
-        return slice(self.points if self.periodic else self.points + 1)
+        """The ring's points that are the axis' own."""
+        return slice(self.own_points)
 
     def inside(self, place: float) -> float:
         """Return a place on the axis: around it, or mirrored at an end."""

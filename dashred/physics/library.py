@@ -54,7 +54,8 @@ def _open_equations(system: System) -> list[str]:
     ω's own equation that it stands for, and only that one is physics.
     """
     fields = system.fields
-    named = {field: system.resolved[field] for field in fields}
+    # Snapshots have no equations: something may be missing from each.
+    named = {field: system.resolved[field] for field in fields if field in system.resolved}
     others = {
         field: expr
         for field, expr in named.items()

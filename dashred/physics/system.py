@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
@@ -64,7 +65,7 @@ class System:
         self.title, self.fields = config.title, tuple(config.fields)
         self.grid = Grid(tuple(_axis(n, a, where) for n, a in config.axes.items()))
         self.spectral = bool(config.axes) and config.integrator.space == "spectral"
-        self.dt = _number(config.integrator.dt, where("system.integrator.dt"))
+        self.dt = _number(_step(config.integrator), where("system.integrator.dt"))
         self.method = config.integrator.method or self._default_method()
         self.lets = self._parse_lets()
         self.equations = {
@@ -262,6 +263,11 @@ class System:
 def _axis(name: str, axis: schema.Axis, where: Callable[[str], str]) -> Axis:
     length = _number(axis.length, where(f"system.axes.{name}.length"))
     return Axis(name, length, axis.points, axis.ends)
+
+
+def _step(integrator: schema.Integrator) -> float:
+    """Return the time step; not a number where there are no equations to be stepped."""
+    return math.nan if integrator.dt is None else integrator.dt
 
 
 def _number(value: float | str, where: str) -> float:

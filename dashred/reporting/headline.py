@@ -61,6 +61,13 @@ def _told(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
             return "nothing can be said yet: the simulation's own grid or time step is too coarse"
         case "not-converged":
             return "no answer: the simulation could not be fitted to the recording, with any law"
+        case "mismatch":
+            return (
+                "the recording does what no snapshot of the simulation shows; what is missing "
+                "cannot be told without a simulator that runs"
+            )
+        case "no-mismatch-seen":
+            return "the recording looks like the simulation's snapshots, as far as these show"
         case "outside-library":
             best = f"; what comes nearest is {missing}" if missing else ""
             return f"the simulation lacks something that no term of the library expresses{best}"

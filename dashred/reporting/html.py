@@ -48,6 +48,7 @@ def write_html(
         sections.proof(findings, of(PROOF)),
         sections.forecast(findings, of(FORECAST)),
         sections.unexplained(findings),
+        sections.cannot_know(findings),
         sections.how_it_was_done(findings, of(METHOD)),
         sections.provenance(findings),
         f"<details><summary>The printed summary</summary><pre>{escape(summary)}</pre></details>",

@@ -8,11 +8,14 @@ from dashred.reporting.equation_html import equations_html
 from dashred.reporting.page_parts import paragraphs, section, table
 from dashred.reporting.summary import METHODS
 from dashred.reporting.verdict_words import (
+    UNTESTED,
     alternative_in_words,
     certainty,
     consequences,
     places,
+    reconstructed,
     sentence,
+    unknowable,
     worth,
 )
 from dashred.typeset import number, percent, pretty, rounded
@@ -85,7 +88,7 @@ def proof(findings: Mapping[str, Any], figures: str) -> str:
     heads = ["", *kinds.values()]
     errors = table(heads, rows, numbers=range(1, len(heads))) if rows else ""
     note = paragraphs([ERRORS], "note") if rows else ""
-    told = paragraphs(worth(fit)) if rows else ""
+    told = paragraphs([*worth(fit), *reconstructed(findings)]) if rows else ""
     return section("Before and after, on data that no fit has seen", told, errors, note, figures)
 
 
@@ -127,24 +130,39 @@ def unexplained(findings: Mapping[str, Any]) -> str:
     return section("What stays unexplained", paragraphs(lines))
 
 
+def cannot_know(findings: Mapping[str, Any]) -> str:
+    """What it costs that the simulator is known by snapshots alone."""
+    title, *lines = unknowable(findings) or [""]
+    return section(title.rstrip(":"), paragraphs(lines)) if lines else ""
+
+
 def how_it_was_done(findings: Mapping[str, Any], figures: str) -> str:
     """The data, who was held out, the library, and the method in a few sentences."""
     source, units = findings["input"], findings.get("units", NONE)
     lines = []
     if splits := source["splits"]:
         until = measured(number(splits["time_end"]), units.get(TIME))
-        lines.append(
-            f"Every law was fitted through the simulator to sensors alone, up to time {until}: the "
-            "start and the law together, every candidate term with every other, and the laws "
-            "compared by what they explain for how many terms (BIC). Other causes were weighed by "
-            "the same measure: a changed parameter, another start, a sensor at fault, a law that "
-            "acts somewhere only, and something that no term of the library expresses."
-        )
+        lines.append(_fitted(findings, until))
         lines.append("Test sensors and held-out time were read once, when all of that was settled.")
         if splits["note"]:
             lines.append(splits["note"])
     rows = _set_up(findings)
     return section("How it was done", paragraphs(lines), table([], rows) if rows else "", figures)
+
+
+def _fitted(findings: Mapping[str, Any], until: str) -> str:
+    if findings["verdict"] in UNTESTED:
+        return (
+            "SHRED was trained on the snapshots and assimilated to sensors alone, up to time "
+            f"{until}. No law was fitted: there is no simulator to fit it through."
+        )
+    return (
+        f"Every law was fitted through the simulator to sensors alone, up to time {until}: the "
+        "start and the law together, every candidate term with every other, and the laws "
+        "compared by what they explain for how many terms (BIC). Other causes were weighed by "
+        "the same measure: a changed parameter, another start, a sensor at fault, a law that "
+        "acts somewhere only, and something that no term of the library expresses."
+    )
 
 
 def provenance(findings: Mapping[str, Any]) -> str:
@@ -153,9 +171,16 @@ def provenance(findings: Mapping[str, Any]) -> str:
     rows = [
         ["configuration, sha256", source["config_sha256"]],
         ["recording, sha256", source["recording_sha256"]],
+        *(
+            [["snapshots, sha256", source["snapshots_sha256"]]]
+            if "snapshots_sha256" in source
+            else []
+        ),
         ["seed", str(source["seed"])],
         ["versions", ", ".join(f"{name} {v}" for name, v in sorted(source["versions"].items()))],
     ]
+    if "snapshots_sha256" in source:
+        rows.append(["snapshots, sha256", source["snapshots_sha256"]])
     if findings["corrected"]:
         rows.append(["corrected simulation", findings["corrected"]])
     note = "The same configuration, recording, seed and versions give the same findings.json."

@@ -16,7 +16,11 @@ VERDICTS = {
     "outside-library": "something is missing that the library of terms cannot express",
     "ambiguous": "several explanations fit about equally well",
     "not-converged": "the search did not converge",
+    "mismatch": "the recording is unlike the simulation, and snapshots alone cannot tell why",
+    "no-mismatch-seen": "the recording looks like the simulation's snapshots",
 }
+# Verdicts of a simulator that was given as snapshots: nothing has been fitted through it.
+UNTESTED = ("mismatch", "no-mismatch-seen")
 PROOFS = {
     "test_sensors": "At the test sensors",
     "heldout_time": "In the held-out time",
@@ -51,6 +55,8 @@ def verdict_lines(findings: Mapping[str, Any]) -> list[str]:
         *places(findings["where"] if findings["terms"] else None, findings.get("units", NONE)),
         *consequences(findings),
         *worth(findings["fit"]),
+        *reconstructed(findings),
+        *unknowable(findings),
     ]
     return [head, *(f"  {line}" for line in body)]
 
@@ -225,6 +231,34 @@ def worth(fit: Mapping[str, Any]) -> list[str]:
             path.insert(0, f"{before:.3g} before")
         lines.append(f"{place} the error is {', '.join(path)}: {_factor(refit, after)}.")
     return lines
+
+
+def reconstructed(findings: Mapping[str, Any]) -> list[str]:
+    """What assimilation is worth, where the simulator is known by snapshots alone."""
+    if findings["verdict"] not in UNTESTED:
+        return []
+    lines = []
+    for key, place in PROOFS.items():
+        errors = findings["fit"].get(key) or {}
+        before, after = errors.get("shred"), errors.get("dashred")
+        if before is None or after is None:
+            continue
+        nearest = errors.get("simulation")
+        path = [f"{nearest:.3g} with the nearest snapshots"] if nearest is not None else []
+        path += [f"{before:.3g} with SHRED", f"{after:.3g} with DA-SHRED"]
+        gain = "DA-SHRED is SHRED, as its validation sensors confirmed no change"
+        if before != after:
+            gain = f"assimilation makes it {_factor(before, after)}"
+        lines.append(f"{place} the error is {', '.join(path)}: {gain}.")
+    return lines
+
+
+def unknowable(findings: Mapping[str, Any]) -> list[str]:
+    """What snapshots alone cannot tell."""
+    if findings["verdict"] not in UNTESTED:
+        return []
+    unknown = [sentence(text) for text in findings["causes"][0]["cannot_know"]]
+    return ["What this cannot know:", *(f"- {text}" for text in unknown)]
 
 
 def _factor(before: float, after: float) -> str:

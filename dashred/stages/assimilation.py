@@ -13,7 +13,7 @@ from torch import Tensor
 from callbacks import BestState, LatentDiscovery, RMSECurves, StageProgress
 from dashred.discovery.latent import LatentProblem
 from dashred.discovery.regression import SparseFit
-from dashred.models.assimilation import Assimilation
+from dashred.models.assimilation import AssimilatedEncoder, Assimilation
 from dashred.models.shred import SHRED, reconstruct
 from dashred.physics.ensemble import term_scales
 from dashred.progress import stage
@@ -72,6 +72,13 @@ def assimilate(
     problem: Problem, nominal: Nominal, shred: SHRED, run: Tracker, seconds: dict[str, float]
 ) -> Assimilated:
     """Fit T to the fit sensors, stop by the validation sensors, propose terms at every epoch."""
+    return fit_transform(problem, _latent_problem(problem, nominal), shred, run, seconds)[0]
+
+
+def fit_transform(
+    problem: Problem, latent: LatentProblem, shred: SHRED, run: Tracker, seconds: dict[str, float]
+) -> tuple[Assimilated, AssimilatedEncoder]:
+    """Do the same with what latent SINDy steps with given; returns G_R, with SHRED in it, too."""
     settings, split = problem.config.assimilation, problem.split
     data = sensor_data(problem)
     lightning.seed_everything(problem.config.seed + 1, verbose=False)
@@ -91,7 +98,7 @@ def assimilate(
         child.log_terms([str(term) for term in problem.library])
         curves = RMSECurves(child, run, "assimilate")
         best = BestState(METRIC, settings.gain)
-        discovery = LatentDiscovery(_latent_problem(problem, nominal, data), child, run)
+        discovery = LatentDiscovery(latent, child, run)
         trainer = make_trainer(
             problem.config,
             [
@@ -110,7 +117,7 @@ def assimilate(
     after = reconstruct(module.encoder, module.shred, data.windows)
     counts = [len(episode.split.fit.times) for episode in problem.episodes]
     (first, assimilated), *others = zip(before.split(counts), after.split(counts), strict=True)
-    return Assimilated(
+    found = Assimilated(
         first,
         assimilated,
         best.best_epoch,
@@ -120,9 +127,10 @@ def assimilate(
         curves.history,
         tuple(others),
     )
+    return found, module.encoder
 
 
-def _latent_problem(problem: Problem, nominal: Nominal, data: RecordingDataModule) -> LatentProblem:
+def _latent_problem(problem: Problem, nominal: Nominal) -> LatentProblem:
     # Steps must not lead from one episode into another: the longest, which is the first, speaks.
     fit = problem.split.fit
     count = len(fit.times)
@@ -133,7 +141,7 @@ def _latent_problem(problem: Problem, nominal: Nominal, data: RecordingDataModul
         scales=term_scales(problem.system, problem.library, nominal.states[:count], start),
         operator=problem.operator(fit.select(problem.split.inputs)),
         times=problem.times[:count],
-        windows=data.windows[:count],
+        windows=sensor_data(problem).windows[:count],
         settings=problem.config.latent_sindy,
         seed=problem.config.seed,
     )

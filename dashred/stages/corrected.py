@@ -36,6 +36,8 @@ def write_corrected(
     values = _layer(config)
     corrected = correct(system, law).config
     values["system"]["equations"] = _Block(corrected.equations)
+    # They are those of the class, which the corrected system can do without.
+    values["system"].pop("class", None)
     if corrected.parameters:
         # 0.035 + 0.01 shall not be written 0.045000000000000005.
         tidy = {name: float(f"{value:.12g}") for name, value in corrected.parameters.items()}
@@ -48,6 +50,7 @@ def _layer(config: Config) -> dict[str, Any]:
     """Return the values of the user's file, the command line's over them, as they were written."""
     values = read_file(config.source, label=config.source.name).values
     settled = asdict(config)
+    settled["system"]["class"] = settled["system"].pop("class_")
     for key, line in config.lines.items():
         if key and line == PLACE and "[" not in key:
             _put(values, key.split("."), _get(settled, key.split(".")))

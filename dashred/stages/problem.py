@@ -16,10 +16,11 @@ from dashred.discovery.law import SensorFault
 from dashred.errors import InputError
 from dashred.physics.algebra import names
 from dashred.physics.library import build_library
+from dashred.physics.snapshots import Snapshots, open_snapshots
 from dashred.physics.system import System, Term
-from dashred.sensing.clock import resample_all
+from dashred.sensing.clock import own_step, resample_all
 from dashred.sensing.driving import under
-from dashred.sensing.episodes import said_of
+from dashred.sensing.episodes import Episodes, said_of
 from dashred.sensing.noise import noise_std
 from dashred.sensing.observation import ObservationOperator
 from dashred.sensing.reader import read_episodes
@@ -47,6 +48,7 @@ class Problem:
         name: of the episode.
         others: the further episodes that are fitted; this one is the longest.
         whole: the episode that is held out whole, if there is one.
+        snapshots: runs of a simulator that is known by them alone; None where it has equations.
     """
 
     config: Config
@@ -60,6 +62,7 @@ class Problem:
     name: str = ""
     others: tuple[Problem, ...] = ()
     whole: tuple[Problem, ...] = ()
+    snapshots: Snapshots | None = None
 
     @property
     def episodes(self) -> tuple[Problem, ...]:
@@ -101,7 +104,8 @@ def pose(config: Config) -> Problem:
     """Read and check all input.
 
     Raises:
-        InputError: whatever is wrong with the equations, the library, the recording or the split.
+        InputError: whatever is wrong with the equations or the snapshots, the library, the
+            recording or the split.
     """
     system = System(config.system, config.where)
     library = build_library(system, config.library)
@@ -112,7 +116,10 @@ def pose(config: Config) -> Problem:
     # What either side states holds; where both do, they agree.
     units = {**read.episodes[0].recording.units, **system.units}
     system = system.declared_as(replace(system.config, units=units))
-    sampled, clock = resample_all(read, config.recording.every)
+    every, snapshots = config.recording.every, _snapshots(system, read)
+    if snapshots is not None:
+        every = snapshots.clock_step(own_step(read.episodes[0].recording.times), every)
+    sampled, clock = resample_all(read, every)
     splits = []
     for part in sampled.episodes:
         with said_of(part.name):
@@ -135,12 +142,28 @@ def pose(config: Config) -> Problem:
             split=split,
             noise=_noise(raw[:fitted], splits[:fitted]),
             name=episode.name,
+            snapshots=snapshots,
         )
         for episode, split in zip(sampled.episodes, splits, strict=True)
     ]
     longest = max(posed[:fitted], key=lambda problem: len(problem.split.fit.times))
     others = tuple(problem for problem in posed[:fitted] if problem is not longest)
     return replace(longest, others=others, whole=tuple(posed[fitted:]))
+
+
+def _snapshots(system: System, read: Episodes) -> Snapshots | None:
+    """Open the snapshots that stand for the simulator; None where it has equations.
+
+    Raises:
+        InputError: they do not fit the system, or the recording has several episodes.
+    """
+    path = system.config.snapshots
+    if path is None:
+        return None
+    if len(read.episodes) > 1:
+        what = f"the recording has {len(read.episodes)} episodes, and the simulator is snapshots"
+        raise InputError(what, hint="analyse one episode at a time: snapshots have no common law")
+    return open_snapshots(path, system)
 
 
 def _check_readings(system: System, sensors: Sequence[Sensor]) -> None:

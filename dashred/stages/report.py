@@ -146,7 +146,7 @@ def _verification(problem: Problem, analysis: Analysis, findings: Findings, outp
         traces,
         problem.split.time_end,
         errors,
-        _reading_units(problem, tested),
+        reading_units(problem, tested),
         time_label(problem.system.units),
     )
     save_figure(figure, output / "verification.png")
@@ -166,13 +166,13 @@ def _forecast(problem: Problem, analysis: Analysis, output: Path) -> None:
         recorded,
         list(heldout.names),
         traces,
-        _reading_units(problem, heldout),
+        reading_units(problem, heldout),
         time_label(problem.system.units),
     )
     save_figure(figure, output / "forecast.png")
 
 
-def _reading_units(problem: Problem, recording: Recording) -> dict[str, str]:
+def reading_units(problem: Problem, recording: Recording) -> dict[str, str]:
     """Return the unit of what each sensor reads, where it is stated."""
     units = problem.system.units
     return {s.name: units[s.reads] for s in recording.sensors if s.reads in units}
@@ -237,7 +237,7 @@ def _draw_sensors(
         roles,
         traces,
         problem.split.time_end,
-        _reading_units(problem, recording),
+        reading_units(problem, recording),
         time_label(problem.system.units),
     )
     save_figure(figure, path)
@@ -275,7 +275,7 @@ def _recorded(problem: Problem, names: list[str]) -> np.ndarray:
 
 def _coefficients(problem: Problem, found: Assimilated, output: Path) -> None:
     panels = {
-        title: _varying(problem.library, np.array(found.coefficients[name]))
+        title: varying(problem.library, np.array(found.coefficients[name]))
         for name, title in TITLES.items()
     }
     figure = coefficients_against_epoch(
@@ -284,7 +284,8 @@ def _coefficients(problem: Problem, found: Assimilated, output: Path) -> None:
     save_figure(figure, output / "coefficients.png")
 
 
-def _varying(library: list[Term], history: np.ndarray) -> dict[str, np.ndarray]:
+def varying(library: list[Term], history: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the coefficients by epoch, ``(epoch,)`` by term, that are not always zero."""
     return {
         f"{term.equation}: {term}": history[:, j]
         for j, term in enumerate(library)

@@ -79,8 +79,8 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     )
     if problem.whole:
         fit["heldout_episode"] = misfit(**_whole_errors(problem, analysis))
-    proposals = {n: _proposals(problem, f) for n, f in analysis.found.proposals.items()}
-    latent = Latent(alg1=proposals["alg1"], alg2=proposals["alg2"])
+    proposed = {n: proposals(problem, f) for n, f in analysis.found.proposals.items()}
+    latent = Latent(alg1=proposed["alg1"], alg2=proposed["alg2"])
     if kind == "not-converged":
         return new_findings(
             source_of(problem), fit=fit, latent=latent, verdict=kind, causes=causes, units=units
@@ -286,10 +286,10 @@ def _test_errors(problem: Problem, analysis: Analysis) -> Errors:
     tested = split.tested.between(float(problem.times[0]), split.time_end)
     if not tested.sensors:
         return {}
-    operator, scale = problem.operator(tested), _unit(tested)
+    operator, scale = problem.operator(tested), trace_unit(tested)
     count = int((~np.isnan(tested.values)).sum())
     return {
-        MISFITS[name]: (_relative_rmse(operator(states).numpy(), tested.values, scale), count)
+        MISFITS[name]: (relative_rmse(operator(states).numpy(), tested.values, scale), count)
         for name, states in analysis.estimates(len(tested.times)).items()
         if name in MISFITS
     }
@@ -323,23 +323,25 @@ def _on_heldout(problem: Problem, runs: Mapping[str, Tensor], fitted: Sequence[P
     """Return the RMSE of states over the held-out time, in units of each trace's fitted std."""
     heldout = problem.split.heldout
     parts = [part for p in fitted for part in (p.split.validation, p.split.fit)]
-    earlier = {n: std for part in parts for n, std in zip(part.names, _unit(part), strict=True)}
+    earlier = {
+        n: std for part in parts for n, std in zip(part.names, trace_unit(part), strict=True)
+    }
     scale = np.array([earlier[name] for name in heldout.names])
     operator = problem.operator(heldout)
     count = int((~np.isnan(heldout.values)).sum())
     return {
-        name: (_relative_rmse(operator(states).numpy(), heldout.values, scale), count)
+        name: (relative_rmse(operator(states).numpy(), heldout.values, scale), count)
         for name, states in runs.items()
     }
 
 
-def _unit(recording: Recording) -> np.ndarray:
+def trace_unit(recording: Recording) -> np.ndarray:
     """Return the std of each sensor's trace, ``(sensor,)``; 1 where nothing changes."""
     std = recording.trace_std()
     return np.where(std > 0, std, 1.0)
 
 
-def _relative_rmse(read: np.ndarray, recorded: np.ndarray, scale: np.ndarray) -> float:
+def relative_rmse(read: np.ndarray, recorded: np.ndarray, scale: np.ndarray) -> float:
     """RMSE over all sensors, each in units of its trace's std; not finite if a run blows up.
 
     Missing samples are left out, and they alone: what a lost run would read is not missing.
@@ -349,8 +351,9 @@ def _relative_rmse(read: np.ndarray, recorded: np.ndarray, scale: np.ndarray) ->
     return float(np.sqrt(np.mean(error**2))) if seen.any() else math.nan
 
 
-def _proposals(problem: Problem, fit: SparseFit) -> LatentSindy:
-    proposals = [
+def proposals(problem: Problem, fit: SparseFit) -> LatentSindy:
+    """Return what one of the two algorithms proposes, the likest term first."""
+    proposed = [
         Proposal(
             equation=problem.library[j].equation,
             term=str(problem.library[j]),
@@ -361,4 +364,4 @@ def _proposals(problem: Problem, fit: SparseFit) -> LatentSindy:
         for rank, j in enumerate(fit.ranking, start=1)
     ]
     path = [PathStep(terms=terms, rmse=rmse) for terms, rmse in fit.path]
-    return LatentSindy(proposals=proposals, rmse_path=path)
+    return LatentSindy(proposals=proposed, rmse_path=path)

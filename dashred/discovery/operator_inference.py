@@ -1,0 +1,161 @@
+"""A simulator's steps, learnt from its snapshots: what latent SINDy needs where none can be run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from dashred.discovery.tangents import Step
+from dashred.physics.library import evaluate_terms
+from dashred.physics.system import System, Term
+from dashred.sensing.pod import POD
+
+# What is tried: POD modes whose products are features, and ridge penalties as shares of the
+# features' mean square.
+SIZES, RIDGES = (3, 6, 10, 16), (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
+
+
+@dataclass(frozen=True)
+class QuadraticStep:
+    """``a_{t+n} = a_t + W φ(a_t)``, φ = 1, a and the products of the leading coefficients a.
+
+    Operator inference (Peherstorfer & Willcox 2016) in its discrete form: exact for linear and
+    quadratic equations as far as the modes reach, an approximation for others.
+
+    Attributes:
+        size: leading coefficients whose products are features.
+        weights: ``(feature, mode)``, for coefficients in units of ``spread``.
+        spread: std of each coefficient, ``(mode,)``.
+    """
+
+    size: int
+    weights: Tensor
+    spread: Tensor
+
+    def __call__(self, coefficients: Float[Tensor, "*batch mode"]) -> Float[Tensor, "*batch mode"]:
+        """Return the coefficients after the step."""
+        scaled = coefficients / self.spread
+        return coefficients + (_features(scaled, self.size) @ self.weights) * self.spread
+
+
+@dataclass(frozen=True)
+class SnapshotSteps:
+    """Steps of a simulator that is known by its snapshots alone.
+
+    Attributes:
+        system: its fields and grid.
+        library: the candidates.
+        pod: basis of the snapshots.
+        by_stride: what was learnt, by length of the step in samples.
+        errors: of each on runs that it was not learnt from: RMSE of the increment, as a share of
+            the increment's own size.
+    """
+
+    system: System
+    library: Sequence[Term]
+    pod: POD
+    by_stride: dict[int, QuadraticStep]
+    errors: dict[int, float]
+
+    @classmethod
+    def learn(
+        cls,
+        system: System,
+        library: Sequence[Term],
+        pod: POD,
+        states: Float[Tensor, "member time ..."],
+        held_out: int,
+        strides: Sequence[int],
+    ) -> SnapshotSteps:
+        """Learn the steps of some lengths; what is tried is chosen on the last members.
+
+        Args:
+            system: fields and grid.
+            library: the candidates.
+            pod: basis, of the training members.
+            states: runs at the clock's step.
+            held_out: how many of the last members are not learnt from; half of them choose, the
+                others measure.
+            strides: lengths of the steps, in samples.
+        """
+        coefficients = pod.encode(states)
+        spread = coefficients[:-held_out].flatten(0, 1).std(dim=0).clamp(min=1e-300)
+        learnt, errors = {}, {}
+        for stride in strides:
+            before, after = coefficients[:, :-stride], coefficients[:, stride:]
+            train, choose, measure = (
+                (before[rows].flatten(0, 1), after[rows].flatten(0, 1))
+                for rows in (
+                    slice(None, -held_out),
+                    slice(-held_out, -(held_out // 2)),
+                    slice(-(held_out // 2), None),
+                )
+            )
+            tried = [
+                _fit(*train, spread, size, ridge)
+                for size, ridge in product(SIZES, RIDGES)
+                if size <= len(spread) or size == SIZES[0]
+            ]
+            best = min(tried, key=lambda step: _error(step, *choose))
+            learnt[stride], errors[stride] = best, _error(best, *measure)
+        return cls(system, library, pod, learnt, errors)
+
+    def forecasts(
+        self, fields: Tensor, times: Tensor, begins: Tensor, strides: Sequence[int]
+    ) -> list[Step]:
+        """Return what the snapshots' increments make of each reconstructed field."""
+        start = fields[begins]
+        steps = []
+        for stride in strides:
+            path = torch.stack([start, self.moved(start, stride)], dim=1)
+            steps.append(Step(begins, begins + stride, float(times[begins[0]]), path))
+        return steps
+
+    def moved(self, states: Float[Tensor, "*dims"], stride: int) -> Float[Tensor, "*dims"]:
+        """Return states ``(*batch, field, *grid)`` a step on.
+
+        The increment is added to the field, so that what no mode expresses stays as it is.
+        """
+        coefficients = self.pod.encode(states)
+        after = self.by_stride[stride](coefficients)
+        return states + self.pod.decode(after) - self.pod.decode(coefficients)
+
+    def columns(self, fields: Tensor, times: Tensor, steps: Sequence[Step]) -> list[Tensor]:
+        """Return ``θ_j(û) Δt``, the paper's own columns: no simulator carries a term along."""
+        found = []
+        for step in steps:
+            theta = evaluate_terms(self.system, self.library, fields[step.begins], step.time)
+            column = fields.new_zeros((len(step.begins), len(self.library), *fields.shape[1:]))
+            durations = times[step.ends] - times[step.begins]
+            shape = (-1,) + (1,) * (fields.dim() - 2)
+            for j, term in enumerate(self.library):
+                index = self.system.fields.index(term.equation)
+                column[:, j, index] = theta[j] * durations.reshape(shape)
+            found.append(column)
+        return found
+
+
+def _features(scaled: Float[Tensor, "*batch mode"], size: int) -> Float[Tensor, "*batch feature"]:
+    leading = scaled[..., :size]
+    rows, columns = torch.triu_indices(leading.shape[-1], leading.shape[-1])
+    products = leading[..., rows] * leading[..., columns]
+    return torch.cat([torch.ones_like(scaled[..., :1]), scaled, products], dim=-1)
+
+
+def _fit(before: Tensor, after: Tensor, spread: Tensor, size: int, ridge: float) -> QuadraticStep:
+    features = _features(before / spread, size)
+    gram = features.T @ features
+    penalty = ridge * gram.diagonal().mean() * torch.eye(len(gram), dtype=gram.dtype)
+    wanted = features.T @ ((after - before) / spread)
+    return QuadraticStep(size, torch.linalg.solve(gram + penalty, wanted), spread)
+
+
+def _error(step: QuadraticStep, before: Tensor, after: Tensor) -> float:
+    """Return the RMSE of the increment, as a share of its size; in POD coefficients."""
+    missed = (step(before) - after).square().mean()
+    return float((missed / (after - before).square().mean().clamp(min=1e-300)).sqrt())

@@ -1,0 +1,149 @@
+"""The findings of an analysis of snapshots, and what such an analysis cannot know."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dashred.findings import Findings, Fit, Latent, Verdict, misfit, new_findings
+from dashred.sensing.recording import Recording
+from dashred.stages.black_box import BlackBoxAnalysis, whole
+from dashred.stages.mismatch import Missed
+from dashred.stages.problem import Problem
+from dashred.stages.verification import (
+    freeze_findings,
+    proposals,
+    relative_rmse,
+    source_of,
+    trace_unit,
+    write_estimates,
+)
+
+# What it costs that there are no equations, in plain words.
+COSTS = (
+    "the simulator is known by its snapshots alone, so no law could be fitted through it to the "
+    "sensors: the terms that latent SINDy proposes are guesses that nothing has tested, without "
+    "intervals",
+    "a missing term, a wrong parameter, a start outside of its prior and a sensor at fault cannot "
+    "be told from each other",
+    "whether the simulation is resolved could not be checked: its numerical error may be what is "
+    "seen",
+    "SHRED has learnt the snapshots as they are, not simulations with random discrepancies, so it "
+    "can hardly express what none of them has",
+    "there is nothing to run: no corrected simulation, no forecast, and in the held-out time the "
+    "field is read from SHRED's sensors at that time",
+)
+
+
+def verify(problem: Problem, analysis: BlackBoxAnalysis) -> Findings:
+    """Compare the methods with the test sensors and the held-out time, for the first time."""
+    found = {n: proposals(problem, fit) for n, fit in analysis.found.proposals.items()}
+    kind: Verdict = "mismatch" if analysis.compared.seen else "no-mismatch-seen"
+    source = source_of(problem)
+    source["snapshots_sha256"] = analysis.runs.sha256
+    return new_findings(
+        source,
+        fit=Fit(
+            noise_std=problem.noise,
+            noise_correlation=None,
+            chi2=None,
+            unexplained=None,
+            test_sensors=misfit(**_test_errors(problem, analysis)),
+            heldout_time=misfit(**_heldout_errors(problem, analysis)),
+            heldout_restarted=misfit(),
+        ),
+        latent=Latent(alg1=found["alg1"], alg2=found["alg2"]),
+        verdict=kind,
+        causes=[_cause(kind, analysis)],
+        units=problem.system.units,
+    )
+
+
+def write(problem: Problem, analysis: BlackBoxAnalysis, findings: Findings, output: Path) -> None:
+    """Write the fields over the whole record and the findings; freeze both."""
+    reach = min(len(states) for states in analysis.fields.values())
+    fields = {name: states[:reach] for name, states in analysis.fields.items()}
+    write_estimates(output / "estimates.nc", problem.system, problem.times[:reach], fields)
+    freeze_findings(output, findings, ["estimates.nc"])
+
+
+def _cause(kind: Verdict, analysis: BlackBoxAnalysis) -> dict[str, Any]:
+    compared, steps = analysis.compared, analysis.steps
+    says = (
+        f"SHRED, which knows the snapshots alone, misses the recording's sensors by "
+        f"{_told(compared.states)}; their change over {compared.samples} samples is missed by "
+        f"{_told(compared.changes)}"
+    )
+    if kind == "no-mismatch-seen":
+        says += ": no more than those; something may be missing all the same that they do not show"
+    errors = [f"{error:.1%} over {n}" for n, error in sorted(steps.errors.items())]
+    learnt = (
+        f"the simulator's steps were learnt from the snapshots' increments, which on unseen "
+        f"stretches they miss by {', '.join(errors)} samples".replace("%", " %")
+    )
+    return {
+        "kind": kind,
+        "says": says,
+        "probability": None,
+        "where": None,
+        "states": _numbers(compared.states),
+        "changes": _numbers(compared.changes) | {"samples": compared.samples},
+        "increments_error": {str(n): error for n, error in steps.errors.items()},
+        "cannot_know": [*COSTS, learnt],
+    }
+
+
+def _told(missed: Missed) -> str:
+    usual = missed.usual
+    return (
+        f"{missed.error:.3g} standard deviations, against {float(usual.min()):.3g} to "
+        f"{float(usual.max()):.3g} in {len(usual)} stretches of the snapshots that were not learnt "
+        "from"
+    )
+
+
+def _numbers(missed: Missed) -> dict[str, Any]:
+    return {
+        "p": missed.p,
+        "error": missed.error,
+        "usual": missed.usual.tolist(),
+        "sensors": missed.sensors,
+    }
+
+
+def _test_errors(problem: Problem, analysis: BlackBoxAnalysis) -> dict[str, float]:
+    split = problem.split
+    tested = split.tested.between(float(problem.times[0]), split.time_end)
+    return _errors(problem, analysis, tested, 0)
+
+
+def _heldout_errors(problem: Problem, analysis: BlackBoxAnalysis) -> dict[str, float]:
+    """Return errors at the sensors that SHRED does not read; at the others it would echo them."""
+    split, count = problem.split, len(problem.split.fit.times)
+    if split.test:
+        late = split.tested.between(float(problem.times[count]), float(problem.times[-1]))
+    else:
+        others = [name for name in split.heldout.names if name not in split.inputs]
+        late = split.heldout.select(others)
+    return _errors(problem, analysis, late, count)
+
+
+def _errors(
+    problem: Problem, analysis: BlackBoxAnalysis, recorded: Recording, begin: int
+) -> dict[str, float]:
+    if not recorded.sensors:
+        return {}
+    operator, names = problem.operator(recorded), recorded.names
+    split, end = problem.split, begin + len(recorded.times)
+    if split.test:
+        earlier = split.tested.between(float(problem.times[0]), split.time_end)
+    else:
+        earlier = whole(problem, names).between(float(problem.times[0]), split.time_end)
+    scale: np.ndarray = trace_unit(earlier)
+    return {
+        name: relative_rmse(operator(states[begin:end]).numpy(), recorded.values, scale)
+        for name, states in analysis.fields.items()
+        if len(states) >= end
+    }

@@ -1,0 +1,144 @@
+"""The figures and the page of an analysis of snapshots."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from dashred.findings import Findings
+from dashred.progress import stage
+from dashred.reporting import html
+from dashred.reporting.figures import (
+    coefficients_against_epoch,
+    learning_curves,
+    save_figure,
+    sensor_traces,
+    snapshot_panels,
+    space_time_panels,
+)
+from dashred.reporting.summary import summary
+from dashred.sensing.recording import Recording
+from dashred.stages.black_box import BlackBoxAnalysis, whole
+from dashred.stages.problem import Problem
+from dashred.stages.report import TITLES, reading_units, varying
+from dashred.units import in_brackets, time_label
+
+FIGURES = {
+    html.PROOF: {
+        "The reconstructed field": "space_time.png",
+        "The reconstructed field, at three times": "snapshots.png",
+        "All sensors": "sensor_traces.png",
+    },
+    html.METHOD: {
+        "What latent SINDy proposes, by epoch; nothing has tested it": "coefficients.png",
+        "Learning": "learning.png",
+    },
+}
+
+
+def report(
+    problem: Problem,
+    analysis: BlackBoxAnalysis,
+    findings: Findings,
+    output: Path,
+    seconds: dict[str, float],
+) -> None:
+    """Save the figures in ``output``, and the page that holds them."""
+    with stage("draw figures", seconds):
+        _traces(problem, analysis, output)
+        _coefficients(problem, analysis, output)
+        _curves(analysis, output)
+        if problem.system.axes:
+            _fields(problem, analysis, output)
+        figures = {
+            part: {
+                title: output / name for title, name in drawn.items() if (output / name).is_file()
+            }
+            for part, drawn in FIGURES.items()
+        }
+        html.write_html(output / "report.html", findings, figures, summary(findings, None, {}))
+
+
+def _traces(problem: Problem, analysis: BlackBoxAnalysis, output: Path) -> None:
+    split, total = problem.split, len(problem.times)
+    names = tuple(split.heldout.names)
+    known, tested = whole(problem, names), split.tested
+    recorded = np.concatenate([known.values, tested.values], axis=1)
+    every = Recording((*known.sensors, *tested.sensors), problem.times.numpy(), recorded)
+    roles = {name: "test" for name in split.test} | {name: "validate" for name in split.validate}
+    roles |= {name: "extra" for name in split.extra} | {name: "input" for name in split.inputs}
+    operator, traces = problem.operator(every), {}
+    for method, states in analysis.fields.items():
+        traces[method] = np.full((total, len(every.sensors)), np.nan)
+        traces[method][: len(states)] = operator(states).numpy()
+    figure = sensor_traces(
+        problem.times.numpy(),
+        recorded,
+        list(every.names),
+        roles,
+        traces,
+        split.time_end,
+        reading_units(problem, every),
+        time_label(problem.system.units),
+    )
+    save_figure(figure, output / "sensor_traces.png")
+
+
+def _coefficients(problem: Problem, analysis: BlackBoxAnalysis, output: Path) -> None:
+    found = analysis.found
+    panels = {
+        title: varying(problem.library, np.array(found.coefficients[name]))
+        for name, title in TITLES.items()
+    }
+    title = "What latent SINDy proposes, by epoch of assimilation"
+    figure = coefficients_against_epoch(np.array(found.epochs), panels, title)
+    save_figure(figure, output / "coefficients.png")
+
+
+def _curves(analysis: BlackBoxAnalysis, output: Path) -> None:
+    named = {
+        "SHRED, unseen snapshots": analysis.learned.curves["rmse/field_members"],
+        "DA-SHRED, fitted": analysis.found.curves["rmse/sensors_fit"],
+        "DA-SHRED, validation": analysis.found.curves["rmse/sensors_validate"],
+    }
+    curves = {
+        name: (np.array([epoch for epoch, _ in points]), np.array([value for _, value in points]))
+        for name, points in named.items()
+    }
+    save_figure(learning_curves(curves, "RMSE / standard deviation"), output / "learning.png")
+
+
+def _fields(problem: Problem, analysis: BlackBoxAnalysis, output: Path) -> None:
+    system, fit = problem.system, problem.split.fit
+    count = len(fit.times)
+    fields = {
+        field: {
+            name: system.grid.own(states[:count, i]).numpy()
+            for name, states in analysis.fields.items()
+        }
+        for i, field in enumerate(system.fields)
+    }
+    places = {
+        field: [s.position for s in fit.sensors if s.reads == field] for field in system.fields
+    }
+    along = {name: x.numpy() for name, x in system.grid.own_coordinates.items()}
+    times = problem.times[:count].numpy()
+    if len(system.axes) == 1:
+        [axis], meanings = system.axes, system.config.fields
+        sensors = {field: [x for (x,) in positions] for field, positions in places.items()}
+        units = system.units
+        figure = space_time_panels(
+            times,
+            in_brackets(axis.name, units.get(axis.name)),
+            along[axis.name],
+            fields,
+            sensors,
+            meanings={f: in_brackets(says, units.get(f)) for f, says in meanings.items()},
+            clock=time_label(units),
+        )
+        save_figure(figure, output / "space_time.png")
+    else:
+        save_figure(
+            snapshot_panels(times, along, fields, places, system.units), output / "snapshots.png"
+        )

@@ -1,0 +1,154 @@
+"""Snapshots of a black-box simulator: what is read, and what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import xarray as xr
+
+from dashred.config import Axis, Integrator
+from dashred.config import System as Declared
+from dashred.errors import InputError
+from dashred.physics.snapshots import Snapshots, open_snapshots
+from dashred.physics.system import System
+
+Change = Callable[[xr.Dataset], xr.Dataset]
+SHAPE = (3, 21, 8)
+
+
+def declared(ends: str = "periodic", fields: tuple[str, ...] = ("u",)) -> System:
+    integrator = Integrator(None, None, False, "spectral", 1e-9, 1e-9)
+    axes = {"x": Axis(4.0, 8, ends)}  # type: ignore[arg-type]
+    meanings = dict.fromkeys(fields, "a field")
+    return System(
+        Declared(title="T", axes=axes, fields=meanings, integrator=integrator), lambda key: key
+    )
+
+
+def dataset(shape: tuple[int, ...] = SHAPE) -> xr.Dataset:
+    values = np.random.default_rng(0).standard_normal(shape)
+    coordinates = {"time": 2.0 + 0.1 * np.arange(shape[1]), "x": 0.5 * np.arange(shape[2])}
+    return xr.Dataset({"u": (("member", "time", "x"), values)}, coordinates)
+
+
+def written(folder: Path, data: xr.Dataset, name: str = "runs.nc") -> str:
+    path = folder / name
+    if name.endswith(".zarr"):
+        data.to_zarr(path, zarr_format=2)
+    else:
+        data.to_netcdf(path, engine="h5netcdf")
+    return str(path)
+
+
+@pytest.mark.parametrize("name", ["runs.nc", "runs.zarr"])
+def test_both_formats_give_the_same_states(tmp_path: Path, name: str) -> None:
+    data = dataset()
+    snapshots = open_snapshots(written(tmp_path, data, name), declared())
+    assert (snapshots.members, snapshots.samples) == (3, 21)
+    assert snapshots.step == pytest.approx(0.1)
+    states, sha256 = snapshots.read(3, 0.2, np.random.default_rng(1))
+    order = np.random.default_rng(1).permutation(3)
+    expected = data["u"].values[order][:, ::2]
+    np.testing.assert_array_equal(states[:, :, 0].numpy(), expected)
+    assert states.dtype == torch.float64 and len(sha256) == 64
+
+
+def test_nothing_is_read_before_it_is_asked_for(tmp_path: Path) -> None:
+    """A value that is not finite is met in a run that is read, and in no other."""
+    data = dataset()
+    data["u"][2, 4, 5] = np.nan
+    snapshots = open_snapshots(written(tmp_path, data), declared())
+    without = next(seed for seed in range(99) if permuted(seed)[0] != 2)
+    snapshots.read(1, 0.1, np.random.default_rng(without))
+    with pytest.raises(InputError, match=r"u is not finite in member 2, sample 4"):
+        snapshots.read(3, 0.1, np.random.default_rng(0))
+
+
+def permuted(seed: int) -> list[int]:
+    return [int(member) for member in np.random.default_rng(seed).permutation(3)]
+
+
+def test_a_file_without_members_holds_one_run_and_dimensions_may_stand_in_any_order(
+    tmp_path: Path,
+) -> None:
+    one = dataset().isel(member=0).transpose("x", "time")
+    snapshots = open_snapshots(written(tmp_path, one), declared())
+    states, _ = snapshots.read(5, 0.1, np.random.default_rng(0))
+    np.testing.assert_array_equal(states[0, :, 0].numpy(), one["u"].values.T)
+
+
+def test_an_axis_with_ends_is_mirrored(tmp_path: Path) -> None:
+    data = dataset((2, 21, 9))
+    path = written(tmp_path, data)
+    states, _ = open_snapshots(path, declared("insulated")).read(2, 0.1, np.random.default_rng(0))
+    assert states.shape == (2, 21, 1, 16)
+    torch.testing.assert_close(states[..., 9:], states[..., 1:8].flip(-1))
+
+
+def test_a_run_too_large_for_the_machine_is_refused_before_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    snapshots = open_snapshots(written(tmp_path, dataset()), declared())
+    monkeypatch.setattr("dashred.physics.snapshots.MEMORY", 1e-12)
+    with pytest.raises(InputError, match="3 runs of 21 snapshots would take") as error:
+        snapshots.read(3, 0.1, np.random.default_rng(0))
+    assert "simulation.members" in str(error.value)
+
+
+REFUSED: dict[str, tuple[Change, str]] = {
+    "field": (lambda d: d.rename(u="U"), "no variable 'u'"),
+    "dimensions": (lambda d: d.rename(x="y"), r"\(member, time, y\), not \(member, time, x\)"),
+    "no time": (lambda d: d.drop_vars("time"), "no coordinate 'time'"),
+    "uneven": (
+        lambda d: d.assign_coords(time=2.0 + 0.1 * np.arange(21) ** 1.2),
+        "'time' is not even",
+    ),
+    "backwards": (lambda d: d.isel(time=slice(None, None, -1)), "'time' is not even"),
+    "points": (lambda d: d.isel(x=slice(0, 6)), "6 points along x, and the grid 8"),
+    "coordinate": (lambda d: d.assign_coords(x=np.arange(8.0)), r"coordinate x \(0 to 7\)"),
+    "text": (lambda d: d.assign(u=d["u"].astype(str)), "does not hold numbers"),
+    "one snapshot": (lambda d: d.isel(time=[0]), "two snapshots at least"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_does_not_fit_is_refused(tmp_path: Path, case: str) -> None:
+    change, message = REFUSED[case]
+    path = written(tmp_path, change(dataset()))
+    with pytest.raises(InputError, match=message) as error:
+        open_snapshots(path, declared())
+    assert error.value.where == path
+
+
+@pytest.mark.parametrize("name", ["absent.nc", "broken.nc", "empty.zarr"])
+def test_what_cannot_be_opened_is_refused(tmp_path: Path, name: str) -> None:
+    (tmp_path / "broken.nc").write_bytes(b"this is no NetCDF")
+    (tmp_path / "empty.zarr").mkdir()
+    with pytest.raises(InputError, match=r"no such file|not a readable"):
+        open_snapshots(str(tmp_path / name), declared())
+
+
+def test_times_of_single_precision_are_even(tmp_path: Path) -> None:
+    data = dataset((2, 2000, 8))
+    data = data.assign_coords(time=data["time"].astype(np.float32))
+    snapshots = open_snapshots(written(tmp_path, data), declared())
+    assert snapshots.step == pytest.approx(0.1, rel=1e-5)
+
+
+@pytest.fixture
+def tenth(tmp_path: Path) -> Snapshots:
+    return open_snapshots(written(tmp_path, dataset()), declared())
+
+
+def test_the_clock_has_a_whole_number_of_snapshots_a_step(tenth: Snapshots) -> None:
+    assert tenth.clock_step(0.1, None) == pytest.approx(0.1)
+    assert tenth.clock_step(0.02, None) == pytest.approx(0.1)
+    assert tenth.clock_step(0.25, None) == pytest.approx(0.3)
+    assert tenth.clock_step(0.05, 0.2) == 0.2
+    with pytest.raises(InputError, match="no whole number of the snapshots' steps") as error:
+        tenth.clock_step(0.05, 0.15)
+    assert error.value.where == "recording.every"
