@@ -20,6 +20,7 @@ from dashred.config.commandline import (
 )
 from dashred.config.frozen import config_sha256, frozen_input
 from dashred.config.layers import merge, prepare, where_in
+from dashred.config.python_class import check_trust, take_trust, with_equations
 from dashred.config.schema import (
     Assimilation,
     Axis,
@@ -94,7 +95,8 @@ def load_config(argv: list[str], *, entry: str) -> Config:
     if {"--help", "-h"} & set(argv):
         print(usage(entry))
         raise SystemExit(0)
-    word, overrides = split_words(argv, entry=entry)
+    words, trusted = take_trust(argv)
+    word, overrides = split_words(words, entry=entry)
     path, label = find_system(word)
     defaults, system = _file(BASE, "conf/base.yaml"), _file(path, label)
     overrides = prepare(overrides, folder=Path.cwd())
@@ -102,7 +104,11 @@ def load_config(argv: list[str], *, entry: str) -> Config:
     lines = defaults.lines | system.lines | overrides.lines | {"": label}
     settings = merge(defaults, system, overrides)
     settle_units(settings.system, lines)
-    check(settings, where_in(lines))
+    where = where_in(lines)
+    check_trust(settings, trusted, where)
+    if settings.system.class_ is not None:
+        settings.system = with_equations(settings, where)
+    check(settings, where)
     return Config(**vars(settings), name=path.stem, source=path.resolve(), lines=lines)
 
 

@@ -79,6 +79,7 @@ def analyse_snapshots(config: Config) -> Path:
         black_box_findings.write(posed, analysis, findings, output)
         black_box_report.report(posed, analysis, findings, output, seconds)
 
+        run.set_tags({"verdict": str(findings["verdict"])})
         seconds["in all"] = time.perf_counter() - began
         provenance.finish(run, output, findings, seconds, config_sha256(config))
     return output

@@ -1,0 +1,171 @@
+"""Expressions that behave like tensors: what arithmetic does to them is written down."""
+
+# Its operators are Python's own, and need no words.
+# ruff: noqa: D105
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from dashred.physics import algebra
+from dashred.physics.algebra import Expr, Number
+
+SIGNS = {"add": "+", "sub": "-", "mul": "*", "truediv": "/", "div": "/", "pow": "**"}
+NAMES = {"multiply": "mul", "subtract": "sub", "absolute": "abs", "divide": "div"}
+
+
+class NotTraceableError(Exception):
+    """The equation language has nothing for what the class does; says what that is."""
+
+
+class Symbol:
+    """An expression that behaves like a tensor under arithmetic and torch's own functions."""
+
+    def __init__(self, expr: Expr) -> None:
+        self.expr = expr
+
+    def __add__(self, other: Any) -> Symbol:
+        return Symbol(algebra.add([self.expr, expression_of(other)]))
+
+    def __sub__(self, other: Any) -> Symbol:
+        return self + -symbol(other)
+
+    def __rsub__(self, other: Any) -> Symbol:
+        return symbol(other) + -self
+
+    def __neg__(self) -> Symbol:
+        return Symbol(algebra.scale(-1.0, self.expr))
+
+    def __pos__(self) -> Symbol:
+        return self
+
+    def __mul__(self, other: Any) -> Symbol:
+        return Symbol(algebra.multiply((self.expr, expression_of(other))))
+
+    def __truediv__(self, other: Any) -> Symbol:
+        return self * symbol(other) ** -1.0
+
+    def __rtruediv__(self, other: Any) -> Symbol:
+        return symbol(other) * self**-1.0
+
+    def __pow__(self, other: Any) -> Symbol:
+        return Symbol(algebra.power(self.expr, expression_of(other)))
+
+    def __rpow__(self, other: Any) -> Symbol:
+        return symbol(other) ** self
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __abs__(self) -> Symbol:
+        return function("abs", self)
+
+    def __bool__(self) -> bool:
+        raise NotTraceableError("a decision (if, while, and, or) that depends on the state")
+
+    def __lt__(self, other: Any) -> bool:
+        raise NotTraceableError("a comparison of the state; torch.sign(f) may say the same")
+
+    __le__ = __gt__ = __ge__ = __lt__
+
+    def __eq__(self, other: object) -> bool:
+        raise NotTraceableError("a comparison of the state")
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __float__(self) -> float:
+        raise NotTraceableError("a number made of the state (float, int, .item, the math module)")
+
+    def __getattr__(self, name: str) -> Callable[..., Symbol]:
+        if name.startswith("__"):
+            raise AttributeError(name)
+
+        def method(*others: Any, **settings: Any) -> Symbol:
+            if settings:
+                raise NotTraceableError(f"the function {name} with {next(iter(settings))}=")
+            return function(name, self, *others)
+
+        return method
+
+    @classmethod
+    def __torch_function__(
+        cls,
+        func: Callable[..., Any],
+        types: Sequence[type],
+        args: Sequence[Any] = (),
+        kwargs: Mapping[str, Any] | None = None,
+    ) -> Symbol:
+        """Take part in ``torch.sin(symbol)`` and in ``tensor * symbol``."""
+        if kwargs:
+            raise NotTraceableError(f"the function {func.__name__} with {next(iter(kwargs))}=")
+        return function(func.__name__, *args)
+
+
+def symbol(value: Any) -> Symbol:
+    """Return a number, a tensor of one number, or a symbol as a symbol.
+
+    Raises:
+        NotTraceableError: it is nothing of these.
+    """
+    if isinstance(value, Symbol):
+        return value
+    try:
+        number = float(value)
+    except (TypeError, ValueError, RuntimeError):
+        raise NotTraceableError(f"a {type(value).__name__} together with the state") from None
+    if not math.isfinite(number):
+        raise NotTraceableError(f"the number {number}")
+    return Symbol(Number(number))
+
+
+def function(name: str, *operands: Any) -> Symbol:
+    """Return what a function of torch does to symbols.
+
+    Raises:
+        NotTraceableError: the equation language does not have it.
+    """
+    bare = name.strip("_").removeprefix("true_")
+    bare = NAMES.get(bare, bare)
+    if bare[:1] == "r" and bare[1:] in SIGNS:
+        bare, operands = bare[1:], operands[::-1]
+    found = [symbol(operand) for operand in operands]
+    if bare in SIGNS and len(found) == 2:
+        return _signed(SIGNS[bare], *found)
+    if len(found) == 1:
+        [x] = found
+        if bare in algebra.CONSTANT:
+            return Symbol(algebra.call(bare, x.expr))
+        if bare in OTHERS:
+            return OTHERS[bare](x)
+    raise NotTraceableError(f"the function {name}")
+
+
+OTHERS: dict[str, Callable[[Symbol], Symbol]] = {
+    "neg": lambda x: -x,
+    "negative": lambda x: -x,
+    "square": lambda x: x**2.0,
+    "reciprocal": lambda x: x**-1.0,
+    "sigmoid": lambda x: 1 / (1 + function("exp", -x)),
+    "cosh": lambda x: (function("exp", x) + function("exp", -x)) / 2,
+    "sinh": lambda x: (function("exp", x) - function("exp", -x)) / 2,
+    "clone": lambda x: x,
+}
+
+
+def expression_of(value: Any) -> Expr:
+    """Return the expression of what :func:`symbol` takes."""
+    return symbol(value).expr
+
+
+def _signed(sign: str, a: Symbol, b: Symbol) -> Symbol:
+    match sign:
+        case "+":
+            return a + b
+        case "-":
+            return a - b
+        case "*":
+            return a * b
+        case "/":
+            return a / b
+    return a**b

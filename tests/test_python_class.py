@@ -1,0 +1,133 @@
+"""`system.class`: whose code runs, and that it is then as good as declared equations."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from dashred.config import Config, frozen_input, load_config
+from dashred.errors import InputError
+
+PENDULUM = """\
+import pathlib
+
+import torch
+
+pathlib.Path(__file__).with_name("ran").touch()
+
+
+class Pendulum:
+    def tendency(self, fields, t, parameters, space):
+        p = parameters
+        stiffness = p["a1"] * p["g"] * p["m1"] / (p["m1"] * p["a1"] ** 2 + p["I1"])
+        return {"theta": fields["omega"], "omega": -stiffness * torch.sin(fields["theta"])}
+
+
+class Broken:
+    def tendency(self, fields, t, parameters, space):
+        return {"theta": fields["speed"]}
+
+
+class Short:
+    def tendency(self, fields, t, parameters, space):
+        return {"theta": fields["omega"]}
+
+
+class Idle:
+    pass
+"""
+NAME = "my_pendulum.Pendulum"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a class and a configuration of it: the bundled pendulum without equations."""
+    (tmp_path / "my_pendulum.py").write_text(PENDULUM)
+    bundled = (Path(__file__).parents[1] / "conf" / "pendulum.yaml").read_text()
+    lines = bundled.splitlines()
+    start = lines.index("  equations:")
+    lines[start : start + 3] = [f"  class: {NAME}"]
+    text = "\n".join(line for line in lines if not line.startswith("recording:"))
+    (tmp_path / "mine.yaml").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "my_pendulum", raising=False)
+    return tmp_path
+
+
+def load(folder: Path, *words: str) -> Config:
+    own = (f"conf={folder / 'mine.yaml'}", "recording.path=swing.csv")
+    return load_config([*own, *words], entry="train")
+
+
+def test_a_class_has_the_equations_of_its_declared_twin(folder: Path) -> None:
+    """The same equations give the same findings: the law and all."""
+    from dashred.physics.system import System
+
+    mine = load(folder, f"trust={NAME}")
+    bundled = load_config(["conf=pendulum", "recording.path=swing.csv"], entry="train")
+    ours, theirs = (System(config.system, config.where) for config in (mine, bundled))
+    assert ours.equations == theirs.equations
+    assert ours.resolved == theirs.resolved
+    assert ours.method == theirs.method and ours.dt == theirs.dt
+    told = frozen_input(mine)["system"]
+    assert told["class"] == NAME and "class" not in frozen_input(bundled)["system"]
+
+
+def test_no_line_of_it_runs_without_the_users_word(folder: Path) -> None:
+    for words in ((), ("trust=my_pendulum.Idle",)):
+        with pytest.raises(InputError, match=r"runs the code of my_pendulum\.Pendulum") as error:
+            load(folder, *words)
+        assert f"add trust={NAME}" in str(error.value)
+    assert not (folder / "ran").exists()
+    load(folder, f"trust={NAME}")
+    assert (folder / "ran").exists()
+
+
+def test_a_file_cannot_give_the_word(folder: Path) -> None:
+    path = folder / "mine.yaml"
+    path.write_text(path.read_text() + f"\ntrust: {NAME}\n")
+    with pytest.raises(InputError, match="unknown key trust"):
+        load(folder)
+    assert not (folder / "ran").exists()
+
+
+REFUSED = {
+    "my_pendulum.Broken": "my_pendulum.Broken fails: KeyError: 'speed' .*my_pendulum.py:17",
+    "my_pendulum.Short": "tendency returns theta, not theta, omega by name",
+    "my_pendulum.Idle": "has no method tendency",
+    "my_pendulum.Absent": "my_pendulum.Absent fails: AttributeError",
+    "no_such_module.Pendulum": "ModuleNotFoundError",
+    "Pendulum": "is not the name of a class",
+    "dashred.sealing.Truth": "is no simulator of yours",
+    "os.path/../x": "is not the name of a class",
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_class_that_cannot_be_used_is_refused(folder: Path, name: str) -> None:
+    with pytest.raises(InputError, match=REFUSED[name]):
+        load(folder, f"system.class={name}", f"trust={name}")
+
+
+WORDS = {
+    "system.equations.theta=omega": "system.class and system.equations are both given",
+    "system.snapshots=runs.nc": "system.class and system.snapshots are both given",
+    "recording.twin=a": "a twin's truth is made of declared equations",
+    "trust=again.Again": "trust= is given twice",
+}
+
+
+@pytest.mark.parametrize("word", WORDS)
+def test_what_does_not_go_with_a_class_is_refused(folder: Path, word: str) -> None:
+    with pytest.raises(InputError, match=WORDS[word]):
+        own = [f"conf={folder / 'mine.yaml'}", f"trust={NAME}", word]
+        path = [] if "twin" in word else ["recording.path=swing.csv"]
+        load_config([*own, *path], entry="train")
+    assert not (folder / "ran").exists()
+
+
+def test_trust_without_a_class_is_refused() -> None:
+    with pytest.raises(InputError, match="the system names no class"):
+        load_config(["conf=pendulum", "trust=os.path"], entry="train")
