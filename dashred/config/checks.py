@@ -94,7 +94,8 @@ def _check_effort(settings: Settings, where: Where) -> None:
         steps += [("system.integrator.dt", recording.duration, dt)]
         steps += [("recording.every", recording.duration, recording.every or recording.duration)]
     for key, span, step in steps:
-        if span > MOST_STEPS * step:
+        # Snapshots have no step of their own: they are not stepped.
+        if step is not None and span > MOST_STEPS * step:
             problem = f"{key}: {span:g} in steps of {step:g} are too many steps"
             raise InputError(problem, where=where(key), hint=f"{MOST_STEPS} at most")
 
