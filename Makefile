@@ -17,10 +17,10 @@ rde: $(READY)  ## the main job: find what the rotating detonation engine's simul
 	$(BIN)/python -m dashred.train conf=rde
 
 test: $(READY)  ## the fast tests
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -m "not slow" -n auto
 
 test-all: $(READY)  ## the slow tests too
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto
 
 lint: $(READY)  ## style, format, types
 	$(BIN)/ruff check .

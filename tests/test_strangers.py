@@ -82,7 +82,7 @@ def test_the_search_for_such_code_finds_it(code) -> None:
 WRONG = {
     "a tag": ("title: !!python/object/apply:os.system [touch hacked]", "YAML tags"),
     "a resolver": ("title: ${oc.env:HOME}", "interpolation"),
-    "a class": ("title: T\n  class: os.system", "class"),
+    "a class": ("title: T\n  class: os.system", "trust=os.system"),
     "a terminal's commands": ('title: "\\e[2J"', "'\\x1b'"),
     "an alias": ("title: &a T\n  energy: *a", "aliases"),
 }

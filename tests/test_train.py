@@ -17,6 +17,7 @@ PENDULUM = CHECKOUT.parent / "shared" / "data" / "pendulum_single" / "recording.
 FIGURES = {
     "coefficients.png",
     "evidence.png",
+    "forecast.png",
     "learning.png",
     "sensor_traces.png",
     "sparsity.png",

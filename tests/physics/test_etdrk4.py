@@ -65,15 +65,16 @@ def test_the_two_thirds_rule_empties_the_upper_third(make_system):
     assert spectrum[8:].max() < 1e-13 < spectrum[7]
 
 
-def linear(make_system, equation, dt):
-    return make_system(f"""
+def linear(make_system, equation, dt, *words):
+    text = f"""
         axes: {{x: {{length: 2*pi, points: 32}}}}
         fields: {{u: heat}}
         parameters: {{D: 0.3, c: 1.7, mu: 0.4}}
         equations: {{u: "{equation}"}}
         start: {{u: cos(2*x) + sin(x) + 0.5}}
         integrator: {{dt: {dt}}}
-    """)
+    """
+    return make_system(text, *words)
 
 
 @pytest.mark.parametrize("dt", [1e-2, 0.37, 5.0])
@@ -117,7 +118,9 @@ def test_an_explicit_clock_and_coordinate_are_read(make_system):
 
 
 def test_a_tiny_unit_of_time_loses_no_digits(make_system):
-    system = linear(make_system, "1e12*D*lap(u)", "1e-13/3")
+    system = linear(
+        make_system, "1e12*D*lap(u)", "1e-13/3", "recording.duration=1e-12", "recording.every=1e-13"
+    )
     found = run(system, 0.0, 1e-12)[-1]
     x = system.grid.coordinates["x"]
     exact = math.exp(-1.2) * torch.cos(2 * x) + math.exp(-0.3) * torch.sin(x) + 0.5
