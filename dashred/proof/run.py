@@ -149,6 +149,7 @@ class _Desk:
             f"output={desk}",
             f"tracking.root={self.copy / 'mlruns'}",
             "tracking.experiment=analysis",
+            "tracking.model=false",
         ]
 
     def _keep(

@@ -104,6 +104,7 @@ def test_an_analyst_is_told_of_its_recording_alone(tmp_path, analysed) -> None:
     for case, words in zip(cases, analysed, strict=True):
         keys = [word.partition("=")[0] for word in words]
         told = ("conf", "recording.path", "output", "seed", "tracking.root", "tracking.experiment")
+        told += ("tracking.model",)
         assert set(told) <= set(keys)
         others = {"shred.epochs", "assimilation.epochs", "threads", *case.words}
         assert set(keys) - set(told) <= others
