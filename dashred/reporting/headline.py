@@ -93,11 +93,12 @@ def _changed(term: Mapping[str, Any]) -> str:
 
 
 def _listed(parts: Sequence[str], mostly: Sequence[str] = ()) -> str:
+    """Return the effects in a row; two terms may have the same words without their sizes."""
     if len(parts) <= FEW:
-        return " and ".join(parts)
+        return " and ".join(dict.fromkeys(parts))
     if not mostly:
         return f"{len(parts)} effects at once"
-    return f"mostly {' and '.join(map(_what, mostly))} ({len(parts)} terms in all)"
+    return f"mostly {' and '.join(dict.fromkeys(map(_what, mostly)))} ({len(parts)} terms in all)"
 
 
 def _worth(fit: Mapping[str, Any]) -> str | None:

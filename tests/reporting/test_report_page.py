@@ -286,6 +286,15 @@ def test_the_equations_show_what_is_put_into_them() -> None:
             "The simulation leaves out a further change of u. With",
         ),
         (
+            {
+                "terms": [
+                    TERM | {"says": f"u changes by (0.1 ± 0.2)·{wave}(u) per unit time"}
+                    for wave in ("sin", "cos")
+                ]
+            },
+            "The simulation leaves out a further change of u. With",
+        ),
+        (
             {"terms": [TERM | {"says": "transport of u, forward in x, with velocity 0.04 m/s"}]},
             "The simulation leaves out transport of u, forward in x. With",
         ),
