@@ -68,6 +68,8 @@ def _told(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
             )
         case "no-mismatch-seen":
             return "the recording looks like the simulation's snapshots, as far as these show"
+        case "outside-library" if missing and "terms" in (findings["causes"] or [{}])[0]:
+            return f"the simulation leaves out {missing}, of a form that its library of terms lacks"
         case "outside-library":
             best = f"; what comes nearest is {missing}" if missing else ""
             return f"the simulation lacks something that no term of the library expresses{best}"

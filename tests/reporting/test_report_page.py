@@ -307,6 +307,15 @@ def test_the_equations_show_what_is_put_into_them() -> None:
             "Several explanations fit this recording about equally well; the best guess is cubic",
         ),
         ({"terms": [TERM] * 4}, "The simulation leaves out 4 effects at once. With"),
+        (
+            {
+                "verdict": "outside-library",
+                "terms": [TERM | {"says": "u changes by (0.1 ± 0.2)·sin(u) per unit time"}],
+                "causes": [{"kind": "outside-library", "probability": 1.0, "terms": ["u: sin(u)"]}],
+            },
+            "The simulation leaves out a further change of u, of a form that its library of terms "
+            "lacks. With",
+        ),
         ({"verdict": "nothing-missing", "terms": []}, "The simulation agrees with the recording"),
     ],
 )
