@@ -19,7 +19,8 @@ from pathlib import Path
 from dashred.attempt import RECORDING as READ
 from dashred.attempt import began_with, pointed_to, read_began
 from dashred.config import Config, load_config
-from dashred.errors import DONE, OUR_FAILURE, WRONG_INPUT
+from dashred.config.commandline import PLACE
+from dashred.errors import DONE, OUR_FAILURE, WRONG_INPUT, InputError
 from dashred.kept_seal import SEALED, drop_seal, keep_seal, kept_seal
 from dashred.mlflow_store import Store, open_store, status_of
 from dashred.output import named_output
@@ -53,7 +54,14 @@ class EndedError(Exception):
 
 
 def run_twin(config: Config, argv: list[str]) -> int:
-    """Record, analyse, score; returns the exit code of the first process that fails."""
+    """Record, analyse, score; returns the exit code of the first process that fails.
+
+    Raises:
+        InputError: a word sets the recording's keys together, those of the twin among them.
+    """
+    if "recording" in (word.partition("=")[0] for word in argv):
+        hint = "set its keys one by one: recording.noise=0.03 recording.sensors=12"
+        raise InputError("of a twin, recording= as a whole is not taken", where=PLACE, hint=hint)
     words = [word for word in argv if not word.startswith(OWN)]
     named = named_output(config)
     with tempfile.TemporaryDirectory(prefix="dashred-seal-") as private:

@@ -395,6 +395,11 @@ def test_the_scorer_leaves_the_findings_as_they_were(copied, twin_run) -> None:
     assert (copied / "score.json").read_bytes() == twin_run.read("score.json")
 
 
+def test_no_word_hands_the_twin_to_the_analysis_among_others(quick, train) -> None:
+    ended = train(f"conf={quick}", "recording={twin: b, noise: 0.03}")
+    assert ended.code == 2 and "recording.noise=0.03" in ended.err
+
+
 def test_findings_are_frozen_before_the_scorer_starts(quick, train, stand_in, monkeypatch) -> None:
     seen = []
 

@@ -106,6 +106,8 @@ class _Desk:
     def _finish(self, case: Case, mine: Analyst) -> None:
         """See one case through, and keep its record: whatever goes wrong is part of it."""
         began = time.perf_counter()
+        # An earlier try may have opened the seal of this very case.
+        shutil.rmtree(self._folder(case), ignore_errors=True)
         recorded, problem, record = None, "", None
         with tempfile.TemporaryDirectory(prefix="dashred-recording-") as name:
             desk = Path(name)
@@ -152,6 +154,9 @@ class _Desk:
             "tracking.model=false",
         ]
 
+    def _folder(self, case: Case) -> Path:
+        return self.request.output / str(case).replace(" ", "-")
+
     def _keep(
         self,
         case: Case,
@@ -162,8 +167,7 @@ class _Desk:
     ) -> None:
         """Move what a case left out of the analysts' sight, its record last."""
         wall = time.perf_counter() - began
-        folder = self.request.output / str(case).replace(" ", "-")
-        shutil.rmtree(folder, ignore_errors=True)
+        folder = self._folder(case)
         shutil.copytree(desk, folder)
         draws = 1 if recorded is None else recorded.draws
         kept = {

@@ -135,6 +135,7 @@ def test_an_analysis_finds_its_recording_and_nothing_else(tmp_path, monkeypatch)
     def analyse(self: Analyst, words: list[str], log: Path, limit: float) -> tuple[int, float]:
         folder = next(Path(w.partition("=")[2]) for w in words if w.startswith("output="))
         seen.append(sorted(path.name for path in folder.iterdir()))
+        assert not list(tmp_path.rglob("sealed.nc"))
         log.write_text("failed\n")
         return 1, 0.5
 
