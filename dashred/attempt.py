@@ -19,7 +19,8 @@ from dashred.config import Config, config_sha256, read_file
 from dashred.config.commandline import PLACE
 from dashred.config.frozen import ELSEWHERE, RECORDING_A_TWIN
 from dashred.config.layers import PATHS
-from dashred.findings import versions, write_json_atomic, write_text_atomic
+from dashred.findings import versions, write_json_atomic
+from dashred.whole_files import write_text_atomic
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 PACKAGES = ("dashred", "datamodules", "callbacks")

@@ -9,11 +9,13 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from dashred.errors import DONE, InputError, nearest, run_entry
-from dashred.findings import sha256_of, write_text_atomic
+from dashred.errors import DONE, InputError, run_entry
+from dashred.findings import sha256_of
+from dashred.path_words import read_path_words
 from dashred.published_recording import PENDULUM, fetched
+from dashred.whole_files import write_text_atomic
 
-PLACE = "command line"
+EXAMPLE = "python -m dashred.fetch path=pendulum.csv"
 KEYS = ("path", "source")
 USAGE = f"""\
 usage: python -m dashred.fetch path=FILE.csv [source=URL|FILE]
@@ -36,7 +38,7 @@ def main(argv: list[str]) -> int:
     if {"--help", "-h"} & set(argv):
         print(USAGE)
         return DONE
-    words = _read_words(argv)
+    words = read_path_words(argv, KEYS, "where to?", EXAMPLE)
     path = Path(words["path"]).expanduser()
     if _already_there(path):
         print(f"already there: {path} (sha256 {PENDULUM.sha256[:12]}… as it should be)")
@@ -49,24 +51,6 @@ def main(argv: list[str]) -> int:
     print(f"licence: {PENDULUM.licence}")
     print(f"next:    python -m dashred.train conf=pendulum recording.path={path}")
     return DONE
-
-
-def _read_words(argv: list[str]) -> dict[str, str]:
-    words: dict[str, str] = {}
-    for word in argv:
-        key, sign, text = word.partition("=")
-        if not sign or not text:
-            hint = "python -m dashred.fetch path=pendulum.csv"
-            raise InputError(f"expected key=value, got {word!r}", where=PLACE, hint=hint)
-        if key not in KEYS:
-            raise InputError(f"unknown word {key}", where=PLACE, hint=nearest(key, KEYS))
-        if key in words:
-            raise InputError(f"{key}= is given twice", where=PLACE)
-        words[key] = text
-    if "path" not in words:
-        hint = "python -m dashred.fetch path=pendulum.csv"
-        raise InputError("where to? path= is missing", where=PLACE, hint=hint)
-    return words
 
 
 def _already_there(path: Path) -> bool:

@@ -7,9 +7,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-from dashred.errors import DONE, InputError, nearest, run_entry
+from dashred.errors import DONE, InputError, run_entry
+from dashred.path_words import read_path_words
 
-PLACE = "command line"
 KEYS = ("path", "sensors", "output")
 USAGE = """\
 usage: python -m dashred.init path=FILE.csv [sensors=TABLE.csv] [output=FILE.yaml]
@@ -39,10 +39,10 @@ def main(argv: list[str]) -> int:
     output = Path(words.get("output") or f"{Path(path).stem}.yaml").expanduser()
     _check_output(output)
 
-    from dashred.findings import write_text_atomic
     from dashred.starter.columns import MANY_FIELDS, read_own
     from dashred.starter.document import TO_DO, document
     from dashred.starter.guess import guess
+    from dashred.whole_files import write_text_atomic
 
     guessed, recording = read_own(path, table)
     seen = [None if file is None else _seen_from(output, file) for file in (path, table)]
@@ -68,19 +68,8 @@ def main(argv: list[str]) -> int:
 
 
 def _read_words(argv: list[str]) -> dict[str, str]:
-    words: dict[str, str] = {}
     example = "python -m dashred.init path=my.csv"
-    for word in argv:
-        key, sign, text = word.partition("=")
-        if not sign or not text:
-            raise InputError(f"expected key=value, got {word!r}", where=PLACE, hint=example)
-        if key not in KEYS:
-            raise InputError(f"unknown key {key}", where=PLACE, hint=nearest(key, KEYS))
-        if key in words:
-            raise InputError(f"{key}= is given twice", where=PLACE)
-        words[key] = text
-    if "path" not in words:
-        raise InputError("which recording? path= is missing", where=PLACE, hint=example)
+    words = read_path_words(argv, KEYS, "which recording?", example)
     if Path(words["path"]).suffix.lower() != ".csv":
         hint = "a NetCDF recording describes itself: write its configuration after conf/rde.yaml"
         raise InputError("this is not a .csv file", where=words["path"], hint=hint)

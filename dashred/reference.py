@@ -7,7 +7,7 @@ from pathlib import Path
 
 from dashred.config.reference import page
 from dashred.errors import DONE, InputError, run_entry
-from dashred.findings import write_text_atomic
+from dashred.whole_files import write_text_atomic
 
 USAGE = """\
 usage: python -m dashred.reference [path=FILE.md]

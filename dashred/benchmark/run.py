@@ -24,12 +24,13 @@ from dashred.benchmark.table import (
 )
 from dashred.benchmark.words import Request
 from dashred.errors import DONE, OUR_FAILURE, InputError
-from dashred.findings import write_json_atomic, write_text_atomic
+from dashred.findings import write_json_atomic
 from dashred.long_run import alone_in, signals_as_interrupt
 from dashred.mlflow_store import find_run, open_store
 from dashred.output import make_output
 from dashred.progress import CONSOLE
 from dashred.tracking import Tracker
+from dashred.whole_files import write_text_atomic
 
 # A log or a pipe has no width of its own, and tables are wide.
 WIDE = 240

@@ -20,7 +20,7 @@ from dashred.comparison.ratios import (
     own_layout,
 )
 from dashred.comparison.sensors_and_noise import sensors_and_noise
-from dashred.findings import write_text_atomic
+from dashred.whole_files import write_text_atomic
 
 FIGURES = {
     "space_time_truth.png": "truth and methods",

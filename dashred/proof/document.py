@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from statistics import mean, median
 
-from dashred.findings import write_text_atomic
 from dashred.proof import outcomes
 from dashred.proof.case_record import KINDS, CaseRecord, name_of
 from dashred.proof.figures import FIGURES, WINDOWS, reliability
@@ -24,6 +23,7 @@ from dashred.proof.targets import (
     nulls,
     of_kind,
 )
+from dashred.whole_files import write_text_atomic
 
 JUDGED = (
     "A share is judged by itself; its interval is Wilson's, at 95 %. What has no value for a case "
