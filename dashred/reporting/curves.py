@@ -1,6 +1,6 @@
 """Curves over time and over epochs."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -37,6 +37,13 @@ def rmse_against_time(
         _choose_scale(axes, [float(np.nanmedian(values)) for values in curves.values()])
         _legend_above(figure, axes)
     return figure
+
+
+def epochs_and_values(
+    points: Sequence[tuple[int, float]],
+) -> tuple[Int[np.ndarray, " epoch"], Float[np.ndarray, " epoch"]]:
+    """Return a curve's epochs and its values there."""
+    return np.array([epoch for epoch, _ in points]), np.array([value for _, value in points])
 
 
 def learning_curves(

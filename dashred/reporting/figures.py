@@ -2,7 +2,7 @@
 
 from dashred.reporting.accuracy import accuracy_against_sparsity
 from dashred.reporting.coefficients import coefficients_against_epoch
-from dashred.reporting.curves import learning_curves, rmse_against_time
+from dashred.reporting.curves import epochs_and_values, learning_curves, rmse_against_time
 from dashred.reporting.evidence import evidence_figure
 from dashred.reporting.forcing import forcing_figure
 from dashred.reporting.forecast import forecast_figure
@@ -19,6 +19,7 @@ __all__ = [
     "LawMap",
     "accuracy_against_sparsity",
     "coefficients_against_epoch",
+    "epochs_and_values",
     "evidence_figure",
     "forcing_figure",
     "forecast_figure",

@@ -68,6 +68,11 @@ class Recording:
         squares = np.where(seen, self.values - mean, 0.0) ** 2
         return np.sqrt(squares.sum(axis=0) / count)
 
+    def trace_unit(self) -> NDArray[np.float64]:
+        """Return the std of each trace, ``(sensor,)``; 1 where nothing changes."""
+        std = self.trace_std()
+        return np.where(std > 0, std, 1.0)
+
     def between(self, first: float, last: float) -> Recording:
         """Return the samples with first <= time <= last."""
         inside = (self.times >= first) & (self.times <= last)

@@ -17,7 +17,6 @@ from dashred.models.assimilation import AssimilatedEncoder, Assimilation
 from dashred.models.shred import SHRED, reconstruct
 from dashred.physics.ensemble import term_scales
 from dashred.progress import stage
-from dashred.sensing.recording import Recording
 from dashred.stages.learning import make_trainer
 from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal
@@ -87,7 +86,7 @@ def fit_transform(
         problem.operator(split.fit),
         problem.operator(split.validation),
         problem.noise_of(split.fit.names),
-        (_unit(split.fit), _unit(split.validation)),
+        (torch.from_numpy(split.fit.trace_unit()), torch.from_numpy(split.validation.trace_unit())),
         settings.width,
         settings.penalty,
         settings.rate,
@@ -145,9 +144,3 @@ def _latent_problem(problem: Problem, nominal: Nominal) -> LatentProblem:
         settings=problem.config.latent_sindy,
         seed=problem.config.seed,
     )
-
-
-def _unit(recording: Recording) -> Tensor:
-    """Return the std of each sensor's trace, ``(sensor,)``; 1 where nothing changes."""
-    std = torch.from_numpy(recording.trace_std())
-    return torch.where(std > 0, std, 1.0)

@@ -17,7 +17,6 @@ from dashred.stages.verification import (
     proposals,
     relative_rmse,
     source_of,
-    trace_unit,
     write_estimates,
 )
 
@@ -141,7 +140,7 @@ def _errors(
         earlier = split.tested.between(float(problem.times[0]), split.time_end)
     else:
         earlier = whole(problem, names).between(float(problem.times[0]), split.time_end)
-    scale: np.ndarray = trace_unit(earlier)
+    scale: np.ndarray = earlier.trace_unit()
     return {
         name: relative_rmse(operator(states[begin:end]).numpy(), recorded.values, scale)
         for name, states in analysis.fields.items()

@@ -11,6 +11,7 @@ from dashred.progress import stage
 from dashred.reporting import html
 from dashred.reporting.figures import (
     coefficients_against_epoch,
+    epochs_and_values,
     learning_curves,
     save_figure,
     sensor_traces,
@@ -102,10 +103,7 @@ def _curves(analysis: BlackBoxAnalysis, output: Path) -> None:
         "DA-SHRED, fitted": analysis.found.curves["rmse/sensors_fit"],
         "DA-SHRED, validation": analysis.found.curves["rmse/sensors_validate"],
     }
-    curves = {
-        name: (np.array([epoch for epoch, _ in points]), np.array([value for _, value in points]))
-        for name, points in named.items()
-    }
+    curves = {name: epochs_and_values(points) for name, points in named.items()}
     save_figure(learning_curves(curves, "RMSE / standard deviation"), output / "learning.png")
 
 

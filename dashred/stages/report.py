@@ -19,6 +19,7 @@ from dashred.reporting.figures import (
     LawMap,
     accuracy_against_sparsity,
     coefficients_against_epoch,
+    epochs_and_values,
     evidence_figure,
     forcing_figure,
     forecast_figure,
@@ -313,10 +314,7 @@ def _curves(analysis: Analysis, output: Path) -> None:
         "DA-SHRED, validation": analysis.found.curves["rmse/sensors_validate"],
         "corrected SHRED": analysis.relearned.curves["rmse/field_members"],
     }
-    curves = {
-        name: (np.array([epoch for epoch, _ in points]), np.array([value for _, value in points]))
-        for name, points in named.items()
-    }
+    curves = {name: epochs_and_values(points) for name, points in named.items()}
     save_figure(learning_curves(curves, "RMSE / standard deviation"), output / "learning.png")
 
 

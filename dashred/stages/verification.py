@@ -37,7 +37,6 @@ from dashred.findings import (
 )
 from dashred.physics.resolution import Resolution
 from dashred.physics.system import System
-from dashred.sensing.recording import Recording
 from dashred.stages.analysis import Analysis
 from dashred.stages.corrected import NAME as CORRECTED
 from dashred.stages.corrected import write_corrected
@@ -286,7 +285,7 @@ def _test_errors(problem: Problem, analysis: Analysis) -> Errors:
     tested = split.tested.between(float(problem.times[0]), split.time_end)
     if not tested.sensors:
         return {}
-    operator, scale = problem.operator(tested), trace_unit(tested)
+    operator, scale = problem.operator(tested), tested.trace_unit()
     count = int((~np.isnan(tested.values)).sum())
     return {
         MISFITS[name]: (relative_rmse(operator(states).numpy(), tested.values, scale), count)
@@ -324,7 +323,7 @@ def _on_heldout(problem: Problem, runs: Mapping[str, Tensor], fitted: Sequence[P
     heldout = problem.split.heldout
     parts = [part for p in fitted for part in (p.split.validation, p.split.fit)]
     earlier = {
-        n: std for part in parts for n, std in zip(part.names, trace_unit(part), strict=True)
+        n: std for part in parts for n, std in zip(part.names, part.trace_unit(), strict=True)
     }
     scale = np.array([earlier[name] for name in heldout.names])
     operator = problem.operator(heldout)
@@ -333,12 +332,6 @@ def _on_heldout(problem: Problem, runs: Mapping[str, Tensor], fitted: Sequence[P
         name: (relative_rmse(operator(states).numpy(), heldout.values, scale), count)
         for name, states in runs.items()
     }
-
-
-def trace_unit(recording: Recording) -> np.ndarray:
-    """Return the std of each sensor's trace, ``(sensor,)``; 1 where nothing changes."""
-    std = recording.trace_std()
-    return np.where(std > 0, std, 1.0)
 
 
 def relative_rmse(read: np.ndarray, recorded: np.ndarray, scale: np.ndarray) -> float:
