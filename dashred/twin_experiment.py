@@ -36,6 +36,8 @@ TWIN = "recording."
 CLOCK = "recording.every="
 # MLflow, with what it reaches an SQLite store by.
 STORE = "mlflow.store.tracking.sqlalchemy_store"
+# What opening a seal leaves beside the findings; the score itself an analysis clears away.
+OPENED = (SEALED, "*_truth.png", "rmse_against_time.png")
 # What each process needs sooner or later, beside its entry point's own imports.
 NEEDED = {
     "record": ("dashred.sensing.write_netcdf", "dashred.physics.simulate"),
@@ -84,6 +86,8 @@ def _run(config: Config, words: list[str], named: Path | None, private: Path) ->
             keep_seal(run.run_id, private / SEALED)
             own = Path(shutil.move(recording, run.artifact_dir / RECORDING))
             told = words_of_analysis(words, own, named or run.artifact_dir)
+            if named is not None:
+                clear_scored(named)
             tell(analyser, [*told, f"tracking.run={run.run_id}"])
             wait(analyser)
             place = config.tracking.root, experiment_of(config)
@@ -103,6 +107,13 @@ def score(
     wait(scorer)
     copy_atomic(sealed, output / SEALED)
     drop_seal(run.run_id)
+
+
+def clear_scored(output: Path) -> None:
+    """Take an earlier truth, and what shows it, out of the folder of an analysis that begins."""
+    for pattern in OPENED:
+        for path in output.glob(pattern):
+            path.unlink()
 
 
 def words_of_analysis(words: list[str], recording: Path, output: Path) -> list[str]:
