@@ -136,5 +136,6 @@ def _words(config: Config) -> list[str]:
 
 def _at(values: Any, key: str) -> Any:
     for part in key.split("."):
-        values = values[part]
+        # `class` is `class_` to Python.
+        values = values[part if part in values else f"{part}_"]
     return values

@@ -20,7 +20,7 @@ from dashred.output import make_output
 from dashred.tracking import Tracker
 from dashred.twin_experiment import EndedError, score, standby, tell, wait
 
-KEYS = ("resume", "output", "tracking.root")
+KEYS = ("resume", "output", "tracking.root", "trust")
 
 
 def resume(argv: list[str]) -> int:
@@ -39,6 +39,7 @@ def resume(argv: list[str]) -> int:
     with alone_in(folder, "analysis"):
         pass
     output = make_output(words["output"]) if "output" in words else store.artifact_dir(run_id)
+    told += [f"trust={words['trust']}"] if "trust" in words else []
     told += [f"output={output}", f"tracking.root={root}", f"tracking.experiment={experiment}"]
     try:
         with Tracker.reopen(root, experiment, run_id) as run:

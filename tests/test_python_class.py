@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from dashred.attempt import begin, words_of
 from dashred.config import Config, frozen_input, load_config
 from dashred.errors import InputError
 
@@ -83,6 +84,19 @@ def test_no_line_of_it_runs_without_the_users_word(folder: Path) -> None:
     assert not (folder / "ran").exists()
     load(folder, f"trust={NAME}")
     assert (folder / "ran").exists()
+
+
+def test_what_has_begun_goes_on_with_the_users_word_alone(folder: Path) -> None:
+    named = ("system.class=my_pendulum.Pendulum", f"trust={NAME}")
+    for words in (named, named[1:]):
+        config = load(folder, *words)
+        begin(folder, config, {})
+        told = words_of(folder)
+        assert told is not None and not any(word.startswith("trust=") for word in told)
+        with pytest.raises(InputError, match="runs the code of"):
+            load_config(told, entry="train")
+        again = load_config([*told, f"trust={NAME}"], entry="train")
+        assert frozen_input(again) == frozen_input(config)
 
 
 def test_a_file_cannot_give_the_word(folder: Path) -> None:

@@ -235,8 +235,6 @@ def _parametrised(objective: Objective, fault: Fault) -> Objective | None:
     """Return F with the fault's own unknowns; None for one that only takes samples away."""
     shooting = objective.shooting
     same = shooting.simulator, shooting.start, shooting.candidates, shooting.operator
-    trace = objective.recorded[:, fault.sensor]
-    size = float(trace[~trace.isnan()].std())
     if fault.kind == "misplaced":
         axes: tuple[Axis, ...] = shooting.simulator.system.axes
         reach = tuple(REACH * axis.length for axis in axes)
@@ -252,5 +250,8 @@ def _parametrised(objective: Objective, fault: Fault) -> Objective | None:
     own = columns_of(shooting.operator.sensors, fault.sensor)
     pattern[0, :, own] = passed / passed.max() if fault.kind == "drift" else 1.0
     offset = OffsetShooting(*same, times, pattern)
-    stds = torch.tensor([size], dtype=torch.float64)
+    # Of a trace in which nothing changes, the noise is all that tells how large an offset may be.
+    traces = objective.recorded[:, own]
+    size = traces[~traces.isnan()].std()
+    stds = torch.where(size > 0, size, objective.noise.std[fault.sensor])[None]
     return replace(objective, shooting=offset, prior_std=torch.cat([objective.prior_std, stds]))

@@ -17,6 +17,8 @@ SPIKE = 5.0
 MOST_SPIKES = 0.2
 # A stuck sensor's readings scatter by less than this share of the trace's std.
 STILL, LEAST_STUCK = 0.02, 6
+# One that never worked shows less than this share of the noise.
+DEAD = 0.1
 
 
 def suspects(objective: Objective, normal: Normal) -> Iterator[Fault]:
@@ -77,19 +79,28 @@ def _stuck(objective: Objective, sensor: int) -> Iterator[Fault]:
     known = torch.nonzero(~trace.isnan()).flatten()
     if len(known) < 2 * LEAST_STUCK:
         return
-    values = trace[known]
-    size, sigma = float(values.std()), float(objective.noise.std[sensor])
-    first = len(values)
-    # A sensor that gives up keeps its last value to the end, with the noise of reading it or not.
-    for begin in range(len(values) - LEAST_STUCK, 0, -1):
-        tail = values[begin:]
-        if float(tail.std()) > max(STILL * size, 1.3 * sigma):
-            break
-        first = begin
-    if first == len(values) or size <= 3 * sigma:
+    values, sigma = trace[known], float(objective.noise.std[sensor])
+    first = _still_from(values, sigma)
+    if first == len(values):
         return
     samples = torch.zeros(len(trace), dtype=torch.bool)
     samples[known[first:]] = True
     tail = values[first:]
     constant = float(((tail - tail.mean()) / sigma).square().sum())
     yield Fault("stuck", sensor, samples, constant, 2.0)
+
+
+def _still_from(values: Tensor, sigma: float) -> int:
+    """Return from which sample on a sensor repeats itself to the end; their number, if never."""
+    size, first = float(values.std()), len(values)
+    if size < DEAD * sigma:
+        return 0
+    if size <= 3 * sigma:
+        return first
+    # A sensor that gives up keeps its last value to the end, with the noise of reading it or not.
+    for begin in range(len(values) - LEAST_STUCK, 0, -1):
+        tail = values[begin:]
+        if float(tail.std()) > max(STILL * size, 1.3 * sigma):
+            break
+        first = begin
+    return first

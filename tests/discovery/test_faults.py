@@ -79,6 +79,14 @@ def test_the_faulty_sensor_and_its_fault_are_found(
         assert abs(found[0].value - value) < 4 * found[0].std < 0.5 * value
 
 
+def test_a_sensor_that_never_worked_is_stuck_from_the_first_sample(waves: Waves) -> None:
+    recorded = waves.recorded(SIGMA, seed=3)
+    recorded[:, 1] = 2.0
+    without, found, best = expect(waves.objective(recorded, SIGMA))
+    assert (found[0].kind, found[0].sensor, found[0].begin) == ("stuck", "s1", float(TIMES[0]))
+    assert found[0].value == 2.0 and best < without - 20
+
+
 @pytest.mark.parametrize("off", [0.12, -0.45])
 def test_a_misplaced_sensor_is_found_with_its_distance(waves: Waves, off: float) -> None:
     recorded = waves.recorded(SIGMA, seed=4)
