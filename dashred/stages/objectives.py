@@ -9,6 +9,7 @@ from torch import Tensor
 
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.episodes import clocks, operator_of, side_by_side, simulator_of
+from dashred.discovery.law import Law
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.shooting import Shooting, Simulator
@@ -62,6 +63,17 @@ def fit_noise(problem: Problem) -> NoiseModel:
     largest = trace_std(problem).reshape(-1, len(names)).amax(dim=0)
     std = _for_each(problem, torch.maximum(problem.noise_of(names), FLOOR * largest))
     return NoiseModel(std, torch.zeros_like(std), ~torch.isnan(_recorded(problem)))
+
+
+def sound_noise(problem: Problem, law: Law) -> NoiseModel:
+    """Return the same of one episode, in which a sensor that is at fault is not seen.
+
+    The only sensor that there is stays: without it nothing could be fitted at all.
+    """
+    noise, names = fit_noise(problem), problem.split.fit.names
+    if law.fault is not None and len(names) > 1:
+        noise.seen[:, names.index(law.fault.sensor)] = False
+    return noise
 
 
 def _for_each(problem: Problem, values: Tensor) -> Tensor:

@@ -13,7 +13,7 @@ from dashred.discovery.law import Law
 from dashred.discovery.objective import Objective
 from dashred.discovery.shooting import Shooting, Simulator
 from dashred.discovery.starts import LinearStart
-from dashred.stages.objectives import fit_noise
+from dashred.stages.objectives import sound_noise
 from dashred.stages.problem import Problem
 
 # Samples that a state is fitted to: two seconds of a pendulum's twenty a second.
@@ -39,7 +39,7 @@ def restart(problem: Problem, law: Law, corrected: Tensor) -> dict[str, Tensor]:
     first = max(0, len(corrected) - SAMPLES)
     fit = problem.split.fit
     values = torch.from_numpy(fit.values[first:])
-    noise = fit_noise(problem)
+    noise = sound_noise(problem, law)
     noise = replace(noise, seen=noise.seen[first:])
     start = LinearStart(corrected[first], torch.diag(corrected.std(dim=0)))
     times, count = problem.times[first:], len(values)

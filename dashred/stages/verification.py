@@ -321,17 +321,23 @@ def _whole_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
 def _on_heldout(problem: Problem, runs: Mapping[str, Tensor], fitted: Sequence[Problem]) -> Errors:
     """Return the RMSE of states over the held-out time, in units of each trace's fitted std."""
     heldout = problem.split.heldout
-    parts = [part for p in fitted for part in (p.split.validation, p.split.fit)]
-    earlier = {
-        n: std for part in parts for n, std in zip(part.names, part.trace_unit(), strict=True)
-    }
-    scale = np.array([earlier[name] for name in heldout.names])
+    scale = np.array([_fitted_std(name, fitted) for name in heldout.names])
     operator = problem.operator(heldout)
     count = int((~np.isnan(heldout.values)).sum())
     return {
         name: (relative_rmse(operator(states).numpy(), heldout.values, scale), count)
         for name, states in runs.items()
     }
+
+
+def _fitted_std(name: str, fitted: Sequence[Problem]) -> float:
+    """Return the std of a sensor's trace while it was fitted, of several episodes its rms."""
+    stds = []
+    for problem in fitted:
+        split = problem.split
+        part = split.fit if name in split.fit.names else split.validation
+        stds.append(float(part.select([name]).trace_unit()[0]))
+    return stds[0] if len(stds) == 1 else math.sqrt(sum(std**2 for std in stds) / len(stds))
 
 
 def relative_rmse(read: np.ndarray, recorded: np.ndarray, scale: np.ndarray) -> float:

@@ -13,7 +13,7 @@ from dashred.discovery.objective import Objective
 from dashred.discovery.shooting import Shooting, Simulator
 from dashred.discovery.starts import StartModel
 from dashred.physics.system import System
-from dashred.stages.objectives import fit_noise, trace_std
+from dashred.stages.objectives import sound_noise, trace_std
 from dashred.stages.problem import Problem
 
 STEPS, TOLERANCE = 30, 1e-8
@@ -29,18 +29,18 @@ def fit_starts(episode: Problem, prior: StartModel, law: Law) -> tuple[Tensor, T
         law: what the simulator leaves out.
     """
     return (
-        _fitted(episode, prior, correct(episode.system, law)),
-        _fitted(episode, prior, episode.system),
+        _fitted(episode, prior, law, correct(episode.system, law)),
+        _fitted(episode, prior, law, episode.system),
     )
 
 
-def _fitted(episode: Problem, prior: StartModel, system: System) -> Tensor:
+def _fitted(episode: Problem, prior: StartModel, law: Law, system: System) -> Tensor:
     fit = episode.split.fit
     times = episode.times[: len(fit.times)]
     shooting = Shooting(Simulator(system, system.dt, []), prior, [], episode.operator(fit), times)
     none = torch.zeros(0, dtype=torch.float64)
     recorded = torch.from_numpy(fit.values)
-    objective = Objective(shooting, recorded, fit_noise(episode), none)
+    objective = Objective(shooting, recorded, sound_noise(episode, law), none)
     begin = fit_first_window(objective, trace_std(episode)).phi
     z = minimise(objective, begin, STEPS, TOLERANCE).phi
     return prior.start(z[None])[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import torch
 from torch import Tensor
 
 from dashred.config import load_config
-from dashred.discovery.law import Law
+from dashred.discovery.law import Law, SensorFault
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System
 from dashred.stages.problem import Problem, pose
@@ -34,8 +35,13 @@ def law(system: System, start: Tensor) -> Law:
     return Law((laws.term(system, "p", "p"),), damping, one, start, 0.0, 1.0, torch.zeros(1))
 
 
-def posed(folder: Path, tail: float = 0.0) -> tuple[Problem, Tensor]:
-    """Return a recording of the place of a damped swing, whose last fifth may be tampered with."""
+def posed(
+    folder: Path, tail: float = 0.0, momentum_off: float | None = None
+) -> tuple[Problem, Tensor]:
+    """Return a recording of the place of a damped swing, whose last fifth may be tampered with.
+
+    Of its momentum, too, if it is said how far off that reads.
+    """
     (folder / "swing.yaml").write_text(TEXT)
     system = laws.declared(folder, TEXT + "recording: {twin: a, sensors: 1, every: 0.05}\n")
     real = system.with_terms([(laws.term(system, "p", "p").terms[0], DAMPING)])
@@ -43,8 +49,12 @@ def posed(folder: Path, tail: float = 0.0) -> tuple[Problem, Tensor]:
     [states] = simulate(real, start, torch.from_numpy(TIMES))
     noise = SIGMA * np.random.default_rng(0).standard_normal(len(TIMES))
     read = states[:, 0].numpy() + noise + tail * (TIMES > 16.0)
-    rows = "\n".join(f"{t:.6g},{x:.9g}" for t, x in zip(TIMES, read, strict=True))
-    (folder / "swing.csv").write_text(f"time,x\n{rows}\n")
+    columns = {"time": TIMES, "x": read}
+    if momentum_off is not None:
+        columns["p"] = states[:, 1].numpy() + momentum_off
+    table = np.column_stack(list(columns.values()))
+    header = ",".join(columns)
+    np.savetxt(folder / "swing.csv", table, "%.9g", ",", header=header, comments="")
     words = [f"conf={folder}/swing.yaml", f"recording.path={folder}/swing.csv"]
     return pose(load_config(words, entry="train")), states
 
@@ -83,6 +93,20 @@ def test_only_the_last_samples_are_fitted(tmp_path: Path) -> None:
     again = restart(problem, found, states[:fit])
     # σ keeps its floor in the traces' std, which has grown: it weighs all samples alike.
     torch.testing.assert_close(again["after"], runs["after"], rtol=1e-4, atol=1e-4)
+
+
+def test_a_sensor_at_fault_has_no_part_in_it(tmp_path: Path) -> None:
+    (tmp_path / "alone").mkdir()
+    alone, states = posed(tmp_path / "alone")
+    problem, _ = posed(tmp_path, momentum_off=0.7)
+    fit = len(problem.split.fit.times)
+    sound = law(problem.system, states[0])
+    faulty = replace(sound, fault=SensorFault("bias", "p", 0.7, 0.01, None))
+    misled, runs = (restart(problem, found, states[:fit]) for found in (sound, faulty))
+    expected = restart(alone, sound, states[:fit])
+    for name, run in expected.items():
+        torch.testing.assert_close(runs[name], run, rtol=1e-6, atol=1e-6)
+        assert float((misled[name] - run).abs().max()) > 0.05
 
 
 def test_without_held_out_time_there_is_nothing_to_forecast(tmp_path: Path) -> None:
