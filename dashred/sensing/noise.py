@@ -19,24 +19,23 @@ UNEVEN = 0.01
 MEDIAN = 0.6744897501960817
 
 
-def noise_std(recording: Recording) -> NDArray[np.float64]:
+def noise_std(recording: Recording, *others: Recording) -> NDArray[np.float64]:
     """Noise of each sensor, shape (sensor,), in its own unit.
 
     The stated std, or σ = median |Δ³y| / (0.6745 √20): third differences, divided ones where
     samples are unevenly apart, remove whatever is quadratic over four samples, and the median
     ignores the few that a front or a spike leaves.
-    A sensor in which nothing changes (stuck) gets the median of the others that read the same.
+    Of several episodes it is the rms of what those say in which the sensor changes at all. One in
+    which nothing ever changes (stuck) gets the median of the others that read the same.
 
     Raises:
         InputError: if nothing can be estimated for a sensor, not even from the others.
     """
-    found = np.array(
-        [
-            _estimated(recording.times, values) if sensor.std is None else sensor.std
-            for sensor, values in zip(recording.sensors, recording.values.T, strict=True)
-        ],
-        dtype=np.float64,
-    )
+    found = _said_by(recording)
+    if others:
+        every = np.stack([found, *map(_said_by, others)])
+        known = np.maximum((every > 0).sum(axis=0), 1)
+        found = np.sqrt(np.square(every).sum(axis=0) / known)
     reads = np.array([sensor.reads for sensor in recording.sensors])
     for index in np.flatnonzero(found == 0.0):
         others = found[(reads == reads[index]) & (found > 0.0)]
@@ -46,6 +45,17 @@ def noise_std(recording: Recording) -> NDArray[np.float64]:
             raise InputError(problem, hint=hint)
         found[index] = np.median(others)
     return found
+
+
+def _said_by(recording: Recording) -> NDArray[np.float64]:
+    """Return the std that is stated or estimated, ``(sensor,)``; 0 where nothing changes."""
+    return np.array(
+        [
+            _estimated(recording.times, values) if sensor.std is None else sensor.std
+            for sensor, values in zip(recording.sensors, recording.values.T, strict=True)
+        ],
+        dtype=np.float64,
+    )
 
 
 def _estimated(times: NDArray[np.float64], values: NDArray[np.float64]) -> float:

@@ -131,16 +131,17 @@ def pose(config: Config) -> Problem:
     fitted = len(splits) - held_out
     if held_out:
         splits[-1] = hold_out(sampled.episodes[-1].recording, splits[-1])
+    noise, sha256 = _noise(raw[:fitted], splits[:fitted]), read.sha256()
     posed = [
         Problem(
             config=config,
             system=under(system, episode.recording.inputs),
             library=library,
-            recording_sha256=read.sha256(),
+            recording_sha256=sha256,
             times=torch.from_numpy(episode.recording.times),
             clock=clock,
             split=split,
-            noise=_noise(raw[:fitted], splits[:fitted]),
+            noise=noise,
             name=episode.name,
             snapshots=snapshots,
         )
@@ -189,11 +190,9 @@ def _check_steps(config: Config, span: float, dt: float) -> None:
 
 
 def _noise(raw: Sequence[Recording], splits: Sequence[Split]) -> dict[str, float]:
-    """Return σ of every sensor that may be seen, the rms of what each episode says."""
-    found = []
+    """Return σ of every sensor that may be seen."""
+    early = []
     for recording, split in zip(raw, splits, strict=True):
         seen = recording.select([name for name in recording.names if name not in split.test])
-        early = seen.between(float(recording.times[0]), split.time_end)
-        found.append(noise_std(early))
-    std = found[0] if len(found) == 1 else np.sqrt(np.mean(np.square(found), axis=0))
-    return dict(zip(early.names, std.tolist(), strict=True))
+        early.append(seen.between(float(recording.times[0]), split.time_end))
+    return dict(zip(early[0].names, noise_std(*early).tolist(), strict=True))

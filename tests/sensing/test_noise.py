@@ -61,6 +61,15 @@ def test_a_stuck_sensor_gets_the_noise_of_those_that_read_the_same(noisy):
     assert found[1] == found[0]
 
 
+def test_of_several_episodes_those_tell_it_in_which_a_sensor_changes(noisy):
+    both, flat = recording_of(*noisy), recording_of(np.full(2000, 7.0), noisy[1])
+    louder = recording_of(7 * noisy[0], noisy[1])
+    one, seven = (noise_std(each)[0] for each in (both, louder))
+    found = noise_std(flat, both, louder)
+    assert found[0] == pytest.approx(np.sqrt((one**2 + seven**2) / 2))
+    assert found[1] == pytest.approx(noise_std(both)[1])
+
+
 def test_coarse_rounding_still_gives_a_noise(noisy):
     rounded = np.round(noisy[0] / 0.5) * 0.5
     assert 0.01 < noise_std(recording_of(rounded))[0] < 0.5
