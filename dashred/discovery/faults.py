@@ -219,13 +219,16 @@ def describe(objective: Objective, fault: Fault, own: Tensor, stds: Tensor) -> S
     sensors = objective.shooting.operator.sensors
     name = sensors[fault.sensor].name
     if not len(own):
+        columns = columns_of(sensors, fault.sensor)
+        index = columns.index(fault.sensor)
+        episode = index if len(columns) > 1 else None
         if fault.kind == "spikes":
-            return SensorFault(fault.kind, name, float(fault.samples.sum()), None, None)
+            count = float(fault.samples.sum())
+            return SensorFault(fault.kind, name, count, None, None, episode)
         tail = objective.recorded[fault.samples, fault.sensor]
-        episode = columns_of(sensors, fault.sensor).index(fault.sensor)
         first = int(torch.nonzero(fault.samples)[0])
-        begin = float(times.reshape(len(times), -1)[first, episode])
-        return SensorFault(fault.kind, name, float(tail.nanmean()), None, begin)
+        begin = float(times.reshape(len(times), -1)[first, index])
+        return SensorFault(fault.kind, name, float(tail.nanmean()), None, begin, episode)
     length = float((times - times[0]).max()) if fault.kind == "drift" else 1.0
     value = float(own[0]) if len(own) == 1 else float(own.norm())
     return SensorFault(fault.kind, name, value / length, float(stds.norm()) / length, None)

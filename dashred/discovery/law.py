@@ -29,6 +29,7 @@ class SensorFault:
             or how far off its stated place it is.
         std: its posterior standard deviation; None for a count.
         begin: time from which on it is stuck; None for the other kinds.
+        episode: the one in which it is at fault, counted from 0; None if in all that there are.
     """
 
     kind: str
@@ -36,6 +37,7 @@ class SensorFault:
     value: float
     std: float | None
     begin: float | None
+    episode: int | None = None
 
 
 @dataclass(frozen=True)

@@ -93,7 +93,10 @@ class Problem:
         parts = (split.fit, split.validation, split.tested)
         reads = {s.name: s.reads for part in parts for s in part.sensors}
         place = system.axes[0].name if len(system.axes) == 1 else None
-        return fault_in_words(fault, reads.get(fault.sensor), system.units, place)
+        says = fault_in_words(fault, reads.get(fault.sensor), system.units, place)
+        if fault.episode is None:
+            return says
+        return f"{says}, in episode {self.episodes[fault.episode].name!r}"
 
     def rng(self, stage: str) -> np.random.Generator:
         """Return the random stream of one stage: no stage can shift another's draws."""

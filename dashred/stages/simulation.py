@@ -68,26 +68,34 @@ def simulate_nominal(problem: Problem, seconds: dict[str, float]) -> Nominal:
 
 @torch.no_grad()
 def check(problem: Problem, nominal: Nominal, seconds: dict[str, float]) -> Resolution:
-    """Double the resolution and compare what the recording's sensors would read."""
+    """Double the resolution and compare what the recording's sensors would read.
+
+    Under every episode's inputs: the worst one tells. Without any inputs one run is like the other.
+    """
     every = (*problem.split.fit.sensors, *problem.split.validation.sensors)
     sensors = tuple({sensor.name: sensor for sensor in every}.values())
 
     def readings(system: System, states: Tensor) -> Tensor:
         return ObservationOperator(sensors, system)(states)
 
+    episodes = problem.episodes if problem.system.inputs else (problem,)
+    paths = (nominal.states, *nominal.others)
     with stage("check the resolution", seconds) as report:
-        coarse = readings(problem.system, nominal.states[None])
-        resolution = check_resolution(
-            problem.system,
-            nominal.states[:1],
-            problem.times,
-            coarse,
-            readings,
-            problem.config.resolution_limit,
-            lambda done: report(done, ""),
-        )
-        report(1.0, f"doubling moves a trace by {resolution.error:.2%} of its std")
-    return resolution
+        found = [
+            check_resolution(
+                episode.system,
+                path[:1],
+                episode.times,
+                readings(episode.system, path[None]),
+                readings,
+                problem.config.resolution_limit,
+                lambda done: report(done, ""),
+            )
+            for episode, path in zip(episodes, paths, strict=False)
+        ]
+        worst = max(found, key=lambda resolution: resolution.error)
+        report(1.0, f"doubling moves a trace by {worst.error:.2%} of its std")
+    return worst
 
 
 @torch.no_grad()
@@ -119,11 +127,16 @@ def simulate_ensemble(problem: Problem, nominal: Nominal, seconds: dict[str, flo
 
 
 def shares(problem: Problem, members: int) -> Iterator[tuple[Problem, Tensor, int, str]]:
-    """Yield every episode with a clock as long as the longest, its members, and a name for dice."""
+    """Yield episodes with a clock as long as the longest, their members, and a name for dice.
+
+    Of more episodes than members the last have none.
+    """
     episodes = problem.episodes
     passed = problem.times[: len(problem.split.fit.times)] - problem.times[0]
     for index, episode in enumerate(episodes):
         share = len(range(index, members, len(episodes)))
+        if not share:
+            return
         if episode is problem:
             yield episode, problem.times[: len(passed)], share, ""
         else:

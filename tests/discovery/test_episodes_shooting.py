@@ -180,5 +180,6 @@ def test_a_fault_of_one_episode_is_looked_at_among_those_of_its_sensor(swing, z)
     [stuck] = [fault for fault in found if fault.kind == "stuck"]
     told = describe(posed, stuck, torch.zeros(0), torch.zeros(0))
     assert told.sensor == "place" and told.begin == pytest.approx(63.0, abs=0.2)
+    assert told.episode == 1
     law = law_of(posed, minimise(posed, phi, 3, 1e-3), posed.shooting.candidates, 0.0)
     assert beside_the_fault(Cause(law, posed, phi), stuck.sensor).law.fault is not None

@@ -10,6 +10,7 @@ import torch
 
 from dashred.config import load_config
 from dashred.discovery.episodes import EpisodesSimulator
+from dashred.discovery.law import SensorFault
 from dashred.errors import InputError
 from dashred.sensing.episodes import Episode, Episodes
 from dashred.sensing.recording import Recording
@@ -18,7 +19,7 @@ from dashred.sensing.write_netcdf import write_netcdf
 from dashred.stages.assimilation import sensor_data
 from dashred.stages.objectives import exact_simulator, pose_objective
 from dashred.stages.problem import Problem, pose
-from dashred.stages.simulation import simulate_ensemble, simulate_nominal
+from dashred.stages.simulation import shares, simulate_ensemble, simulate_nominal
 
 SENSORS = tuple(Sensor(f"s{i}", "u", (0.3 + i,)) for i in range(6))
 LENGTHS = {"a": (0.0, 41), "b": (60.0, 61), "c": (-5.0, 51)}
@@ -56,6 +57,15 @@ def test_of_two_none_is_held_out_whole(quick, tmp_path):
     problem = posed(quick, tmp_path, *map(episode, "ab"))
     assert [p.name for p in problem.episodes] == ["b", "a"]
     assert not problem.whole
+    fault = SensorFault("spikes", "s1", 3.0, None, None, episode=1)
+    told = "sensor s1 has 3 samples that are no readings, in episode 'a'"
+    assert problem.fault_in_words(fault) == told
+
+
+def test_of_more_episodes_than_members_the_last_have_none(quick, tmp_path):
+    problem = posed(quick, tmp_path, *map(episode, "abc"))
+    assert [members for _, _, members, _ in shares(problem, 5)] == [3, 2]
+    assert [members for _, _, members, _ in shares(problem, 1)] == [1]
 
 
 def test_nothing_held_out_moves_what_is_fitted(quick, tmp_path):
