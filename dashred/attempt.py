@@ -24,7 +24,8 @@ from dashred.whole_files import write_text_atomic
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 PACKAGES = ("dashred", "datamodules", "callbacks")
-CONFIGURATION, RECORDING, CODE = "the configuration", "the recording", "the code of dashred"
+CONFIGURATION, RECORDING = "the configuration", "the recording"
+SNAPSHOTS, CODE = "the snapshots", "the code of dashred"
 # In the folder that the user named: which run writes there.
 POINTER = ".run"
 # The tag of a run whose findings are frozen and logged: it has nothing left to analyse.
@@ -95,7 +96,7 @@ def differences(began: dict[str, str], now: dict[str, str]) -> list[str]:
         before = began.get(name)
         if before == value:
             continue
-        plain = name in (CONFIGURATION, RECORDING, CODE)
+        plain = name in (CONFIGURATION, RECORDING, SNAPSHOTS, CODE)
         found.append(f"{name} has changed" if plain else f"{name} was {before}, is {value}")
     return found
 

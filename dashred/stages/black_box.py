@@ -10,20 +10,24 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dashred.config import Config, config_sha256, frozen_input
+from dashred.attempt import SNAPSHOTS, began_with, end
+from dashred.config import Config, config_sha256
 from dashred.discovery.latent import LatentProblem
 from dashred.discovery.operator_inference import SnapshotSteps
 from dashred.models.assimilation import AssimilatedEncoder
 from dashred.models.shred import reconstruct
 from dashred.output import clear_output, named_output
+from dashred.parent_run import open_parent
 from dashred.physics.library import evaluate_terms
 from dashred.progress import stage
+from dashred.run_notes import conclude, describe
 from dashred.sensing.recording import Recording
 from dashred.sensing.windows import windows
 from dashred.stages import assimilation, learning, mismatch, problem, provenance, snapshot_runs
+from dashred.stages.checkpoints import Checkpoints
 from dashred.stages.problem import Problem
 from dashred.stages.snapshot_runs import SnapshotRuns
-from dashred.tracking import Tracker, flatten
+from dashred.tracking import Tracker
 
 # The longest step that is learnt is such a part of the fit window: drift shows over long ones.
 LONG = 5
@@ -63,40 +67,45 @@ def analyse_snapshots(config: Config) -> Path:
     posed = problem.pose(config)
     named = named_output(config)
     seconds: dict[str, float] = {}
-    began = time.perf_counter()
+    clock = time.perf_counter()
     runs = snapshot_runs.read_runs(posed, seconds)
 
-    name, keep = f"{config.name} seed {config.seed}", config.tracking
-    experiment = keep.experiment or config.name
-    with Tracker.open(keep.root, experiment, name, keep.run, parent=keep.parent) as run:
+    began = began_with(config, posed.recording_sha256) | {SNAPSHOTS: runs.sha256}
+    with open_parent(config, named, began) as (run, folder):
         output = named or run.artifact_dir
         clear_output(output)
-        run.log_params(flatten(frozen_input(config)))
-        run.set_tags({"system": config.name, "git commit": provenance.git_commit()})
+        describe(run, config, provenance.git_commit())
 
-        analysis = analyse_runs(posed, runs, run, seconds)
+        counted = replace(posed, config=runs.configured(config))
+        learned = Checkpoints(folder, seconds).stage(
+            "shred", lambda: learning.train_shred(counted, runs.ensemble, run, seconds, "SHRED")
+        )
+        analysis = analyse_runs(counted, runs, learned, run, seconds)
         findings = black_box_findings.verify(posed, analysis)
         black_box_findings.write(posed, analysis, findings, output)
         black_box_report.report(posed, analysis, findings, output, seconds)
 
-        run.set_tags({"verdict": str(findings["verdict"])})
-        seconds["in all"] = time.perf_counter() - began
+        seconds["in all"] = time.perf_counter() - clock
+        conclude(run, config, findings, output)
         provenance.finish(run, output, findings, seconds, config_sha256(config))
+        end(folder, output)
     return output
 
 
 def analyse_runs(
-    posed: Problem, runs: SnapshotRuns, run: Tracker, seconds: dict[str, float]
+    posed: Problem,
+    runs: SnapshotRuns,
+    learned: learning.Learned,
+    run: Tracker,
+    seconds: dict[str, float],
 ) -> BlackBoxAnalysis:
-    """Train, assimilate, propose terms, and tell whether anything is missing at all."""
-    counted = replace(posed, config=runs.configured(posed.config))
-    learned = learning.train_shred(counted, runs.ensemble, run, seconds, "SHRED")
+    """Assimilate, propose terms, and tell whether anything is missing at all."""
     with stage("learn the snapshots' steps", seconds) as report:
         steps = _learn_steps(posed, runs, learned)
         worst = max(steps.errors.values())
         report(1.0, f"increments to {worst:.1%} on runs that it has not seen")
     latent = _latent_problem(posed, runs, steps)
-    found, encoder = assimilation.fit_transform(counted, latent, learned.shred, run, seconds)
+    found, encoder = assimilation.fit_transform(posed, latent, learned.shred, run, seconds)
     compared = mismatch.compare(posed, learned, runs, steps, found.shred)
     fields = _estimates(posed, runs, learned, found, encoder)
     return BlackBoxAnalysis(runs, learned, found, steps, compared, fields)

@@ -133,6 +133,28 @@ def test_a_recording_of_the_simulation_itself_shows_no_mismatch(found, given) ->
     assert "something may be missing all the same" in ended.out
 
 
+def test_what_was_cut_short_goes_on_without_training_again(given, train, monkeypatch) -> None:
+    words = (f"conf={given / 'box.yaml'}", "shred.epochs=2", "assimilation.epochs=2")
+    report = "dashred.stages.black_box_report.report"
+    with monkeypatch.context() as patch:
+        patch.setattr(report, lambda *_: None)
+        once = train(*words)
+    before, fields = once.read("findings.json"), once.read("estimates.nc")
+    with monkeypatch.context() as patch:
+        patch.setattr(report, interrupted)
+        assert train(*words).code == 130
+    monkeypatch.setattr(report, lambda *_: None)
+    monkeypatch.setattr("dashred.stages.learning.train_shred", interrupted)
+    again = train(*words)
+    assert again.code == 0, again.err
+    assert (again.read("findings.json"), again.read("estimates.nc")) == (before, fields)
+    assert not list(again.root.glob("artifacts/*/checkpoints/*"))
+
+
+def interrupted(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
 @pytest.mark.slow
 def test_the_report_is_drawn_and_says_what_it_cannot_know(given, train) -> None:
     ended = train(f"conf={given / 'box.yaml'}", "shred.epochs=2", "assimilation.epochs=2")
