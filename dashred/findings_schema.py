@@ -32,23 +32,30 @@ class Misfit(TypedDict):
     dashred: float | None
 
 
-class Fit(TypedDict):
-    """How well the recording is met; `noise_std` is per sensor, in the sensor's own unit.
+class HeldOut(TypedDict):
+    """RMSE on what no fit has seen.
 
     `heldout_restarted` is the held-out time again, run from a state that was fitted to the last
-    samples before it alone. `noise_correlation` is between neighbouring samples, of the quantity
-    in which it is largest. `heldout_episode` is an episode that is held out whole, run from a start
-    that was fitted to its beginning; it is there only where one is.
+    samples before it alone. `heldout_episode` is an episode that is held out whole, run from a
+    start that was fitted to its beginning; it is there only where one is.
+    """
+
+    test_sensors: Misfit
+    heldout_time: Misfit
+    heldout_restarted: Misfit
+    heldout_episode: NotRequired[Misfit]
+
+
+class Fit(HeldOut):
+    """How well the recording is met; `noise_std` is per sensor, in the sensor's own unit.
+
+    `noise_correlation` is between neighbouring samples, of the quantity in which it is largest.
     """
 
     noise_std: dict[str, float] | None
     noise_correlation: float | None
     chi2: float | None
     unexplained: float | None
-    test_sensors: Misfit
-    heldout_time: Misfit
-    heldout_restarted: Misfit
-    heldout_episode: NotRequired[Misfit]
 
 
 class TermFound(TypedDict):

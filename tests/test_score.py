@@ -16,7 +16,7 @@ from dashred.errors import InputError
 from dashred.findings import freeze, write_json_atomic
 from dashred.physics.system import System
 from dashred.sealing import SealedTerm, Truth, open_seal, seal
-from dashred.stages.verification import write_estimates
+from dashred.stages.field_files import write_estimates
 
 LAW = (SealedTerm("u", "u**3", -0.1), SealedTerm("u", "sin(u)", 0.2))
 

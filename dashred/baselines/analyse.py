@@ -82,7 +82,7 @@ def _write(
     run_id: str,
 ) -> None:
     from dashred.findings import sha256_of, write_json_atomic
-    from dashred.stages.verification import write_estimates
+    from dashred.stages.field_files import write_estimates
 
     known = {name: estimated for name, estimated in found.items() if estimated is not None}
     count = len(posed.split.fit.times)

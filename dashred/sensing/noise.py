@@ -38,12 +38,12 @@ def noise_std(recording: Recording, *others: Recording) -> NDArray[np.float64]:
         found = np.sqrt(np.square(every).sum(axis=0) / known)
     reads = np.array([sensor.reads for sensor in recording.sensors])
     for index in np.flatnonzero(found == 0.0):
-        others = found[(reads == reads[index]) & (found > 0.0)]
-        if not others.size:
+        alike = found[(reads == reads[index]) & (found > 0.0)]
+        if not alike.size:
             problem = f"the noise of sensor {recording.names[index]!r} cannot be estimated"
             hint = "it is constant or has too few values: state its std in the table of sensors"
             raise InputError(problem, hint=hint)
-        found[index] = np.median(others)
+        found[index] = np.median(alike)
     return found
 
 

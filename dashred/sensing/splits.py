@@ -58,9 +58,15 @@ class Split:
     note: str
 
     @property
-    def held_out_sensors(self) -> bool:
-        """Whether sensors are held out for testing, not time alone."""
-        return bool(self.test)
+    def roles(self) -> dict[str, str]:
+        """The role of every sensor: input, extra, validate or test."""
+        parts = {
+            "test": self.test,
+            "validate": self.validate,
+            "extra": self.extra,
+            "input": self.inputs,
+        }
+        return {name: role for role, names in parts.items() for name in names}
 
 
 def split_recording(recording: Recording, splits: Splits, seed: int) -> Split:

@@ -10,15 +10,11 @@ import numpy as np
 from dashred.findings import Findings, Fit, Latent, Verdict, misfit, new_findings
 from dashred.sensing.recording import Recording
 from dashred.stages.black_box import BlackBoxAnalysis, whole
+from dashred.stages.field_files import write_estimates
+from dashred.stages.held_out import relative_rmse
 from dashred.stages.mismatch import Missed
 from dashred.stages.problem import Problem
-from dashred.stages.verification import (
-    freeze_findings,
-    proposals,
-    relative_rmse,
-    source_of,
-    write_estimates,
-)
+from dashred.stages.verification import freeze_findings, proposals, source_of
 
 # What it costs that there are no equations, in plain words.
 COSTS = (

@@ -14,7 +14,6 @@ from dashred.reporting.figures import (
     epochs_and_values,
     learning_curves,
     save_figure,
-    sensor_traces,
     snapshot_panels,
     space_time_panels,
 )
@@ -22,7 +21,8 @@ from dashred.reporting.summary import summary
 from dashred.sensing.recording import Recording
 from dashred.stages.black_box import BlackBoxAnalysis, whole
 from dashred.stages.problem import Problem
-from dashred.stages.report import TITLES, reading_units, varying
+from dashred.stages.report import TITLES, varying
+from dashred.stages.sensor_figures import draw_sensors
 from dashred.units import in_brackets, time_label
 
 FIGURES = {
@@ -67,23 +67,11 @@ def _traces(problem: Problem, analysis: BlackBoxAnalysis, output: Path) -> None:
     known, tested = whole(problem, names), split.tested
     recorded = np.concatenate([known.values, tested.values], axis=1)
     every = Recording((*known.sensors, *tested.sensors), problem.times.numpy(), recorded)
-    roles = {name: "test" for name in split.test} | {name: "validate" for name in split.validate}
-    roles |= {name: "extra" for name in split.extra} | {name: "input" for name in split.inputs}
     operator, traces = problem.operator(every), {}
     for method, states in analysis.fields.items():
         traces[method] = np.full((total, len(every.sensors)), np.nan)
         traces[method][: len(states)] = operator(states).numpy()
-    figure = sensor_traces(
-        problem.times.numpy(),
-        recorded,
-        list(every.names),
-        roles,
-        traces,
-        split.time_end,
-        reading_units(problem, every),
-        time_label(problem.system.units),
-    )
-    save_figure(figure, output / "sensor_traces.png")
+    draw_sensors(problem, every, traces, output / "sensor_traces.png")
 
 
 def _coefficients(problem: Problem, analysis: BlackBoxAnalysis, output: Path) -> None:

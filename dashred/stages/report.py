@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal, cast
 
 import numpy as np
 
@@ -22,33 +20,25 @@ from dashred.reporting.figures import (
     epochs_and_values,
     evidence_figure,
     forcing_figure,
-    forecast_figure,
     learning_curves,
     save_figure,
-    sensor_traces,
     snapshot_panels,
     space_time_panels,
-    verification_figure,
     where_figure,
 )
 from dashred.reporting.summary import summary
 from dashred.reporting.verdict_words import nearly_all
-from dashred.sensing.recording import Recording
 from dashred.stages.analysis import Analysis
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.problem import Problem
-from dashred.stages.trajectories import Trajectories
-from dashred.stages.verification import MISFITS
+from dashred.stages.sensor_figures import (
+    draw_forecast,
+    draw_traces,
+    draw_verification,
+    draw_whole_episode,
+)
 from dashred.units import in_brackets, time_label
 
-Errors = Mapping[str, float | None]
-Proof = Literal["test_sensors", "heldout_time", "heldout_restarted", "heldout_episode"]
-HELD_OUT: tuple[Proof, ...] = (
-    "test_sensors",
-    "heldout_time",
-    "heldout_restarted",
-    "heldout_episode",
-)
 PANELS = ("simulation", "dashred", "corrected")
 TITLES = {"alg1": "Algorithm 1", "alg2": "Algorithm 2"}
 SENSORS, WHOLE = "All sensors", "held_out_episode.png"
@@ -86,15 +76,15 @@ def report(
         for (episode, mine), name in zip(
             analysis.episodes(problem), _trace_files(problem).values(), strict=True
         ):
-            _traces(episode, mine, output / name)
+            draw_traces(episode, mine, output / name)
         for whole, free in zip(problem.whole, analysis.free.whole, strict=True):
-            _whole(whole, free, output / WHOLE)
+            draw_whole_episode(whole, free, output / WHOLE)
         _coefficients(problem, analysis.found, output)
         _sparsity(analysis, output)
         _curves(analysis, output)
-        _verification(problem, analysis, findings, output)
+        draw_verification(problem, analysis, findings, output)
         if findings["where"] is not None:
-            _forecast(problem, analysis, output)
+            draw_forecast(problem, analysis, output)
             path = [(len(best.candidates), best.score) for best in analysis.discovered.path]
             save_figure(evidence_figure(path, findings["terms"] or []), output / "evidence.png")
             _where(problem, analysis, findings["where"], output)
@@ -131,54 +121,6 @@ def _trace_files(problem: Problem) -> dict[str, str]:
     }
 
 
-def _verification(problem: Problem, analysis: Analysis, findings: Findings, output: Path) -> None:
-    tested = problem.split.tested
-    operator, total = problem.operator(tested), len(problem.times)
-    traces = {
-        MISFITS[name]: operator(states[:total]).numpy()
-        for name, states in analysis.free.states.items()
-    }
-    fit = findings["fit"]
-    errors: dict[str, Errors] = {name: cast(Errors, fit.get(name) or {}) for name in HELD_OUT}
-    figure = verification_figure(
-        problem.times.numpy(),
-        tested.values,
-        list(tested.names),
-        traces,
-        problem.split.time_end,
-        errors,
-        reading_units(problem, tested),
-        time_label(problem.system.units),
-    )
-    save_figure(figure, output / "verification.png")
-
-
-def _forecast(problem: Problem, analysis: Analysis, output: Path) -> None:
-    """Draw sensors of the held-out time on beyond the recording."""
-    free, heldout = analysis.free, problem.split.heldout
-    recorded = _recorded(problem, list(heldout.names))
-    operator = problem.operator(heldout)
-    traces = {
-        MISFITS[name]: operator(free.states[name]).numpy()
-        for name in ("simulation_refit", "corrected")
-    }
-    figure = forecast_figure(
-        free.times.numpy(),
-        recorded,
-        list(heldout.names),
-        traces,
-        reading_units(problem, heldout),
-        time_label(problem.system.units),
-    )
-    save_figure(figure, output / "forecast.png")
-
-
-def reading_units(problem: Problem, recording: Recording) -> dict[str, str]:
-    """Return the unit of what each sensor reads, where it is stated."""
-    units = problem.system.units
-    return {s.name: units[s.reads] for s in recording.sensors if s.reads in units}
-
-
 def _where(problem: Problem, analysis: Analysis, where: Where, output: Path) -> None:
     system, fit = problem.system, problem.split.fit
     count, law_map = len(fit.times), None
@@ -202,76 +144,6 @@ def _where(problem: Problem, analysis: Analysis, where: Where, output: Path) -> 
             figure = forcing_figure(where["forcing"], label, axis.length, places, clock)
             save_figure(figure, output / "forcing.png")
     save_figure(where_figure(where, law_map, system.units), output / "where.png")
-
-
-def _all_sensors(problem: Problem) -> tuple[Recording, dict[str, str]]:
-    """Return the parts of the split together again, and the role of every sensor."""
-    split = problem.split
-    parts = [split.fit, split.validation, split.tested]
-    sensors = {s.name: s for part in parts for s in part.sensors}
-    roles = {name: "test" for name in split.test} | {name: "validate" for name in split.validate}
-    roles |= {name: "extra" for name in split.extra} | {name: "input" for name in split.inputs}
-    recorded = _recorded(problem, list(sensors))
-    return Recording(tuple(sensors.values()), problem.times.numpy(), recorded), roles
-
-
-def _whole(problem: Problem, free: Trajectories, path: Path) -> None:
-    """Draw the episode that was held out whole, and what runs from its beginning make of it."""
-    recording, roles = _all_sensors(problem)
-    operator, total = problem.operator(recording), len(problem.times)
-    compared = ("simulation_refit", "corrected")
-    traces = {MISFITS[name]: operator(free.states[name][:total]).numpy() for name in compared}
-    _draw_sensors(problem, recording, roles, traces, path)
-
-
-def _draw_sensors(
-    problem: Problem,
-    recording: Recording,
-    roles: Mapping[str, str],
-    traces: Mapping[str, np.ndarray],
-    path: Path,
-) -> None:
-    figure = sensor_traces(
-        recording.times,
-        recording.values,
-        list(recording.names),
-        roles,
-        traces,
-        problem.split.time_end,
-        reading_units(problem, recording),
-        time_label(problem.system.units),
-    )
-    save_figure(figure, path)
-
-
-def _traces(problem: Problem, analysis: Analysis, path: Path) -> None:
-    split = problem.split
-    recording, roles = _all_sensors(problem)
-    operator, sensors = problem.operator(recording), recording.sensors
-    total, count = len(problem.times), len(split.fit.times)
-    states = analysis.free.states["corrected"][:total]
-    traces = {"simulation": operator(analysis.nominal.states).numpy()}
-    traces["corrected"] = operator(states).numpy()
-    for name in ("shred", "dashred"):
-        known = operator(analysis.estimates(count)[name]).numpy()
-        traces[name] = np.full((total, len(sensors)), np.nan)
-        traces[name][:count] = known
-    _draw_sensors(problem, recording, roles, traces, path)
-
-
-def _recorded(problem: Problem, names: list[str]) -> np.ndarray:
-    """Put the parts of the split together again, ``(time, sensor)``."""
-    split, total = problem.split, len(problem.times)
-    values = np.full((total, len(names)), np.nan)
-    count = len(split.fit.times)
-    for column, name in enumerate(names):
-        if name in split.tested.names:
-            values[:, column] = split.tested.select([name]).values[:, 0]
-            continue
-        early = split.fit if name in split.fit.names else split.validation
-        values[:count, column] = early.select([name]).values[:, 0]
-        values[count:, column] = split.heldout.select([name]).values[:, 0]
-    return values
 
 
 def _coefficients(problem: Problem, found: Assimilated, output: Path) -> None:

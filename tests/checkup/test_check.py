@@ -12,7 +12,6 @@ import pytest
 from dashred import check, init
 from dashred.errors import InputError
 from tests.starter.strangers import bar_csv, swing_csv
-from tests.test_seal import SECRET_MODULES, reached_from, tree_of
 
 SWING = """\
 system:
@@ -184,9 +183,3 @@ def test_a_twin_s_configuration_is_checked_without_its_truths(
     assert "There is no recording yet" in found
     assert "of 6 sensors" in found
     assert "u is seen" in found
-
-
-def test_a_check_reaches_nothing_that_knows_the_truth() -> None:
-    reached = reached_from("dashred.check", tree_of("dashred.check"))
-    assert {"dashred.stages.problem", "dashred.checkup.observability"} <= reached
-    assert not reached & SECRET_MODULES

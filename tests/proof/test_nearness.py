@@ -15,7 +15,7 @@ from dashred.proof.nearness import coefficients_found, gains, noisy_test, peak_i
 from dashred.sealing import Concealed as Hidden
 from dashred.sealing import SealedTerm
 from dashred.sensing.sensors import Sensor
-from dashred.stages.verification import write_estimates
+from dashred.stages.field_files import write_estimates
 from tests.proof.test_judge import BOX, SYSTEM, V2, case_of, findings, term
 
 

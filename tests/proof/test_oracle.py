@@ -15,7 +15,7 @@ from dashred.proof.conceal import Concealed, conceal
 from dashred.proof.draw import Case
 from dashred.proof.oracle import _nearest_rival, consult
 from dashred.sensing.write_netcdf import write_netcdf
-from dashred.stages.verification import write_estimates
+from dashred.stages.field_files import write_estimates
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 TERM = {"equation": "v", "term": "v**2", "coefficient": 1.0}

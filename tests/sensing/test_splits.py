@@ -23,7 +23,9 @@ def test_every_sensor_has_one_role_and_counts_are_kept(make_recording):
     assert sorted(roles) == sorted(recording.names)
     counts = [len(r) for r in (split.inputs, split.extra, split.validate, split.test)]
     assert counts == [8, 4, 2, 3]
-    assert split.held_out_sensors
+    parts = {"input": split.inputs, "extra": split.extra, "validate": split.validate}
+    parts["test"] = split.test
+    assert split.roles == {name: role for role, names in parts.items() for name in names}
 
 
 def test_parts_hold_the_right_sensors_and_times(make_recording):
@@ -97,7 +99,7 @@ def test_names_and_numbers_go_together(make_recording):
 def test_few_sensors_hold_out_time_alone(make_recording):
     split = split_recording(make_recording(4), wanted(), seed=1)
     assert (split.validate, split.test, split.extra) == ((), (), ())
-    assert not split.held_out_sensors
+    assert set(split.roles.values()) == {"input"}
     assert split.tested.values.shape == (101, 0)
     assert split.fit_end == pytest.approx(6.4)
     np.testing.assert_allclose(split.validation.times, np.arange(65, 81) * 0.1)

@@ -10,7 +10,7 @@ import xarray as xr
 from dashred.config import load_config
 from dashred.physics.resolution import Resolution
 from dashred.physics.system import System
-from dashred.stages import verification
+from dashred.stages import field_files, held_out, verification
 from dashred.stages.problem import pose
 
 
@@ -40,16 +40,16 @@ def test_a_refusal_says_so_when_twice_the_points_are_not_enough(posed) -> None:
 def test_errors_count_in_stds_of_each_trace_and_pass_over_missing_samples() -> None:
     recorded = np.array([[0.0, 10.0], [np.nan, 30.0]])
     read = np.array([[1.0, 10.0], [7.0, 50.0]])
-    error = verification.relative_rmse(read, recorded, np.array([1.0, 10.0]))
+    error = held_out.relative_rmse(read, recorded, np.array([1.0, 10.0]))
     assert error == pytest.approx(np.sqrt((1 + 0 + 4) / 3))
 
 
 def test_a_run_that_blows_up_has_no_error_rather_than_a_small_one() -> None:
     recorded = np.array([[0.0], [1.0], [np.nan]])
     lost = np.array([[0.0], [np.nan], [np.nan]])
-    assert not np.isfinite(verification.relative_rmse(lost, recorded, np.ones(1)))
-    assert verification.relative_rmse(lost[:1], recorded[:1], np.ones(1)) == 0.0
-    assert np.isnan(verification.relative_rmse(lost[2:], recorded[2:], np.ones(1)))
+    assert not np.isfinite(held_out.relative_rmse(lost, recorded, np.ones(1)))
+    assert held_out.relative_rmse(lost[:1], recorded[:1], np.ones(1)) == 0.0
+    assert np.isnan(held_out.relative_rmse(lost[2:], recorded[2:], np.ones(1)))
 
 
 def test_estimates_are_written_by_method_on_the_grid(posed, tmp_path) -> None:
@@ -57,7 +57,7 @@ def test_estimates_are_written_by_method_on_the_grid(posed, tmp_path) -> None:
     times = posed.times[:4]
     states = torch.arange(4 * 32, dtype=torch.float32).reshape(4, 1, 32)
     path = tmp_path / "estimates.nc"
-    verification.write_estimates(path, system, times, {"shred": states, "dashred": 2 * states})
+    field_files.write_estimates(path, system, times, {"shred": states, "dashred": 2 * states})
     with xr.open_dataset(path, engine="h5netcdf") as written:
         assert written["u"].dims == ("method", "time", "x")
         assert written["u"].dtype == np.float64

@@ -1,0 +1,58 @@
+"""Files of fields by method, of one episode or of several one after another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import xarray as xr
+from torch import Tensor
+
+from dashred.physics.system import System
+from dashred.stages.problem import Problem
+from dashred.whole_files import write_netcdf_atomic
+
+
+def write_estimates(
+    path: Path,
+    system: System,
+    times: Tensor,
+    fields: dict[str, Tensor],
+    episodes: Sequence[str] = (),
+) -> None:
+    """Write fields by method, dims ``(method, time, *axes)``, one variable a field.
+
+    Args:
+        path: the file.
+        system: names and grid.
+        times: ``(time,)``.
+        fields: by method, ``(time, field, *grid)``.
+        episodes: that of every sample, where there are several.
+    """
+    axes = [axis.name for axis in system.axes]
+    stacked = system.grid.own(torch.stack(list(fields.values()))).numpy()
+    data = {
+        name: (("method", "time", *axes), stacked[:, :, i].astype(np.float64))
+        for i, name in enumerate(system.fields)
+    }
+    coordinates: dict[str, Any] = {"method": list(fields), "time": times.numpy()}
+    if len(episodes):
+        coordinates["episode"] = ("time", list(episodes))
+    coordinates |= {name: x.numpy() for name, x in system.grid.own_coordinates.items()}
+    write_netcdf_atomic(path, xr.Dataset(data, coordinates))
+
+
+def write_episodes(path: Path, parts: Sequence[tuple[Problem, Tensor, dict[str, Tensor]]]) -> None:
+    """Write what methods make of every episode, one after another."""
+    system = parts[0][0].system
+    if len(parts) == 1:
+        [(_, times, fields)] = parts
+        write_estimates(path, system, times, fields)
+        return
+    methods = [name for name in parts[0][2] if all(name in fields for *_, fields in parts)]
+    together = {name: torch.cat([fields[name] for *_, fields in parts]) for name in methods}
+    labels = [episode.name for episode, times, _ in parts for _ in times]
+    write_estimates(path, system, torch.cat([t for _, t, _ in parts]), together, labels)

@@ -1,0 +1,128 @@
+"""RMSE on what was held out: test sensors, the end of the time, and whole episodes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from torch import Tensor
+
+from dashred.findings import HeldOut, misfit
+from dashred.stages.analysis import Analysis
+from dashred.stages.problem import Problem
+from dashred.stages.restart import restart
+
+# What the findings call the methods.
+MISFITS = {
+    "simulation": "simulation",
+    "simulation_same_start": "before",
+    "simulation_refit": "before_refit",
+    "shred": "shred",
+    "dashred": "dashred",
+    "corrected": "after",
+}
+# By method: the RMSE, and over how many values it is.
+Errors = dict[str, tuple[float, int]]
+
+
+def errors_of_held_out(problem: Problem, analysis: Analysis) -> HeldOut:
+    """Return the RMSE of every method: at the test sensors, in the held-out time, and on.
+
+    Of several episodes over all samples together.
+    """
+    episodes = analysis.episodes(problem)
+    found = HeldOut(
+        test_sensors=misfit(**_pooled(_test_errors, episodes)),
+        heldout_time=misfit(**_pooled(_heldout_errors, episodes)),
+        heldout_restarted=misfit(**_pooled(_restarted_errors, episodes)),
+    )
+    if problem.whole:
+        found["heldout_episode"] = misfit(**_whole_errors(problem, analysis))
+    return found
+
+
+def _pooled(
+    errors: Callable[[Problem, Analysis], Errors], episodes: Sequence[tuple[Problem, Analysis]]
+) -> dict[str, float]:
+    """Return the RMSE of each method over all samples of all episodes."""
+    found = [errors(problem, analysis) for problem, analysis in episodes]
+    if len(found) == 1:
+        return {name: rmse for name, (rmse, _) in found[0].items()}
+    pooled = {}
+    for name in found[0]:
+        seen = [(rmse, count) for rmse, count in (each[name] for each in found) if count]
+        total = sum(count for _, count in seen)
+        squares = sum(rmse**2 * count for rmse, count in seen)
+        pooled[name] = math.sqrt(squares / total) if total else math.nan
+    return pooled
+
+
+def _test_errors(problem: Problem, analysis: Analysis) -> Errors:
+    split = problem.split
+    tested = split.tested.between(float(problem.times[0]), split.time_end)
+    if not tested.sensors:
+        return {}
+    operator, scale = problem.operator(tested), tested.trace_unit()
+    count = int((~np.isnan(tested.values)).sum())
+    return {
+        MISFITS[name]: (relative_rmse(operator(states).numpy(), tested.values, scale), count)
+        for name, states in analysis.estimates(len(tested.times)).items()
+        if name in MISFITS
+    }
+
+
+def _heldout_errors(problem: Problem, analysis: Analysis) -> Errors:
+    total = len(problem.times)
+    begin = total - len(problem.split.heldout.times)
+    ends = {"simulation": analysis.nominal.states, **analysis.free.states}
+    runs = {MISFITS[name]: states[begin:total] for name, states in ends.items()}
+    return _on_heldout(problem, runs, [problem])
+
+
+def _restarted_errors(problem: Problem, analysis: Analysis) -> Errors:
+    corrected = analysis.free.states["corrected"][: len(problem.split.fit.times)]
+    restarted = restart(problem, analysis.discovered.best, corrected)
+    return _on_heldout(problem, restarted, [problem])
+
+
+def _whole_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
+    """Return the RMSE of free runs over what follows the beginning of the whole episode."""
+    [whole], [simulated], [free] = problem.whole, analysis.nominal.whole, analysis.free.whole
+    ends = slice(len(whole.split.fit.times), len(whole.times))
+    states = {"simulation": simulated, **free.states}
+    runs = {MISFITS[name]: path[ends] for name, path in states.items()}
+    errors = _on_heldout(whole, runs, problem.episodes)
+    return {name: rmse for name, (rmse, _) in errors.items()}
+
+
+def _on_heldout(problem: Problem, runs: Mapping[str, Tensor], fitted: Sequence[Problem]) -> Errors:
+    """Return the RMSE of states over the held-out time, in units of each trace's fitted std."""
+    heldout = problem.split.heldout
+    scale = np.array([_fitted_std(name, fitted) for name in heldout.names])
+    operator = problem.operator(heldout)
+    count = int((~np.isnan(heldout.values)).sum())
+    return {
+        name: (relative_rmse(operator(states).numpy(), heldout.values, scale), count)
+        for name, states in runs.items()
+    }
+
+
+def _fitted_std(name: str, fitted: Sequence[Problem]) -> float:
+    """Return the std of a sensor's trace while it was fitted, of several episodes its rms."""
+    stds = []
+    for problem in fitted:
+        split = problem.split
+        part = split.fit if name in split.fit.names else split.validation
+        stds.append(float(part.select([name]).trace_unit()[0]))
+    return stds[0] if len(stds) == 1 else math.sqrt(sum(std**2 for std in stds) / len(stds))
+
+
+def relative_rmse(read: np.ndarray, recorded: np.ndarray, scale: np.ndarray) -> float:
+    """RMSE over all sensors, each in units of its trace's std; not finite if a run blows up.
+
+    Missing samples are left out, and they alone: what a lost run would read is not missing.
+    """
+    seen = ~np.isnan(recorded)
+    error = ((read - recorded) / scale)[seen]
+    return float(np.sqrt(np.mean(error**2))) if seen.any() else math.nan
