@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 import sys
 from collections.abc import Callable, Iterable
 
@@ -54,10 +55,18 @@ def run_entry(main: Callable[[list[str]], int]) -> int:
 
     An :class:`InputError` is printed to stderr, without a traceback, and gives 2; what the machine
     refuses, a full disk for example, likewise and gives 1; Ctrl-C gives 130. Anything else is a
-    failure of ours: it propagates, and Python ends with 1.
+    failure of ours: it propagates, and Python ends with 1. A reader that has closed our output,
+    such as ``head``, knows that it has: nothing is said, and 1 returned.
     """
     try:
-        return main(sys.argv[1:])
+        try:
+            return main(sys.argv[1:])
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        # What is left in the buffer would be written, and refused once more, at the very end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return OUR_FAILURE
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return WRONG_INPUT

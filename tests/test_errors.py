@@ -55,3 +55,11 @@ def test_our_own_failures_keep_their_traceback_and_end_with_1() -> None:
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert ended.returncode == 1
     assert "ZeroDivisionError" in ended.stderr
+
+
+@pytest.mark.parametrize("words", ["--help", "conf=absent"])
+def test_a_reader_that_goes_away_is_told_nothing(words: str) -> None:
+    command = f"{sys.executable} -m dashred.train {words}"
+    shell = ["sh", "-c", f"({command} | true) 2>&1"]
+    ended = subprocess.run(shell, capture_output=True, text=True)
+    assert "Traceback" not in ended.stdout and "BrokenPipe" not in ended.stdout
