@@ -49,7 +49,7 @@ def words(system: System, equation: str, expr: Expr, value: float, std: float) -
     for rule in (_constant, _periodic, _steep, _spatial, _drag, _restoring, _monomial):
         if found := rule(term):
             return found
-    return f"{term.what} changes by {term.amount}"
+    return f"a change of {term.what} by {term.amount}"
 
 
 class _Term:
@@ -222,7 +222,7 @@ def _spatial(term: _Term) -> str | None:
     if operand.id != term.equation:
         kind = {1: "the gradient", 2: "the diffusion"}.get(order)
         of = f"of {meaning(term.system, operand.id)}"
-        return kind and f"coupling to {kind} {of}: {term.what} changes by {term.amount}"
+        return kind and f"coupling of {term.what} to {kind} {of}, {term.amount}"
     return _advection(term, rest, axis, 1.0) if order == 1 else _smoothing(term, rest, order, axis)
 
 

@@ -87,7 +87,7 @@ def _told(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
 def _what(says: str) -> str:
     """The words of a term without its size: ``viscous damping of angular velocity``."""
     words = SIZE.split(says, maxsplit=1)[0]
-    return f"a further change of {words.removesuffix(' changes')}" if " changes" in words else words
+    return words.replace("a change of", "a further change of", 1)
 
 
 def _changed(term: Mapping[str, Any]) -> str:

@@ -66,7 +66,7 @@ AMOUNT = "(−0.0400 ± 0.0003)"
             "lam",
             "lap(u)",
             0.04,
-            "coupling to the diffusion of internal energy: combustion progress",
+            "coupling of combustion progress to the diffusion of internal energy",
         ),
         ("u", "lam", -0.04, "linear coupling of combustion progress into internal energy (lowers"),
         (
@@ -82,8 +82,13 @@ AMOUNT = "(−0.0400 ± 0.0003)"
             "coupling: damping of internal energy in proportion to combustion pr",
         ),
         ("u", "lam*u**2", -0.04, "coupling: quadratic damping of internal energy in proportion to"),
-        ("u", "exp(-u**2)", -0.04, f"internal energy changes by {AMOUNT}·exp(−u²) per unit time"),
-        ("u", "u*sin(x)", -0.04, f"internal energy changes by {AMOUNT}·u·sin(x) per unit time"),
+        (
+            "u",
+            "exp(-u**2)",
+            -0.04,
+            f"a change of internal energy by {AMOUNT}·exp(−u²) per unit time",
+        ),
+        ("u", "u*sin(x)", -0.04, f"a change of internal energy by {AMOUNT}·u·sin(x) per unit time"),
     ],
 )
 def test_words_follow_from_the_shape_and_the_sign(
@@ -161,7 +166,11 @@ IN_SPACE = "units: {t: s, x: m, u: J}\n  integrator"
             "(−0.0400 ± 0.0003 1/s²)·theta",
         ),
         ("omega", "1", "constant sink of angular velocity, −0.0400 ± 0.0003 rad/s²"),
-        ("theta", "omega*abs(omega)", "angle changes by (−0.0400 ± 0.0003 s/rad)·omega·abs(omega)"),
+        (
+            "theta",
+            "omega*abs(omega)",
+            "a change of angle by (−0.0400 ± 0.0003 s/rad)·omega·abs(omega)",
+        ),
         (
             "omega",
             "sin(2*t)",

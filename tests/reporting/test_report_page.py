@@ -282,13 +282,13 @@ def test_the_equations_show_what_is_put_into_them() -> None:
             "no fit has seen is 8 times smaller.",
         ),
         (
-            {"terms": [TERM | {"says": "u changes by (−0.1 ± 0.2)·exp(u) per unit time"}]},
+            {"terms": [TERM | {"says": "a change of u by (−0.1 ± 0.2)·exp(u) per unit time"}]},
             "The simulation leaves out a further change of u. With",
         ),
         (
             {
                 "terms": [
-                    TERM | {"says": f"u changes by (0.1 ± 0.2)·{wave}(u) per unit time"}
+                    TERM | {"says": f"a change of u by (0.1 ± 0.2)·{wave}(u) per unit time"}
                     for wave in ("sin", "cos")
                 ]
             },
@@ -310,7 +310,7 @@ def test_the_equations_show_what_is_put_into_them() -> None:
         (
             {
                 "verdict": "outside-library",
-                "terms": [TERM | {"says": "u changes by (0.1 ± 0.2)·sin(u) per unit time"}],
+                "terms": [TERM | {"says": "a change of u by (0.1 ± 0.2)·sin(u) per unit time"}],
                 "causes": [{"kind": "outside-library", "probability": 1.0, "terms": ["u: sin(u)"]}],
             },
             "The simulation leaves out a further change of u, of a form that its library of terms "
