@@ -106,19 +106,25 @@ def simulate_ensemble(problem: Problem, nominal: Nominal, seconds: dict[str, flo
     discrepancies = None
     if settings.discrepancy:
         discrepancies = Discrepancies(problem.library, settings.terms, settings.amplitude)
+    # Each under its own inputs; without any, the longest says most of how far a field may move.
+    paths = (nominal.states, *nominal.others)
+    if not problem.system.inputs:
+        paths = (nominal.states,) * len(problem.episodes)
     with stage("simulate the ensemble", seconds) as report:
         drawn = [
             draw_ensemble(
                 episode.ensemble_system,
                 times,
                 nominal.prior,
-                nominal.states[:count],
+                path[:count],
                 members,
                 discrepancies,
                 problem.rng(f"ensemble{suffix}"),
                 lambda done: report(done, ""),
             )
-            for episode, times, members, suffix in shares(problem, settings.members)
+            for (episode, times, members, suffix), path in zip(
+                shares(problem, settings.members), paths, strict=False
+            )
         ]
         ensemble = together(drawn)
         kind = "with random discrepancies" if settings.discrepancy else "plain"
