@@ -40,6 +40,7 @@ def check(config: Config) -> Page:
     from dashred.checkup.run_time import about_run_time
     from dashred.checkup.simulator import about_simulator, run_nominal
     from dashred.checkup.situation import situation_of
+    from dashred.checkup.snapshots import about_snapshots
     from dashred.checkup.splits import about_splits
     from dashred.physics.side_by_side import use_threads
 
@@ -48,6 +49,11 @@ def check(config: Config) -> Page:
     situation = situation_of(config)
     page.section("Recording", about_recording(situation))
     page.section("Splits", about_splits(situation))
+    if config.system.snapshots is not None:
+        assert situation.problem is not None
+        page.section("Snapshots", about_snapshots(situation.problem))
+        page.conclude()
+        return page
     simulated = run_nominal(situation)
     page.section("Simulator", about_simulator(situation, simulated))
     seen = look(situation, simulated)

@@ -33,23 +33,33 @@ def about_agreement(
     operator = ObservationOperator(fit.sensors, situation.system)
     read = operator(simulated.states[:count])
     if not still(situation.config):
-        yield from _sizes(fit.names, values, read)
+        yield from sizes_compared(fit.names, values, read, "simulator")
     if seen is not None:
         yield from _beginning(situation, simulated, seen)
 
 
-def _sizes(names: tuple[str, ...], values: Tensor, read: Tensor) -> Iterator[Remark]:
+def sizes_compared(
+    names: tuple[str, ...], values: Tensor, read: Tensor, where: str
+) -> Iterator[Remark]:
+    """Compare how much sensors vary with how much they would in a simulation.
+
+    Args:
+        names: of the sensors.
+        values: what they recorded, ``(time, sensor)``; NaN is missing.
+        read: what they would read, ``(sample, sensor)``.
+        where: simulator or snapshots.
+    """
     both = [_std(column) for column in values.T], [_std(column) for column in read.T]
     ratios = {n: r / max(s, 1e-300) for n, r, s in zip(names, *both, strict=True) if s > 0}
     off = [name for name, ratio in ratios.items() if not 1 / OTHER_SIZE < ratio < OTHER_SIZE]
     if off:
         yield doubtful(
-            f"What {some(off)} read varies {ratios[off[0]]:.2g} times as much as in the simulator",
+            f"What {some(off)} read varies {ratios[off[0]]:.2g} times as much as in the {where}",
             "are both in the same unit (rad or degrees, s or ms)?",
         )
     elif ratios:
         typical = sorted(ratios.values())[len(ratios) // 2]
-        yield Remark(f"The sensors vary {typical:.2g} times as much as in the simulator")
+        yield Remark(f"The sensors vary {typical:.2g} times as much as in the {where}")
 
 
 def _beginning(situation: Situation, simulated: Simulated, seen: Seen) -> Iterator[Remark]:

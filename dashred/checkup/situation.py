@@ -17,7 +17,7 @@ from dashred.sensing.reader import read_episodes
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import Sensor
 from dashred.sensing.splits import Split, split_recording
-from dashred.stages.problem import pose
+from dashred.stages.problem import Problem, pose
 
 # Places like a twin's: they come from a stream of the check's own, and tell nothing of any twin's.
 STREAM = 0xC4EC
@@ -39,6 +39,7 @@ class Situation:
         episodes: how many there are.
         clock: how the clock came about.
         noise: σ by sensor; empty while there is no recording.
+        problem: what a run would start from; None while there is no recording.
     """
 
     config: Config
@@ -50,6 +51,7 @@ class Situation:
     episodes: int
     clock: str
     noise: dict[str, float]
+    problem: Problem | None = None
 
     @property
     def sensors(self) -> tuple[Sensor, ...]:
@@ -91,6 +93,7 @@ def situation_of(config: Config) -> Situation:
         len(episodes),
         posed.clock,
         posed.noise,
+        posed,
     )
 
 

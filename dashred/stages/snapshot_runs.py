@@ -56,21 +56,12 @@ def read_runs(problem: Problem, seconds: dict[str, float]) -> SnapshotRuns:
     """
     snapshots, settings = problem.snapshots, problem.config.simulation
     assert snapshots is not None
-    window = len(problem.split.fit.times)
     every = float(problem.times[1] - problem.times[0])
     with stage("read the snapshots", seconds) as report:
         states, sha256 = snapshots.read(settings.members, every, problem.rng("snapshots"))
         members, samples = states.shape[:2]
-        length = _length(members, samples, window, problem.config.shred.lags)
+        length = stretch_length(problem, members, samples)
         each = samples // length
-        if members * each < FEWEST or samples < length:
-            raise InputError(
-                f"{members} runs of {samples} snapshots each, at the clock's step of {every:g}, "
-                "are too few to learn from and to check what was learnt",
-                where=snapshots.path,
-                hint=f"at least {FEWEST} stretches of {problem.config.shred.lags + 1} are needed "
-                "(shred.lags + 1): give more or longer runs",
-            )
         cut = states[:, : each * length].unflatten(1, (each, length)).flatten(0, 1)
         some = cut.flatten(0, 1)
         some = some[:: max(1, len(some) // COMPARED)]
@@ -80,6 +71,26 @@ def read_runs(problem: Problem, seconds: dict[str, float]) -> SnapshotRuns:
         held_out = _held_out(members, each, share)
         report(1.0, f"{members} runs of {samples}, as {len(cut)} stretches of {length} samples")
     return SnapshotRuns(states, ensemble, held_out, sha256)
+
+
+def stretch_length(problem: Problem, members: int, samples: int) -> int:
+    """Return samples of the stretches that runs on the clock's step are cut into.
+
+    Raises:
+        InputError: the runs are too few or too short.
+    """
+    assert problem.snapshots is not None
+    lags, every = problem.config.shred.lags, float(problem.times[1] - problem.times[0])
+    length = _length(members, samples, len(problem.split.fit.times), lags)
+    if members * (samples // length) >= FEWEST and samples >= length:
+        return length
+    raise InputError(
+        f"{members} runs of {samples} snapshots each, at the clock's step of {every:g}, "
+        "are too few to learn from and to check what was learnt",
+        where=problem.snapshots.path,
+        hint=f"at least {FEWEST} stretches of {lags + 1} are needed (shred.lags + 1): give more "
+        "or longer runs",
+    )
 
 
 @torch.no_grad()

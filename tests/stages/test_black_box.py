@@ -12,6 +12,7 @@ import torch
 import xarray as xr
 from torch import Tensor
 
+from dashred import check
 from dashred.config import Axis, Integrator, load_config
 from dashred.config import System as Declared
 from dashred.errors import InputError
@@ -201,3 +202,14 @@ def test_too_few_runs_are_refused(given, train) -> None:
     assert ended.code == 2
     assert "too few to learn from" in ended.err
     assert not (ended.output / "findings.json").exists()
+
+
+def test_a_check_tells_what_there_is_to_learn_from(given, capsys) -> None:
+    own = f"conf={given / 'box.yaml'}"
+    assert check.main([own]) == 0
+    said = capsys.readouterr().out
+    assert "32 runs of 51 snapshots at the clock's step of 0.1, cut into" in " ".join(said.split())
+    assert "times as much as in the snapshots" in said
+    few = ("simulation.members=3", "simulation.held_out=1", "shred.lags=30")
+    with pytest.raises(InputError, match="too few to learn from"):
+        check.main([own, *few])
