@@ -144,16 +144,17 @@ def fitted(objective: Objective) -> Tensor:
 def in_window(
     waves: Waves,
     shape: Shape,
-    values: tuple[float, float],
-    guess: tuple[float, float] | None = None,
+    values: tuple[float, ...],
+    guess: tuple[float, ...] | None = None,
 ) -> Cause:
     """Return the fit of a term in a window to a recording of that, from the truth or a guess."""
     hidden = localised(waves.candidates(["u: v**2"]), shape.at(values))
     recorded = waves.recorded(LOCAL_SIGMA, 4, [(hidden[0], LOCAL_XI)])
     objective = waves.objective(recorded, LOCAL_SIGMA, ["u: v**2"])
-    hypothesis = Hypothesis((), (0,), Guess(shape, guess or values, (0.8, 1.0)))
+    spread = [0.8] * (len(values) - 1)
+    hypothesis = Hypothesis((), (0,), Guess(shape, guess or values, (*spread, 1.0)))
     mine = pose(objective, hypothesis)
     z = fitted(waves.objective(recorded, LOCAL_SIGMA))
     found = minimise(mine, first_unknowns(z, [LOCAL_XI], hypothesis.guess), 12, 1e-6)
-    law = law_of(mine, found, found_by(mine, found.phi), found.cost, 2)
+    law = law_of(mine, found, found_by(mine, found.phi), found.cost, len(values))
     return Cause(law, mine, found.phi)

@@ -19,7 +19,7 @@ from dashred.discovery.gauss_newton import grow, minimise
 from dashred.discovery.hypothesis import Hypothesis, Tested, first_unknowns, pose, test
 from dashred.discovery.law import law_of
 from dashred.discovery.objective import Objective
-from dashred.discovery.other_thresholds import from_other_thresholds
+from dashred.discovery.other_windows import from_other_windows
 from dashred.discovery.screening import Screened, screen
 
 # Hypotheses that are fitted, of which so many to the end; of one kind of window, and of one kind
@@ -64,7 +64,7 @@ def local_laws(
     done = [(tested.hypothesis, _finish(tested)) for tested in kept]
     parts = _parts(objective, *min(done, key=lambda pair: by_score(pair[1]))) if done else []
     finished = sorted([*(cause for _, cause in done), *parts], key=by_score)
-    finished = sorted([*finished, *from_other_thresholds(finished)], key=by_score)
+    finished = sorted([*finished, *from_other_windows(finished)], key=by_score)
     return [*map(settled, finished[:1]), *finished[1:]]
 
 

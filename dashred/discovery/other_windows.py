@@ -1,0 +1,108 @@
+"""A window that is fitted from elsewhere: a fit ends in the nearest of several minima.
+
+Where few states lie, F is flat in a gate's threshold, and it is steep where that cuts into one that
+is dwelt in. And a narrow box with a large coefficient does nearly what a wide one with a small one
+does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from dashred.discovery.cause import Cause, ended
+from dashred.discovery.gauss_newton import Fitted, minimise
+from dashred.discovery.local_shooting import LocalShooting
+from dashred.discovery.objective import Objective
+
+# Windows whose score is no farther than this from the best may yet be the best; of so many.
+NEAR, MOST = 20.0, 4
+# Thresholds that are tried, evenly between these quantiles of the field; one that is closer to the
+# fitted one than this share of their range leads there again.
+TRIED, TAIL, CLOSE = 4, 0.02, 0.1
+# Widths of a box, in those of the fitted one; a share of the axis beyond which it is no region.
+WIDTHS, LONGEST = (0.5, 2.0), 0.75
+FIRST_STEPS, FIRST_TOLERANCE = 3, 1e-2
+LAST_STEPS, LAST_TOLERANCE = 10, 1e-4
+
+
+@dataclass(frozen=True)
+class Elsewhere:
+    """Where a window is looked for.
+
+    Attributes:
+        edges: ψ, ``(unknown,)``.
+        factor: of its coefficients, by which they begin to do about as much as before.
+    """
+
+    edges: Tensor
+    factor: float
+
+
+def from_other_windows(found: Sequence[Cause]) -> list[Cause]:
+    """Return what boxes and gates that are nearly the best become from elsewhere, if better.
+
+    Args:
+        found: explanations, the best first.
+    """
+    near = [c for c in found if c.law.score < found[0].law.score + NEAR and _beginnings(c)]
+    return [better for cause in near[:MOST] if (better := _better(cause)) is not None]
+
+
+def _better(cause: Cause) -> Cause | None:
+    """Return a window at a lower minimum; None where none is found."""
+    [cost], _ = cause.objective.values(cause.phi[None])
+    tried = [_fit(cause, begin) for begin in _beginnings(cause)]
+    objective, first = min(tried, key=lambda pair: pair[1].cost)
+    if first.cost > float(cost) + NEAR:
+        return None
+    last = minimise(objective, first.phi, LAST_STEPS, LAST_TOLERANCE)
+    return ended(cause, objective, last) if last.cost < float(cost) else None
+
+
+def _beginnings(cause: Cause) -> list[Elsewhere]:
+    """Return where else the window of a law may be; nowhere, if it has none of these kinds."""
+    shooting = cause.objective.shooting
+    if not isinstance(shooting, LocalShooting):
+        return []
+    edges = torch.tensor(shooting.window(cause.objective.split(cause.phi)[1]).values).double()
+    if shooting.shape.kind == "box":
+        return _boxes(shooting, edges)
+    return _gates(cause, edges) if shooting.shape.kind.startswith("gate") else []
+
+
+def _boxes(shooting: LocalShooting, edges: Tensor) -> list[Elsewhere]:
+    """Return boxes of other widths about the same place."""
+    axes = {axis.name: axis for axis in shooting.simulator.system.axes}
+    most = LONGEST * axes[shooting.shape.of].length / 2
+    place, half, rest = edges[:1], edges[1:2], edges[2:]
+    wider = [width for width in WIDTHS if width * float(half) < most]
+    return [Elsewhere(torch.cat([place, width * half, rest]), 1 / width) for width in wider]
+
+
+def _gates(cause: Cause, edges: Tensor) -> list[Elsewhere]:
+    """Return gates at thresholds among the states of the law's own trajectory."""
+    objective, shooting = cause.objective, cause.objective.shooting
+    assert isinstance(shooting, LocalShooting)
+    states = shooting.visited(*objective.split(cause.phi))
+    field = shooting.simulator.system.fields.index(shooting.shape.of)
+    values = states[:, field].flatten()
+    low, high = (float(values.quantile(share)) for share in (TAIL, 1 - TAIL))
+    places = torch.linspace(low, high, TRIED + 2, dtype=torch.float64)[1:-1]
+    apart = (places - edges[0]).abs() > CLOSE * (high - low)
+    # How sharp the gate was guessed to be tells more than a fit that ended elsewhere.
+    return [Elsewhere(torch.cat([at[None], shooting.guess[1:]]), 1.0) for at in places[apart]]
+
+
+def _fit(cause: Cause, begin: Elsewhere) -> tuple[Objective, Fitted]:
+    """Give a window a few steps from elsewhere."""
+    shooting = cause.objective.shooting
+    assert isinstance(shooting, LocalShooting)
+    objective = replace(cause.objective, shooting=replace(shooting, guess=begin.edges))
+    phi, edges = cause.phi.clone(), len(cause.phi) - len(begin.edges)
+    phi[edges:] = 0.0
+    phi[edges - len(shooting.inside) : edges] *= begin.factor
+    return objective, minimise(objective, phi, FIRST_STEPS, FIRST_TOLERANCE)
