@@ -115,16 +115,21 @@ class Waves:
         return Objective(shooting, recorded, self.noise(recorded, sigma), stds)
 
     def recorded(
-        self, sigma: float, seed: int, law: Sequence[tuple[Candidate, float]] = ()
+        self,
+        sigma: float,
+        seed: int,
+        law: Sequence[tuple[Candidate, float]] = (),
+        start: StartModel | None = None,
     ) -> Tensor:
-        """Return noisy readings under a law, from a start drawn from the prior."""
+        """Return noisy readings under a law, from a start drawn from the prior, or another."""
+        drawn = start or self.start
         generator = torch.Generator().manual_seed(seed)
-        z = torch.randn((1, self.start.size), generator=generator).double()
+        z = torch.randn((1, drawn.size), generator=generator).double()
         forcing = forcing_of(
             [candidate for candidate, _ in law],
             torch.tensor([[value for _, value in law]], dtype=torch.float64),
         )
-        clean = self.operator(simulate(self.system, self.start.start(z), TIMES, forcing))[0]
+        clean = self.operator(simulate(self.system, drawn.start(z), TIMES, forcing))[0]
         return clean + sigma * torch.randn(clean.shape, generator=generator).double()
 
     @cached_property

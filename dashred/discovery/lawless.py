@@ -9,13 +9,14 @@ from dashred.discovery.faults import describe_fitted, fit_fault, predicted_fault
 from dashred.discovery.free_forcing import evidence
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import law_of
+from dashred.discovery.objective import Normal
 from dashred.discovery.starts import ScaledStart
 from dashred.discovery.suspects import suspects
 
 # Faults that are fitted, of those that the linearised problem says explain something.
 FAULTS = 4
-# By how much the start may lie outside of its prior.
-WIDER = (3.0, 6.0)
+# By how much the start may lie outside of its prior, and how often that is asked.
+WIDER, ROUNDS = (2.0, 2.5, 3.2, 4.0, 5.0, 6.4, 8.0), 2
 STEPS, TOLERANCE = 10, 1e-4
 
 
@@ -43,29 +44,42 @@ def faults(cause: Cause, bound: float) -> list[Cause]:
 
 
 def wider_starts(null: Cause) -> list[Cause]:
-    """Return what a start outside of its prior explains, by Laplace's evidence.
+    """Return what a start outside of its prior explains, by Laplace's evidence; or nothing.
 
-    A wider prior lets F fall in any case: what it may move more is held against it. Factors that
-    the linearised problem holds nothing of are not tried.
+    A wider prior lets F fall in any case: what it may move more is held against it. How much wider
+    it is, the linearised problem tells, about the plain prior's fit first.
 
     Args:
         null: the simulator as it is.
     """
     objective, phi, normal = null.objective, null.phi, null.normal
-    every = range(len(phi))
-    linear = evidence(normal, every)
     [cost], _ = objective.values(phi[None])
-    plain = linear - float(cost)
-    found = []
-    for factor in WIDER:
-        if evidence(replace(normal, precision=normal.precision / factor**2), every) > linear:
-            continue
-        shooting = objective.shooting
-        wide = replace(shooting, start=ScaledStart(shooting.start, factor))
-        mine = replace(objective, shooting=wide)
-        fitted = minimise(mine, phi / factor, STEPS, TOLERANCE)
+    linear = evidence(normal, range(len(phi)))
+    factor = _likeliest(normal, 1.0)
+    if _widened(normal, factor) > linear:
+        return []
+    z, shooting = phi / factor, objective.shooting
+    for _ in range(ROUNDS):
+        mine = replace(
+            objective, shooting=replace(shooting, start=ScaledStart(shooting.start, factor))
+        )
+        fitted = minimise(mine, z, STEPS, TOLERANCE)
         there = mine.linearise(fitted.phi, fitted.readings)
-        volume = evidence(there, every) - fitted.cost
-        law = law_of(mine, fitted, (), fitted.cost + volume - plain)
-        found.append(Cause(replace(law, widened=factor), mine, fitted.phi))
-    return found
+        before, factor = factor, _likeliest(there, factor)
+        if factor == before:
+            break
+        z = fitted.phi * before / factor
+    score = evidence(there, range(len(phi))) - linear + float(cost)
+    law = replace(law_of(mine, fitted, (), score), widened=before)
+    return [Cause(law, mine, fitted.phi)]
+
+
+def _likeliest(normal: Normal, factor: float) -> float:
+    """Return how much wider the prior is by the evidence, about a fit under so much of it."""
+    return min(WIDER, key=lambda wider: _widened(normal, wider / factor))
+
+
+def _widened(normal: Normal, factor: float) -> float:
+    """Return the evidence of a start whose prior is so many times as wide."""
+    wide = replace(normal, precision=normal.precision / factor**2)
+    return evidence(wide, range(len(normal.phi)))

@@ -1,0 +1,37 @@
+"""A start that lies outside of its prior is told with how far; another explains nothing."""
+
+from __future__ import annotations
+
+import pytest
+
+from dashred.discovery.cause import Cause
+from dashred.discovery.lawless import wider_starts
+from dashred.discovery.starts import ScaledStart
+from tests import laws
+from tests.waves import Waves, fitted
+
+SIGMA = 0.02
+
+
+def nothing(waves: Waves, factor: float, seed: int) -> Cause:
+    """Return the simulator's fit to a recording of itself, from a start so far off."""
+    recorded = waves.recorded(SIGMA, seed, start=ScaledStart(waves.start, factor))
+    objective = waves.objective(recorded, SIGMA)
+    phi = fitted(objective)
+    [cost], _ = objective.values(phi[None])
+    return Cause(laws.law(score=float(cost)), objective, phi)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_how_far_off_it_is_is_told(waves: Waves, seed: int) -> None:
+    null = nothing(waves, 4.0, seed)
+    [found] = wider_starts(null)
+    assert 2.5 <= found.law.widened <= 6.4
+    assert found.law.score < null.law.score - 6
+    assert not found.law.candidates
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_start_as_the_prior_has_it_explains_nothing(waves: Waves, seed: int) -> None:
+    null = nothing(waves, 1.0, seed)
+    assert all(found.law.score > null.law.score for found in wider_starts(null))
