@@ -13,9 +13,9 @@ from dashred.discovery.local_shooting import found_by
 from dashred.discovery.objective import Normal, Objective
 
 STEPS, TOLERANCE = 10, 1e-4
-# What is settled is fitted on until a step gains next to nothing, and anew from so much of the
-# record.
-SETTLING_STEPS, SETTLED, SHARES = 20, 1e-5, (0.25, 0.5)
+# What is settled is fitted on until a step gains next to nothing: also from so much of the record,
+# and from under so many times the noise.
+SETTLING_STEPS, SETTLED, SHARES, LOOSER = 20, 1e-5, (0.25, 0.5), (2.0, 4.0)
 
 
 @dataclass(frozen=True)
@@ -54,13 +54,17 @@ def refitted(cause: Cause, objective: Objective) -> Cause:
 
 
 def settled(cause: Cause) -> Cause:
-    """Return an explanation fitted until nothing is gained, and grown from less of the record.
+    """Return an explanation fitted until nothing is gained, from several beginnings.
 
-    Over a long record of chaos the lowest minimum has many others around it.
+    Over a long record of chaos the lowest minimum has many others around it. Some are none under
+    larger noise, others over a shorter stretch.
     """
     objective, total = cause.objective, len(cause.objective.recorded)
     grown = [grow(objective, cause.phi, round(share * total)) for share in SHARES]
-    fits = [minimise(objective, phi, SETTLING_STEPS, SETTLED) for phi in (cause.phi, *grown)]
+    loose = [replace(objective, noise=objective.noise.scaled(factor)) for factor in LOOSER]
+    freed = [minimise(wide, cause.phi, SETTLING_STEPS, SETTLED).phi for wide in loose]
+    begun = (cause.phi, *grown, *freed)
+    fits = [minimise(objective, phi, SETTLING_STEPS, SETTLED) for phi in begun]
     return ended(cause, objective, min(fits, key=lambda fitted: fitted.cost))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from dashred.discovery.cause import Cause
@@ -16,7 +17,7 @@ from dashred.discovery.suspects import suspects
 # Faults that are fitted, of those that the linearised problem says explain something.
 FAULTS = 4
 # By how much the start may lie outside of its prior, and how often that is asked.
-WIDER, ROUNDS = (2.0, 2.5, 3.2, 4.0, 5.0, 6.4, 8.0), 2
+WIDER, ROUNDS = (2.5, 3.2, 4.0, 5.0, 6.4, 8.0), 2
 STEPS, TOLERANCE = 10, 1e-4
 
 
@@ -69,9 +70,20 @@ def wider_starts(null: Cause) -> list[Cause]:
         if factor == before:
             break
         z = fitted.phi * before / factor
-    score = evidence(there, range(len(phi))) - linear + float(cost)
+    score = _over_all(there, before) - linear + float(cost)
     law = replace(law_of(mine, fitted, (), score), widened=before)
     return [Cause(law, mine, fitted.phi)]
+
+
+def _over_all(normal: Normal, factor: float) -> float:
+    """Return the evidence over all factors, none preferred, about a fit under one of them.
+
+    The best of many would be found evident by chance.
+    """
+    every = [_widened(normal, wider / factor) for wider in WIDER]
+    least = min(every)
+    shares = sum(math.exp((least - found) / 2) for found in every) / len(every)
+    return least - 2 * math.log(shares)
 
 
 def _likeliest(normal: Normal, factor: float) -> float:

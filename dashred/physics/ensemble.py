@@ -17,6 +17,8 @@ from dashred.physics.simulate import Progress, simulate
 from dashred.physics.system import System, Term
 
 MOST_ROUNDS = 20
+# Where so few of the members are found in so many rounds, the others will not be found at all.
+TELLING_ROUNDS, TELLING_SHARE = 3, 0.1
 
 
 class Starts(Protocol):
@@ -98,8 +100,10 @@ def draw_ensemble(
     low, high = _bounds(nominal)
     states: list[Tensor] = []
     coefficients: list[Tensor] = []
-    for _ in range(MOST_ROUNDS):
+    for turn in range(MOST_ROUNDS):
         missing = members - sum(map(len, states))
+        if turn == TELLING_ROUNDS and members - missing < TELLING_SHARE * members:
+            break
         starts = prior.draw(missing, rng)
         forcing = _draw_forcing(system, nominal, discrepancies, missing, rng, float(times[0]))
         found = simulate(system, starts, times, forcing, progress)
@@ -109,7 +113,7 @@ def draw_ensemble(
         if sum(map(len, states)) == members:
             return Ensemble(times, torch.cat(states), torch.cat(coefficients))
     raise InputError(
-        f"after {MOST_ROUNDS} rounds only {sum(map(len, states))} of {members} simulations "
+        f"after {len(states)} rounds only {sum(map(len, states))} of {members} simulations "
         "stay within bounds",
         where=system.where("system.spread"),
         hint="make system.spread or simulation.amplitude smaller",

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
+import numpy as np
 import torch
 from torch import Tensor
 
 from dashred.discovery.correction import correct
 from dashred.discovery.law import Law
 from dashred.discovery.starts import ScaledStart
+from dashred.errors import InputError
 from dashred.models.latency import seconds_a_step
 from dashred.models.shred import reconstruct
-from dashred.physics.ensemble import draw_ensemble
+from dashred.physics.ensemble import Ensemble, draw_ensemble
 from dashred.physics.prior import StartPrior
-from dashred.progress import stage
+from dashred.physics.system import System
+from dashred.progress import Report, stage
 from dashred.stages.assimilation import sensor_data
 from dashred.stages.learning import Learned, train_shred
 from dashred.stages.problem import Problem
@@ -23,6 +28,8 @@ from dashred.tracking import Tracker
 
 # What run.json calls the seconds of one step of the corrected surrogate.
 STEP = "one step of the corrected SHRED"
+# How much nearer to the start than the settings say members are drawn, where need be.
+NARROWER, LEAST = (1.0, 0.3), 0.1
 
 
 def retrain(
@@ -59,18 +66,11 @@ def retrain(
         drawn = []
         for i, (episode, times, members, suffix) in enumerate(shares(problem, settings.members)):
             system = correct(episode.ensemble_system, law)
+            path = corrected[i].states["corrected"][: len(episode.split.fit.times)]
+            rng = problem.rng(f"corrected ensemble{suffix}")
             about = StartPrior(system, starts[i], prior.rms, prior.kept)
             drawn.append(
-                draw_ensemble(
-                    system,
-                    times,
-                    ScaledStart(about, settings.spread),
-                    corrected[i].states["corrected"][: len(episode.split.fit.times)],
-                    members,
-                    None,
-                    problem.rng(f"corrected ensemble{suffix}"),
-                    lambda done: report(done, ""),
-                )
+                _members(system, times, about, settings.spread, path, members, rng, report)
             )
         ensemble = together(drawn)
         report(1.0, f"{settings.members} members")
@@ -87,3 +87,27 @@ def retrain(
     counts = [len(episode.split.fit.times) for episode in problem.episodes]
     read = reconstruct(found.shred.encode, found.shred, windows)
     return found, list(read.split(counts))
+
+
+def _members(
+    system: System,
+    times: Tensor,
+    about: StartPrior,
+    spread: float,
+    path: Tensor,
+    members: int,
+    rng: np.random.Generator,
+    report: Report,
+) -> Ensemble:
+    """Draw members about a start: nearer to it, where hardly any keeps to the law's own range."""
+
+    def draw(share: float) -> Ensemble:
+        starts = ScaledStart(about, share * spread)
+        return draw_ensemble(
+            system, times, starts, path, members, None, rng, lambda done: report(done, "")
+        )
+
+    for share in NARROWER:
+        with suppress(InputError):
+            return draw(share)
+    return draw(LEAST)

@@ -68,8 +68,7 @@ def test_members_stay_within_the_nominal_range_and_its_width(reaction):
     assert (ensemble.states.amax((0, 1, 3)) <= high + width).all()
 
 
-def test_a_hopeless_ensemble_is_refused(reaction, monkeypatch):
-    monkeypatch.setattr("dashred.physics.ensemble.MOST_ROUNDS", 3)
+def test_a_hopeless_ensemble_is_refused(reaction):
     with pytest.raises(
         InputError, match=r"after 3 rounds only \d of 2 simulations stay within bounds"
     ):

@@ -1,0 +1,41 @@
+"""The corrected surrogate: its members are drawn nearer to the start, where need be."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import torch
+
+from dashred.errors import InputError
+from dashred.stages import surrogate
+
+
+@pytest.mark.parametrize(("failures", "spreads"), [(0, [0.2]), (2, [0.2, 0.06, 0.02])])
+def test_members_that_leave_the_range_are_drawn_nearer(
+    monkeypatch: pytest.MonkeyPatch, failures: int, spreads: list[float]
+) -> None:
+    asked: list[float] = []
+
+    def draw(_system: Any, _times: Any, starts: Any, *_: Any) -> str:
+        asked.append(starts.factor)
+        if len(asked) <= failures:
+            raise InputError("hardly any simulation stays within bounds")
+        return "members"
+
+    monkeypatch.setattr(surrogate, "draw_ensemble", draw)
+    anything: Any = None
+    path = torch.zeros(1)
+    args = (anything, path, anything, 0.2, path, 8, anything, anything)
+    assert surrogate._members(*args) == "members"  # type: ignore[comparison-overlap]
+    assert asked == pytest.approx(spreads)
+
+
+def test_where_none_stays_in_it_the_reason_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def draw(*_: Any) -> None:
+        raise InputError("hardly any simulation stays within bounds")
+
+    monkeypatch.setattr(surrogate, "draw_ensemble", draw)
+    anything: Any = None
+    with pytest.raises(InputError, match="hardly any"):
+        surrogate._members(*[anything] * 3, 0.2, *[anything] * 4)
