@@ -16,6 +16,7 @@ from dashred.models.latency import seconds_a_step
 from dashred.models.shred import reconstruct
 from dashred.physics.ensemble import Ensemble, draw_ensemble
 from dashred.physics.prior import StartPrior
+from dashred.physics.simulate import simulate
 from dashred.physics.system import System
 from dashred.progress import Report, stage
 from dashred.stages.assimilation import sensor_data
@@ -65,7 +66,7 @@ def retrain(
     with torch.no_grad(), stage("simulate the corrected", seconds) as report:
         drawn = []
         for i, (episode, times, members, suffix) in enumerate(shares(problem, settings.members)):
-            system = correct(episode.ensemble_system, law)
+            system = _stepped(episode, law, starts[i], times)
             path = corrected[i].states["corrected"][: len(episode.split.fit.times)]
             rng = problem.rng(f"corrected ensemble{suffix}")
             about = StartPrior(system, starts[i], prior.rms, prior.kept)
@@ -87,6 +88,13 @@ def retrain(
     counts = [len(episode.split.fit.times) for episode in problem.episodes]
     read = reconstruct(found.shred.encode, found.shred, windows)
     return found, list(read.split(counts))
+
+
+def _stepped(episode: Problem, law: Law, start: Tensor, times: Tensor) -> System:
+    """Return the corrected simulator with the ensemble's step, or its own where that blows up."""
+    quick = correct(episode.ensemble_system, law)
+    stable = bool(torch.isfinite(simulate(quick, start[None], times)).all())
+    return quick if stable else correct(episode.system, law)
 
 
 def _members(

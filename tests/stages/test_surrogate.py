@@ -37,5 +37,6 @@ def test_where_none_stays_in_it_the_reason_is_told(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(surrogate, "draw_ensemble", draw)
     anything: Any = None
+    path = torch.zeros(1)
     with pytest.raises(InputError, match="hardly any"):
-        surrogate._members(*[anything] * 3, 0.2, *[anything] * 4)
+        surrogate._members(anything, path, anything, 0.2, path, 8, anything, anything)
