@@ -46,6 +46,11 @@ class DrivenShooting(Shooting):
         """Return the same over the first samples alone."""
         return replace(self, times=self.times[:samples], law=self.law.until(samples))
 
+    def finer(self) -> DrivenShooting:
+        """Return the same with the simulator's own steps for its derivative."""
+        law = self.law.finer()
+        return replace(self, simulator=law.simulator, law=law)
+
     def amplitudes(self, xi: Tensor) -> Tensor:
         """Return a of coefficients ``(batch, coefficient)``: ``(batch, equation, cell, knot)``."""
         return xi[:, -self.pulses.count :].reshape(-1, *self.pulses.shape)

@@ -110,6 +110,10 @@ class EpisodesSimulator(Simulator):
         """Return the simulators that take the derivative's steps themselves."""
         return self._each(Simulator.coarse)
 
+    def finer(self) -> Simulator:
+        """Return the simulators whose derivatives take their own steps."""
+        return self._each(Simulator.finer)
+
     def of(self, candidates: Sequence[Candidate]) -> Simulator:
         """Return the same with other candidates in reach."""
         return self._each(lambda part: part.of(candidates))

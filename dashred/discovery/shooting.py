@@ -67,6 +67,12 @@ class Simulator:
         other._run = self._run.with_step(self.tangent.dt)
         return other
 
+    def finer(self) -> Simulator:
+        """Return the simulator whose derivative takes its own steps."""
+        other = copy.copy(self)
+        other.tangent = self.system
+        return other
+
     def of(self, candidates: Sequence[Candidate]) -> Simulator:
         """Return the same system with other candidates in reach, everywhere."""
         return Simulator(self.system, self.tangent.dt, candidates)
@@ -208,6 +214,21 @@ class Shooting:
         """
         if not self.simulator.has_tangents:
             return self._difference(z, xi)
+        if readings is None:
+            [readings] = self.readings(z[None], xi[None])
+        jacobian, simulator = self._columns(z, xi), self.simulator
+        whole = bool(torch.isfinite(jacobian).all()) or not bool(torch.isfinite(readings).all())
+        if not whole and simulator.tangent.dt > simulator.system.dt:
+            # What is stable in its own steps may not be in the derivative's.
+            jacobian = self.finer()._columns(z, xi)
+        return Linearisation(readings, jacobian[..., : len(z)], jacobian[..., len(z) :])
+
+    def finer(self) -> Shooting:
+        """Return the same with the simulator's own steps for its derivative."""
+        return replace(self, simulator=self.simulator.finer())
+
+    def _columns(self, z: Tensor, xi: Tensor) -> Tensor:
+        """Return the Jacobian by tangents, ``(time, sensor, unknown)``."""
         eye = torch.eye(len(z), dtype=torch.float64)
         base = self.start.start(z[None])
         directions = (self.start.start(z + DIFFERENCE * eye) - base) / DIFFERENCE
@@ -215,10 +236,7 @@ class Shooting:
             self._observe(state, tangents.double())
             for state, tangents in self.tangents(base[0], directions, xi)
         ]
-        jacobian = torch.stack(columns)
-        if readings is None:
-            [readings] = self.readings(z[None], xi[None])
-        return Linearisation(readings, jacobian[..., : len(z)], jacobian[..., len(z) :])
+        return torch.stack(columns)
 
     def tangents(
         self,

@@ -1,0 +1,43 @@
+"""Shooting's derivative takes longer steps than the simulator: as long as these are stable."""
+
+from __future__ import annotations
+
+import torch
+
+from dashred.discovery.driven_shooting import DrivenShooting
+from dashred.discovery.shooting import Shooting, Simulator
+from dashred.discovery.starts import LinearStart
+from dashred.physics.pulses import Pulses
+from tests.waves import TIMES, Waves
+
+STEP, LONGER = 0.01, 0.25
+
+
+def far_off(waves: Waves, tangent_dt: float) -> Shooting:
+    """Return a shooting from where the equations are stiff, its derivative in such steps."""
+    candidates = waves.candidates(["u: u", "v: v**2"])
+    shape = (len(waves.system.fields), *waves.system.grid.shape)
+    modes = torch.eye(2, dtype=torch.float64).reshape(2, 2, 1).expand(2, *shape)
+    start = LinearStart(torch.full(shape, 12.0, dtype=torch.float64), modes)
+    simulator = Simulator(waves.system.with_step(STEP), tangent_dt, candidates)
+    return Shooting(simulator, start, candidates, waves.operator, TIMES)
+
+
+def test_where_they_blow_up_the_simulator_s_own_are_taken(waves: Waves) -> None:
+    shooting, exact = far_off(waves, LONGER), far_off(waves, STEP)
+    z, xi = torch.zeros(2).double(), torch.zeros(2).double()
+    assert not torch.isfinite(shooting._columns(z, xi)).all()
+    found, expected = shooting.linearise(z, xi), exact.linearise(z, xi)
+    torch.testing.assert_close(found.by_start, expected.by_start)
+    torch.testing.assert_close(found.by_error, expected.by_error)
+    assert torch.isfinite(found.readings).all()
+
+
+def test_under_a_free_forcing_too(waves: Waves) -> None:
+    pulses = Pulses.over(waves.system, TIMES, 3, 4)
+    z, xi = torch.zeros(2).double(), torch.zeros(2 + pulses.count).double()
+    found, expected = (
+        DrivenShooting.on(far_off(waves, step), pulses, waves.size).linearise(z, xi)
+        for step in (LONGER, STEP)
+    )
+    torch.testing.assert_close(found.by_error, expected.by_error)
