@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import torch
+from torch import Tensor
+
 from dashred.discovery.cause import Cause
 from dashred.discovery.faults import describe_fitted, fit_fault, predicted_faults
 from dashred.discovery.free_forcing import evidence
-from dashred.discovery.gauss_newton import minimise
+from dashred.discovery.gauss_newton import Fitted, grow, minimise
 from dashred.discovery.law import law_of
-from dashred.discovery.objective import Normal
+from dashred.discovery.objective import Normal, Objective
 from dashred.discovery.starts import ScaledStart
 from dashred.discovery.suspects import suspects
 
@@ -19,6 +22,8 @@ FAULTS = 4
 # By how much the start may lie outside of its prior, and how often that is asked.
 WIDER, ROUNDS = (2.5, 3.2, 4.0, 5.0, 6.4, 8.0), 2
 STEPS, TOLERANCE = 10, 1e-4
+# A start that leaves so many times the noise's squares is looked for anew, from so many samples on.
+FAR, FIRST = 1.5, 6
 
 
 def faults(cause: Cause, bound: float) -> list[Cause]:
@@ -54,7 +59,6 @@ def wider_starts(null: Cause) -> list[Cause]:
         null: the simulator as it is.
     """
     objective, phi, normal = null.objective, null.phi, null.normal
-    [cost], _ = objective.values(phi[None])
     linear = evidence(normal, range(len(phi)))
     factor = _likeliest(normal, 1.0)
     if _widened(normal, factor) > linear:
@@ -64,15 +68,28 @@ def wider_starts(null: Cause) -> list[Cause]:
         mine = replace(
             objective, shooting=replace(shooting, start=ScaledStart(shooting.start, factor))
         )
-        fitted = minimise(mine, z, STEPS, TOLERANCE)
+        fitted = _anywhere(mine, z)
         there = mine.linearise(fitted.phi, fitted.readings)
         before, factor = factor, _likeliest(there, factor)
         if factor == before:
             break
         z = fitted.phi * before / factor
-    score = _over_all(there, before) - linear + float(cost)
-    law = replace(law_of(mine, fitted, (), score), widened=before)
+    plain = replace(there, precision=there.precision * before**2)
+    cost = _volume(_over_all(there, before), there) - _volume(_widened(plain, 1.0), plain)
+    law = replace(law_of(mine, fitted, (), fitted.cost + cost), widened=before)
     return [Cause(law, mine, fitted.phi)]
+
+
+def _anywhere(objective: Objective, z: Tensor) -> Fitted:
+    """Fit a start from where it is, and where that leaves more than noise, from the first samples.
+
+    What was fitted under a prior that keeps it away may have no way to where it belongs.
+    """
+    fitted = minimise(objective, z, STEPS, TOLERANCE)
+    if fitted.chi2 < FAR * objective.noise.count:
+        return fitted
+    grown = minimise(objective, grow(objective, torch.zeros_like(z), FIRST), STEPS, TOLERANCE)
+    return min(fitted, grown, key=lambda found: found.cost)
 
 
 def _over_all(normal: Normal, factor: float) -> float:
@@ -84,6 +101,11 @@ def _over_all(normal: Normal, factor: float) -> float:
     least = min(every)
     shares = sum(math.exp((least - found) / 2) for found in every) / len(every)
     return least - 2 * math.log(shares)
+
+
+def _volume(found: float, normal: Normal) -> float:
+    """Return what of an evidence is not F's minimum: what freedom costs."""
+    return found - normal.least()
 
 
 def _likeliest(normal: Normal, factor: float) -> float:

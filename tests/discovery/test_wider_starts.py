@@ -35,3 +35,16 @@ def test_how_far_off_it_is_is_told(waves: Waves, seed: int) -> None:
 def test_a_start_as_the_prior_has_it_explains_nothing(waves: Waves, seed: int) -> None:
     null = nothing(waves, 1.0, seed)
     assert all(found.law.score > null.law.score for found in wider_starts(null))
+
+
+@pytest.mark.parametrize("far", [3.0, 300.0])
+def test_it_is_found_from_a_fit_that_was_led_astray(waves: Waves, far: float) -> None:
+    null = nothing(waves, 4.0, seed=0)
+    [right] = wider_starts(null)
+    phi = null.phi + far
+    [cost], _ = null.objective.values(phi[None])
+    led = Cause(laws.law(score=float(cost)), null.objective, phi)
+    [found] = wider_starts(led)
+    assert found.law.widened == right.law.widened
+    assert found.law.chi2 == pytest.approx(right.law.chi2, rel=1e-3)
+    assert found.law.score == pytest.approx(right.law.score, abs=10)
