@@ -52,8 +52,9 @@ def faults(cause: Cause, bound: float) -> list[Cause]:
 def wider_starts(null: Cause) -> list[Cause]:
     """Return what a start outside of its prior explains, by Laplace's evidence; or nothing.
 
-    A wider prior lets F fall in any case: what it may move more is held against it. How much wider
-    it is, the linearised problem tells, about the plain prior's fit first.
+    A wider prior lets F fall in any case: what it may move more is held against it, and that one
+    more number is told. How much wider it is, the linearised problem tells, about the plain prior's
+    fit first.
 
     Args:
         null: the simulator as it is.
@@ -76,7 +77,8 @@ def wider_starts(null: Cause) -> list[Cause]:
         z = fitted.phi * before / factor
     plain = replace(there, precision=there.precision * before**2)
     cost = _volume(_over_all(there, before), there) - _volume(_widened(plain, 1.0), plain)
-    law = replace(law_of(mine, fitted, (), fitted.cost + cost), widened=before)
+    score = fitted.cost + cost + math.log(objective.noise.effective_count)
+    law = replace(law_of(mine, fitted, (), score), widened=before)
     return [Cause(law, mine, fitted.phi)]
 
 
