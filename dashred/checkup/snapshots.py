@@ -27,7 +27,7 @@ def about_snapshots(problem: Problem) -> Iterator[Remark]:
     assert snapshots is not None
     every = float(problem.times[1] - problem.times[0])
     used = min(wanted, snapshots.members)
-    samples = -(-snapshots.samples // round(every / snapshots.step))
+    samples = snapshots.samples_at(every)
     length = stretch_length(problem, used, samples)
     of = "" if used == snapshots.members else f", of {snapshots.members} that there are"
     yield Remark(
@@ -38,6 +38,4 @@ def about_snapshots(problem: Problem) -> Iterator[Remark]:
     fit = problem.split.fit
     read = problem.operator(fit)(states.flatten(0, 1))
     yield from sizes_compared(fit.names, torch.from_numpy(fit.values), read, "snapshots")
-    yield Remark(
-        "What a run can tell of them is less than of equations: see docs/black-box.md",
-    )
+    yield Remark("What a run can tell of them is less than of equations: see docs/black-box.md")

@@ -60,9 +60,8 @@ def wider_starts(null: Cause) -> list[Cause]:
         null: the simulator as it is.
     """
     objective, phi, normal = null.objective, null.phi, null.normal
-    linear = evidence(normal, range(len(phi)))
     factor = _likeliest(normal, 1.0)
-    if _widened(normal, factor) > linear:
+    if _widened(normal, factor) > _widened(normal, 1.0):
         return []
     z, shooting = phi / factor, objective.shooting
     for _ in range(ROUNDS):

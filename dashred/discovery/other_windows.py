@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import torch
 from torch import Tensor
@@ -48,14 +49,16 @@ def from_other_windows(found: Sequence[Cause]) -> list[Cause]:
     Args:
         found: explanations, the best first.
     """
-    near = [c for c in found if c.law.score < found[0].law.score + NEAR and _beginnings(c)]
-    return [better for cause in near[:MOST] if (better := _better(cause)) is not None]
+    close = (cause for cause in found if cause.law.score < found[0].law.score + NEAR)
+    near = ((cause, begun) for cause in close if (begun := _beginnings(cause)))
+    tried = (_better(cause, begun) for cause, begun in islice(near, MOST))
+    return [better for better in tried if better is not None]
 
 
-def _better(cause: Cause) -> Cause | None:
+def _better(cause: Cause, begun: Sequence[Elsewhere]) -> Cause | None:
     """Return a window at a lower minimum; None where none is found."""
     [cost], _ = cause.objective.values(cause.phi[None])
-    tried = [_fit(cause, begin) for begin in _beginnings(cause)]
+    tried = [_fit(cause, begin) for begin in begun]
     objective, first = min(tried, key=lambda pair: pair[1].cost)
     if first.cost > float(cost) + NEAR:
         return None

@@ -76,6 +76,14 @@ class Snapshots:
             hint=f"set recording.every to null or to {longer:.6g}",
         )
 
+    def stride(self, every: float) -> int:
+        """Return how many of its steps a step of the clock is."""
+        return round(every / self.step)
+
+    def samples_at(self, every: float) -> int:
+        """Return samples of each run at the clock's step."""
+        return -(-self.samples // self.stride(every))
+
     def read(self, members: int, every: float, rng: np.random.Generator) -> tuple[Tensor, str]:
         """Read so many runs, drawn at random, at the clock's step.
 
@@ -90,9 +98,8 @@ class Snapshots:
         Raises:
             InputError: a value is not finite, or it would not fit into memory.
         """
-        stride = round(every / self.step)
+        stride, kept = self.stride(every), self.samples_at(every)
         chosen = rng.permutation(self.members)[:members]
-        kept = -(-self.samples // stride)
         self._check_memory(len(chosen), kept)
         axes = [axis.name for axis in self.system.axes]
         shape = tuple(axis.own_points for axis in self.system.axes)

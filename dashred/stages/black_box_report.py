@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dashred.findings import Findings
+from dashred.findings_schema import Findings
 from dashred.progress import stage
 from dashred.reporting import html
 from dashred.reporting.figures import (
@@ -18,11 +18,10 @@ from dashred.reporting.figures import (
     space_time_panels,
 )
 from dashred.reporting.summary import summary
-from dashred.sensing.recording import Recording
-from dashred.stages.black_box import BlackBoxAnalysis, whole
+from dashred.stages.black_box import BlackBoxAnalysis
 from dashred.stages.problem import Problem
 from dashred.stages.report import TITLES, varying
-from dashred.stages.sensor_figures import draw_sensors
+from dashred.stages.sensor_figures import all_sensors, draw_sensors
 from dashred.units import in_brackets, time_label
 
 FIGURES = {
@@ -62,11 +61,7 @@ def report(
 
 
 def _traces(problem: Problem, analysis: BlackBoxAnalysis, output: Path) -> None:
-    split, total = problem.split, len(problem.times)
-    names = tuple(split.heldout.names)
-    known, tested = whole(problem, names), split.tested
-    recorded = np.concatenate([known.values, tested.values], axis=1)
-    every = Recording((*known.sensors, *tested.sensors), problem.times.numpy(), recorded)
+    every, total = all_sensors(problem), len(problem.times)
     operator, traces = problem.operator(every), {}
     for method, states in analysis.fields.items():
         traces[method] = np.full((total, len(every.sensors)), np.nan)

@@ -8,7 +8,7 @@ from typing import Literal, cast
 
 import numpy as np
 
-from dashred.findings import Findings
+from dashred.findings_schema import Findings
 from dashred.reporting.figures import (
     forecast_figure,
     save_figure,
@@ -83,7 +83,7 @@ def reading_units(problem: Problem, recording: Recording) -> dict[str, str]:
     return {s.name: units[s.reads] for s in recording.sensors if s.reads in units}
 
 
-def _all_sensors(problem: Problem) -> Recording:
+def all_sensors(problem: Problem) -> Recording:
     """Return the parts of the split together again."""
     split = problem.split
     parts = [split.fit, split.validation, split.tested]
@@ -94,7 +94,7 @@ def _all_sensors(problem: Problem) -> Recording:
 
 def draw_whole_episode(problem: Problem, free: Trajectories, path: Path) -> None:
     """Draw the episode that was held out whole, and what runs from its beginning make of it."""
-    recording = _all_sensors(problem)
+    recording = all_sensors(problem)
     operator, total = problem.operator(recording), len(problem.times)
     compared = ("simulation_refit", "corrected")
     traces = {MISFITS[name]: operator(free.states[name][:total]).numpy() for name in compared}
@@ -124,7 +124,7 @@ def draw_sensors(
 def draw_traces(problem: Problem, analysis: Analysis, path: Path) -> None:
     """Draw all sensors of an episode that is fitted, with what the methods make of them."""
     split = problem.split
-    recording = _all_sensors(problem)
+    recording = all_sensors(problem)
     operator, sensors = problem.operator(recording), recording.sensors
     total, count = len(problem.times), len(split.fit.times)
     states = analysis.free.states["corrected"][:total]
