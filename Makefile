@@ -42,8 +42,8 @@ $(BIN)/pip:
 
 # pip resolves although the lock is complete: torch's build on PyPI for Linux needs CUDA libraries
 # that its CPU wheel, and so the lock, does not have. --no-compile: most of what is installed is
-# never imported, and what is imported is compiled by the import. The stamp is written last, so that an install that was cut short is taken up
-# again.
+# never imported, and what is imported is compiled by the import. The stamp is written last, so that
+# an install that was cut short is taken up again.
 $(READY): requirements.lock pyproject.toml | $(BIN)/pip
 	@echo "installing into $(VENV): some minutes, this once"
 	$(BIN)/python -m pip install -qq --no-compile --requirement requirements.lock

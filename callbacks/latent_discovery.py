@@ -8,9 +8,10 @@ from torch import Tensor
 
 from dashred.discovery.latent import LatentProblem, LatentSindy
 from dashred.discovery.regression import SparseFit
+from dashred.logged_run import Run
+from dashred.metric_names import metric_name
 from dashred.models.assimilation import Assimilation
 from dashred.models.shred import reconstruct
-from dashred.tracking import Run, metric_name
 
 
 class LatentDiscovery(Callback):

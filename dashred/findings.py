@@ -16,63 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from dashred.errors import InputError
-from dashred.findings_schema import (
-    Alternative,
-    EpisodeSplit,
-    Findings,
-    Fit,
-    HeldOut,
-    Input,
-    Latent,
-    LatentSindy,
-    Misfit,
-    ParameterChange,
-    PathStep,
-    Profile,
-    Proposal,
-    Score,
-    SensorGain,
-    Splits,
-    TermFound,
-    TermTried,
-    Verdict,
-    Where,
-    misfit,
-    new_findings,
-)
 from dashred.whole_files import write_text_atomic
-
-__all__ = [
-    "Alternative",
-    "EpisodeSplit",
-    "Findings",
-    "Fit",
-    "HeldOut",
-    "Input",
-    "Latent",
-    "LatentSindy",
-    "Misfit",
-    "ParameterChange",
-    "PathStep",
-    "Profile",
-    "Proposal",
-    "Score",
-    "SensorGain",
-    "Splits",
-    "TermFound",
-    "TermTried",
-    "Verdict",
-    "Where",
-    "canonical",
-    "check_freeze",
-    "freeze",
-    "misfit",
-    "new_findings",
-    "sha256_of",
-    "versions",
-    "write_json_atomic",
-    "write_text_atomic",
-]
 
 SIGNIFICANT_DIGITS = 8
 PACKAGES = ("dashred", "lightning", "mlflow", "numpy", "pysindy", "scipy", "torch", "torchdiffeq")

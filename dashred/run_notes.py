@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from dashred.config import Config, frozen_input
-from dashred.findings import Findings
+from dashred.findings_schema import Findings
+from dashred.logged_run import NOTE, Run, flatten
 from dashred.metric_names import metric_name
 from dashred.reporting.verdict_words import verdict_lines
-from dashred.tracking import NOTE, Run, Tracker, flatten
+from dashred.tracking import Tracker
 
 MOST_IN_A_NAME = 3
 PROOFS = {"test_sensors": "test sensors", "heldout_time": "held-out time"}

@@ -12,17 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dashred.errors import InputError
-from dashred.findings import (
-    Findings,
-    Input,
-    canonical,
-    check_freeze,
-    freeze,
-    misfit,
-    new_findings,
-    versions,
-    write_json_atomic,
-)
+from dashred.findings import canonical, check_freeze, freeze, versions, write_json_atomic
+from dashred.findings_schema import Findings, Input, misfit, new_findings
 
 SOURCE = Input(
     config={"seed": 1},

@@ -15,7 +15,9 @@ from typing import Any
 import pytest
 
 from dashred.errors import InputError
-from dashred.tracking import Tracker, flatten, metric_name
+from dashred.logged_run import flatten
+from dashred.metric_names import metric_name
+from dashred.tracking import Tracker
 
 # MLflow is imported before the fork, so that the processes reach the fresh store together.
 OPEN_TOGETHER = """

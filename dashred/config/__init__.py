@@ -21,22 +21,10 @@ from dashred.config.commandline import (
 from dashred.config.frozen import config_sha256, frozen_input
 from dashred.config.layers import merge, prepare, where_in
 from dashred.config.python_class import check_trust, take_trust, with_equations
-from dashred.config.schema import (
-    Assimilation,
-    Axis,
-    Integrator,
-    LatentSindy,
-    Recording,
-    SensorSplit,
-    Settings,
-    Shred,
-    Simulation,
-    Splits,
-    System,
-    TimeSplit,
-    Tracking,
-)
+from dashred.config.recording_schema import Recording, SensorSplit, Splits, TimeSplit
+from dashred.config.schema import Assimilation, LatentSindy, Settings, Shred, Simulation, Tracking
 from dashred.config.source import Source, read_file
+from dashred.config.system_schema import Axis, Integrator, System
 from dashred.config.system_units import settle_units
 
 __all__ = [

@@ -10,7 +10,8 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from dashred.config.kinds import Where, nearest, required
 from dashred.config.limits import Limit
-from dashred.config.schema import Recording, SensorSplit, Settings
+from dashred.config.recording_schema import Recording, SensorSplit
+from dashred.config.schema import Settings
 from dashred.config.snapshot_checks import check_snapshots
 from dashred.config.system_checks import check_system
 from dashred.errors import InputError

@@ -9,7 +9,8 @@ from importlib import import_module
 from typing import Any
 
 from dashred.config.kinds import Where
-from dashred.config.schema import Settings, System
+from dashred.config.schema import Settings
+from dashred.config.system_schema import System
 from dashred.errors import InputError
 
 KEY = "system.class"

@@ -10,7 +10,6 @@ from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from itertools import pairwise
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
-from dashred.config import schema
 from dashred.config.commandline import BASE
 from dashred.config.kinds import optional, required
 from dashred.config.limits import Limit, Unit
@@ -20,8 +19,9 @@ from dashred.config.source import read_file
 HEAD = """\
 # Every key of a configuration
 
-Made by `python -m dashred.reference path=docs/config.md` from `dashred/config/schema.py` and
-`conf/base.yaml`: change those, not this page.
+Made by `python -m dashred.reference path=docs/config.md` from `dashred/config/schema.py`, its
+parts `system_schema.py` and `recording_schema.py`, and `conf/base.yaml`: change those, not this
+page.
 
 A run reads three layers, each over the one before: `conf/base.yaml` with the defaults below, the
 system's own file (`conf=rde`, or a path), and the words of the command line, where a dotted key
@@ -116,11 +116,8 @@ def _below(defaults: dict[str, Any], name: str) -> dict[str, Any]:
 
 def _meanings(kind: type) -> dict[str, str]:
     """What stands below each key of a section in the schema; Python itself keeps no such text."""
-    [section] = (
-        node
-        for node in ast.parse(inspect.getsource(schema)).body
-        if isinstance(node, ast.ClassDef) and node.name == kind.__name__
-    )
+    [section] = ast.parse(inspect.getsource(kind)).body
+    assert isinstance(section, ast.ClassDef)
     told = {}
     for key, below in pairwise([*section.body, ast.Pass()]):
         match key, below:

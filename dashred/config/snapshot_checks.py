@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dashred.config.kinds import Where
-from dashred.config.schema import Settings, System
+from dashred.config.schema import Settings
+from dashred.config.system_schema import System
 from dashred.errors import InputError
 
 # What is said with equations, of equations.

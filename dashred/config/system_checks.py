@@ -12,7 +12,7 @@ from typing import Any
 
 from dashred.config.kinds import Where, nearest
 from dashred.config.layers import evaluate
-from dashred.config.schema import System
+from dashred.config.system_schema import System
 from dashred.errors import InputError
 
 SMOOTH = ("length", "modes")

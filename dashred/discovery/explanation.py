@@ -12,13 +12,7 @@ from dashred.discovery.discovered import AMBIGUOUS, Discovered
 from dashred.discovery.law import Law, SensorFault
 from dashred.discovery.plausibility import inclusion
 from dashred.discovery.wording import words
-from dashred.findings_schema import (
-    Alternative,
-    ParameterChange,
-    SmallerLaw,
-    TermFound,
-    TermTried,
-)
+from dashred.law_schema import Alternative, ParameterChange, SmallerLaw, TermFound, TermTried
 from dashred.physics.algebra import Expr
 from dashred.physics.system import System
 from dashred.physics.term_units import coefficient_unit

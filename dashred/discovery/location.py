@@ -14,7 +14,7 @@ from dashred.discovery.explanation import region_of
 from dashred.discovery.forcing_map import ForcingMap
 from dashred.discovery.law import Law
 from dashred.discovery.regime import regime
-from dashred.findings_schema import Forcing, Profile, SensorGain, Where
+from dashred.law_schema import Forcing, Profile, SensorGain, Where
 from dashred.physics import algebra
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term

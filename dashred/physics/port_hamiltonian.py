@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from dashred.config.kinds import nearest
-from dashred.config.schema import Structure
+from dashred.config.system_schema import Structure
 from dashred.errors import InputError
 from dashred.physics.algebra import (
     ZERO,

@@ -8,16 +8,14 @@ from dashred.reporting.equation_html import equations_html
 from dashred.reporting.page_parts import paragraphs, section, table
 from dashred.reporting.summary import METHODS
 from dashred.reporting.verdict_words import (
-    UNTESTED,
     alternative_in_words,
     certainty,
     consequences,
     places,
-    reconstructed,
     sentence,
     unknowable,
-    worth,
 )
+from dashred.reporting.worth_words import UNTESTED, reconstructed, worth
 from dashred.typeset import number, percent, pretty, rounded
 from dashred.units import NONE, TIME, measured, shown
 

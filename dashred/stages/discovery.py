@@ -17,6 +17,7 @@ from dashred.discovery.law import Law, posterior
 from dashred.discovery.objective import Objective
 from dashred.discovery.selection import Selection, Tried, better, polish, select
 from dashred.discovery.shooting import Simulator
+from dashred.metric_names import metric_name
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.resolution import Resolution
 from dashred.progress import Report, stage
@@ -28,7 +29,7 @@ from dashred.stages.prior_start import about, select_about_the_prior
 from dashred.stages.problem import Problem
 from dashred.stages.seeding import Seed, fit_seeds
 from dashred.stages.simulation import Nominal
-from dashred.tracking import Tracker, metric_name
+from dashred.tracking import Tracker
 
 # A step that gains a smaller share of F ends a fit: of the law, and of the simulator as it is,
 # whose misfit is so large that more would be spent for nothing.

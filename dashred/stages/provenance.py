@@ -14,7 +14,8 @@ from threadpoolctl import threadpool_limits
 from dashred.attempt import FROZEN
 from dashred.config import Config
 from dashred.errors import InputError
-from dashred.findings import Findings, sha256_of, write_json_atomic
+from dashred.findings import sha256_of, write_json_atomic
+from dashred.findings_schema import Findings
 from dashred.physics.side_by_side import use_threads
 from dashred.reporting.summary import print_summary, summary
 from dashred.tracking import Tracker

@@ -9,7 +9,8 @@ import numpy as np
 from dashred.discovery.location import law_tendency
 from dashred.discovery.regression import SparseFit
 from dashred.discovery.wording import words
-from dashred.findings import Findings, Where
+from dashred.findings_schema import Findings
+from dashred.law_schema import Where
 from dashred.physics.system import Term
 from dashred.progress import stage
 from dashred.reporting import html

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from dashred.discovery.law import Law
 from dashred.discovery.structure_change import structure_changes
-from dashred.findings_schema import StructureChanged
+from dashred.law_schema import StructureChanged
 from dashred.physics.port_hamiltonian import PortHamiltonian
 from dashred.physics.system import System
 

@@ -11,7 +11,8 @@ from dashred.discovery.explanation import alternatives, explain, smaller
 from dashred.discovery.location import locate
 from dashred.discovery.regression import SparseFit
 from dashred.discovery.verdict import unexplained, verdict
-from dashred.findings import (
+from dashred.findings import freeze, versions, write_json_atomic
+from dashred.findings_schema import (
     EpisodeSplit,
     Findings,
     Fit,
@@ -21,10 +22,7 @@ from dashred.findings import (
     PathStep,
     Proposal,
     Splits,
-    freeze,
     new_findings,
-    versions,
-    write_json_atomic,
 )
 from dashred.physics.resolution import Resolution
 from dashred.stages.analysis import Analysis

@@ -12,11 +12,12 @@ from lightning import Trainer
 from callbacks import LatentDiscovery
 from dashred.config import load_config
 from dashred.discovery.latent import LatentProblem
+from dashred.metric_names import metric_name
 from dashred.models.assimilation import Assimilation
 from dashred.physics.ensemble import term_scales
 from dashred.physics.simulate import simulate
 from dashred.sensing.observation import ObservationOperator
-from dashred.tracking import Tracker, metric_name
+from dashred.tracking import Tracker
 from datamodules import RecordingDataModule
 from tests import ring
 

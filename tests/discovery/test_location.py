@@ -12,7 +12,7 @@ from dashred.discovery.discovered import Discovered
 from dashred.discovery.law import Law
 from dashred.discovery.location import law_tendency, locate
 from dashred.discovery.regime import regime
-from dashred.findings_schema import Where
+from dashred.law_schema import Where
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from tests import laws

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from dashred.config.schema import Structure
+from dashred.config.system_schema import Structure
 from dashred.errors import InputError
 from dashred.physics.algebra import to_text
 from dashred.physics.port_hamiltonian import PortHamiltonian, evaluated, variation

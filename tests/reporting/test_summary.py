@@ -5,7 +5,7 @@ from typing import Any
 
 from rich.console import Console
 
-from dashred.findings import Fit, Input, Latent, LatentSindy, Splits, misfit, new_findings
+from dashred.findings_schema import Fit, Input, Latent, LatentSindy, Splits, misfit, new_findings
 from dashred.reporting.summary import print_summary, summary
 
 SPLITS = Splits(
