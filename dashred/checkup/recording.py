@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +42,7 @@ def about_recording(situation: Situation) -> Iterator[Remark]:
         yield Remark(
             f"That is the longest of {situation.episodes} episodes; the others are not looked at"
         )
-    yield from _clock(recording)
+    yield from _clock(recording, situation.config.recording.every)
     yield from _missing(recording)
     yield from _repeated(recording)
     estimated = _estimated_noise(recording)
@@ -60,9 +61,9 @@ def _about_none(situation: Situation) -> Iterator[Remark]:
     )
 
 
-def _clock(recording: Recording) -> Iterator[Remark]:
+def _clock(recording: Recording, every: float | None) -> Iterator[Remark]:
     step, steps = own_step(recording.times), np.diff(recording.times)
-    gaps = np.flatnonzero(steps > GAP * step)
+    gaps = np.flatnonzero(steps > GAP * max(step, every or 0.0))
     usual = steps[steps <= GAP * step]
     if usual.size and np.abs(usual / step - 1).max() > IRREGULAR:
         shortest, longest = f"{usual.min():.4g}", f"{usual.max():.4g}"
@@ -110,14 +111,20 @@ def _repeated(recording: Recording) -> Iterator[Remark]:
             yield doubtful(f"{twin} and {name} read the very same values", "is one of them a copy?")
 
 
-def _estimated_noise(recording: Recording) -> NDArray[np.float64]:
-    """Return σ of every sensor as third differences tell it, ``(sensor,)``; NaN if they do not."""
+def _estimated_noise(recording: Recording, every: int = 1) -> NDArray[np.float64]:
+    """Return σ of every sensor as third differences tell it, ``(sensor,)``; NaN if they do not.
+
+    Args:
+        recording: whose stated noise has no part in it.
+        every: of the values that each sensor has, so many of them: all, or every second one.
+    """
     found = []
-    for name in recording.names:
-        alone = recording.select([name])
-        bare = tuple(type(s)(s.name, s.reads, s.position, None) for s in alone.sensors)
+    for sensor, values in zip(recording.sensors, recording.values.T, strict=True):
+        kept = np.flatnonzero(~np.isnan(values))[::every]
+        bare = (replace(sensor, std=None),)
         try:
-            found.append(float(noise_std(Recording(bare, alone.times, alone.values))[0]))
+            alone = Recording(bare, recording.times[kept], values[kept, None])
+            found.append(float(noise_std(alone)[0]))
         except InputError:
             found.append(math.nan)
     return np.array(found)
@@ -166,16 +173,15 @@ def _sampling(
 
 def _correlation(recording: Recording, lags: dict[str, int]) -> Remark:
     """Compare the noise at every and at every second sample: white noise is as large at both."""
-    smooth = [name for name, lag in lags.items() if lag >= 8]
-    if not smooth:
+    fine = recording.select([name for name, lag in lags.items() if lag >= 8])
+    ratios = _estimated_noise(fine) / _estimated_noise(fine, every=2)
+    told = np.isfinite(ratios)
+    if not told.any():
         says = "Whether its noise is correlated cannot be told at this step"
         return Remark(f"{says}: a run tells it by what its fit leaves")
-    fine = recording.select(smooth)
-    bare = tuple(type(s)(s.name, s.reads, s.position, None) for s in fine.sensors)
-    whole = noise_std(Recording(bare, fine.times, fine.values))
-    half = noise_std(Recording(bare, fine.times[::2], fine.values[::2]))
-    ratio = float(np.median(whole / half))
-    if ratio > 1 - 4 / math.sqrt(len(fine.times)):
+    ratio = float(np.median(ratios[told]))
+    fewest = (~np.isnan(fine.values[:, told])).sum(axis=0).min()
+    if ratio > 1 - 4 / math.sqrt(fewest):
         return Remark("Its noise looks independent from sample to sample")
     return doubtful(
         f"Its noise looks correlated: every second sample scatters {1 / ratio:.2g} times as much",

@@ -24,7 +24,8 @@ def noise_std(recording: Recording, *others: Recording) -> NDArray[np.float64]:
 
     The stated std, or σ = median |Δ³y| / (0.6745 √20): third differences, divided ones where
     samples are unevenly apart, remove whatever is quadratic over four samples, and the median
-    ignores the few that a front or a spike leaves.
+    ignores the few that a front or a spike leaves. Each sensor's own samples follow each other: of
+    two loggers in one table every second cell is empty.
     Of several episodes it is the rms of what those say in which the sensor changes at all. One in
     which nothing ever changes (stuck) gets the median of the others that read the same.
 
@@ -59,7 +60,8 @@ def _said_by(recording: Recording) -> NDArray[np.float64]:
 
 
 def _estimated(times: NDArray[np.float64], values: NDArray[np.float64]) -> float:
-    rough = _third_differences(times, values)
+    known = ~np.isnan(values)
+    rough = _third_differences(times[known], values[known])
     rough = np.abs(rough[np.isfinite(rough)])
     if not rough.size:
         return 0.0

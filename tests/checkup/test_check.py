@@ -107,6 +107,26 @@ def test_a_recording_at_a_kilohertz_is_told_to_be_fine(
     assert "recording.every=0.05 loses little" in found
 
 
+@pytest.mark.parametrize("std", ["", "0.01"])
+def test_two_loggers_in_one_table_are_no_fault(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], std: str
+) -> None:
+    """Every second cell is empty."""
+    conf = swing(tmp_path)
+    rng, t = np.random.default_rng(0), 0.02 * np.arange(2000)
+    noise = 0.01 * rng.standard_normal((2, 2000))
+    x, v = np.cos(t) + noise[0], -np.sin(t) + noise[1]
+    rows = [
+        f"{a:.2f},,{c}" if i % 2 else f"{a:.2f},{b},"
+        for i, (a, b, c) in enumerate(zip(t.tolist(), x.tolist(), v.tolist(), strict=True))
+    ]
+    swing(tmp_path, rows)
+    (tmp_path / "table.csv").write_text(f"name,field,std\nx,x,{std}\nv,v,{std}\n")
+    found = said(capsys, f"conf={conf}", f"recording.sensors={tmp_path / 'table.csv'}")
+    assert "Its noise looks independent" in found
+    assert re.search(r"The noise looks like 1\.[345]( to 1\.[345])? % of what", found)
+
+
 def test_a_wrong_recording_is_refused(tmp_path: Path) -> None:
     swing(tmp_path)
     rows = rows_of(tmp_path)

@@ -50,6 +50,13 @@ def test_jumps_spikes_and_missing_values_hardly_matter(noisy):
     assert noise_std(recording_of(spoilt))[0] == pytest.approx(0.05, rel=0.25)
 
 
+def test_of_two_loggers_in_one_table_every_second_cell_is_empty(noisy):
+    first, second = (column.copy() for column in noisy)
+    first[1::2] = second[::2] = np.nan
+    found = noise_std(recording_of(first, second))
+    np.testing.assert_allclose(found, [0.05, 1.0], rtol=0.1)
+
+
 def test_a_stated_std_is_taken(noisy):
     found = noise_std(recording_of(*noisy, stds=(0.2, None)))
     assert found[0] == 0.2
