@@ -109,6 +109,7 @@ REFUSED: dict[str, tuple[Change, str]] = {
     ),
     "backwards": (lambda d: d.isel(time=slice(None, None, -1)), "'time' is not even"),
     "points": (lambda d: d.isel(x=slice(0, 6)), "6 points along x, and the grid 8"),
+    "no coordinate": (lambda d: d.assign_coords(x=np.full(8, np.nan)), r"x \(nan to nan\)"),
     "coordinate": (lambda d: d.assign_coords(x=np.arange(8.0)), r"coordinate x \(0 to 7\)"),
     "text": (lambda d: d.assign(u=d["u"].astype(str)), "does not hold numbers"),
     "one snapshot": (lambda d: d.isel(time=[0]), "two snapshots at least"),
