@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,11 @@ from dashred.sensing.recording import Recording
 ON_CLOCK = 0.01
 # A stretch without samples that is longer than this many steps is a gap, not to be bridged.
 GAP = 2.0
+# A clock on which less than this share of the samples has any value is empty for the most part.
+EMPTY = 0.25
+# A sensor that has values at fewer of the clock's samples than this share of what interpolation
+# gives it is sampled beside them.
+BESIDE = 0.25
 # More than this is a slip in the times rather than a recording.
 MOST_SAMPLES = 10_000_000
 
@@ -25,15 +31,17 @@ def resample(recording: Recording, every: float | None) -> tuple[Recording, str]
 
     Samples that lie on the clock are taken as they are (decimation); otherwise each sensor is
     interpolated linearly between its neighbouring values, except across gaps of more than 2 steps
-    (of the clock or the recording, whichever is longer), which stay NaN. ``every`` is in the unit
-    of time; None keeps the recording's own step.
+    (of the clock or the recording, whichever is longer), which stay NaN; a sensor that is always
+    read a little later than another is interpolated, too. ``every`` is in the unit of time; None
+    keeps the recording's own step.
 
     Raises:
         InputError: if ``every`` is shorter than the recording's own step, or so long that fewer
-            than 20 samples would remain, or the samples would be more than a machine can hold.
+            than 20 samples would remain, or the samples would be more than a machine can hold; if
+            it is None and the recording's own step is that between one clock and another.
     """
     own = own_step(recording.times)
-    step = own if every is None else every
+    step = _usable_step(recording) if every is None else every
     clock = _clock(recording.times, own, step)
     nearest = _nearest(recording.times, clock)
     distance = np.abs(recording.times[nearest] - clock)
@@ -41,6 +49,8 @@ def resample(recording: Recording, every: float | None) -> tuple[Recording, str]
     if np.all(distance[found] <= ON_CLOCK * own):
         values = np.where(found[:, None], recording.values[nearest], np.nan)
         how = f"took every {round(step / own)}. sample" if round(step / own) > 1 else "kept samples"
+        if beside := _fill_in_beside(values, recording, clock, GAP * max(own, step)):
+            how += f", interpolated {', '.join(beside)} linearly"
     else:
         values = _interpolated(recording, clock, GAP * max(own, step))
         how = "interpolated linearly"
@@ -60,7 +70,7 @@ def resample_all(episodes: Episodes, every: float | None) -> tuple[Episodes, str
     """
     parts = episodes.episodes
     if len(parts) > 1 and every is None:
-        every = max(own_step(part.recording.times) for part in parts)
+        every = max(_usable_steps(parts))
     sampled, said = [], []
     for part in parts:
         with said_of(part.name):
@@ -74,6 +84,74 @@ def own_step(times: NDArray[np.float64]) -> float:
     """The step of a recording: the mean of its steps, gaps left out."""
     steps = np.diff(times)
     return float(steps[steps < 1.5 * np.median(steps)].mean())
+
+
+def fuller_step(recording: Recording) -> float | None:
+    """Return a longer step, where a clock of the own one would be empty for the most part.
+
+    Two clocks in one table, one a little behind the other, have a shortest step that says nothing
+    of either. Tried are the longest step of a sensor that reads at its own times, and the mean one.
+    None where the own step is as good as any.
+    """
+    times = recording.times
+    own = own_step(times)
+    if not _mostly_empty(recording, own):
+        return None
+    seen = [times[~np.isnan(column)] for column in recording.values.T]
+    steps = [own_step(known) for known in seen if len(known) >= FEWEST_SAMPLES]
+    for step in (max(steps, default=own), float(np.diff(times).mean())):
+        tried = float(f"{step:.6g}")
+        if own < tried <= (times[-1] - times[0]) / FEWEST_SAMPLES:
+            sampled, _ = resample(recording, tried)
+            if np.isnan(sampled.values).mean() < 1 / 2:
+                return tried
+    return None
+
+
+def _mostly_empty(recording: Recording, step: float) -> bool:
+    count = float(recording.times[-1] - recording.times[0]) / step
+    # So few samples cannot fill so long a clock: that need not be tried.
+    if count > len(recording.times) / EMPTY or not FEWEST_SAMPLES < count < MOST_SAMPLES - 1:
+        return count > len(recording.times) / EMPTY
+    sampled, _ = resample(recording, step)
+    return float((~np.isnan(sampled.values)).any(axis=1).mean()) < EMPTY
+
+
+def _usable_step(recording: Recording) -> float:
+    """Return the recording's own step.
+
+    Raises:
+        InputError: another one is needed.
+    """
+    step, fuller = own_step(recording.times), fuller_step(recording)
+    if fuller is None:
+        return step
+    span = float(recording.times[-1] - recording.times[0])
+    problem = (
+        f"at the recording's own step of {step:.6g} nearly all of {span / step:.0f} samples would "
+        f"be empty: there are {len(recording.times)}"
+    )
+    hint = f"are there two clocks in one table? Set recording.every={fuller:g}"
+    raise InputError(problem, where="recording.every", hint=hint)
+
+
+def _usable_steps(parts: Sequence[Episode]) -> Iterator[float]:
+    for part in parts:
+        with said_of(part.name):
+            yield _usable_step(part.recording)
+
+
+def _fill_in_beside(
+    values: NDArray[np.float64], recording: Recording, clock: NDArray[np.float64], gap: float
+) -> list[str]:
+    """Interpolate, in place, sensors that have hardly a sample on the clock; return their names."""
+    if not np.isnan(values).any():
+        return []
+    between = _interpolated(recording, clock, gap)
+    known, possible = ((~np.isnan(found)).sum(axis=0) for found in (values, between))
+    beside = known < BESIDE * possible
+    values[:, beside] = between[:, beside]
+    return [name for name, so in zip(recording.names, beside, strict=True) if so]
 
 
 def _clock(times: NDArray[np.float64], own: float, step: float) -> NDArray[np.float64]:

@@ -7,7 +7,7 @@ import re
 
 from dashred.config.kinds import NAME
 from dashred.config.source import SCALARS
-from dashred.sensing.clock import own_step
+from dashred.sensing.clock import fuller_step, own_step
 from dashred.sensing.recording import Recording
 from dashred.starter.columns import Guessed
 from dashred.starter.guess import Guess
@@ -210,5 +210,8 @@ def _every(recording: Recording, guess: Guess) -> str:
     own = own_step(recording.times)
     if guess.every is None:
         return _line("  every: null", f"step between samples: the recording's own, {own:.4g}")
+    if guess.every == fuller_step(recording):
+        says = "samples of more than one clock are brought to this one"
+        return _line(f"  every: {guess.every:g}", says)
     says = f"its own step is {own:.4g}: with this one 16 samples still draw its fastest period"
     return _line(f"  every: {guess.every:g}", says)

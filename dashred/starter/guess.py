@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.errors import InputError
-from dashred.sensing.clock import own_step
+from dashred.sensing.clock import fuller_step, own_step
 from dashred.sensing.noise import noise_std
 from dashred.sensing.recording import Recording
 from dashred.sensing.time_scale import samples_a_change, suggested_step
@@ -43,7 +43,9 @@ class Guess:
 def guess(guessed: Guessed, recording: Recording) -> Guess:
     """Guess what the recording lets one guess."""
     noise = _noise(recording)
-    every = suggested_step(recording, samples_a_change(recording, noise))
+    every = fuller_step(recording)
+    if every is None:
+        every = suggested_step(recording, samples_a_change(recording, noise))
     step = own_step(recording.times) if every is None else every
     start, spread = {}, {}
     for field in guessed.fields:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from dashred.errors import InputError
-from dashred.sensing.clock import own_step, resample
+from dashred.sensing.clock import own_step, resample, resample_all
+from dashred.sensing.episodes import Episode, Episodes
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import Sensor
 
@@ -102,3 +103,53 @@ def test_the_own_step_ignores_gaps_and_averages_rounding():
 def test_a_step_that_cannot_serve_is_refused(every, message):
     with pytest.raises(InputError, match=message):
         resample(recorded(0.1 * np.arange(100)), every)
+
+
+def two_loggers(late: float, step: float = 0.1, other: float = 0.1, count: int = 60) -> Recording:
+    """Return u at 0, 0.1, … and v a little later, in rows of their own."""
+    first, second = step * np.arange(count), late + other * np.arange(count)
+    times = np.concatenate([first, second])
+    values = np.full((2 * count, 2), np.nan)
+    values[:count, 0], values[count:, 1] = np.sin(first), np.cos(second)
+    order = np.argsort(times)
+    return Recording((Sensor("a", "u"), Sensor("b", "v")), times[order], values[order])
+
+
+@pytest.mark.parametrize(
+    "recording",
+    [two_loggers(0.003), two_loggers(0.003, count=61), two_loggers(0.013, other=0.1003)],
+    ids=["late", "late, odd", "drifting"],
+)
+def test_the_step_between_one_clock_and_another_is_refused_and_the_hint_works(recording):
+    for every in (
+        lambda: resample(recording, None),
+        lambda: resample_all(Episodes((Episode("", recording), Episode("b", recording))), None),
+    ):
+        with pytest.raises(InputError, match=r"nearly all of .* samples would be empty") as refused:
+            every()
+        assert "two clocks in one table? Set recording.every=0.1" in str(refused.value.hint)
+    sampled, says = resample(recording, 0.1)
+    assert "interpolated" in says
+    assert np.isnan(sampled.values).mean() < 0.05
+    known = ~np.isnan(sampled.values[:, 1])
+    truth = np.cos(sampled.times[known])
+    np.testing.assert_allclose(sampled.values[known, 1], truth, atol=2e-3)
+
+
+def test_bursts_of_the_same_sensors_have_a_step_that_lies_between():
+    times = np.sort(np.concatenate([0.1 * np.arange(60), 0.003 + 0.1 * np.arange(60)]))
+    with pytest.raises(InputError) as refused:
+        resample(recorded(times), None)
+    step = float(str(refused.value.hint).rpartition("=")[2])
+    assert 0.04 < step < 0.06
+    sampled, _ = resample(recorded(times), step)
+    assert not np.isnan(sampled.values).any()
+
+
+def test_a_long_gap_or_loggers_by_turns_do_not_make_a_clock_empty():
+    times = np.concatenate([0.1 * np.arange(60), 100 + 0.1 * np.arange(60)])
+    assert resample(recorded(times), None)[0].times.shape == (1060,)
+    turns = two_loggers(0.05)
+    sampled, says = resample(turns, None)
+    assert says.startswith("kept samples: 120 at a step of 0.05")
+    np.testing.assert_array_equal(sampled.values, turns.values)

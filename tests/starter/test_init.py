@@ -35,6 +35,14 @@ def test_a_kilohertz_recording_of_a_slow_swing_is_thinned(tmp_path: Path) -> Non
     assert config.system.integrator.dt == pytest.approx(0.01)
 
 
+def test_two_clocks_in_one_table_get_the_step_of_either(tmp_path: Path) -> None:
+    rows = [f"{0.1 * i:.3f},{i},\n{0.1 * i + 0.003:.3f},,{-i}\n" for i in range(100)]
+    (tmp_path / "two.csv").write_text("time,u,v\n" + "".join(rows))
+    config, text = written(tmp_path, f"path={tmp_path / 'two.csv'}")
+    assert config.recording.every == pytest.approx(0.1)
+    assert "more than one clock" in text
+
+
 def test_a_table_of_sensors_makes_a_field_in_space(tmp_path: Path) -> None:
     path, table = bar_csv(tmp_path)
     config, text = written(tmp_path, f"path={path}", f"sensors={table}")
