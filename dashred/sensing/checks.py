@@ -44,6 +44,43 @@ def checked_recording(
     return Recording(tuple(sensors), times, values)
 
 
+def check_input(
+    name: str, column: str, values: NDArray[np.float64], place: Callable[[int, str], str]
+) -> None:
+    """Refuse an input (sample,) that is not known at each of its samples.
+
+    Raises:
+        InputError: at the first value that is missing, infinite, or too large to be one.
+    """
+    bad = np.flatnonzero(~(np.abs(values) <= LARGEST))
+    if not bad.size:
+        return
+    found, where = float(values[bad[0]]), place(int(bad[0]), column)
+    if found != found:
+        problem = f"the input {name} is missing here; between samples it is a straight line"
+        raise InputError(problem, where=where, hint="leave the whole row out, or fill the gap")
+    size = "infinite" if np.isinf(found) else f"beyond {LARGEST:g}"
+    problem = f"the input {name} is {size} here"
+    raise InputError(problem, where=where, hint="leave the whole row out, or mend the value")
+
+
+def check_covered(times: NDArray[np.float64], driven: NDArray[np.float64], where: str) -> None:
+    """Refuse inputs on a clock (sample,) that begins after the recording's times, or ends before.
+
+    Raises:
+        InputError: saying until when they are known.
+    """
+    spare = 1e-9 * max(float(np.abs(times).max()), float(times[-1] - times[0]))
+    if driven[0] <= times[0] + spare and driven[-1] >= times[-1] - spare:
+        return
+    problem = (
+        f"the inputs are known from {driven[0]:.6g} to {driven[-1]:.6g}, and the samples go from "
+        f"{times[0]:.6g} to {times[-1]:.6g}"
+    )
+    hint = "what drove the system must be known all the time: leave the other samples out"
+    raise InputError(problem, where=where, hint=hint)
+
+
 def _check_times(times: NDArray[np.float64], place: Place) -> None:
     bad = np.flatnonzero(~np.isfinite(times))
     if bad.size:

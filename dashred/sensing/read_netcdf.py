@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from dashred.errors import InputError, nearest
 from dashred.physics.measured import Measured
-from dashred.sensing.checks import checked_recording
+from dashred.sensing.checks import check_covered, check_input, checked_recording
 from dashred.sensing.episodes import Episode, Episodes, Stretch, stretches
 from dashred.sensing.sensors import Described, Sensor, check_names, check_sensor
 from dashred.sensing.stated_units import StatedUnits
@@ -54,6 +55,8 @@ def read_netcdf(path: str, system: Described) -> Episodes:
         recording = checked_recording(
             sensors, times[rows], values[rows], path=stretch.within(path), place=place
         )
+        if driven.values:
+            check_covered(recording.times, driven.times, f"{stretch.within(path)}, 'input_time'")
         return Episode(stretch.name, replace(recording, inputs=driven, units=units))
 
     return Episodes(tuple(map(episode, parts, inputs)))
@@ -93,6 +96,33 @@ def _attribute(dataset: xr.Dataset, variable: str, path: str) -> str | None:
     return check_unit(text, variable, f"{path}, {variable!r}") if text.strip() else None
 
 
+def _check_epochs(dataset: xr.Dataset, path: str) -> None:
+    """Refuse two clocks that count from different days.
+
+    Raises:
+        InputError: with both.
+    """
+    since = [_since(dataset, clock) for clock in ("time", "input_time")]
+    if all(since) and _moment(since[0]) != _moment(since[1]):
+        problem = f"'input_time' counts since {since[1]}, and 'time' since {since[0]}"
+        hint = "nothing is converted: let both count from the same moment"
+        raise InputError(problem, where=f"{path}, 'input_time'", hint=hint)
+
+
+def _since(dataset: xr.Dataset, clock: str) -> str:
+    """Return what a clock counts from, of ``seconds since 2020-01-01`` the day; '' if unsaid."""
+    return str(dataset[clock].attrs.get("units", "")).partition(" since ")[2].strip()
+
+
+def _moment(text: str) -> datetime | str:
+    """Return a moment, that of a time zone's in UTC; as it is written if it cannot be read."""
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        return " ".join(text.split())
+    return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+
+
 def _place(path: str, sample: int, variable: str | None) -> str:
     return f"{path}, sample {sample + 1}" + (f", {variable!r}" if variable else "")
 
@@ -105,7 +135,7 @@ def _stretches(dataset: xr.Dataset, name: str, clock: str, path: str) -> list[St
     labels = _variable(dataset, name, (clock,), path).values
     if labels.dtype.kind not in "OUSiu":
         raise InputError(f"{name!r} holds neither names nor whole numbers", where=path)
-    texts = [label.decode() if isinstance(label, bytes) else str(label) for label in labels]
+    texts = [_text(label, name, path) for label in labels]
     return stretches(texts, lambda sample: _place(path, sample, name))
 
 
@@ -124,14 +154,15 @@ def _inputs(
     columns = {
         column: _numbers(dataset, column, (clock,), path) for column in system.inputs.values()
     }
-    for column, found in columns.items():
-        if np.isnan(found).any():
-            sample = int(np.flatnonzero(np.isnan(found))[0])
-            raise InputError("this input is missing here", where=_place(path, sample, column))
+    for name, column in system.inputs.items():
+        check_input(name, column, columns[column], lambda at, of: _place(path, at, of))
     # The recording's own clock is looked at with the samples.
-    for part in driven if clock == "input_time" else ():
-        if not np.all(np.diff(times[part.rows]) > 0):
-            raise InputError(f"{clock!r} does not increase", where=part.within(path))
+    if clock == "input_time" and system.inputs:
+        _check_epochs(dataset, path)
+        for part in driven:
+            own = times[part.rows]
+            if not np.all(np.isfinite(own)) or not np.all(np.diff(own) > 0):
+                raise InputError(f"{clock!r} does not increase", where=part.within(path))
     return [
         Measured(times[part.rows], {name: found[part.rows] for name, found in columns.items()})
         for part in driven
@@ -173,7 +204,18 @@ def _variable(dataset: xr.Dataset, name: str, dims: Sequence[str], path: str) ->
 
 
 def _texts(dataset: xr.Dataset, name: str, path: str) -> list[str]:
-    return [str(text) for text in _variable(dataset, name, ("sensor",), path).values]
+    values = _variable(dataset, name, ("sensor",), path).values
+    return [_text(value, name, path) for value in values]
+
+
+def _text(value: object, name: str, path: str) -> str:
+    """Return a text; arrays of characters come as bytes, filled up with blanks or zeros."""
+    if not isinstance(value, bytes):
+        return str(value)
+    try:
+        return value.rstrip(b" \0").decode()
+    except UnicodeDecodeError:
+        raise InputError(f"{name!r} holds text that is not UTF-8", where=path) from None
 
 
 def _numbers(dataset: xr.Dataset, name: str, dims: Sequence[str], path: str) -> NDArray[np.float64]:

@@ -6,6 +6,7 @@ import gc
 import os
 import re
 
+import h5py  # type: ignore[import-untyped]
 import numpy as np
 import pytest
 import xarray as xr
@@ -185,3 +186,28 @@ def test_a_table_beside_a_netcdf_is_refused(make_recording, ring, tmp_path):
     write_netcdf(make_recording(), tmp_path / "r.nc")
     with pytest.raises(InputError, match="describes its sensors itself"):
         read_recording(str(tmp_path / "r.nc"), "s.csv", ring)
+
+
+@pytest.mark.parametrize("filling", [b" ", b"\0"])
+def test_names_may_be_arrays_of_characters(dataset, ring, tmp_path, filling):
+    """As CF and MATLAB write them, filled up to one length, and without an encoding."""
+    changed = dataset.drop_vars(["name", "reads"])
+    for name, texts in {"name": ["p0", "über", "p2"], "reads": ["u", "u", "v"]}.items():
+        filled = [text.encode().ljust(7, filling) for text in texts]
+        changed[name] = ("sensor", np.array(filled, "S7"))
+    changed.to_netcdf(tmp_path / "r.nc", engine="h5netcdf")
+    with h5py.File(tmp_path / "r.nc") as file:
+        assert file["name"].shape == (3, 7) and "_Encoding" not in file["name"].attrs
+    recording = read_recording(str(tmp_path / "r.nc"), None, ring)
+    assert recording.names == ("p0", "über", "p2")
+    assert [sensor.reads for sensor in recording.sensors] == ["u", "u", "v"]
+
+
+@pytest.mark.parametrize("name", ["episode", "name"])
+def test_text_that_is_not_utf_8_is_refused(dataset, ring, tmp_path, name):
+    dim, count = ("time", 30) if name == "episode" else ("sensor", 3)
+    changed = dataset.drop_vars("name") if name == "name" else dataset
+    changed[name] = (dim, np.array([b"\xe9\xe9"] * count))
+    changed.to_netcdf(tmp_path / "r.nc", engine="h5netcdf")
+    with pytest.raises(InputError, match=f"'{name}' holds text that is not UTF-8"):
+        read_recording(str(tmp_path / "r.nc"), None, ring)
