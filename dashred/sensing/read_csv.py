@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from dashred.errors import InputError, nearest
 from dashred.physics.measured import Measured
-from dashred.sensing.checks import checked_recording
+from dashred.sensing.checks import check_input, checked_recording
 from dashred.sensing.episodes import Episode, Episodes, Stretch, stretches
 from dashred.sensing.sensors import RESERVED, Described, Sensor, readable
 from dashred.sensing.sensors_table import read_sensors
 from dashred.sensing.stated_units import StatedUnits
-from dashred.sensing.tables import Table, read_table
+from dashred.sensing.tables import Table, read_table, separated_otherwise
 from dashred.units import TIME
 
 
@@ -68,26 +68,21 @@ def _state_units(
 
 
 def _inputs(table: Table, system: Described) -> dict[str, NDArray[np.float64]]:
-    """Return the columns of the system's inputs, which have no gaps."""
+    """Return the columns of the system's inputs, known in every row."""
     found = {}
     for name, column in system.inputs.items():
         if column not in table.columns:
             problem = f"the recording has no column {column!r} for the input {name}"
             raise InputError(problem, where=table.path, hint=nearest(column, table.columns))
         found[column] = table.numbers(column)
-        if missing := np.flatnonzero(np.isnan(found[column])).tolist():
-            problem = f"the input {name} is missing here; between samples it is a straight line"
-            hint = "leave the whole row out, or fill the gap"
-            raise InputError(problem, where=table.place(missing[0], column), hint=hint)
+        check_input(name, column, found[column], table.place)
     return found
 
 
 def _check_time_column(table: Table) -> None:
     if "time" in table.columns:
         return
-    split_otherwise = len(table.columns) == 1 and any(mark in table.columns[0] for mark in ";\t ")
-    found = f"its columns are {', '.join(table.columns)}"
-    hint = "separate the columns by commas" if split_otherwise else found
+    hint = separated_otherwise(table.columns) or f"its columns are {', '.join(table.columns)}"
     raise InputError("the recording has no column 'time'", where=table.path, hint=hint)
 
 
@@ -112,7 +107,8 @@ def _sensors_by_name(table: Table, system: Described) -> list[Sensor]:
     for column in _sensor_columns(table, system):
         if column not in known:
             problem = f"column {column!r} is neither a field nor a let of the system"
-            hint = nearest(column, known) + "; or name a table with recording.sensors=PATH"
+            hint = f"{nearest(column, known)}; or name a table with recording.sensors=PATH; what "
+            hint += "drives the system is an input: system.inputs"
             raise InputError(problem, where=table.path, hint=hint)
     return [Sensor(column, reads=column) for column in _sensor_columns(table, system)]
 
@@ -124,7 +120,8 @@ def _matched(
     for column in columns:
         if column not in named:
             problem = f"column {column!r} is not in the table of sensors {sensors_table}"
-            raise InputError(problem, where=path, hint=nearest(column, named))
+            hint = f"{nearest(column, named)}; what drives the system is an input: system.inputs"
+            raise InputError(problem, where=path, hint=hint)
     for name in named:
         if name not in columns:
             problem = f"sensor {name!r} has no column in the recording {path}"

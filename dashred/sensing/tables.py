@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import csv
-import io
+import math
+import re
+from array import array
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +19,14 @@ from numpy.typing import NDArray
 from dashred.errors import InputError
 from dashred.sensing.sensors import check_names
 from dashred.units import check_unit, split_unit
+
+# In bytes. What is read takes some thirteen times as much memory, a cell being a text of its own.
+LARGEST = 2**28
+# What separates columns in tables that are not quite CSV.
+SEPARATORS = ";\t "
+NUMBER = re.compile(r"[+-]?\d+(\.\d*)?")
+# 2024-05-17, 17.05.24, 5/17/2024, 12:30.
+DATE = re.compile(r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}|\d{1,2}:\d{2}")
 
 
 @dataclass(frozen=True)
@@ -32,7 +45,7 @@ class Table:
     path: str
     columns: tuple[str, ...]
     rows: list[list[str]]
-    lines: list[int]
+    lines: Sequence[int]
     units: dict[str, str] = field(default_factory=dict)
     header: int = 1
 
@@ -63,6 +76,8 @@ class Table:
                 return np.array([float(cell or "nan") for cell in cells], dtype=np.float64)
         row = next(row for row, cell in enumerate(cells) if not _is_number(cell))
         hint = "write numbers as 1.5e-3; leave the cell empty where a value is missing"
+        if DATE.match(cells[row]):
+            hint = "write times as numbers: seconds (or another unit) since the start, as 0.25"
         problem = f"{_shortened(cells[row])} is not a number"
         raise InputError(problem, where=self.place(row, column), hint=hint)
 
@@ -76,46 +91,70 @@ def read_table(path: str) -> Table:
         InputError: if the file is missing, empty, not UTF-8 or badly quoted, a column has no name
             or one that was used before or an empty unit, or a row has too few or too many cells.
     """
-    reader = csv.reader(io.StringIO(_text(path), newline=""), strict=True)
     rows: list[list[str]] = []
-    lines: list[int] = []
+    lines = array("q")
     try:
-        for row in reader:
-            if row:
-                rows.append(row)
-                lines.append(reader.line_num)
+        with _opened(path) as file:
+            reader = csv.reader(file, strict=True)
+            for row in reader:
+                if row:
+                    rows.append(row)
+                    lines.append(reader.line_num)
     except csv.Error as error:
         where = f"{path}:{reader.line_num}"
         raise InputError(f"not a readable CSV: {error}", where=where) from None
+    except UnicodeDecodeError:
+        where, hint = f"{path}:{_undecodable(path)}", "save the table as CSV in UTF-8"
+        raise InputError("not UTF-8 text", where=where, hint=hint) from None
+    if not any(len(row) > 1 or row[0].strip() for row in rows):
+        raise InputError("the file is empty", where=path)
     columns, units = _header(path, rows[0], lines[0])
-    _check_rectangular(path, len(columns), rows, lines)
-    return Table(path, columns, rows[1:], lines[1:], units, lines[0])
+    _check_rectangular(path, columns, rows, lines)
+    header = lines[0]
+    # In place: the list of a long table is long itself.
+    del rows[0], lines[0]
+    return Table(path, columns, rows, lines, units, header)
 
 
-def _text(path: str) -> str:
+@contextlib.contextmanager
+def _opened(path: str) -> Iterator[TextIO]:
     try:
         if Path(path).exists() and not Path(path).is_file():
             # A pipe or a device would be waited for, or read for ever.
             raise InputError("cannot be read: not a file", where=path)
-        data = Path(path).read_bytes()
+        _check_size(path, Path(path).stat().st_size)
+        with open(path, encoding="utf-8-sig", newline="") as file:
+            yield file
     except FileNotFoundError:
         raise InputError("no such file", where=path, hint=f"looked in {Path.cwd()}") from None
+    except UnicodeDecodeError:
+        raise
     except (OSError, ValueError) as error:
         raise InputError(f"cannot be read: {error}", where=path) from None
+
+
+def _check_size(path: str, size: int) -> None:
+    if size <= LARGEST:
+        return
+    problem = f"{size / 1e6:.0f} MB are too many for a table: {LARGEST / 1e6:.0f} MB at most"
+    thinned = f"keep every {math.ceil(size / LARGEST)}. row, or the part of the record that matters"
+    hint = f"{thinned}; or write it as NetCDF (docs/own-system.md says how)"
+    raise InputError(problem, where=path, hint=hint)
+
+
+def _undecodable(path: str) -> int:
+    """Return the line of the first byte that is not UTF-8."""
+    data = Path(path).read_bytes()
     try:
-        text = data.decode("utf-8-sig")
+        data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        hint = "save the table as CSV in UTF-8"
-        raise InputError("not UTF-8 text", where=f"{path}:{line}", hint=hint) from None
-    if not text.strip():
-        raise InputError("the file is empty", where=path)
-    return text
+        return data.count(b"\n", 0, error.start) + 1
+    return 1
 
 
 def _header(path: str, cells: list[str], line: int) -> tuple[tuple[str, ...], dict[str, str]]:
     """Return the names of the columns, and the units of those that have one."""
-    headers = [split_unit(cell) for cell in cells]
+    headers = _split_units(cells)
     columns = tuple(name for name, _ in headers)
     where = f"{path}:{line}"
     if "" in columns:
@@ -129,11 +168,36 @@ def _header(path: str, cells: list[str], line: int) -> tuple[tuple[str, ...], di
     }
 
 
-def _check_rectangular(path: str, width: int, rows: list[list[str]], lines: list[int]) -> None:
+def _split_units(cells: list[str]) -> list[tuple[str, str | None]]:
+    """Take names and units apart; of ``u[0],u[1]`` the numbers belong to the names.
+
+    ``u [1]`` is a pure number, as long as no other column is u with a number behind it.
+    """
+    headers = [split_unit(cell) for cell in cells]
+    numbered = Counter(name for name, unit in headers if unit and NUMBER.fullmatch(unit))
+    return [
+        (cell.strip(), None)
+        if unit and NUMBER.fullmatch(unit) and (unit != "1" or numbered[name] > 1)
+        else (name, unit)
+        for cell, (name, unit) in zip(cells, headers, strict=True)
+    ]
+
+
+def separated_otherwise(columns: Sequence[str]) -> str | None:
+    """Return a hint where one column seems to be several; None where it does not."""
+    if len(columns) != 1 or not any(mark in columns[0] for mark in SEPARATORS):
+        return None
+    return "separate the columns by commas, and write decimals with a point: 0.5,1.25"
+
+
+def _check_rectangular(
+    path: str, columns: Sequence[str], rows: list[list[str]], lines: Sequence[int]
+) -> None:
     for row, line in zip(rows, lines, strict=True):
-        if len(row) != width:
-            problem = f"{len(row)} cells, but the first line names {width} columns"
-            raise InputError(problem, where=f"{path}:{line}")
+        if len(row) != len(columns):
+            named = "1 column" if len(columns) == 1 else f"{len(columns)} columns"
+            problem = f"{len(row)} cells, but the first line names {named}"
+            raise InputError(problem, where=f"{path}:{line}", hint=separated_otherwise(columns))
 
 
 def _is_plain(text: str) -> bool:

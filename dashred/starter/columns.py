@@ -15,7 +15,7 @@ from dashred.physics.expression import RESERVED as LANGUAGE
 from dashred.sensing.reader import read_episodes
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import RESERVED
-from dashred.sensing.tables import Table, read_table
+from dashred.sensing.tables import Table, read_table, separated_otherwise
 
 OF_A_SENSOR = ("name", "field", "std", "unit")
 POINTS = {1: 64, 2: 32}
@@ -88,6 +88,8 @@ def read_own(path: str, sensors_table: str | None) -> tuple[Guessed, Recording]:
         raise _without_time(table)
     places = None if sensors_table is None else read_table(sensors_table)
     guessed = _of_columns(table) if places is None else _of_places(places)
+    # It is read once more, and may be large.
+    del table
     return guessed, read_episodes(path, sensors_table, guessed).episodes[0].recording
 
 
@@ -152,8 +154,7 @@ def _check_names(names: Sequence[str], kind: str, where: str) -> None:
 
 def _without_time(table: Table) -> InputError:
     likely = [c for c in table.columns if c.lower() in ("t", "time", "times", "date", "seconds")]
-    found = f"its columns are {', '.join(table.columns[:12])}"
-    if len(table.columns) == 1 and any(mark in table.columns[0] for mark in ";\t "):
-        found = "separate the columns by commas"
-    hint = f"call the column {likely[0]!r} 'time' in the header" if likely else found
+    hint = separated_otherwise(table.columns) or f"its columns are {', '.join(table.columns[:12])}"
+    if likely:
+        hint = f"call the column {likely[0]!r} 'time' in the header"
     return InputError("the recording has no column 'time'", where=table.path, hint=hint)

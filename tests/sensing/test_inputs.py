@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from dashred.errors import InputError
 from dashred.sensing.clock import resample
@@ -54,3 +55,53 @@ def test_an_input_without_its_column_or_with_a_gap_is_refused(driven, write):
     with pytest.raises(InputError, match="input e is missing here") as refused:
         read_recording(write("s.csv", lines("nan")), None, driven)
     assert "s.csv:9" in str(refused.value)
+
+
+@pytest.mark.parametrize(("cell", "says"), {"inf": "infinite", "1e300": "beyond 1e\\+100"}.items())
+def test_an_input_that_cannot_be_one_is_refused(driven, write, cell, says):
+    with pytest.raises(InputError, match=f"input e is {says} here") as refused:
+        read_recording(write("r.csv", lines(cell)), None, driven)
+    assert "r.csv:9, column 'power'" in str(refused.value)
+
+
+@pytest.fixture
+def dataset(driven, write, tmp_path):
+    """Return a recording with inputs on a clock of their own, which is the same here."""
+    write_netcdf(read_recording(write("r.csv", lines()), None, driven), tmp_path / "r.nc")
+    return xr.load_dataset(tmp_path / "r.nc", engine="h5netcdf")
+
+
+def read_again(dataset, driven, tmp_path):
+    dataset.to_netcdf(tmp_path / "s.nc", engine="h5netcdf")
+    return read_recording(str(tmp_path / "s.nc"), None, driven)
+
+
+@pytest.mark.parametrize("part", [slice(1, None), slice(None, -1)])
+def test_a_clock_of_inputs_that_does_not_cover_the_samples_is_refused(
+    dataset, driven, tmp_path, part
+):
+    with pytest.raises(InputError, match=r"the inputs are known from .* samples go from 0 to 2\.4"):
+        read_again(dataset.isel(input_time=part), driven, tmp_path)
+
+
+@pytest.mark.parametrize("value", [np.inf, 1e300, np.nan])
+def test_a_netcdf_s_input_that_cannot_be_one_is_refused(dataset, driven, tmp_path, value):
+    dataset["power"][3] = value
+    with pytest.raises(InputError, match="sample 4, 'power'"):
+        read_again(dataset, driven, tmp_path)
+
+
+def test_an_infinite_time_of_an_input_is_refused(dataset, driven, tmp_path):
+    times = dataset["input_time"].values.copy()
+    times[-1] = np.inf
+    with pytest.raises(InputError, match="'input_time' does not increase"):
+        read_again(dataset.assign_coords(input_time=times), driven, tmp_path)
+
+
+def test_clocks_that_count_from_different_days_are_refused(dataset, driven, tmp_path):
+    dataset["time"].attrs["units"] = "s since 2020-01-01"
+    dataset["input_time"].attrs["units"] = "s since 2020-01-01T00:00:00Z"
+    assert read_again(dataset, driven, tmp_path).inputs.times[-1] == 2.4
+    dataset["input_time"].attrs["units"] = "s since 2020-01-02"
+    with pytest.raises(InputError, match="counts since 2020-01-02, and 'time' since 2020-01-01"):
+        read_again(dataset, driven, tmp_path)

@@ -69,6 +69,27 @@ def test_one_episode_is_accepted_and_a_constant_sensor_too(ode, write):
     assert read_recording(write("r.csv", text(lines)), None, ode).names == ("u",)
 
 
+def test_numbers_in_brackets_are_names_and_one_alone_is_a_unit(ring, write):
+    table = "name,field,x\nu[0],u,0.5\nu [1],u,0.7\nv,v,1.5\n"
+    lines = ["time [s],u[0],u [1],v [1]"] + [f"{i},{i},1,2" for i in range(20)]
+    recording = read_recording(write("r.csv", text(lines)), write("s.csv", table), ring)
+    assert recording.names == ("u[0]", "u [1]", "v")
+    assert recording.units == {"t": "s", "v": "1"}
+
+
+def test_a_table_that_memory_could_not_hold_is_refused_before_it_is_read(ode, tmp_path):
+    """A day at a kilohertz: 86 million rows."""
+    path = tmp_path / "day.csv"
+    with path.open("wb") as file:
+        file.write(b"time,u,v\n")
+        file.truncate(86_400_000 * 26)  # of which the disk holds next to nothing
+    began = time.perf_counter()
+    with pytest.raises(InputError, match=r"2246 MB are too many for a table: 268 MB") as refused:
+        read_recording(str(path), None, ode)
+    assert time.perf_counter() - began < 1
+    assert "keep every 9. row" in str(refused.value.hint)
+
+
 def changed(line, new):
     lines = rows()
     lines[line - 1] = new
@@ -88,6 +109,9 @@ BAD = {
     "word for time": (changed(7, "noon,5,1"), "r.csv:7, column 'time': 'noon'"),
     "no time": (text(rows(header="clock,u,v")), "no column 'time'"),
     "semicolons": (text(rows()).replace(",", ";"), "separate the columns by commas"),
+    "decimal commas": ("time;u\n0,0;1,5\n", "separate the columns by commas, and write decimals"),
+    "a date": (changed(7, "2024-05-17T12:30:00Z,5,1"), "seconds (or another unit) since the start"),
+    "a time of day": (changed(7, "12:30:05,5,1"), "write times as numbers"),
     "missing time": (changed(7, ",5,1"), "r.csv:7, column 'time': the time is missing"),
     "infinite time": (changed(7, "inf,5,1"), "r.csv:7, column 'time'"),
     "time back": (changed(7, "0.35,5,1"), "r.csv:7, column 'time': time goes back: 0.35 after 0.4"),
@@ -97,6 +121,7 @@ BAD = {
     "ragged": (changed(7, "0.5,5"), "r.csv:7: 2 cells, but the first line names 3"),
     "wide": (changed(7, "0.5,5,1,"), "r.csv:7: 4 cells"),
     "open quote": (changed(7, '0.5,"5,1'), "not a readable CSV"),
+    "numbered": (text(rows(header="time,u[0],u[1]")), "'u[0]' is neither a field nor a let"),
     "duplicate": (text(rows(header="time,u,u")), "'u' occurs twice"),
     "nameless": (text(rows(header="time,u,")), "r.csv:1: column 3 has no name"),
     "unknown": (text(rows(header="time,u,sped")), "'sped' is neither a field nor a let"),
