@@ -12,7 +12,7 @@ from dashred.law_schema import (
     EnergyLost,
     ParameterChange,
     SmallerLaw,
-    StructureChanged,
+    StructureFound,
     TermFound,
     Where,
 )
@@ -155,7 +155,7 @@ class Findings(TypedDict):
     alternatives: list[Alternative] | None
     smaller: list[SmallerLaw] | None
     energy: EnergyLost | None
-    structure: list[StructureChanged] | None
+    structure: StructureFound | None
     fit: Fit
     latent: Latent
     corrected: str | None
@@ -211,7 +211,7 @@ def new_findings(
     alternatives: list[Alternative] | None = None,
     smaller: list[SmallerLaw] | None = None,
     energy: EnergyLost | None = None,
-    structure: list[StructureChanged] | None = None,
+    structure: StructureFound | None = None,
     corrected: str | None = None,
     units: Mapping[str, str] | None = None,
 ) -> Findings:

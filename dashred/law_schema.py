@@ -145,11 +145,18 @@ class EnergyLost(TypedDict):
 
 
 class StructureChanged(TypedDict):
-    """Which part of a port-Hamiltonian system a term changes; null where it fits into none.
+    """Which part of a port-Hamiltonian system a term changes; null where it fits into none alone.
 
-    Of R, what takes energy away, also whether it still does: else the corrected system is none.
+    Of R, what takes energy away, also whether the term by itself does.
     """
 
     term: str
     part: Literal["H", "J", "R", "G"] | None
     passive: bool | None
+
+
+class StructureFound(TypedDict):
+    """What a law does to a port-Hamiltonian system, and whether all of it together stays one."""
+
+    changes: list[StructureChanged]
+    port_hamiltonian: bool

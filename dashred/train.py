@@ -76,7 +76,7 @@ def analyse(config: Config) -> Path:
     seconds: dict[str, float] = {}
     clock = time.perf_counter()
     nominal = simulation.simulate_nominal(posed, seconds)
-    check_structure(posed.system, nominal.states)
+    check_structure(posed.system, posed.times, nominal.states)
     resolution = simulation.check(posed, nominal, seconds)
     ensemble = None
     if resolution.resolved:

@@ -54,7 +54,7 @@ def declared(folder: Path, text: str = TEXT) -> System:
 def term(system: System, equation: str, text: str) -> Candidate:
     """Return a library term as a candidate."""
     expr = system.parse(text, f"library.{equation}", equation=equation)
-    ready = Term(equation, system.resolve(expr, f"library.{equation}"))
+    ready = Term(equation, system.ready(expr, equation, f"library.{equation}"))
     return Candidate(text, equation, (ready,), 1.0)
 
 

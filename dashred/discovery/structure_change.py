@@ -1,7 +1,15 @@
-"""Which part of a port-Hamiltonian system a law changes, and whether it stays one."""
+"""Which part of a port-Hamiltonian system a law changes, and whether it stays one.
+
+What a law adds to ``∂x/∂t = (J − R) e + G u``, ``e = δH/δx``, is told by its power ``∫ e θ``: a
+further R takes energy, a further J none, at any state. As a whole the corrected system is
+port-Hamiltonian if its H, changed too, is given energy by nothing but its ports: any tendency a
+with ``∫ e a ≤ 0`` is ``(J − R) e`` of a skew J and an R ⪰ 0.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -9,10 +17,16 @@ from torch import Tensor
 
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.law import Law
-from dashred.physics.algebra import Call, Derivative, Expr, Flux, Number, children, names
-from dashred.physics.linear import is_linear, symbol
-from dashred.physics.port_hamiltonian import Part, PortHamiltonian, alike, evaluated
-from dashred.physics.spectral import Spectral
+from dashred.physics.algebra import Name, Number, Product, names
+from dashred.physics.port_hamiltonian import Part, PortHamiltonian, alike
+from dashred.physics.quadrature import integral
+from dashred.physics.system import Term
+from dashred.physics.visited import Visited, bare, evaluated, waves_of
+
+# Of the energy that is moved: less is the grid's own error.
+CONSERVED = 1e-4
+# Standard deviations up to which coefficients may be those of a system that gives no energy.
+SURE = 2.0
 
 
 @dataclass(frozen=True)
@@ -22,8 +36,8 @@ class StructureChange:
     Attributes:
         candidate: which.
         part: H, the energy; J, how it moves about; R, what takes it away; G, what lets it in; None
-            where it fits into none, so that the corrected system is no port-Hamiltonian one.
-        passive: whether a changed R still takes energy away; None for other parts.
+            where it fits into none alone.
+        passive: whether a change of R takes energy away, by itself; None for other parts.
     """
 
     candidate: str
@@ -31,96 +45,187 @@ class StructureChange:
     passive: bool | None = None
 
 
-def structure_changes(form: PortHamiltonian, law: Law, states: Tensor) -> list[StructureChange]:
+def structure_changes(form: PortHamiltonian, law: Law, visited: Visited) -> list[StructureChange]:
     """Return what each candidate of a law changes.
 
     Args:
         form: the simulator's structure.
         law: what it leaves out.
-        states: any that the fields visit, ``(state, field, *grid)``.
+        visited: states that the fields visit, each at its own time.
     """
-    values = law.coefficients.tolist()
+    at = visited.with_waves(form.system)
     found = []
-    for candidate, value in zip(law.candidates, values, strict=True):
+    for index, candidate in enumerate(law.candidates):
         if candidate.equation is None:
-            found.append(_of_parameter(form, candidate, value, states))
+            found.append(_of_parameter(form, candidate, float(law.coefficients[index]), at))
         else:
-            found.append(_of_term(form, law, candidate, value, states))
+            found.append(_of_term(form, law, index, at))
     return found
 
 
+def stays_port_hamiltonian(
+    form: PortHamiltonian, law: Law, changes: Sequence[StructureChange], visited: Visited
+) -> bool:
+    """Tell whether the corrected system, as a whole, is port-Hamiltonian: J skew, and R ⪰ 0 in sum.
+
+    Args:
+        form: the simulator's structure.
+        law: what it leaves out.
+        changes: of each of its candidates.
+        visited: states that the fields visit, each at its own time.
+    """
+    values = law.coefficients.tolist()
+    moved = {c.name: xi for c, xi in zip(law.candidates, values, strict=True) if not c.equation}
+    changed, at = form.with_parameters(moved), visited.with_waves(form.system)
+    if not changed.is_skew(at):
+        return False
+    efforts = _changed_efforts(changed, law, changes, at)
+    power = -changed.lost(at, efforts)
+    gross, slopes = power.abs(), []
+    for candidate, xi, change in zip(law.candidates, values, changes, strict=True):
+        slope, size = torch.zeros_like(power), torch.zeros_like(power)
+        if change.part not in ("H", "G"):
+            for term in candidate.terms:
+                given, turned_over = _power(form, term, efforts, at)
+                slope, size = slope + given, size + turned_over
+        slopes.append(slope)
+        if candidate.equation is not None:
+            power, gross = power + xi * slope, gross + abs(xi) * size
+    std = torch.einsum("is,ij,js->s", torch.stack(slopes), law.covariance, torch.stack(slopes))
+    return bool((power <= SURE * std.clamp(min=0).sqrt() + CONSERVED * gross).all())
+
+
 def _of_parameter(
-    form: PortHamiltonian, candidate: Candidate, value: float, states: Tensor
+    form: PortHamiltonian, candidate: Candidate, value: float, at: Visited
 ) -> StructureChange:
     [part, *_] = [*form.parts_that_read(candidate.name), None]
     if part != "R":
         return StructureChange(candidate.key, part)
-    changed = form.with_parameter(candidate.name, value)
-    return StructureChange(candidate.key, "R", changed.dissipates(states))
+    efforts = _efforts(form, at)
+    before, after = (
+        each.lost(at, efforts) for each in (form, form.with_parameters({candidate.name: value}))
+    )
+    return StructureChange(candidate.key, "R", bool((after >= before).all()))
 
 
-def _of_term(
-    form: PortHamiltonian, law: Law, candidate: Candidate, value: float, states: Tensor
-) -> StructureChange:
+def _of_term(form: PortHamiltonian, law: Law, index: int, at: Visited) -> StructureChange:
+    candidate = law.candidates[index]
     [term] = candidate.terms
-    added = value * evaluated(form.system, term.expression, states)
-    effort = evaluated(form.system, form.effort[term.equation], states)
-    power = added * effort
-    if bool((power <= 0).all()) or bool((power >= 0).all()):
-        # (J − R) δH/δx with a further R(x) = -added/effort of one sign.
-        return StructureChange(candidate.key, "R", bool((power <= 0).all()))
-    if _has_counterpart(form, law, candidate, value, states):
-        return StructureChange(candidate.key, "J")
-    if _is_of_an_energy(form, term.equation, term.expression):
-        return StructureChange(candidate.key, "H")
-    if names(term.expression) & set(form.system.config.inputs):
+    if _is_let_in(form, term):
         return StructureChange(candidate.key, "G")
+    power, size = _power(form, term, _efforts(form, at), at)
+    gained = float(law.coefficients[index]) * power
+    slight = abs(float(law.coefficients[index])) * CONSERVED * size
+    takes, gives = bool((gained < -slight).any()), bool((gained > slight).any())
+    if takes != gives:
+        # (J − R) δH/δx with a further R of one sign.
+        return StructureChange(candidate.key, "R", takes)
+    if (not takes and bool(size.any())) or _has_counterpart(form, law, index, at):
+        return StructureChange(candidate.key, "J")
+    if _is_of_an_energy(form, term, at):
+        return StructureChange(candidate.key, "H")
     return StructureChange(candidate.key, None)
 
 
-def _has_counterpart(
-    form: PortHamiltonian, law: Law, candidate: Candidate, value: float, states: Tensor
-) -> bool:
+def _efforts(form: PortHamiltonian, at: Visited) -> dict[str, Tensor]:
+    """Return ``δH/δx`` of every field, ``(state, *grid)``."""
+    return {field: evaluated(form.system, effort, at) for field, effort in form.effort.items()}
+
+
+def _changed_efforts(
+    changed: PortHamiltonian, law: Law, changes: Sequence[StructureChange], at: Visited
+) -> dict[str, Tensor]:
+    """Return ``δH/δx`` of the corrected system's H: parameters changed, and terms of a new one."""
+    efforts = _efforts(changed, at)
+    values = law.coefficients.tolist()
+    for candidate, xi, change in zip(law.candidates, values, changes, strict=True):
+        if candidate.equation is not None and change.part == "H":
+            [term] = candidate.terms
+            source, entry = _driven_by(changed, term.equation)
+            added = evaluated(changed.system, term.expression, at)
+            efforts[source] = efforts[source] + xi / entry * added
+    return efforts
+
+
+def _power(
+    form: PortHamiltonian, term: Term, efforts: dict[str, Tensor], at: Visited
+) -> tuple[Tensor, Tensor]:
+    """Return ``∫ e θ`` and ``∫ |e θ|``, ``(state,)``; 0 where a term is not finite."""
+    given = efforts[term.equation] * evaluated(form.system, term.expression, at)
+    given = torch.nan_to_num(given, nan=0.0, posinf=0.0, neginf=0.0)
+    grid = form.system.grid
+    own = grid.own(given).abs().reshape(len(given), -1).sum(dim=1)
+    return integral(grid, given), own * math.prod(axis.spacing for axis in grid.axes)
+
+
+def _is_let_in(form: PortHamiltonian, term: Term) -> bool:
+    """Tell whether a term is an input times what reads none."""
+    expr = term.expression
+    factors = expr.factors if isinstance(expr, Product) else (expr,)
+    inputs = frozenset(form.system.config.inputs)
+    reading = [factor for factor in factors if names(factor) & inputs]
+    return len(reading) == 1 and isinstance(reading[0], Name)
+
+
+def _has_counterpart(form: PortHamiltonian, law: Law, index: int, at: Visited) -> bool:
     """Tell whether another term of the law takes from its field what this one gives: J stays skew.
 
-    Their powers, added times effort, cancel at every state to within two standard deviations.
+    Their powers, coefficients included, cancel at every state to within their error.
     """
-    powers = []
-    for other, xi, std in zip(law.candidates, law.coefficients, law.std, strict=True):
-        if other.equation in (None, candidate.equation):
+    efforts, xi, covariance = _efforts(form, at), law.coefficients, law.covariance
+    [term] = law.candidates[index].terms
+    given, _ = _power(form, term, efforts, at)
+    for other, candidate in enumerate(law.candidates):
+        if candidate.equation in (None, term.equation):
             continue
-        [term] = other.terms
-        effort = evaluated(form.system, form.effort[term.equation], states)
-        powers.append((evaluated(form.system, term.expression, states) * effort, xi, std))
-    [term] = candidate.terms
-    own = evaluated(form.system, term.expression, states)
-    given = own * evaluated(form.system, form.effort[term.equation], states)
-    for taken, xi, std in powers:
+        taken, _ = _power(form, candidate.terms[0], efforts, at)
         ratio = float((given * taken).sum() / taken.square().sum())
-        if alike(given, ratio * taken) and abs(value * ratio + float(xi)) < 2 * float(std):
+        pair = torch.zeros_like(xi)
+        pair[index], pair[other] = ratio, 1.0
+        left, variance = float(pair @ xi), float(pair @ covariance @ pair)
+        if alike(given, ratio * taken) and abs(left) < SURE * variance**0.5:
             return True
     return False
 
 
-def _is_of_an_energy(form: PortHamiltonian, equation: str, expression: Expr) -> bool:
-    """Tell whether a term is what a further energy of one field drives an equation with."""
+def _driven_by(form: PortHamiltonian, equation: str) -> tuple[str, float]:
+    """Return the field whose effort alone drives an equation and nothing else, and J's entry.
+
+    ``("", 0)`` where there is none.
+    """
     row = form.interconnection.get(equation, {})
-    sources = [field for field, entry in row.items() if isinstance(entry, Number) and entry.value]
-    if len(sources) != 1:
+    entries = [*form.interconnection.values(), *form.dissipation.values()]
+    for field, entry in row.items():
+        alone = len(row) == 1 and sum(field in other for other in entries) == 1
+        if alone and isinstance(entry, Number) and entry.value:
+            return field, entry.value
+    return "", 0.0
+
+
+def _is_of_an_energy(form: PortHamiltonian, term: Term, at: Visited) -> bool:
+    """Tell whether a term is what a further energy of one field drives an equation with.
+
+    ``θ(f)`` is the variation of an energy of f if its derivative is self-adjoint:
+    ``∫ b θ'a = ∫ a θ'b`` for any a and b.
+    """
+    system = form.system
+    source, _ = _driven_by(form, term.equation)
+    if not source or not names(bare(term.expression, system)) <= {source, *system.config.axes}:
         return False
-    [source] = sources
-    operators = form.system.operators
-    if isinstance(operators, Spectral) and is_linear(expression, source):
-        # A self-adjoint operator A is the variation of ½∫ f A f.
-        known = symbol(expression, operators, torch.device("cpu"))
-        turned = torch.as_tensor(known, dtype=torch.complex128)
-        return alike(turned, turned.conj())
-    # A pointwise function is that of its integral.
-    return names(expression) <= {source} and not _has_operators(expression)
-
-
-def _has_operators(expression: Expr) -> bool:
-    spatial = isinstance(expression, Derivative | Flux) or (
-        isinstance(expression, Call) and expression.function in ("lap", "inv_lap", "grad2")
+    index = system.fields.index(source)
+    a, b = waves_of(system.grid, 1).sum(dim=0)[:2, 0]
+    with torch.enable_grad():
+        states = at.states.clone().requires_grad_()
+        theta = evaluated(system, term.expression, Visited(states, at.times))
+        if not theta.requires_grad:
+            return True
+        along_b, along_a = (
+            torch.autograd.grad(integral(system.grid, theta * c).sum(), states, retain_graph=True)
+            for c in (b, a)
+        )
+    left, right = (
+        torch.nan_to_num(slope[:, index] * along, nan=0.0, posinf=0.0, neginf=0.0)
+        for [slope], along in ((along_b, a), (along_a, b))
     )
-    return spatial or any(_has_operators(child) for child in children(expression))
+    size = float(left.abs().sum())
+    return abs(float(left.sum() - right.sum())) <= CONSERVED * size

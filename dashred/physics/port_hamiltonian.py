@@ -34,7 +34,9 @@ from dashred.physics.algebra import (
 )
 from dashred.physics.differentiate import differentiate
 from dashred.physics.linearisation import NotSeparableError, Separator, applied
+from dashred.physics.quadrature import integral
 from dashred.physics.system import System
+from dashred.physics.visited import Visited, bare, evaluated
 
 # Relative error up to which two expressions are the same.
 SAME = 1e-8
@@ -96,29 +98,29 @@ class PortHamiltonian:
             found[field] = add([*terms, *(scale(-1.0, each) for each in lost), *ports])
         return found
 
-    def check(self, states: Tensor) -> None:
+    def check(self, at: Visited) -> None:
         """Hold the structure against the equations.
 
         Args:
-            states: any, smooth in space, ``(state, field, *grid)``.
+            at: any states, smooth in space, each at its own time.
 
         Raises:
             InputError: J is not skew, R not symmetric or not ⪰ 0, or both do not make the
                 equations; says where.
         """
         where = self.system.where
-        interconnection = self._matrix(self.interconnection, states)
-        if not alike(interconnection, -interconnection.mT):
+        if not self.is_skew(at):
             raise InputError("J is not skew-symmetric", where=where("system.structure.J"))
-        dissipation = self._matrix(self.dissipation, states)
+        dissipation = self._matrix(self.dissipation, at)
         if not alike(dissipation, dissipation.mT):
             raise InputError("R is not symmetric", where=where("system.structure.R"))
-        if not self.dissipates(states):
+        if not _semidefinite(dissipation):
             problem = "R is not positive semi-definite: it would give energy"
             raise InputError(problem, where=where("system.structure.R"))
+        own_points = self.system.grid.own
         for field, made in self.equations.items():
-            own = self.system.resolved[field]
-            if not alike(*(evaluated(self.system, expr, states) for expr in (made, own))):
+            own = bare(self.system.resolved[field], self.system)
+            if not alike(*(own_points(evaluated(self.system, e, at)) for e in (made, own))):
                 raise InputError(
                     f"the structure makes d({field})/dt = {to_text(made)}, but the equation is "
                     f"{to_text(own)}",
@@ -126,11 +128,24 @@ class PortHamiltonian:
                     hint="the equations are (J - R)*dH/dx + G*u",
                 )
 
-    def dissipates(self, states: Tensor) -> bool:
-        """Tell whether R ⪰ 0 at all these states."""
-        dissipation = self._matrix(self.dissipation, states)
-        least = float(torch.linalg.eigvalsh(dissipation).min())
-        return least >= -SAME * float(dissipation.abs().max())
+    def is_skew(self, at: Visited) -> bool:
+        """Tell whether J = −Jᵀ at all these states."""
+        interconnection = self._matrix(self.interconnection, at)
+        return alike(interconnection, -interconnection.mT)
+
+    def lost(self, at: Visited, efforts: Mapping[str, Tensor]) -> Tensor:
+        """Return what R takes away, ``∫ eᵀ R e``, ``(state,)``.
+
+        Args:
+            at: the states.
+            efforts: e of every field there, ``(state, *grid)``.
+        """
+        taken = torch.zeros(len(at.states), dtype=torch.float64)
+        for field, row in self.dissipation.items():
+            for other, entry in row.items():
+                rate = evaluated(self.system, entry, at) * efforts[other]
+                taken = taken + integral(self.system.grid, efforts[field] * rate)
+        return taken
 
     def parts_that_read(self, parameter: str) -> list[Part]:
         """Return the parts that a parameter enters, by itself or in a let."""
@@ -151,24 +166,24 @@ class PortHamiltonian:
             )
         ]
 
-    def with_parameter(self, parameter: str, change: float) -> PortHamiltonian:
-        """Return the same structure with one of its parameters changed."""
+    def with_parameters(self, changes: Mapping[str, float]) -> PortHamiltonian:
+        """Return the same structure with parameters changed by so much."""
         config = self.system.config
-        parameters = config.parameters | {parameter: config.parameters[parameter] + change}
-        system = self.system.declared_as(replace(config, parameters=parameters))
+        changed = {name: config.parameters[name] + change for name, change in changes.items()}
+        system = self.system.declared_as(replace(config, parameters=config.parameters | changed))
         return PortHamiltonian.of(system, self.structure)
 
     def _row(self, part: str, field: str) -> dict[str, Expr]:
         entries = {"J": self.interconnection, "R": self.dissipation, "G": self.ports}[part]
         return entries.get(field, {})
 
-    def _matrix(self, entries: Entries, states: Tensor) -> Tensor:
+    def _matrix(self, entries: Entries, at: Visited) -> Tensor:
         """Return a matrix at every point, ``(state, *grid, field, field)``."""
         fields = self.system.fields
         rows = []
         for field in fields:
             row = entries.get(field, {})
-            rows.append([evaluated(self.system, row.get(g, ZERO), states) for g in fields])
+            rows.append([evaluated(self.system, row.get(g, ZERO), at) for g in fields])
         return torch.stack([torch.stack(row, dim=-1) for row in rows], dim=-2)
 
 
@@ -193,11 +208,6 @@ def variation(system: System, density: Expr) -> dict[str, Expr]:
         slope = substitute(differentiate(body, name), known)
         found[read.field].append(_adjoint(read.operator, slope))
     return {field: add(parts) for field, parts in found.items()}
-
-
-def evaluated(system: System, expr: Expr, states: Tensor) -> Tensor:
-    """Return an expression at states ``(state, field, *grid)``: ``(state, *grid)``."""
-    return system.evaluate(to_text(expr), states)
 
 
 def _adjoint(operator: Expr, operand: Expr) -> Expr:
@@ -230,3 +240,8 @@ def alike(left: Tensor, right: Tensor) -> bool:
     """Tell whether two fields are the same up to rounding."""
     size = float(torch.maximum(left.abs().max(), right.abs().max()))
     return float((left - right).abs().max()) <= SAME * size
+
+
+def _semidefinite(matrix: Tensor) -> bool:
+    least = float(torch.linalg.eigvalsh(matrix).min())
+    return least >= -SAME * float(matrix.abs().max())

@@ -177,8 +177,13 @@ class System:
         points = torch.as_tensor(self.operators.on_grid(value), dtype=state.dtype)
         return points.expand(len(flat), *self.grid.shape).reshape(batch + self.grid.shape)
 
-    def values(self, state: Tensor, t: float) -> dict[str, Value]:
-        """Return what expressions read, from a state on the grid ``(batch, field, *grid)``."""
+    def values(self, state: Tensor, t: float | Array) -> dict[str, Value]:
+        """Return what expressions read, from a state on the grid ``(batch, field, *grid)``.
+
+        Args:
+            state: the fields.
+            t: of all of them, or of each, ``(batch, *1)`` with as many 1 as there are axes.
+        """
         fields = state.unbind(1)
         if self.spectral:
             modes = torch.fft.rfftn(state, dim=self.grid.dims).unbind(1)

@@ -1,6 +1,6 @@
 """The findings in a few plain sentences: what is left out, how sure, where, and its worth."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from dashred.reporting.worth_words import UNTESTED, reconstructed, worth
@@ -27,7 +27,7 @@ PARTS = {
     "J": "J, how energy moves about",
     "R": "R, what takes energy away",
     "G": "G, what lets inputs in",
-    None: "no part of the structure",
+    None: "no part of the structure by itself",
 }
 # Of more terms than a few, the smallest law that explains nearly all is told of, too.
 FEW, NEARLY = 3, 0.95
@@ -190,19 +190,19 @@ def _energy(energy: Mapping[str, Any] | None) -> list[str]:
     return [f"Its energy {first} in the first cycle and {last} in the last of {cycles}."]
 
 
-def _structure(changes: Sequence[Mapping[str, Any]] | None) -> list[str]:
+def _structure(found: Mapping[str, Any] | None) -> list[str]:
     """Which part of a port-Hamiltonian system the law changes, and whether it stays one."""
-    if changes is None:
+    if found is None:
         return []
-    kept = all(change["part"] and change["passive"] is not False for change in changes)
+    kept = found["port_hamiltonian"]
     stays = "stays" if kept else "does not stay"
-    told = "; ".join(f"{change['term']} changes {_part(change)}" for change in changes)
+    told = "; ".join(f"{each['term']} changes {_part(each, kept)}" for each in found["changes"])
     return [f"{told}: the corrected system {stays} port-Hamiltonian."]
 
 
-def _part(change: Mapping[str, Any]) -> str:
+def _part(change: Mapping[str, Any], kept: bool) -> str:
     if change["part"] == "R" and not change["passive"]:
-        return "R, and gives energy"
+        return "R, and less energy is taken away" if kept else "R, and gives energy"
     return PARTS[change["part"]]
 
 

@@ -81,7 +81,10 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
             problem.rng("energy"),
         ),
         structure=structure_changed(
-            problem.system, discovered.best, analysis.free.states["corrected"][:count]
+            problem.system,
+            discovered.best,
+            problem.times[:count],
+            analysis.free.states["corrected"][:count],
         ),
         corrected=CORRECTED,
         units=units,

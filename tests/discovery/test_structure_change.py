@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+import torch
 
+from dashred.config import load_config
 from dashred.discovery.candidates import Candidate
-from dashred.discovery.structure_change import structure_changes
+from dashred.discovery.structure_change import stays_port_hamiltonian, structure_changes
+from dashred.physics.measured import Measured
 from dashred.physics.port_hamiltonian import PortHamiltonian
 from dashred.physics.system import System
+from dashred.physics.visited import Visited
 from tests import laws
 from tests.physics.test_port_hamiltonian import (
     SPRING,
@@ -19,11 +24,19 @@ from tests.physics.test_port_hamiltonian import (
     smooth,
 )
 
+Part = tuple[str | None, bool | None]
+
 
 def told(system: System, form: PortHamiltonian, *law: tuple[Candidate, float]) -> list[object]:
     found = laws.law([candidate for candidate, _ in law], [xi for _, xi in law])
     changes = structure_changes(form, found, smooth(system))
     return [(change.part, change.passive) for change in changes]
+
+
+def stays(system: System, form: PortHamiltonian, *law: tuple[Candidate, float]) -> bool:
+    found = laws.law([candidate for candidate, _ in law], [xi for _, xi in law])
+    changes = structure_changes(form, found, smooth(system))
+    return stays_port_hamiltonian(form, found, changes, smooth(system))
 
 
 @pytest.mark.parametrize(
@@ -69,3 +82,104 @@ def test_terms_of_waves(tmp_path: Path) -> None:
     assert told(system, form, (laws.term(system, "v", "w"), -0.1)) == [("H", None)]
     assert told(system, form, (laws.term(system, "v", "d(w, x, 4)"), -0.1)) == [("H", None)]
     assert told(system, form, (laws.term(system, "v", "d(w, x)"), -0.1)) == [(None, None)]
+    assert told(system, form, (laws.term(system, "v", "lap(v)"), 0.1)) == [("R", True)]
+    assert told(system, form, (laws.term(system, "v", "lap(v)"), -0.1)) == [("R", False)]
+    assert told(system, form, (laws.term(system, "v", "d(v, x)"), 0.1)) == [("J", None)]
+    assert told(system, form, (laws.term(system, "v", "w*lap(w)"), 0.1)) == [(None, None)]
+
+
+@pytest.mark.parametrize(
+    ("text", "xi", "expected"),
+    [
+        ("1", 0.1, ("H", None)),
+        ("w**2", 0.1, ("H", None)),
+        ("w", -0.1, ("H", None)),
+        ("d(w, x)", 0.1, (None, None)),
+        ("p", -0.1, ("R", True)),
+        ("lap(p)", 0.1, ("R", True)),
+        ("d(p, x)", 0.1, ("J", None)),
+    ],
+)
+def test_a_term_of_a_string_between_fixed_ends(text: str, xi: float, expected: Part) -> None:
+    config = load_config(["conf=wave"], entry="test")
+    system = System(config.system, config.where)
+    assert system.config.structure is not None
+    form = PortHamiltonian.of(system, system.config.structure)
+    law = laws.law([laws.term(system, "p", text)], [xi])
+    times = torch.linspace(0, 10, 20, dtype=torch.float64)
+    # The first two standing waves, w = cos(kt) sin(kx).
+    x = torch.arange(96, dtype=torch.float64) * 10 / 48
+    k = torch.tensor([0.1, 0.2], dtype=torch.float64).reshape(2, 1, 1) * torch.pi
+    w = torch.cos(k * times[:, None]) * torch.sin(k * x)
+    p = -k * torch.sin(k * times[:, None]) * torch.sin(k * x)
+    visited = Visited(torch.stack([w.sum(dim=0), p.sum(dim=0)], dim=1), times)
+    [change] = structure_changes(form, law, visited)
+    assert (change.part, change.passive) == expected
+    kept = stays_port_hamiltonian(form, law, [change], visited)
+    assert kept == (expected[0] is not None)
+
+
+@pytest.mark.parametrize(
+    ("equation", "text", "expected"),
+    [
+        ("phi", "V", ("G", None)),
+        ("Q", "V", ("G", None)),
+        ("phi", "V*Q", ("G", None)),
+        ("phi", "V**2", (None, None)),
+        ("phi", "phi", ("R", True)),
+    ],
+)
+@pytest.mark.parametrize("drive", [0.0, 0.5])
+def test_a_term_of_a_driven_circuit(equation: str, text: str, expected: Part, drive: float) -> None:
+    """The drive begins at 0: at that time alone a term of it would have no power."""
+    config = load_config(["conf=rlc"], entry="test")
+    times = torch.linspace(0, 20, 41, dtype=torch.float64)
+    voltage = {"V": drive * np.sin(1.1 * times.numpy())}
+    system = System(config.system, config.where, Measured(times.numpy(), voltage))
+    assert system.config.structure is not None
+    form = PortHamiltonian.of(system, system.config.structure)
+    visited = Visited(torch.stack([torch.cos(times), -torch.sin(times)], dim=1), times)
+    law = laws.law([laws.term(system, equation, text)], [-0.1])
+    [change] = structure_changes(form, law, visited)
+    assert (change.part, change.passive) == expected
+
+
+def test_damping_that_is_taken_back_is_judged_in_sum(tmp_path: Path) -> None:
+    """The spring loses ``c p/m = 0.2 p``: a law that gives less than that leaves it passive."""
+    system = laws.declared(tmp_path, SPRING)
+    form = PortHamiltonian.of(system, SPRING_FORM)
+    linear, quadratic = (laws.term(system, "p", text) for text in ("p", "abs(p)*p"))
+    assert stays(system, form, (linear, 0.1))
+    assert not stays(system, form, (linear, 0.3))
+    assert stays(system, form, (linear, 0.1), (quadratic, -0.1))
+    assert not stays(system, form, (linear, 0.3), (quadratic, -0.1))
+    assert stays(system, form, (Candidate("c", None, (), 1.0), -0.3))
+    assert not stays(system, form, (Candidate("c", None, (), 1.0), -0.3), (linear, 0.1))
+
+
+def test_a_pair_stays_skew_together_alone(tmp_path: Path) -> None:
+    system = laws.declared(tmp_path, SPRING.replace("c: 0.4", "c: 0.0"))
+    form = PortHamiltonian.of(system, SPRING_FORM)
+    given, taken = laws.term(system, "q", "p"), laws.term(system, "p", "q")
+    assert stays(system, form, (given, 0.1), (taken, -0.6))
+    assert not stays(system, form, (laws.term(system, "q", "q"), 0.1), (taken, -0.6))
+
+
+def test_a_change_of_the_energy_is_no_loss(tmp_path: Path) -> None:
+    """Of the changed H the damping takes: of the old one the corrected system would gain."""
+    system = laws.declared(tmp_path, SPRING)
+    form = PortHamiltonian.of(system, SPRING_FORM)
+    cubic, damping = laws.term(system, "p", "q**3"), laws.term(system, "p", "p")
+    assert stays(system, form, (cubic, -0.5))
+    assert stays(system, form, (cubic, -0.5), (damping, -0.1))
+    assert stays(system, form, (Candidate("m", None, (), 1.0), 0.3), (damping, -0.1))
+
+
+def test_short_waves_that_gain_are_found_though_none_was_visited(tmp_path: Path) -> None:
+    """``-0.1 v - 0.01 v_xx`` takes energy from waves longer than 2 alone, and those were seen."""
+    system = laws.declared(tmp_path, WAVE)
+    form = PortHamiltonian.of(system, WAVE_FORM)
+    uniform = laws.term(system, "v", "v")
+    viscous = laws.term(system, "v", "lap(v)")
+    assert stays(system, form, (uniform, -0.1), (viscous, 0.01))
+    assert not stays(system, form, (uniform, -0.1), (viscous, -0.01))

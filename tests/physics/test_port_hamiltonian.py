@@ -10,8 +10,9 @@ import torch
 from dashred.config.system_schema import Structure
 from dashred.errors import InputError
 from dashred.physics.algebra import to_text
-from dashred.physics.port_hamiltonian import PortHamiltonian, evaluated, variation
+from dashred.physics.port_hamiltonian import PortHamiltonian, variation
 from dashred.physics.system import System
+from dashred.physics.visited import Visited, evaluated
 from tests import laws
 
 SPRING = """
@@ -50,14 +51,15 @@ def wave(tmp_path: Path) -> System:
     return laws.declared(tmp_path, WAVE)
 
 
-def smooth(system: System) -> torch.Tensor:
+def smooth(system: System) -> Visited:
     generator = torch.Generator().manual_seed(1)
     states = torch.randn((5, len(system.fields), 7), generator=generator, dtype=torch.float64)
+    times = torch.linspace(0, 1, 5, dtype=torch.float64)
     if not system.axes:
-        return states[..., 0]
+        return Visited(states[..., 0], times)
     x = 2 * torch.pi * system.grid.coordinates["x"] / system.axes[0].length
     waves = torch.stack([torch.cos(j * x + j) for j in range(7)])
-    return torch.einsum("sfj,j...->sf...", states, waves)
+    return Visited(torch.einsum("sfj,j...->sf...", states, waves), times)
 
 
 def test_the_structure_of_a_spring_makes_its_equations(spring: System) -> None:
@@ -74,13 +76,15 @@ def test_a_variation_is_the_energys_slope_in_any_direction(wave: System) -> None
     text = "sin(v)*w**2 + grad2(w)**2/4 + v*d(w, x, 2) + d(v, x)**2*w"
     density = wave.parse(text, "H")
     slopes = variation(wave, density)
-    states = smooth(wave)
+    states, now = smooth(wave).states, torch.zeros(1, dtype=torch.float64)
     at, towards, h = states[:1], states[1:2], 1e-5
     spacing = wave.axes[0].spacing
     ahead, behind = (
-        float(evaluated(wave, density, at + sign * h * towards).sum()) * spacing for sign in (1, -1)
+        float(evaluated(wave, density, Visited(at + sign * h * towards, now)).sum()) * spacing
+        for sign in (1, -1)
     )
-    effort = torch.stack([evaluated(wave, slopes[f], at) for f in wave.fields], dim=1)
+    efforts = [evaluated(wave, slopes[f], Visited(at, now)) for f in wave.fields]
+    effort = torch.stack(efforts, dim=1)
     exact = float((effort * towards).sum()) * spacing
     assert (ahead - behind) / (2 * h) == pytest.approx(exact, rel=1e-6)
 

@@ -386,11 +386,12 @@ def test_the_same_findings_give_the_same_page(tmp_path: Path) -> None:
 
 
 def test_the_part_of_the_structure_that_changes_is_told() -> None:
-    changes = [{"term": "p: p", "part": "R", "passive": True}]
-    text = "\n".join(verdict_lines(found(structure=changes)))
-    assert "p: p changes R, what takes energy away: the corrected system stays" in text
-    gives = [{"term": "p: p", "part": "R", "passive": False}]
-    assert "R, and gives energy: the corrected system does not stay" in "\n".join(
-        verdict_lines(found(structure=gives))
-    )
+    def told(passive: bool, kept: bool) -> str:
+        changes = [{"term": "p: p", "part": "R", "passive": passive}]
+        structure = {"changes": changes, "port_hamiltonian": kept}
+        return "\n".join(verdict_lines(found(structure=structure)))
+
+    assert "p: p changes R, what takes energy away: the corrected system stays" in told(True, True)
+    assert "R, and less energy is taken away: the corrected system stays" in told(False, True)
+    assert "R, and gives energy: the corrected system does not stay" in told(False, False)
     assert "port-Hamiltonian" not in "\n".join(verdict_lines(found()))

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 import torch
 
 from dashred.config import load_config
+from dashred.errors import InputError
+from dashred.physics.measured import Measured
 from dashred.physics.prior import nominal_start
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System
@@ -18,4 +23,34 @@ def test_a_bundled_structure_makes_the_equations(name: str) -> None:
     system = System(config.system, config.where)
     assert system.config.structure is not None
     times = torch.linspace(0, 3, 16, dtype=torch.float64)
-    check_structure(system, simulate(system, nominal_start(system), times)[0])
+    check_structure(system, times, simulate(system, nominal_start(system), times)[0])
+
+
+@pytest.mark.parametrize(("gain", "says"), [("1", None), ("-1", "the structure makes")])
+def test_a_port_is_held_against_the_drive_that_was_measured(gain: str, says: str | None) -> None:
+    """The drive is 0 at t = 0: a wrong sign shows at other times alone."""
+    config = load_config(["conf=rlc"], entry="test")
+    assert config.system.structure is not None
+    structure = replace(config.system.structure, G={"phi": {"V": gain}})
+    times = torch.linspace(0, 3, 16, dtype=torch.float64)
+    drive = Measured(times.numpy(), {"V": np.sin(times.numpy())})
+    system = System(replace(config.system, structure=structure), config.where, drive)
+    states = torch.stack([torch.cos(times), -torch.sin(times)], dim=1)
+    if says is None:
+        check_structure(system, times, states)
+        return
+    with pytest.raises(InputError, match=says):
+        check_structure(system, times, states)
+
+
+def test_an_even_force_on_a_string_between_fixed_ends_is_of_a_structure() -> None:
+    config = load_config(["conf=wave"], entry="test")
+    assert config.system.structure is not None
+    heavy = replace(
+        config.system,
+        equations={"w": "p/rho", "p": "sigma*lap(w) - 0.1"},
+        structure=replace(config.system.structure, H=f"{config.system.structure.H} + 0.1*w"),
+    )
+    system = System(heavy, config.where)
+    times = torch.linspace(0, 3, 16, dtype=torch.float64)
+    check_structure(system, times, simulate(system, nominal_start(system), times)[0])

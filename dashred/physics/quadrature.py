@@ -1,0 +1,39 @@
+"""Integrals over the axes proper, of fields that are given on their rings."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from dashred.physics.grid import Axis, Grid
+
+
+def integral(grid: Grid, field: Float[Tensor, "*batch_and_grid"]) -> Float[Tensor, "*batch"]:
+    """Return ``∫ f dx`` over the axes, without mirror images: of an ODE system, f itself.
+
+    Exact for what the grid resolves, odd about an end as well as even: it is the integral of the
+    trigonometric interpolant.
+
+    Args:
+        grid: of the axes.
+        field: on their rings, ``(*batch, *grid)``.
+    """
+    for axis in reversed(grid.axes):
+        field = field @ _weights(axis)
+    return field
+
+
+@lru_cache
+def _weights(axis: Axis) -> Tensor:
+    """Return ``w_j = (1/M) Σ_k e^{-i k x_j} ∫₀ᴸ e^{i k x} dx``, ``(point,)``."""
+    points = axis.around
+    k = 2 * torch.pi * torch.fft.fftfreq(points, d=axis.spacing, dtype=torch.float64)
+    turned = torch.exp(1j * k * axis.length) - 1
+    waves = torch.where(k == 0, axis.length + 0j, turned / (1j * torch.where(k == 0, 1.0, k)))
+    if points % 2 == 0:
+        # It stands for both signs of its wavenumber, and its cosine has no integral.
+        waves[points // 2] = 0
+    return torch.fft.fft(waves).real / points
