@@ -71,6 +71,20 @@ def basic(config: Config) -> list[str]:
     ]
 
 
+def hides_law(entry: dict[str, Any]) -> bool:
+    """Return whether a truth obeys another law than the simulator: terms, or parameters' values."""
+    return bool(entry.get("terms") or entry.get("parameters"))
+
+
+def hides_nothing(entry: dict[str, Any]) -> bool:
+    """Return whether law, sensors and start are what the simulator and the recording say.
+
+    A start that was spun up under the truth's own law, and a noise that is stated wrongly or
+    correlated, are hardships of an analysis, and no findings of it.
+    """
+    return not hides_law(entry) and not entry.get("faults") and entry.get("spread", 1) == 1
+
+
 def read_twin(config: Config) -> Twin:
     """Read the twin that ``recording.twin`` names.
 

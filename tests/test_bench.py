@@ -209,6 +209,29 @@ def test_the_twins_of_a_bench_are_those_that_start_from_the_simulators_start() -
     assert {row.store[1] for row in both} == {"bench"}
 
 
+def test_other_values_of_parameters_are_a_law_and_no_null() -> None:
+    """A fault and a far start hide something, too, but leave the simulator's law right."""
+    rows = plan(read_words(["systems=heat,rlc,fhn", "output=/nowhere"]))
+    hides = {(row.name, row.twin): (row.null, row.law) for row in rows}
+    law, other, nothing = (False, True), (False, False), (True, False)
+    assert [hides["heat", twin] for twin in ("a", "b", "null")] == [law, law, nothing]
+    assert [hides["rlc", twin] for twin in ("a", "b", "c")] == [law] * 3
+    assert [hides["fhn", twin] for twin in "efghi"] == [law, other, law, other, other]
+
+
+def test_a_kept_row_is_told_by_the_plan(stub: Stub) -> None:
+    """Rows of an earlier version say that a parameter's twin hides nothing."""
+    assert stub.bench("twins=a") == 0
+    [file] = stub.output.glob("quick/*/row.json")
+    kept = json.loads(file.read_text())
+    kept.pop("law", None)
+    file.write_text(json.dumps(kept | {"null": True}))
+    assert stub.bench("twins=a") == 0
+    [row] = stub.table()["rows"]
+    assert (row["null"], row["law"]) == (False, True)
+    assert len(stub.started()) == 1
+
+
 def test_rows_that_differ_have_folders_of_their_own() -> None:
     words = ("twins=a,b", "seeds=0-1", "noise=0.05,0.0500001")
     rows = [*rows_of(*words), *rows_of(*words, "threads=3"), *rows_of(*words, "threads=4")]
@@ -386,6 +409,7 @@ def record(twin: str = "a", **more: Any) -> dict[str, Any]:
         "noise": 0.05,
         "seed": 0,
         "null": twin == "null",
+        "law": twin != "null",
         "exit_code": 0,
         "problem": None,
         "verdict": "missing-term",

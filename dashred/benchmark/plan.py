@@ -12,7 +12,7 @@ from typing import Any
 from dashred.benchmark.words import PLACE, Request
 from dashred.config import Config, config_sha256, load_config
 from dashred.errors import InputError
-from dashred.twin_file import basic, entry_of
+from dashred.twin_file import basic, entry_of, hides_law, hides_nothing
 
 EXPERIMENT = "bench"
 
@@ -26,6 +26,8 @@ class Row:
         sensors: fit sensors; None for the system's own number.
         extra: of them, those that SHRED's input is without; None for the system's own number.
         null: whether the twin hides nothing.
+        law: whether it hides terms, or parameters' values; what else it hides (a sensor's fault, a
+            wide start) leaves the simulator's law right.
         key: everything that determines the findings, but for the code.
         words: for ``dashred.train``, without where the results go.
         store: of MLflow: its folder, and the experiment.
@@ -38,6 +40,7 @@ class Row:
     sensors: int | None
     extra: int | None
     null: bool
+    law: bool
     key: dict[str, Any]
     words: tuple[str, ...]
     folder: Path
@@ -108,7 +111,8 @@ def _rows_of(system: str, config: Config, request: Request) -> list[Row]:
                 seed=seed,
                 sensors=sensors,
                 extra=extra,
-                null=not hidden[twin].get("terms"),
+                null=hides_nothing(hidden[twin]),
+                law=hides_law(hidden[twin]),
                 key=key | placed,
                 words=words,
                 folder=request.output / config.name / _folder(twin, noise, placed, seed, request),

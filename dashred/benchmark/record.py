@@ -30,21 +30,14 @@ def read_done(row: Row) -> Record | None:
         same = record["key"] == canonical(row.key) and record["problem"] is None
     except (OSError, ValueError, TypeError, KeyError):
         return None
-    return record if same else None
+    # Facts that the plan knows are told by it: an earlier version kept fewer, or others.
+    return record | canonical(_planned(row)) if same else None
 
 
 def write_record(row: Row, code: int, seconds: float) -> Record:
     """Gather a row that has ended, and keep it."""
     record: Record = {
-        "key": row.key,
-        "system": row.name,
-        "twin": row.twin,
-        "noise": row.noise,
-        "seed": row.seed,
-        "sensors": row.sensors,
-        "extra": row.extra,
-        "null": row.null,
-        "words": list(row.words),
+        **_planned(row),
         "exit_code": code,
         "wall_seconds": round(seconds, 2),
         "problem": None if code == DONE else last_line(row.folder / LOG) or f"exit code {code}",
@@ -56,6 +49,22 @@ def write_record(row: Row, code: int, seconds: float) -> Record:
             record["problem"] = f"the run left no results: {error}"
     write_json_atomic(row.folder / "row.json", record)
     return dict(canonical(record))
+
+
+def _planned(row: Row) -> Record:
+    """Return what is known of a row before it runs."""
+    return {
+        "key": row.key,
+        "system": row.name,
+        "twin": row.twin,
+        "noise": row.noise,
+        "seed": row.seed,
+        "sensors": row.sensors,
+        "extra": row.extra,
+        "null": row.null,
+        "law": row.law,
+        "words": list(row.words),
+    }
 
 
 def _results(folder: Path) -> Record:

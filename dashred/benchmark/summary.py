@@ -36,9 +36,9 @@ def _numbers(records: Sequence[Record]) -> Summary:
     ended = [record for record in records if record["problem"] is None]
     exact = [record for record in ended if record["exact_support"] is True]
     wrong = [record for record in ended if record["exact_support"] is False]
-    # Where nothing is hidden there is no coefficient to miss and no error to bring down: such rows
+    # Where no law is hidden there is no coefficient to miss and no error to bring down: such rows
     # are counted, but their trivial 0 and 1 stay out of the medians.
-    hiding = [record for record in ended if not record["null"]]
+    hiding = [record for record in ended if record["law"]]
     return {
         "rows": len(records),
         "failed": len(records) - len(ended),
@@ -48,7 +48,7 @@ def _numbers(records: Sequence[Record]) -> Summary:
         "right_flagged": sum(record["flagged"] for record in exact),
         "not_converged": sum(record["verdict"] == "not-converged" for record in ended),
         "unanswered": len(ended) - len(exact) - len(wrong),
-        "coefficient_error": spread(r["coefficient_error"] for r in exact if not r["null"]),
+        "coefficient_error": spread(r["coefficient_error"] for r in exact if r["law"]),
         "ratios": {name: spread(record["ratios"][name] for record in hiding) for name in RATIOS},
         "seconds": spread(record["seconds"].get("in all") for record in ended),
     }

@@ -38,8 +38,8 @@ NOTE = (
     "RMSE: of the whole field over the fit window, in standard deviations; forecast: of the "
     "corrected simulation, beyond the recording. Exact: the terms found are the true ones and no "
     "others (for a twin that hides nothing: none). Flagged: ambiguous, not-converged, "
-    "outside-library or unresolved-numerics. Twins that hide nothing stay out of the summary's "
-    "coefficient errors and ratios. Median, and worst in brackets."
+    "outside-library or unresolved-numerics. Twins that hide no law (nothing, or a sensor's fault or "
+    "a far start alone) stay out of the summary's coefficient errors and ratios. Median, and worst in brackets."
 )
 
 

@@ -41,13 +41,13 @@ INTRODUCTION = (
 )
 PAPER_NOTE = (
     "Error falls: the field's RMSE of the simulator as it is over that of the corrected one, the "
-    "median over twins that hide something. Seconds: of a run, learning included. Step: of the "
+    "median over twins that hide a law. Seconds: of a run, learning included. Step: of the "
     "corrected SHRED, from a window of readings to the whole field, on one core."
 )
 FIELD_NOTE = (
     f"RMSE of the whole field over the fit window, over that of the {FIELDS[REFERENCE]} (the "
-    "simulator as it is, begun where the law's fit begins); the median over twins that hide "
-    "something, and seeds. Below 1 is better than the simulation."
+    "simulator as it is, begun where the law's fit begins); the median over twins that hide a "
+    "law, and seeds. Below 1 is better than the simulation."
 )
 LAW_NOTE = (
     "Exact: rows in which all true terms were found and no others, of those in which the method "
@@ -93,7 +93,7 @@ def _against_the_paper(rows: Sequence[ComparedRow]) -> Grid:
     for (system, noise), group in groups(rows).items():
         claim = PAPER.get(system)
         exact = [row for row in group if row.record["exact_support"]]
-        error = spread(row.record["coefficient_error"] for row in exact if not row.record["null"])
+        error = spread(row.record["coefficient_error"] for row in exact if row.record["law"])
         ratio = median_ratio(group, "corrected")
         seconds = spread(row.record["seconds"].get("in all") for row in group)
         step = spread(row.record["seconds"].get(STEP) for row in group)
@@ -137,7 +137,7 @@ def _laws(rows: Sequence[ComparedRow], noise: float) -> Grid:
 
 
 def _figures(rows: Sequence[ComparedRow], folder: Path) -> Iterator[str]:
-    """Copy the picture of each system's first row that hides something."""
+    """Copy the picture of each system's first row that hides a law."""
     folder.mkdir(parents=True, exist_ok=True)
     for system, row in _first(rows):
         yield f"**{system}**, twin {row.record['twin']}, noise {row.record['noise']:g}"
@@ -152,7 +152,7 @@ def _first(rows: Iterable[ComparedRow]) -> Iterator[tuple[str, ComparedRow]]:
     seen = set()
     for row in rows:
         system = row.record["system"]
-        if system not in seen and not row.record["null"]:
+        if system not in seen and row.record["law"]:
             seen.add(system)
             yield system, row
 

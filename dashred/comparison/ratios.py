@@ -93,8 +93,8 @@ def groups(rows: Sequence[ComparedRow]) -> dict[tuple[str, float], list[Compared
 
 
 def median_ratio(rows: Iterable[ComparedRow], method: str) -> float | None:
-    """Return the median over rows that hide something: for others there is nothing to gain."""
-    ratios = [row.ratio(method) for row in rows if not row.record["null"]]
+    """Return the median over rows that hide a law: for others there is nothing to gain."""
+    ratios = [row.ratio(method) for row in rows if row.record["law"]]
     known = [ratio for ratio in ratios if ratio is not None]
     return median(known) if known else None
 

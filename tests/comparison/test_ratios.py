@@ -35,6 +35,7 @@ def row(twin: str, corrected: float, law: tuple[int, int, int, float | None]) ->
         "extra": None,
         "flagged": False,
         "null": twin == "null",
+        "law": twin != "null",
         "problem": None,
         "verdict": "missing-term",
         "terms": [
