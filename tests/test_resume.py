@@ -7,6 +7,7 @@ import os
 import sqlite3
 from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -73,6 +74,9 @@ def test_a_twin_goes_on_to_the_same_bytes_in_the_same_run(
     assert rows(root, twice) == []
     seconds = json.loads(ended.read("run.json"))["seconds"]
     assert {"train SHRED", "select the law", "train corrected SHRED"} <= seconds.keys()
+    # What an attempt that was cut short has learned took its time, too.
+    stages = sum(value for title, value in seconds.items() if title != "in all")
+    assert seconds["in all"] > 0.99 * stages
     assert not list((root / "artifacts").glob("*/checkpoints/*"))
     assert not list((own_state / "dashred" / "recorder").glob(run_id))
 
@@ -200,6 +204,20 @@ def test_a_checkpoint_that_would_run_code_is_not_read(tmp_path, monkeypatch) -> 
     torch.save({"found": Runs(), "seconds": {}}, tmp_path / "shred.pt")
     assert Checkpoints(tmp_path, {}).stage("shred", lambda: {"a": 1}) == {"a": 1}
     assert not (tmp_path / "ran.txt").exists()
+
+
+def test_seconds_of_an_earlier_attempt_are_counted_once(tmp_path, monkeypatch) -> None:
+    clock = iter([10.0, 17.5, 20.0, 22.0])
+    monkeypatch.setattr(
+        "dashred.stages.checkpoints.time", SimpleNamespace(perf_counter=lambda: next(clock))
+    )
+    first = Checkpoints(tmp_path, {})
+    first.stage("shred", lambda: {"a": 1})
+    assert first.earlier == 0.0
+    second = Checkpoints(tmp_path, {})
+    second.stage("shred", lambda: pytest.fail("kept"))
+    second.stage("assimilate", lambda: {"b": 2})
+    assert second.earlier == 7.5
 
 
 def test_a_checkpoint_that_was_cut_off_is_made_anew(tmp_path) -> None:

@@ -7,6 +7,7 @@ file that was tampered with can name no other class, and no function at all.
 from __future__ import annotations
 
 import pickle
+import time
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
@@ -55,10 +56,14 @@ class Checkpoints:
     Args:
         folder: where they are.
         seconds: seconds by stage; of one that is read back, those that it took when it ran.
+
+    Attributes:
+        earlier: seconds that the stages took which were read back, in the attempts that ran them.
     """
 
     def __init__(self, folder: Path, seconds: dict[str, float]) -> None:
         self.folder, self.seconds = folder, seconds
+        self.earlier = 0.0
 
     def stage(self, name: str, find: Callable[[], Found]) -> Found:
         """Return what a stage found: in the attempt that was cut short, or else now."""
@@ -66,12 +71,14 @@ class Checkpoints:
         kept = _read(path)
         if kept is not None:
             self.seconds |= kept["seconds"]
+            self.earlier += kept["took"]
             CONSOLE.print(f"  {name:<28} found before the interruption", highlight=False)
             return _restored(kept["found"])
-        before = dict(self.seconds)
+        before, began = dict(self.seconds), time.perf_counter()
         found = find()
+        took = time.perf_counter() - began
         mine = {title: s for title, s in self.seconds.items() if before.get(title) != s}
-        _write(path, {"found": _plain(found), "seconds": mine})
+        _write(path, {"found": _plain(found), "seconds": mine, "took": took})
         return found
 
 
