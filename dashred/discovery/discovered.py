@@ -74,6 +74,17 @@ class Discovered:
         return self.laws[0]
 
     @property
+    def on_path(self) -> int | None:
+        """Which law of the path has the terms that are reported; None where none has.
+
+        Another cause may have been weighed against the path's laws, and a law in a window is none
+        of them.
+        """
+        reported = {candidate.key for candidate in self.best.candidates}
+        sets = [{candidate.key for candidate in of_size.candidates} for of_size in self.path]
+        return sets.index(reported) if self.best.window is None and reported in sets else None
+
+    @property
     def rivals(self) -> list[Law]:
         """The laws within ΔBIC 6 of the best that it does not contain, nor they it.
 

@@ -20,43 +20,48 @@ NOTE: dict[str, Any] = {"fontsize": 8, "color": "#5a5a5a"}
 
 
 def evidence_figure(
-    path: Sequence[tuple[int, float]], terms: Sequence[Mapping[str, Any]]
+    path: Sequence[tuple[int, float]], terms: Sequence[Mapping[str, Any]], reported: int | None
 ) -> Figure:
-    """Draw the score of the best law of each size, and the coefficients of the best law.
+    """Draw the score of the best law of each size, and the coefficients of the one reported.
 
     Args:
         path: numbers of candidates, and the score of the best set with so many.
         terms: ``findings["terms"]``.
+        reported: which of the path these are; None where they are none of it.
     """
     with style():
         figure = new_figure(9.6, max(3.2, 1.6 + 0.5 * len(terms)))
         left, right = figure.subplots(1, 2, width_ratios=(1, 1.15), gridspec_kw={"wspace": 0.08})
-        _draw_path(left, path, terms)
+        _draw_path(left, path, terms, reported)
         _draw_coefficients(right, terms)
     return figure
 
 
 def _draw_path(
-    axes: Axes, path: Sequence[tuple[int, float]], terms: Sequence[Mapping[str, Any]]
+    axes: Axes,
+    path: Sequence[tuple[int, float]],
+    terms: Sequence[Mapping[str, Any]],
+    reported: int | None,
 ) -> None:
     sizes, scores = (np.array(part, float) for part in zip(*sorted(path), strict=True))
     above = scores - scores.min()
-    best = int(scores.argmin())
     axes.axhspan(0, AMBIGUOUS, color="#e8f3ee", linewidth=0, zorder=0)
     axes.plot(sizes, above, "o-", color=BLUE, markersize=5, clip_on=False)
-    axes.plot(
-        sizes[best],
-        0,
-        "o",
-        markersize=13,
-        markerfacecolor="none",
-        markeredgecolor=VERMILION,
-        markeredgewidth=1.6,
-        clip_on=False,
-    )
+    if reported is not None:
+        size, score = path[reported]
+        axes.plot(
+            size,
+            score - scores.min(),
+            "o",
+            markersize=13,
+            markerfacecolor="none",
+            markeredgecolor=VERMILION,
+            markeredgewidth=1.6,
+            clip_on=False,
+        )
     names = [_name(term) for term in terms] or ["nothing"]
     axes.annotate(
-        "\n".join(["ring:", *names]),
+        "\n".join(["ring:" if reported is not None else "reported, none of these:", *names]),
         (1, 1),
         xycoords="axes fraction",
         xytext=(-4, -6),

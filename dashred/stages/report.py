@@ -86,8 +86,9 @@ def report(
         draw_verification(problem, analysis, findings, output)
         if findings["where"] is not None:
             draw_forecast(problem, analysis, output)
-            path = [(len(best.candidates), best.score) for best in analysis.discovered.path]
-            save_figure(evidence_figure(path, findings["terms"] or []), output / "evidence.png")
+            found, terms = analysis.discovered, findings["terms"] or []
+            path = [(len(best.candidates), best.score) for best in found.path]
+            save_figure(evidence_figure(path, terms, found.on_path), output / "evidence.png")
             _where(problem, analysis, findings["where"], output)
         if problem.system.axes:
             _fields(problem, analysis, output)
@@ -171,7 +172,7 @@ def _sparsity(analysis: Analysis, output: Path) -> None:
     latent = {TITLES[name]: _path(fit) for name, fit in analysis.found.proposals.items()}
     discovered = analysis.discovered
     law = [(len(best.candidates), best.rmse, best.score) for best in discovered.path]
-    figure = accuracy_against_sparsity(latent, law)
+    figure = accuracy_against_sparsity(latent, law, discovered.on_path)
     save_figure(figure, output / "sparsity.png")
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from dashred.discovery.candidates import Candidate
 from dashred.discovery.correction import correct
 from dashred.discovery.discovered import BestOfSize
 from dashred.discovery.explanation import (
@@ -173,3 +174,25 @@ def test_smaller_laws_say_how_much_of_the_best_they_explain(flow: System) -> Non
     assert only["explained"] == pytest.approx((9 - 2.25) / (9 - 1))
     assert smaller(laws.discovery(laws.law([u], [-0.1]), path=path)) == []
     assert smaller(laws.discovery(laws.law(), path=path)) == []
+
+
+def test_the_law_that_is_reported_is_looked_up_on_the_path(flow: System) -> None:
+    """Not the path's lowest score: causes are weighed after it was walked."""
+    u, cubed = laws.term(flow, "u", "u"), laws.term(flow, "u", "u**3")
+    path = [
+        BestOfSize((), (), 900.0, 3.0),
+        BestOfSize((u,), (-0.1,), 150.0, 1.5),
+        BestOfSize((u, cubed), (-0.1, 0.02), 100.0, 1.0),
+    ]
+
+    def on_path(*candidates: Candidate) -> int | None:
+        values = [0.1] * len(candidates)
+        return laws.discovery(laws.law(list(candidates), values), path=path).on_path
+
+    assert on_path() == 0
+    assert on_path(u) == 1
+    assert on_path(cubed, u) == 2
+    assert on_path(cubed) is None
+    shape = box(Axis("x", 6.0, 32))
+    [local] = localised([u], shape.at((2.0, 0.5, 0.0)))
+    assert on_path(local) is None

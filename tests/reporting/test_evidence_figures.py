@@ -80,7 +80,8 @@ def verified(sensors: int = 5) -> Figure:
 
 
 @pytest.mark.parametrize(
-    "make", [lambda: where_figure(where(), line()), lambda: evidence_figure(PATH, TERMS), verified]
+    "make",
+    [lambda: where_figure(where(), line()), lambda: evidence_figure(PATH, TERMS, 0), verified],
 )
 def test_the_same_figure_gives_the_same_bytes(make: Any, tmp_path: Path) -> None:
     for name in ("a.png", "b.png"):
@@ -118,7 +119,7 @@ def test_the_shares_of_equations_need_two_equations() -> None:
 
 
 def test_the_best_size_is_ringed_and_the_law_is_named() -> None:
-    figure = evidence_figure(PATH, TERMS)
+    figure = evidence_figure(PATH, TERMS, 0)
     curve, ring = figure.axes[0].lines
     np.testing.assert_array_equal(curve.get_xdata(), [0, 1, 2, 3])
     np.testing.assert_array_equal(curve.get_ydata(), [5400, 800, 0, 11])
@@ -127,8 +128,15 @@ def test_the_best_size_is_ringed_and_the_law_is_named() -> None:
     assert any("−0.0251 ± 0.0004" in text for text in texts(figure))
 
 
+def test_a_law_off_the_path_has_no_ring() -> None:
+    assert list(np.asarray(evidence_figure(PATH, TERMS, 3).axes[0].lines[1].get_ydata())) == [11]
+    figure = evidence_figure(PATH, TERMS, None)
+    assert len(figure.axes[0].lines) == 1
+    assert "reported, none of these:\nu: u³\nchange of nu" in texts(figure)
+
+
 def test_a_parameters_interval_is_drawn_about_its_change() -> None:
-    axes = evidence_figure(PATH, TERMS).axes[1]
+    axes = evidence_figure(PATH, TERMS, 0).axes[1]
     [errors] = [c for c in axes.containers if isinstance(c, ErrorbarContainer)]
     segments = errors.lines[2][0].get_segments()
     np.testing.assert_allclose(segments[1][:, 0], [0.014, 0.016])
@@ -136,13 +144,13 @@ def test_a_parameters_interval_is_drawn_about_its_change() -> None:
 
 def test_small_coefficients_do_not_vanish_beside_large_ones() -> None:
     small = TERMS[0] | {"coefficient": 1e-5, "std": 1e-6, "ci95": [8e-6, 1.2e-5]}
-    axes = evidence_figure(PATH, [TERMS[0], small]).axes[1]
+    axes = evidence_figure(PATH, [TERMS[0], small], 0).axes[1]
     assert axes.get_xlabel() == "coefficient / its size"
     assert [round(bar.get_width(), 6) for bar in bars(axes)] == [-1, 1]
 
 
 def test_a_law_of_nothing_can_be_drawn() -> None:
-    figure = evidence_figure([(0, 0.0)], [])
+    figure = evidence_figure([(0, 0.0)], [], 0)
     assert "nothing is added" in texts(figure) and "ring:\nnothing" in texts(figure)
 
 

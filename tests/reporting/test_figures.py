@@ -71,7 +71,22 @@ def traces(sensors: int = 8, samples: int = 41) -> Figure:
 
 def path() -> Figure:
     latent = {"Algorithm 1": (np.arange(5), 1.0 / (1.0 + np.arange(5)), 2)}
-    return accuracy_against_sparsity(latent, [(0, 4.0, 900.0), (1, 1.0, 12.0), (2, 1.0, 25.0)])
+    law = [(0, 4.0, 900.0), (1, 1.0, 12.0), (2, 1.0, 25.0)]
+    return accuracy_against_sparsity(latent, law, 1)
+
+
+def test_the_ring_is_about_the_law_that_is_reported() -> None:
+    """Another than the one of the lowest score, where causes were weighed; none where none is."""
+    latent = {"Algorithm 1": (np.arange(2), np.ones(2), 1)}
+    law = [(0, 4.0, 900.0), (1, 1.0, 12.0), (2, 1.5, 25.0)]
+    middle, right = accuracy_against_sparsity(latent, law, 2).axes[1:]
+    for axes, value in ((middle, 1.5), (right, 13.0)):
+        _, ring = axes.get_lines()
+        assert (list(ring.get_xdata()), list(ring.get_ydata())) == ([2], [value])
+        assert axes.get_xlabel() == "number of terms (ring: reported)"
+    for axes in accuracy_against_sparsity(latent, law, None).axes[1:]:
+        assert len(axes.get_lines()) == 1
+        assert axes.get_xlabel() == "number of terms (the law reported is none of these)"
 
 
 def learning() -> Figure:
