@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from dashred.cause_scoring import score_cause
 from dashred.findings import canonical
 from dashred.findings_schema import Score
+from dashred.listed_laws import LISTED, listed_laws
 from dashred.proof.case_record import CaseRecord, Oracle
 from dashred.proof.conceal import Concealed
 from dashred.proof.draw import Case
@@ -22,13 +23,10 @@ from dashred.proof.nearness import (
 )
 from dashred.proof.telling import hidden_in_words, told_in_words
 from dashred.scoring import law_of_findings, law_of_truth, score_law
-from dashred.window_kinds import kind_in_text
 
 # Verdicts that themselves say that they may be wrong.
 FLAGGED = ("ambiguous", "not-converged")
 LAWS = ("terms", "hidden", "box", "gate", "onset")
-# So many explanations may be listed for the truth to count as listed.
-LISTED = 3
 
 
 def judge(
@@ -141,13 +139,11 @@ def _is_alias(findings: Mapping[str, Any], concealed: Concealed) -> bool:
 def is_listed(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> bool:
     """Return whether the truth is among the explanations that ambiguous findings list."""
     truth = concealed.truth
-    rivals = [a["terms"] for a in findings["alternatives"] if a["rival"]][: LISTED - 1]
-    known = findings["input"]["config"]["system"]["parameters"]
-    laws = [findings["terms"] or [], *(_as_found(rival, known) for rival in rivals)]
     parameters = truth.concealed.parameters
     if truth.terms or parameters:
         return any(
-            score_law({**findings, "terms": law}, truth.terms, parameters)[0] for law in laws
+            score_law({**findings, "terms": law}, truth.terms, parameters)[0]
+            for law in listed_laws(findings)
         )
     for cause in findings["causes"][:LISTED]:
         alone = {**findings, "verdict": cause["kind"], "causes": [cause]}
@@ -158,34 +154,6 @@ def is_listed(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> 
         if score_cause(alone, False, truth.concealed):
             return True
     return False
-
-
-def _as_found(
-    terms: Sequence[Mapping[str, Any]], parameters: Mapping[str, float]
-) -> list[dict[str, Any]]:
-    """Return an alternative's terms in the form of the best law's.
-
-    Args:
-        terms: as alternatives have them.
-        parameters: values that the simulator has.
-    """
-    found = []
-    for term in terms:
-        entry = {**term, "region": _region_of_text(term["region"])}
-        if term["equation"] is None:
-            name = term["term"]
-            entry |= {"parameter": name, "to": parameters[name] + term["coefficient"]}
-        found.append(entry)
-    return found
-
-
-def _region_of_text(text: str | None) -> list[dict[str, Any]] | None:
-    """Return what a text like ``for u > 0.6`` bounds, in the form of the findings' regions."""
-    kind = kind_in_text(text)
-    if kind is None:
-        return None
-    of, _, side = kind.partition(" ")
-    return [{"field": of, side: 0.0}] if side else [{"axis": of}]
 
 
 def _equation_right(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> bool | None:
