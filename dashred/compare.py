@@ -1,7 +1,7 @@
 """Hold every method against the hidden truth: ``python -m dashred.compare systems=all``.
 
 First the experiments of a bench, then the other methods on the same recordings; rows that are done
-are not done again. It ends in a page, ``docs/results.md``.
+are not done again. It ends in a page of all rows in the folder, ``docs/results.md``.
 """
 
 from __future__ import annotations
@@ -24,10 +24,23 @@ that are done are not done again: after an interruption, give the same command a
   twins=a,b,null         hidden truths; default: those that start from the simulator's own start
   seeds=0-2              default: 0
   noise=0.01,0.05        fraction of each field's standard deviation; default: 0.05
+  sensors=own,4,8,20     fit sensors; default: own, the system's own number
+  extra=own,0,4          of them, those that SHRED's input is without; default: own
   jobs=2                 rows at once; default: 1, so that nothing disturbs the seconds
   output=DIR             default: {output} (not tracked by git)
   document=FILE.md       the page, its figures in figures/ beside it; default: DIR/results.md
   key=value              overrides of every run: see python -m dashred.train --help
+
+The page has every row that lies in DIR, those of earlier commands with the same overrides too, so
+that systems with other seeds, or layouts, are other commands with the same output= and document=:
+
+  python -m dashred.compare systems=rde,heat seeds=0-2 output=DIR document=docs/results.md
+  python -m dashred.compare systems=ks2d seeds=0-1 output=DIR document=docs/results.md
+  python -m dashred.compare systems=rde,ks2d sensors=4,8,20,49 noise=0.01,0.05,0.1 twins=a \\
+      output=DIR document=docs/results.md
+
+A row that failed, and a method of one, are on the page, too. The command then ends with 1; given
+again it tries again, but where a simulator is not resolved.
 """
 
 

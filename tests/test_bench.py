@@ -253,6 +253,9 @@ def test_sensors_are_a_dimension_like_noise() -> None:
     assert "recording.sensors=8" in rows[1].words and "splits.sensors.extra=0" in rows[1].words
     assert str(rows[1]) == "rde a, noise 0.01, 8 sensors, 0 of them extra, seed 0"
     assert len({row.folder for row in [*rows, *rows_of("twins=a", "noise=0.01,0.1")]}) == 6
+    both = rows_of("twins=a", "sensors=own,4")
+    assert [row.sensors for row in both] == [None, 4]
+    assert both[0].folder == rows_of("twins=a")[0].folder
 
 
 # --- runs ----------------------------------------------------------------------------------------

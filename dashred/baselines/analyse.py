@@ -1,15 +1,17 @@
 """Run the other methods on one recording: ``python -m dashred.baselines.analyse conf=…``.
 
 Like the analysis it is handed the recording alone. It writes ``baselines.nc``, the fields by
-method, and ``baselines.json``: laws, settings, seconds, and the hash that freezes the fields.
+method, and ``baselines.json``: laws, settings, seconds, failures, and the hash that freezes the
+fields. A method that fails takes no other with it.
 """
 
 from __future__ import annotations
 
 import sys
 import time
+import traceback
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,6 +24,32 @@ if TYPE_CHECKING:
     from dashred.stages.problem import Problem
 
 FIELDS, LAWS = "baselines.nc", "baselines.json"
+METHODS = (
+    "closed_form",
+    "optimal_interpolation",
+    "shred_plain",
+    "filter_state",
+    "filter_augmented",
+)
+# Of them, those that look for a law.
+OF_LAWS = ("closed_form", "filter_augmented")
+NOT_FOR_SYSTEM = "not for this system"
+LENGTH = 200
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How one method ended.
+
+    Attributes:
+        found: None where the system is none for this method, or it failed.
+        failed: of what, in words; None where it did not.
+        seconds: its own, and those of the simulations that it learns from.
+    """
+
+    found: Estimated | None
+    failed: str | None
+    seconds: float
 
 
 def main(argv: list[str]) -> int:
@@ -48,25 +76,53 @@ def analyse(config: Config) -> None:
         raise InputError(fault, where=config.recording.path)
     as_it_is = replace(posed, config=_plain(config))
     nominal = simulation.simulate_nominal(posed, {})
-    randomised = simulation.simulate_ensemble(posed, nominal, {})
-    plain = simulation.simulate_ensemble(as_it_is, nominal, {})
+    of_random, of_plain = dict[str, float](), dict[str, float]()
+    randomised = simulation.simulate_ensemble(posed, nominal, of_random)
+    plain = simulation.simulate_ensemble(as_it_is, nominal, of_plain)
     keep = config.tracking
     experiment = keep.experiment or config.name
     with Tracker.open(keep.root, experiment, "baselines", parent=keep.parent) as run:
-        methods: dict[str, Callable[[], Estimated | None]] = {
-            "closed_form": partial(closed_form, posed, nominal.prior),
-            "optimal_interpolation": partial(optimal_interpolation, posed, plain),
-            "shred_plain": partial(plain_shred, as_it_is, plain, run),
-            "filter_state": partial(filter_state, posed, plain),
-            "filter_augmented": partial(filter_augmented, posed, randomised),
+        methods: dict[str, tuple[Callable[[], Estimated | None], dict[str, float]]] = {
+            "closed_form": (partial(closed_form, posed, nominal.prior), {}),
+            "optimal_interpolation": (partial(optimal_interpolation, posed, plain), of_plain),
+            "shred_plain": (partial(plain_shred, as_it_is, plain, run), of_plain),
+            "filter_state": (partial(filter_state, posed, plain), of_plain),
+            "filter_augmented": (partial(filter_augmented, posed, randomised), of_random),
         }
-        found: dict[str, Estimated | None] = {}
-        seconds: dict[str, float] = {}
-        for name, method in methods.items():
-            began = time.perf_counter()
-            found[name] = method()
-            seconds[name] = time.perf_counter() - began
-        _write(make_output(config.output), posed, found, seconds, run.run_id)
+        ended = {
+            name: attempt(method, sum(simulations.values()))
+            for name, (method, simulations) in methods.items()
+        }
+        _write(make_output(config.output), posed, ended, run.run_id)
+
+
+def attempt(method: Callable[[], Estimated | None], simulated: float) -> Ended:
+    """Run one method; whatever it dies of is its own failure, told and kept.
+
+    Args:
+        method: without arguments.
+        simulated: seconds of the simulations that it was handed.
+
+    Raises:
+        InputError, OSError, MemoryError: of the machine or the store, and of no method.
+    """
+    began = time.perf_counter()
+    found, failed = None, None
+    try:
+        found = method()
+    except (InputError, OSError, MemoryError):
+        raise
+    except Exception as error:
+        traceback.print_exc()
+        failed = failure_in_words(error)
+    if found is not None and not bool(found.states.isfinite().all()):
+        found, failed = None, "its field is not finite"
+    return Ended(found, failed, simulated + time.perf_counter() - began)
+
+
+def failure_in_words(error: Exception) -> str:
+    """Return what a method died of, on one line."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"[:LENGTH]
 
 
 def _plain(config: Config) -> Config:
@@ -74,29 +130,25 @@ def _plain(config: Config) -> Config:
     return replace(config, simulation=replace(config.simulation, discrepancy=False))
 
 
-def _write(
-    output: Path,
-    posed: Problem,
-    found: dict[str, Estimated | None],
-    seconds: dict[str, float],
-    run_id: str,
-) -> None:
+def _write(output: Path, posed: Problem, ended: dict[str, Ended], run_id: str) -> None:
     from dashred.findings import sha256_of, write_json_atomic
     from dashred.stages.field_files import write_estimates
 
-    known = {name: estimated for name, estimated in found.items() if estimated is not None}
+    fields = {name: one.found.states for name, one in ended.items() if one.found is not None}
     count = len(posed.split.fit.times)
-    fields = {name: estimated.states for name, estimated in known.items()}
-    write_estimates(output / FIELDS, posed.system, posed.times[:count], fields)
+    sha256 = None
+    if fields:
+        write_estimates(output / FIELDS, posed.system, posed.times[:count], fields)
+        sha256 = sha256_of(output / FIELDS)
     methods = {
         name: {
-            "seconds": seconds[name],
-            "terms": estimated.terms if estimated else None,
-            "note": estimated.note if estimated else "not for this system",
+            "seconds": one.seconds,
+            "terms": one.found.terms if one.found else None,
+            "note": one.found.note if one.found else "" if one.failed else NOT_FOR_SYSTEM,
+            "failed": one.failed,
         }
-        for name, estimated in found.items()
+        for name, one in ended.items()
     }
-    sha256 = sha256_of(output / FIELDS)
     record = {"methods": methods, "fields_sha256": sha256, "mlflow_run": run_id}
     write_json_atomic(output / LAWS, record)
 

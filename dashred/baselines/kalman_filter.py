@@ -30,42 +30,44 @@ INFLATIONS = (1.0, 1.02, 1.1)
 RADII = (math.inf, 0.3, 0.15)
 
 
-def filter_state(problem: Problem, ensemble: Ensemble) -> Estimated | None:
-    """Return the filtered state of the simulator as it is; None where every setting is lost."""
-    found = _likeliest(problem, ensemble.states[:, 0], None)
-    if found is None:
-        return None
-    filtered, note = found
+def filter_state(problem: Problem, ensemble: Ensemble) -> Estimated:
+    """Return the filtered state of the simulator as it is.
+
+    Raises:
+        FilterLostError: under every setting.
+    """
+    filtered, note = _likeliest(problem, ensemble.states[:, 0], None)
     return Estimated(filtered.means, None, note)
 
 
-def filter_augmented(problem: Problem, ensemble: Ensemble) -> Estimated | None:
+def filter_augmented(problem: Problem, ensemble: Ensemble) -> Estimated:
     """Return state and law, where each member carries coefficients that it learns.
 
     Args:
         problem: the recording.
         ensemble: its members' starts and coefficients, which are the prior.
+
+    Raises:
+        FilterLostError: under every setting.
     """
-    found = _likeliest(problem, ensemble.states[:, 0], ensemble.coefficients)
-    if found is None:
-        return None
-    filtered, note = found
+    filtered, note = _likeliest(problem, ensemble.states[:, 0], ensemble.coefficients)
     return Estimated(filtered.means, _law(problem.library, filtered), note)
 
 
 def _likeliest(
     problem: Problem, starts: Tensor, coefficients: Tensor | None
-) -> tuple[Filtered, str] | None:
-    tried = []
+) -> tuple[Filtered, str]:
+    tried, last = [], "no innovation is finite"
     for settings in _settings(problem):
         try:
             filtered = _filter(problem, starts, coefficients, settings)
-        except FilterLostError:
+        except FilterLostError as lost:
+            last = str(lost)
             continue
         if math.isfinite(surprise := _surprise(filtered)):
             tried.append((surprise, filtered, settings))
     if not tried:
-        return None
+        raise FilterLostError(f"lost under every setting: {last}")
     _, filtered, settings = min(tried, key=lambda each: each[0])
     radius = f"radius {settings.radius:g}" if math.isfinite(settings.radius) else "not localised"
     return filtered, f"{len(starts)} members, {radius}, inflation {settings.inflation:g}"

@@ -25,9 +25,15 @@ Record = dict[str, Any]
 
 def read_done(row: Row) -> Record | None:
     """Return the record of a row that is done, with the same words and the same configuration."""
+    record = read_kept(row)
+    return record if record is not None and record["problem"] is None else None
+
+
+def read_kept(row: Row) -> Record | None:
+    """Return the record of a row that has ended, well or not, with the same configuration."""
     try:
         record = json.loads((row.folder / "row.json").read_text(encoding="utf-8"))
-        same = record["key"] == canonical(row.key) and record["problem"] is None
+        same = record["key"] == canonical(row.key) and "problem" in record
     except (OSError, ValueError, TypeError, KeyError):
         return None
     # Facts that the plan knows are told by it: an earlier version kept fewer, or others.
@@ -79,6 +85,7 @@ def _results(folder: Path) -> Record:
         "flagged": findings["verdict"] in FLAGGED,
         "terms": None if found is None else [{k: t.get(k) for k in TERM} for t in found],
         "exact_support": score["exact_support"],
+        "cause_right": score.get("cause_right"),
         "coefficient_error": score["coefficient_error"],
         "field_rmse": rmse,
         "field_rmse_by_field": score["field_rmse_by_field"],

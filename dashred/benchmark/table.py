@@ -38,8 +38,9 @@ NOTE = (
     "RMSE: of the whole field over the fit window, in standard deviations; forecast: of the "
     "corrected simulation, beyond the recording. Exact: the terms found are the true ones and no "
     "others (for a twin that hides nothing: none). Flagged: ambiguous, not-converged, "
-    "outside-library or unresolved-numerics. Twins that hide no law (nothing, or a sensor's fault or "
-    "a far start alone) stay out of the summary's coefficient errors and ratios. Median, and worst in brackets."
+    "outside-library or unresolved-numerics. Twins that hide no law (nothing, or a sensor's fault "
+    "or a far start alone) stay out of the summary's coefficient errors and ratios. Median, and "
+    "worst in brackets."
 )
 
 
@@ -94,8 +95,12 @@ def markdown_grid(grid: Grid) -> str:
 
 def notes(records: Sequence[Record]) -> list[str]:
     """Return what has to be said of the tables."""
-    known = commits(records)
-    said = [NOTE]
+    return [NOTE, *notes_on_code(commits(records))]
+
+
+def notes_on_code(known: Sequence[str]) -> list[str]:
+    """Return what has to be said of the commits that made the rows."""
+    said = []
     if len(known) > 1:
         said.append(
             f"Warning: these rows were made by {len(known)} versions of the code: "

@@ -28,6 +28,8 @@ TAKEN = {
 RANGE = re.compile(r"(\d{1,9})(?:-(\d{1,9}))?\Z")
 NUMBER = re.compile(r"-?(\d+(\.\d*)?|\.\d+)(e-?\d{1,2})?\Z")
 MOST = 10_000
+# Instead of a number of sensors: the system's own.
+OWN_NUMBER = "own"
 
 USAGE = """\
 usage: python -m dashred.bench systems=SYSTEM,... [key=value ...]
@@ -40,8 +42,8 @@ table. Rows that are done are not run again: after an interruption, give the sam
   twins=a,b,null         hidden truths; default: those that start from the simulator's own start
   seeds=0-4 or 0,1,3     default: 0
   noise=0.01,0.05        fraction of each field's standard deviation; default: 0.05
-  sensors=4,8,20         fit sensors; default: the system's own number
-  extra=0,4              of them, those that SHRED's input is without; default: the system's own
+  sensors=own,4,8,20     fit sensors; default: own, the system's own number
+  extra=own,0,4          of them, those that SHRED's input is without; default: own
   jobs=2                 rows at once; default: 1, so that nothing disturbs the seconds
   output=DIR             default: {output} (not tracked by git)
   key=value              overrides of every run: simulation.members=96 threads=2; see
@@ -61,8 +63,8 @@ class Request:
     Attributes:
         systems: bundled names or paths.
         twins: null takes the basic ones of each system.
-        sensors: numbers of fit sensors; None alone for the system's own.
-        extra: of them, how many SHRED's input is without; None alone for the system's own.
+        sensors: numbers of fit sensors; None for the system's own.
+        extra: of them, how many SHRED's input is without; None for the system's own.
         overrides: words for every run.
     """
 
@@ -174,13 +176,11 @@ def _noise(text: str) -> tuple[float, ...]:
 
 
 def _numbers(key: str, text: str | None) -> tuple[int | None, ...]:
-    if text is None:
-        return (None,)
-    items = _items(key, text)
-    if not all(re.fullmatch(r"\d{1,4}", item) for item in items):
-        hint = f"for example {key}=4,8"
+    items = _items(key, OWN_NUMBER if text is None else text)
+    if not all(item == OWN_NUMBER or re.fullmatch(r"\d{1,4}", item) for item in items):
+        hint = f"for example {key}=4,8 or {key}={OWN_NUMBER},4,8"
         raise InputError(f"{key}={text} is no list of whole numbers", where=PLACE, hint=hint)
-    return tuple(dict.fromkeys(map(int, items)))
+    return tuple(dict.fromkeys(None if item == OWN_NUMBER else int(item) for item in items))
 
 
 def _jobs(text: str) -> int:

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
+from dashred.benchmark.record import Record
 from dashred.benchmark.summary import commits, spread
-from dashred.benchmark.table import Grid, markdown_grid, rows_grid
+from dashred.benchmark.table import Grid, markdown_grid, notes_on_code, rows_grid
+from dashred.comparison.outcomes import count_claims
 from dashred.comparison.paper import PAPER
 from dashred.comparison.ratios import (
     FIELDS,
     LAWS,
     REFERENCE,
     ComparedRow,
+    FieldRatio,
     count_laws,
+    field_ratio,
     groups,
-    median_ratio,
+    median_seconds,
     own_layout,
 )
-from dashred.comparison.sensors_and_noise import sensors_and_noise
+from dashred.comparison.sensors_and_noise import lost_text, ratio_text, sensors_and_noise
 from dashred.whole_files import write_text_atomic
 
 FIGURES = {
@@ -28,6 +33,7 @@ FIGURES = {
     "state_truth.png": "truth and methods",
     "front_truth.png": "place and width of the front",
     "rmse_against_time.png": "error against time",
+    "sparsity.png": "accuracy against sparsity, of latent SINDy and of the law",
 }
 # What run.json calls the seconds of one step of the corrected surrogate.
 STEP = "one step of the corrected SHRED"
@@ -35,38 +41,62 @@ STEP = "one step of the corrected SHRED"
 INTRODUCTION = (
     "Every number here is of twins: a truth that the analysis does not have, run at doubled "
     "resolution from a start of its own, is read by a few noisy sensors; the analysis gets these "
-    "readings alone. The seal is opened when all methods have written what they found. The paper "
-    "is Bao & Kutz, *Data assimilation and discrepancy modeling with shallow recurrent decoders* "
-    "(2025), whose code trains on the real full field."
+    "readings alone, and its findings are frozen before the seal is opened. The other methods that "
+    "read sensors are run after that, in a process that is handed the recording alone; PDE-FIND "
+    "runs with the seal open, for it alone is given the whole field. The paper is Bao & Kutz, "
+    "*Data assimilation and discrepancy modeling with shallow recurrent decoders* (2025), whose "
+    "code trains on the real full field."
 )
 PAPER_NOTE = (
-    "Error falls: the field's RMSE of the simulator as it is over that of the corrected one, the "
-    "median over twins that hide a law. Seconds: of a run, learning included. Step: of the "
+    "Exact law: of the twins that hide one, those of which the best guess is just that; listed: of "
+    "the others, ambiguous ones with the true law among the three that are listed. No law hidden: "
+    "twins that hide nothing, or a sensor's fault or a far start, and of them those of which just "
+    "that is told. Wrong and unflagged: a wrong verdict that is not ambiguous, not-converged, "
+    "outside-library or unresolved-numerics. Rows that failed count, and are not right. Error "
+    "falls: the field's RMSE of the simulator as it is over that of the corrected one, the median "
+    "over twins that hide a law. Seconds: of the analysis from its first simulation to its report, "
+    "learning and figures included, each stage once where an attempt was cut short and gone on "
+    "with; starting Python, recording the twin and opening its seal are not. Step: of the "
     "corrected SHRED, from a window of readings to the whole field, on one core."
 )
 FIELD_NOTE = (
     f"RMSE of the whole field over the fit window, over that of the {FIELDS[REFERENCE]} (the "
-    "simulator as it is, begun where the law's fit begins); the median over twins that hide a "
-    "law, and seeds. Below 1 is better than the simulation."
+    "simulator as it is, begun where the law's fit begins); the median over twins that hide a law, "
+    "and seeds. Below 1 is better than the simulation. A method that failed, or whose field is not "
+    "finite, is lost and counts as worse than any other. Optimal interpolation, SHRED and the "
+    "Kalman filters know, at every time, the readings until then alone (optimal interpolation that "
+    "sample alone); DA-SHRED is trained on the window, and the corrected simulator and the closed "
+    "form are fitted to all of it."
 )
 LAW_NOTE = (
     "Exact: rows in which all true terms were found and no others, of those in which the method "
-    "looked for a law. Then terms, over all rows, nulls among them. Error: median over rows of the "
-    "worst relative error of the true terms found. Latent SINDy's terms are those with a "
+    "was asked for a law, twins that hide none among them. A method that names no law, since it "
+    "failed or did not converge, has missed all terms and is not exact. Error: median over rows of "
+    "the worst relative error of the true terms found. Latent SINDy's terms are those with a "
     "coefficient that is not zero; the filter's those whose 95 % interval excludes zero. PDE-FIND "
-    "is given what nobody has, the full field, with the same noise at every point: an upper bound."
+    "is given what nobody has, the full field, with the same noise at every point; its time "
+    "differences are over the recording's own interval, which may be long for it."
+)
+SECONDS_NOTE = (
+    "Medians over rows, on the machine that ran them. Of methods that learn from simulations these "
+    "are counted. DA-SHRED's and latent SINDy's are one stage's: SHRED, its assimilation and both "
+    "algorithms. The corrected simulator's are those of the whole analysis. Not counted: starting "
+    "Python, reading the recording, one nominal run for the other methods."
 )
 
 
 def write_results(rows: Sequence[ComparedRow], path: Path) -> None:
     """Write the page, whole or not at all, and its figures in ``figures`` beside it."""
-    page = "\n\n".join(_page(rows, path.parent / "figures")) + "\n"
+    page = "\n\n".join(_page(rows, path)) + "\n"
     write_text_atomic(path, page)
 
 
-def _page(rows: Sequence[ComparedRow], figures: Path) -> Iterator[str]:
+def _page(rows: Sequence[ComparedRow], path: Path) -> Iterator[str]:
     yield "# Every system of the paper, against the paper"
     yield INTRODUCTION
+    made = {commit for row in rows if (commit := row.git_commit)}
+    code = notes_on_code(sorted({*commits(row.record for row in rows), *made}))
+    yield from (note for note in code if note.startswith("Warning"))
     own = own_layout(rows)
     yield markdown_grid(_against_the_paper(own))
     yield PAPER_NOTE
@@ -77,73 +107,129 @@ def _page(rows: Sequence[ComparedRow], figures: Path) -> Iterator[str]:
     for noise in noises:
         yield markdown_grid(_laws([row for row in own if row.record["noise"] == noise], noise))
     yield LAW_NOTE
+    yield markdown_grid(_seconds(own))
+    yield SECONDS_NOTE
     yield from map(markdown_grid, sensors_and_noise(rows))
     yield markdown_grid(rows_grid([row.record for row in rows]))
+    yield from _failures(rows)
     yield "## Figures"
-    yield from _figures(rows, figures)
-    yield f"Code: {', '.join(commits(row.record for row in rows))}."
+    yield from _figures(rows, path.parent / "figures", path.stem)
+    yield from (note for note in code if not note.startswith("Warning"))
 
 
 def _against_the_paper(rows: Sequence[ComparedRow]) -> Grid:
     header = [
-        *("system", "noise", "the paper hides", "the paper finds", "the paper's gain"),
-        *("dashred: exact law", "coefficient error", "error falls", "seconds", "step, ms"),
+        *("system", "noise", "the paper hides", "the paper finds", "of the field it reports"),
+        *("dashred: exact law", "listed", "no law hidden: told", "wrong and unflagged", "failed"),
+        *("coefficient error", "error falls", "seconds", "step, ms"),
     ]
     lines = []
     for (system, noise), group in groups(rows).items():
-        claim = PAPER.get(system)
-        exact = [row for row in group if row.record["exact_support"]]
-        error = spread(row.record["coefficient_error"] for row in exact if row.record["law"])
-        ratio = median_ratio(group, "corrected")
-        seconds = spread(row.record["seconds"].get("in all") for row in group)
-        step = spread(row.record["seconds"].get(STEP) for row in group)
+        claims, ratio = count_claims(group), field_ratio(group, "corrected")
+        records = [row.record for row in group]
+        error = spread(r["coefficient_error"] for r in records if r["law"] and _exact(r))
         lines.append(
             [
                 system,
-                f"{noise:.0%}".replace("%", " %"),
-                *(claim or ("not in the paper", "", "")),
-                f"{len(exact)} of {len(group)}",
+                f"{100 * noise:g} %",
+                *(PAPER.get(system) or ("not in the paper", "", "")),
+                f"{claims.exact} of {claims.laws}" if claims.laws else "",
+                str(claims.listed),
+                f"{claims.told} of {claims.others}" if claims.others else "",
+                str(claims.wrong_unflagged),
+                str(claims.failed),
                 _share(error["median"]),
-                "" if ratio is None else f"{1 / ratio:.3g}×",
-                "" if seconds["median"] is None else f"{seconds['median']:.0f}",
-                "" if step["median"] is None else f"{1e3 * step['median']:.2g}",
+                _gain(ratio),
+                _rounded(spread(_taken(r, "in all") for r in records)["median"]),
+                _milliseconds(spread(_taken(r, STEP) for r in records)["median"]),
             ]
         )
     return Grid("The paper, and dashred from sensors alone", header, lines)
 
 
+def _gain(ratio: FieldRatio | None) -> str:
+    """Return how far the error falls, and how many rows are lost."""
+    if ratio is None:
+        return ""
+    known = bool(ratio.median) and math.isfinite(ratio.median or 0.0)
+    parts = [f"{1 / (ratio.median or 1.0):.3g}×"] if known else []
+    return " ".join([*parts, *lost_text(ratio)])
+
+
+def _exact(record: Record) -> bool:
+    return record["problem"] is None and record["exact_support"] is True
+
+
+def _taken(record: Record, stage: str) -> float | None:
+    """Return the seconds of a stage, where a row has come as far."""
+    seconds = record["seconds"].get(stage) if record["problem"] is None else None
+    return None if seconds is None else float(seconds)
+
+
 def _fields(rows: Sequence[ComparedRow], noise: float) -> Grid:
-    systems = list(dict.fromkeys(row.record["system"] for row in rows))
-    lines = []
-    for method, name in FIELDS.items():
-        ratios = [
-            median_ratio([row for row in rows if row.record["system"] == system], method)
-            for system in systems
-        ]
-        lines.append([name, *("" if ratio is None else f"{ratio:.3g}" for ratio in ratios)])
+    systems = _by_system(rows)
+    lines = [
+        [name, *(ratio_text(field_ratio(mine, method)) for mine in systems.values())]
+        for method, name in FIELDS.items()
+    ]
     return Grid(f"The field, at {100 * noise:g} % noise", ["", *systems], lines)
 
 
 def _laws(rows: Sequence[ComparedRow], noise: float) -> Grid:
     lines = []
-    for method, name in LAWS.items():
-        count = count_laws(rows, method)
-        if count is not None:
-            numbers = (count.found, count.spurious, count.missed)
-            exact = f"{count.exact} of {count.rows}"
-            lines.append([name, exact, *map(str, numbers), _share(count.error)])
-    header = ("", "exact", "found", "spurious", "missed", "error")
+    for system, mine in _by_system(rows).items():
+        for method, name in LAWS.items():
+            count = count_laws(mine, method)
+            if count is not None:
+                numbers = (count.failed, count.found, count.spurious, count.missed)
+                exact = f"{count.exact} of {count.rows}"
+                lines.append([system, name, exact, *map(str, numbers), _share(count.error)])
+    header = ("system", "", "exact", "failed", "found", "spurious", "missed", "error")
     return Grid(f"The law, at {100 * noise:g} % noise", header, lines)
 
 
-def _figures(rows: Sequence[ComparedRow], folder: Path) -> Iterator[str]:
-    """Copy the picture of each system's first row that hides a law."""
+def _seconds(rows: Sequence[ComparedRow]) -> Grid:
+    systems = _by_system(rows)
+    lines = []
+    for method, name in (LAWS | FIELDS).items():
+        seconds = [median_seconds(mine, method) for mine in systems.values()]
+        if any(one is not None for one in seconds):
+            lines.append([name, *map(_rounded, seconds)])
+    return Grid("Seconds", ["", *systems], lines)
+
+
+def _by_system(rows: Sequence[ComparedRow]) -> dict[str, list[ComparedRow]]:
+    systems: dict[str, list[ComparedRow]] = {}
+    for row in rows:
+        systems.setdefault(row.record["system"], []).append(row)
+    return systems
+
+
+def _failures(rows: Sequence[ComparedRow]) -> Iterator[str]:
+    """Yield every row, and every method of one, that failed, and of what."""
+    lines = []
+    for row in rows:
+        record = row.record
+        place = [record["system"], record["twin"], f"{record['noise']:g}", str(record["seed"])]
+        if row.problem is not None:
+            lines.append([*place, "all" if not row.methods else "the other methods", row.problem])
+        else:
+            for method, told in row.methods.items():
+                if told["failed"] is not None:
+                    lines.append([*place, (LAWS | FIELDS)[method], told["failed"]])
+    if lines:
+        header = ("system", "twin", "noise", "seed", "method", "what it died of")
+        yield markdown_grid(Grid("What failed", header, lines))
+
+
+def _figures(rows: Sequence[ComparedRow], folder: Path, page: str) -> Iterator[str]:
+    """Copy the pictures of each system's first row that hides a law, named after the page."""
     folder.mkdir(parents=True, exist_ok=True)
     for system, row in _first(rows):
         yield f"**{system}**, twin {row.record['twin']}, noise {row.record['noise']:g}"
         for name, shows in FIGURES.items():
             if (row.folder / name).is_file():
-                target = folder / f"results_{system}_{name}"
+                target = folder / f"{page}_{system}_{name}"
                 shutil.copyfile(row.folder / name, target)
                 yield f"![{system}: {shows}]({folder.name}/{target.name})"
 
@@ -152,10 +238,18 @@ def _first(rows: Iterable[ComparedRow]) -> Iterator[tuple[str, ComparedRow]]:
     seen = set()
     for row in rows:
         system = row.record["system"]
-        if system not in seen and row.record["law"]:
+        if system not in seen and row.record["law"] and row.record["problem"] is None:
             seen.add(system)
             yield system, row
 
 
 def _share(value: float | None) -> str:
     return "" if value is None else f"{100 * value:.2g} %"
+
+
+def _rounded(value: float | None) -> str:
+    return "" if value is None else f"{value:.0f}" if value >= 10 else f"{value:.2g}"
+
+
+def _milliseconds(value: float | None) -> str:
+    return "" if value is None else f"{1e3 * value:.2g}"

@@ -7,12 +7,29 @@ freeze, the fields of the other methods by the hash that was kept with them.
 from __future__ import annotations
 
 import json
+import math
 import sys
+import time
+import traceback
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, Any
 
-from dashred.baselines.analyse import FIELDS, LAWS
+from dashred.baselines.analyse import (
+    FIELDS,
+    LAWS,
+    METHODS,
+    NOT_FOR_SYSTEM,
+    OF_LAWS,
+    failure_in_words,
+)
+from dashred.comparison.compared import (
+    COMPARED,
+    OTHERS_FAILED,
+    UNRESOLVED,
+    Compared,
+    Comparison,
+)
 from dashred.errors import DONE, InputError, run_entry
 from dashred.findings import check_freeze, sha256_of, write_json_atomic
 
@@ -20,33 +37,21 @@ if TYPE_CHECKING:
     import numpy as np
 
     from dashred.scoring import Law
+    from dashred.sealing import Truth
 
 
-COMPARED = "compared.json"
 KEYS = ("folder", "noise", "seed")
+ESTIMATES = "estimates.nc"
 # Parts of an analysis that answer for its methods' seconds.
 STAGES = {
     "shred": ("simulate the ensemble", "train SHRED"),
     "dashred": ("simulate the ensemble", "train SHRED", "assimilate, latent SINDy"),
+    "latent_alg1": ("simulate the ensemble", "train SHRED", "assimilate, latent SINDy"),
+    "latent_alg2": ("simulate the ensemble", "train SHRED", "assimilate, latent SINDy"),
     "corrected": ("in all",),
 }
-
-
-class Compared(TypedDict):
-    """How right one method is.
-
-    ``rmse``: of the field over the fit window, in standard deviations. ``found``, ``spurious`` and
-    ``missed``: terms. ``coefficient_error``: the worst of those found, relative. Null is what the
-    method does not tell.
-    """
-
-    rmse: float | None
-    found: int | None
-    spurious: int | None
-    missed: int | None
-    coefficient_error: float | None
-    seconds: float | None
-    note: str
+# Methods that look for a law, whether they find one or not.
+LOOKING = ("corrected", "pde_find", *OF_LAWS)
 
 
 def main(argv: list[str]) -> int:
@@ -57,23 +62,12 @@ def main(argv: list[str]) -> int:
         raise InputError("what to score is missing", where="command line", hint=hint)
     folder = Path(words["folder"])
     check_freeze(folder)
-    methods = compare(folder, float(words["noise"]), int(words["seed"]))
-    sha256 = sha256_of(folder / "findings.json")
-    write_json_atomic(folder / COMPARED, {"findings_sha256": sha256, "methods": methods})
+    comparison = compare(folder, float(words["noise"]), int(words["seed"]))
+    write_json_atomic(folder / COMPARED, comparison)
     return DONE
 
 
-def read_compared(folder: Path) -> dict[str, Compared] | None:
-    """Return what was made of these findings; None where nothing was, or of earlier ones."""
-    try:
-        record = json.loads((folder / COMPARED).read_text(encoding="utf-8"))
-        same = record["findings_sha256"] == sha256_of(folder / "findings.json")
-        return dict(record["methods"]) if same else None
-    except (OSError, ValueError, KeyError):
-        return None
-
-
-def compare(folder: Path, noise: float, seed: int) -> dict[str, Compared]:
+def compare(folder: Path, noise: float, seed: int) -> Comparison:
     """Return how right every method is.
 
     Args:
@@ -84,56 +78,98 @@ def compare(folder: Path, noise: float, seed: int) -> dict[str, Compared]:
     Raises:
         InputError: something is missing, or was changed after it was frozen.
     """
-    from dashred.score import load_fields, true_states
-    from dashred.scoring import law_of_truth, rmse, scaled_errors
     from dashred.sealing import open_seal
+    from dashred.stages.provenance import git_commit
 
     findings = json.loads((folder / "findings.json").read_text(encoding="utf-8"))
-    others = read_others(folder)["methods"]
+    comparison = Comparison(
+        findings_sha256=sha256_of(folder / "findings.json"),
+        problem=None,
+        listed=None,
+        git_commit=git_commit(),
+        methods={},
+    )
+    if not (folder / ESTIMATES).is_file():
+        comparison["problem"] = UNRESOLVED
+        return comparison
+    others = read_others(folder)
     truth, fields = open_seal(folder / "sealed.nc")
-    law = law_of_truth(findings, truth.terms, truth.concealed.parameters)
+    comparison["problem"] = None if others else OTHERS_FAILED
+    comparison["listed"] = _listed(findings, truth)
+    ended = others["methods"] if others else dict.fromkeys(METHODS, _lost(OTHERS_FAILED))
+    comparison["methods"] = _methods(folder, findings, ended, truth, fields, noise, seed)
+    return comparison
+
+
+def _methods(
+    folder: Path,
+    findings: Mapping[str, Any],
+    others: Mapping[str, Mapping[str, Any]],
+    truth: Truth,
+    fields: tuple[str, ...],
+    noise: float,
+    seed: int,
+) -> dict[str, Compared]:
+    from dashred.score import load_fields, true_states
+    from dashred.scoring import law_of_truth, rmse, scaled_errors
+
     errors: dict[str, float] = {}
-    laws: dict[str, list[dict[str, Any]] | None] = _laws(findings)
-    for name in ("estimates.nc", FIELDS):
-        estimates = load_fields(folder / name)
-        real = true_states(estimates, truth, fields, folder / "sealed.nc")
-        errors |= {m: rmse(e) for m, e in scaled_errors(estimates, real, fields).items()}
-    laws |= {name: method["terms"] for name, method in others.items()}
-    times = estimates["time"].values
-    laws["pde_find"] = _full_field(findings, folder, fields, times, real, noise, seed)
-    seconds = _seconds(folder) | {name: method["seconds"] for name, method in others.items()}
-    return {
-        name: _compared(
-            findings,
-            law,
-            laws.get(name),
-            errors.get(name),
-            seconds.get(name),
-            others[name]["note"] if name in others else "",
-        )
-        for name in dict.fromkeys([*errors, *laws])
-    }
+    for name in (ESTIMATES, FIELDS):
+        if (folder / name).is_file():
+            estimates = load_fields(folder / name)
+            real = true_states(estimates, truth, fields, folder / "sealed.nc")
+            errors |= {m: rmse(e) for m, e in scaled_errors(estimates, real, fields).items()}
+    # Of both files the times are those of the fit window.
+    full = _full_field(findings, folder, fields, estimates["time"].values, real, noise, seed)
+    ended = {**_of_the_analysis(folder, findings, errors), **others, "pde_find": full}
+    law = law_of_truth(findings, truth.terms, truth.concealed.parameters)
+    return {name: _compared(findings, law, errors, name, one) for name, one in ended.items()}
 
 
-def read_others(folder: Path) -> dict[str, Any]:
-    """Return what the other methods found.
+def read_others(folder: Path) -> dict[str, Any] | None:
+    """Return what the other methods found; None where they failed as a whole.
 
     Raises:
         InputError: their fields were changed since.
     """
+    if not (folder / LAWS).is_file():
+        return None
     record = json.loads((folder / LAWS).read_text(encoding="utf-8"))
-    if sha256_of(folder / FIELDS) != record["fields_sha256"]:
-        raise InputError("changed after it was frozen", where=str(folder / FIELDS))
+    fields = folder / FIELDS
+    if (sha256_of(fields) if fields.is_file() else None) != record["fields_sha256"]:
+        raise InputError("changed after it was frozen", where=str(fields))
     return dict(record)
 
 
-def _laws(findings: Mapping[str, Any]) -> dict[str, list[dict[str, Any]] | None]:
-    """Return the law of the analysis, and those that latent SINDy proposes."""
-    laws: dict[str, list[dict[str, Any]] | None] = {"corrected": findings["terms"]}
+def _lost(failed: str) -> dict[str, Any]:
+    return {"seconds": None, "terms": None, "note": "", "failed": failed}
+
+
+def _listed(findings: Mapping[str, Any], truth: Truth) -> bool | None:
+    """Return whether ambiguous findings list the true law; null of others."""
+    from dashred.listed_laws import listed_laws
+    from dashred.scoring import score_law
+
+    if findings["verdict"] != "ambiguous":
+        return None
+    hidden = truth.concealed.parameters
+    laws = listed_laws(findings)
+    return any(score_law({**findings, "terms": law}, truth.terms, hidden)[0] for law in laws)
+
+
+def _of_the_analysis(
+    folder: Path, findings: Mapping[str, Any], errors: Mapping[str, float]
+) -> dict[str, dict[str, Any]]:
+    """Return how the methods within the analysis ended, in the form of the others."""
+    laws: dict[str, Any] = {"corrected": findings["terms"]}
     for name, latent in findings["latent"].items():
         if latent is not None:
             laws[f"latent_{name}"] = [p for p in latent["proposals"] if p["coefficient"]]
-    return laws
+    seconds = _seconds(folder)
+    return {
+        name: _lost("") | {"failed": None, "terms": laws.get(name), "seconds": seconds.get(name)}
+        for name in dict.fromkeys([*(n for n in errors if n not in METHODS), *laws])
+    }
 
 
 def _full_field(
@@ -144,7 +180,8 @@ def _full_field(
     real: np.ndarray,
     noise: float,
     seed: int,
-) -> list[dict[str, Any]]:
+) -> dict[str, Any]:
+    """Return how PDE-FIND ended, in the form of the other methods."""
     import numpy as np
     import torch
 
@@ -159,38 +196,60 @@ def _full_field(
     library = build_library(system, findings["input"]["config"]["library"])
     ordered = torch.from_numpy(real[:, [fields.index(field) for field in system.fields]])
     rng = np.random.default_rng([seed, *b"full field"])
-    return [
-        dict(entry) for entry in pde_find(system, library, torch.tensor(times), ordered, noise, rng)
-    ]
+    began = time.perf_counter()
+    terms, failed = None, None
+    try:
+        terms = pde_find(system, library, torch.tensor(times), ordered, noise, rng)
+    except (OSError, MemoryError):
+        raise
+    except Exception as error:
+        traceback.print_exc()
+        failed = failure_in_words(error)
+    return _lost("") | {
+        "failed": failed,
+        "terms": terms,
+        "seconds": time.perf_counter() - began,
+    }
 
 
 def _compared(
     findings: Mapping[str, Any],
     true: Law,
-    terms: Sequence[Mapping[str, Any]] | None,
-    rmse: float | None,
-    seconds: float | None,
-    note: str,
+    errors: Mapping[str, float],
+    name: str,
+    ended: Mapping[str, Any],
 ) -> Compared:
     from dashred.scoring import law_of_findings
 
+    error, failed = errors.get(name), ended["failed"]
+    if error is not None and not math.isfinite(error):
+        error, failed = None, "its field is not finite"
     compared = Compared(
-        rmse=rmse,
+        rmse=error,
+        exact=None,
         found=None,
         spurious=None,
         missed=None,
         coefficient_error=None,
-        seconds=seconds,
-        note=note,
+        seconds=ended["seconds"],
+        note=ended["note"],
+        failed=failed,
     )
+    terms = ended["terms"]
     if terms is not None:
         law = law_of_findings(dict(findings) | {"terms": terms})
         both = law.keys() & true.keys()
-        errors = [abs(law[key] / true[key] - 1) for key in both]
+        off = [abs(law[key] / true[key] - 1) for key in both]
+        compared["exact"] = law.keys() == true.keys()
         compared["found"] = len(both)
         compared["spurious"] = len(law.keys() - both)
         compared["missed"] = len(true.keys() - both)
-        compared["coefficient_error"] = max(errors, default=None)
+        compared["coefficient_error"] = max(off, default=None)
+    elif name in LOOKING and ended["note"] != NOT_FOR_SYSTEM:
+        # It looked for a law, and has none to show: not even of a twin that hides none.
+        compared["exact"] = False
+        compared["found"] = compared["spurious"] = 0
+        compared["missed"] = len(true)
     return compared
 
 

@@ -2,8 +2,8 @@
 
 Rudy, Brunton, Proctor & Kutz, *Data-driven discovery of partial differential equations* (Science
 Advances 3, 2017), by PySINDy, for what the simulator leaves out: ``∂u/∂t − N(u) = Σ ξ θ(u)``. It is
-given the **full** field with noise, and is here as an upper bound of regressions that read sensors
-alone: only a scorer, which may open a seal, can run it.
+given the **full** field with noise, which nobody has: only a scorer, which may open a seal, can run
+it. No bound of anything: its time differences are over the recording's interval, which may be long.
 """
 
 from __future__ import annotations

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
+from dashred.baselines.analyse import NOT_FOR_SYSTEM
 from dashred.benchmark.record import Record
-from dashred.comparison.method_scores import Compared
+from dashred.comparison.compared import Compared
 
 # The field that errors are told relative to: the simulator as it is, from the same start.
 REFERENCE = "simulation_same_start"
@@ -36,26 +38,59 @@ LAWS = {
 }
 
 
+# What an analysis always has, so that without one it is lost.
+OURS = ("shred", "dashred", "corrected", "corrected_shred")
+LAW_OF_OURS = "corrected"
+
+
 @dataclass(frozen=True)
 class ComparedRow:
     """One experiment.
 
     Attributes:
-        record: of the bench.
-        methods: how right each method is.
+        record: of the bench; of a row that failed, its problem.
+        methods: how right each method is; none where nothing could be compared.
         folder: where its files are.
+        problem: why nothing could be compared, or the other methods not; None where all went well.
+        listed: of an ambiguous verdict, whether the true law is listed.
+        git_commit: of the code that compared.
     """
 
     record: Record
     methods: dict[str, Compared]
     folder: Path
+    problem: str | None = None
+    listed: bool | None = None
+    git_commit: str | None = None
 
     def ratio(self, method: str) -> float | None:
-        """Return a method's RMSE over the reference's."""
-        rmse, reference = (self.methods.get(name) for name in (method, REFERENCE))
-        if not rmse or not reference or rmse["rmse"] is None or not reference["rmse"]:
+        """Return a method's RMSE over the reference's; infinite where the method was lost."""
+        told, reference = (self.methods.get(name) for name in (method, REFERENCE))
+        if self.lost(method):
+            return math.inf
+        if told is None or told["rmse"] is None or not reference or not reference["rmse"]:
             return None
-        return rmse["rmse"] / reference["rmse"]
+        return told["rmse"] / reference["rmse"]
+
+    def lost(self, method: str) -> bool:
+        """Return whether a method failed; of a row without any, whether it is the analysis'."""
+        told = self.methods.get(method)
+        return told["failed"] is not None if told else not self.methods and method in OURS
+
+
+@dataclass(frozen=True)
+class FieldRatio:
+    """RMSE over the reference's, of some rows.
+
+    Attributes:
+        median: a lost method's is infinite; None where no row has both.
+        rows: that hide a law and got as far as this method.
+        lost: of them, those where the method failed.
+    """
+
+    median: float | None
+    rows: int
+    lost: int
 
 
 @dataclass(frozen=True)
@@ -63,16 +98,19 @@ class LawCount:
     """Terms over some rows.
 
     Attributes:
-        rows: in which the method looked for a law.
+        rows: in which the method was asked for a law.
         exact: of them, where it found all terms and no others.
+        failed: of them, where it failed; their terms are in none of the counts that follow where
+            nothing could be scored.
         found: true terms found.
         spurious: terms found that are not there.
-        missed: true terms not found.
+        missed: true terms not found, those of rows without a law among them.
         error: median over rows of the worst relative error of the coefficients found.
     """
 
     rows: int
     exact: int
+    failed: int
     found: int
     spurious: int
     missed: int
@@ -92,23 +130,44 @@ def groups(rows: Sequence[ComparedRow]) -> dict[tuple[str, float], list[Compared
     return found
 
 
-def median_ratio(rows: Iterable[ComparedRow], method: str) -> float | None:
-    """Return the median over rows that hide a law: for others there is nothing to gain."""
-    ratios = [row.ratio(method) for row in rows if row.record["law"]]
-    known = [ratio for ratio in ratios if ratio is not None]
-    return median(known) if known else None
+def field_ratio(rows: Iterable[ComparedRow], method: str) -> FieldRatio | None:
+    """Return what a method's fields come to, over rows that hide a law; None if it has none.
+
+    Where no law is hidden there is nothing to gain: with a wrong sensor or a far start, too, the
+    reference is the simulator from the start that was found.
+    """
+    hiding = [row for row in rows if row.record["law"]]
+    if not hiding or not _has_fields(hiding, method):
+        return None
+    known = [ratio for row in hiding if (ratio := row.ratio(method)) is not None]
+    lost = sum(row.lost(method) for row in hiding)
+    asked = sum(row.lost(method) or method in row.methods for row in hiding)
+    return FieldRatio(median(known) if known else None, asked, lost)
+
+
+def _has_fields(rows: Sequence[ComparedRow], method: str) -> bool:
+    """Return whether a method is one for these rows: a failure of all says nothing against it."""
+    told = [row.methods[method] for row in rows if method in row.methods]
+    if any(one["note"] == NOT_FOR_SYSTEM for one in told):
+        return False
+    return bool(told) or method in OURS
 
 
 def count_laws(rows: Iterable[ComparedRow], method: str) -> LawCount | None:
-    """Return what a method's laws come to; None where it looked for none."""
-    told = [row.methods[method] for row in rows if method in row.methods]
-    laws = [one for one in told if one["found"] is not None]
-    if not laws:
+    """Return what a method's laws come to; None where it is asked for none."""
+    some = list(rows)
+    laws = [row.methods[method] for row in some if method in row.methods]
+    laws = [one for one in laws if one["exact"] is not None]
+    if not some or not (laws or method == LAW_OF_OURS):
         return None
+    # Of rows with nothing to compare it is not known how many terms were missed, and only the
+    # analysis had its chance.
+    unscored = sum(not row.methods for row in some) if method == LAW_OF_OURS else 0
     errors = [one["coefficient_error"] for one in laws if one["coefficient_error"] is not None]
     return LawCount(
-        rows=len(laws),
-        exact=sum(not one["spurious"] and not one["missed"] for one in laws),
+        rows=len(laws) + unscored,
+        exact=sum(bool(one["exact"]) for one in laws),
+        failed=unscored + sum(one["failed"] is not None for one in laws),
         found=sum(one["found"] or 0 for one in laws),
         spurious=sum(one["spurious"] or 0 for one in laws),
         missed=sum(one["missed"] or 0 for one in laws),
@@ -116,11 +175,18 @@ def count_laws(rows: Iterable[ComparedRow], method: str) -> LawCount | None:
     )
 
 
+def median_seconds(rows: Iterable[ComparedRow], method: str) -> float | None:
+    """Return the median of a method's seconds over the rows where it is known."""
+    told = [row.methods[method]["seconds"] for row in rows if method in row.methods]
+    known = [seconds for seconds in told if seconds is not None]
+    return median(known) if known else None
+
+
 def as_metrics(rows: Sequence[ComparedRow]) -> dict[str, float]:
     """Return the median ratios by name: ``rde/noise 0.05/ratio/corrected``."""
     return {
-        f"{system}/noise {noise:g}/ratio/{method}": ratio
+        f"{system}/noise {noise:g}/ratio/{method}": ratio.median
         for (system, noise), group in groups(rows).items()
         for method in FIELDS
-        if (ratio := median_ratio(group, method)) is not None
+        if (ratio := field_ratio(group, method)) is not None and ratio.median is not None
     }

@@ -8,11 +8,13 @@ from pathlib import Path
 
 from dashred.benchmark.plan import Row
 from dashred.benchmark.processes import run_rows
-from dashred.benchmark.record import read_done
+from dashred.benchmark.record import read_done, read_kept
 from dashred.benchmark.run import nested_below, parent_run, run_bench
 from dashred.benchmark.words import Request
+from dashred.comparison.compared import UNRESOLVED, Compared, read_compared
 from dashred.comparison.document import write_results
-from dashred.comparison.method_scores import Compared, read_compared, read_others
+from dashred.comparison.kept_rows import rows_of_page
+from dashred.comparison.method_scores import read_others
 from dashred.comparison.ratios import ComparedRow, as_metrics
 from dashred.errors import DONE, OUR_FAILURE
 from dashred.long_run import alone_in, last_line, signals_as_interrupt
@@ -24,12 +26,12 @@ LOG = "other_methods.txt"
 
 
 def run_comparison(request: Request, rows: Sequence[Row], document: Path) -> int:
-    """Run what is not done and write the page; 1 when a row failed."""
+    """Run what is not done and write the page of the whole folder; 1 when a row failed."""
     output = make_output(str(request.output))
     make_output(str(document.parent))
     code = run_bench(request, rows)
-    analysed = {row.folder: record for row in rows if (record := read_done(row))}
-    waiting = [row for row in rows if row.folder in analysed and read_compared(row.folder) is None]
+    analysed = [row for row in rows if read_done(row)]
+    waiting = [row for row in analysed if not _settled(row)]
     CONSOLE.print(f"other methods: {len(waiting)} of {len(analysed)} rows to do")
     with (
         alone_in(output, "comparison"),
@@ -44,25 +46,55 @@ def run_comparison(request: Request, rows: Sequence[Row], document: Path) -> int
             return [sys.executable, "-m", module, *own, *row.words, *nested]
 
         run_rows(waiting, request.jobs, command, LOG, _finished)
-        compared = [
-            ComparedRow(analysed[row.folder], found, row.folder)
-            for row in rows
-            if row.folder in analysed and (found := read_compared(row.folder))
-        ]
+        compared = list(map(compared_row, rows_of_page(request, rows)))
         write_results(compared, document)
         run.log_metrics(as_metrics(compared), 0)
         run.log_file(document)
         CONSOLE.print(f"Results: {document}", markup=False, soft_wrap=True)
-    return OUR_FAILURE if code or len(compared) < len(rows) else DONE
+    asked = {row.folder for row in rows}
+    failed = any(row.problem for row in compared if row.folder in asked)
+    return OUR_FAILURE if code or failed else DONE
+
+
+def compared_row(row: Row) -> ComparedRow:
+    """Return a row with all that is known of it; what it died of where that is nothing."""
+    record = read_kept(row)
+    if record is None:
+        raise RuntimeError(f"{row} was run and has left no record")
+    found = read_compared(row.folder) if record["problem"] is None else None
+    if found is None:
+        problem = record["problem"] or f"not compared: {_last_said(row)}"
+        return ComparedRow(record, {}, row.folder, problem)
+    return ComparedRow(
+        record,
+        found["methods"],
+        row.folder,
+        found["problem"],
+        found["listed"],
+        found["git_commit"],
+    )
+
+
+def _settled(row: Row) -> bool:
+    """Return whether a row is compared, and another attempt would find nothing else."""
+    found = read_compared(row.folder)
+    return found is not None and found["problem"] in (None, UNRESOLVED)
+
+
+def _last_said(row: Row) -> str:
+    return last_line(row.folder / LOG) if (row.folder / LOG).is_file() else "it was not reached"
 
 
 def _finished(row: Row, code: int, seconds: float) -> None:
-    found = read_compared(row.folder) if code == DONE else None
+    found = read_compared(row.folder)
     if found is None:
-        told = f"failed with exit code {code}: {last_line(row.folder / LOG)}"
+        told = f"failed with exit code {code}: {_last_said(row)}"
     else:
-        _log(found, row)
-        told = ", ".join(f"{m} {c['rmse']:.3g}" for m, c in found.items() if c["rmse"] is not None)
+        methods = found["methods"]
+        _log(methods, row)
+        lost = [f"{m} failed: {c['failed']}" for m, c in methods.items() if c["failed"]]
+        known = [f"{m} {c['rmse']:.3g}" for m, c in methods.items() if c["rmse"] is not None]
+        told = found["problem"] or ", ".join([*known, *lost])
     CONSOLE.print(f"{row}  {told}  {seconds:.0f} s", markup=False, soft_wrap=True)
 
 
@@ -75,7 +107,10 @@ def _log(found: dict[str, Compared], row: Row) -> None:
         for key, value in compared.items()
         if isinstance(value, int | float)
     }
-    opened = read_others(row.folder)["mlflow_run"]
+    others = read_others(row.folder)
+    if others is None:
+        return
+    opened = others["mlflow_run"]
     with Tracker.open(root, experiment, "", opened) as run:
         run.log_metrics(scores, 0)
         run.rename(opened, f"{row}: other methods")

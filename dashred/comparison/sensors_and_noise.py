@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 from dashred.benchmark.table import Grid
-from dashred.comparison.ratios import ComparedRow, median_ratio
+from dashred.comparison.outcomes import count_claims
+from dashred.comparison.ratios import ComparedRow, FieldRatio, field_ratio
 
 # p, of SHRED's input, and q, that assimilation alone reads.
 LAYOUT = "fit sensors, of them extra"
@@ -32,14 +34,28 @@ def _layout(row: ComparedRow) -> str:
 
 
 def _cell(rows: Sequence[ComparedRow]) -> str:
-    """Return how many laws are exact, how many wrong ones are not flagged, and RMSE ratios."""
+    """Return how many verdicts are right, how many wrong ones are not flagged, and RMSE ratios."""
     if not rows:
         return ""
-    exact = sum(bool(row.record["exact_support"]) for row in rows)
-    unflagged = sum(not r.record["exact_support"] and not r.record["flagged"] for r in rows)
-    parts = [f"exact {exact} of {len(rows)}"]
-    parts += [f"wrong and unflagged {unflagged}"] if unflagged else []
+    claims = count_claims(rows)
+    parts = [f"right {claims.exact + claims.told} of {len(rows)}"]
+    parts += [f"listed {claims.listed}"] if claims.listed else []
+    parts += [f"wrong and unflagged {claims.wrong_unflagged}"] if claims.wrong_unflagged else []
+    parts += [f"failed {claims.failed}"] if claims.failed else []
     for method, name in (("dashred", "DA-SHRED"), ("corrected", "corrected")):
-        ratio = median_ratio(rows, method)
-        parts += [f"{name} × {ratio:.3g}"] if ratio is not None else []
+        if ratio := ratio_text(field_ratio(rows, method)):
+            parts.append(f"{name} × {ratio}")
     return "; ".join(parts)
+
+
+def ratio_text(ratio: FieldRatio | None) -> str:
+    """Return a median ratio, and how many rows the method has lost."""
+    if ratio is None:
+        return ""
+    known = ratio.median is not None and math.isfinite(ratio.median)
+    return " ".join([*([f"{ratio.median:.3g}"] if known else []), *lost_text(ratio)])
+
+
+def lost_text(ratio: FieldRatio) -> list[str]:
+    """Return how many rows the method has lost; nothing where it has none."""
+    return [f"(lost {ratio.lost} of {ratio.rows})"] if ratio.lost else []

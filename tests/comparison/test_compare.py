@@ -11,6 +11,8 @@ import pytest
 from dashred import compare
 from dashred.errors import InputError
 
+PICTURES = ("space_time_truth", "rmse_against_time", "sparsity")
+
 
 def test_every_method_on_one_recording(
     quick: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -28,7 +30,7 @@ def test_every_method_on_one_recording(
     page = (tmp_path / "docs" / "results.md").read_text()
     assert "ensemble Kalman filter" in page and "figures/results_quick_space_time_truth.png" in page
     pictures = {file.name for file in (tmp_path / "docs" / "figures").iterdir()}
-    assert pictures >= {f"results_quick_{n}.png" for n in ("space_time_truth", "rmse_against_time")}
+    assert pictures >= {f"results_quick_{n}.png" for n in PICTURES}
     logged = sqlite3.connect(tmp_path / "mlruns" / "mlflow.db")
     [[names]] = logged.execute(
         "select count(*) from metrics where key in ('rmse/filter_state', 'rmse/corrected')"

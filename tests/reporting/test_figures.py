@@ -82,7 +82,7 @@ def test_the_ring_is_about_the_law_that_is_reported() -> None:
     middle, right = accuracy_against_sparsity(latent, law, 2).axes[1:]
     for axes, value in ((middle, 1.5), (right, 13.0)):
         _, ring = axes.get_lines()
-        assert (list(ring.get_xdata()), list(ring.get_ydata())) == ([2], [value])
+        np.testing.assert_array_equal(ring.get_xydata(), [[2, value]])
         assert axes.get_xlabel() == "number of terms (ring: reported)"
     for axes in accuracy_against_sparsity(latent, law, None).axes[1:]:
         assert len(axes.get_lines()) == 1

@@ -1,0 +1,63 @@
+"""Rows that other commands have left in a folder: one page holds them all."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from dashred.benchmark.plan import Row, plan
+from dashred.benchmark.record import read_kept
+from dashred.benchmark.words import Request
+from dashred.errors import InputError
+
+OF_A_ROW = ("twin", "noise", "seed", "sensors", "extra", "words")
+
+
+def rows_of_page(request: Request, rows: Iterable[Row]) -> list[Row]:
+    """Return the rows of this command and those that others have left, in an order of their own.
+
+    Of the others those with the same overrides, whose system and truth are today's.
+    """
+    found = {row.folder: row for row in rows}
+    for file in sorted(request.output.glob("*/*/row.json")):
+        if file.parent not in found and (row := _kept(file, request)) is not None:
+            found[row.folder] = row
+    return sorted(found.values(), key=_place)
+
+
+def _kept(file: Path, request: Request) -> Row | None:
+    """Return the row that a folder holds; None where it would be another today."""
+    try:
+        record = json.loads(file.read_text(encoding="utf-8"))
+        again = _request(record, request)
+        [row] = plan(again)
+    except (OSError, ValueError, TypeError, KeyError, InputError):
+        return None
+    return row if row.folder == file.parent and read_kept(row) is not None else None
+
+
+def _request(record: dict[str, Any], request: Request) -> Request:
+    """Return what asks for this row alone.
+
+    Raises:
+        KeyError: it is no record of a row.
+    """
+    twin, noise, seed, sensors, extra, words = (record[key] for key in OF_A_ROW)
+    [conf] = [word.partition("=")[2] for word in words if word.startswith("conf=")]
+    return replace(
+        request,
+        systems=(conf,),
+        twins=(twin,),
+        seeds=(seed,),
+        noise=(noise,),
+        sensors=(sensors,),
+        extra=(extra,),
+    )
+
+
+def _place(row: Row) -> tuple[Any, ...]:
+    places = [-1 if number is None else number for number in (row.sensors, row.extra)]
+    return row.name, row.noise, *places, row.null, row.twin, row.seed, str(row.folder)
