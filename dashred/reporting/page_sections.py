@@ -102,6 +102,11 @@ def forecast(findings: Mapping[str, Any], figures: str) -> str:
             "How far to trust it, the held-out time tells, which was foretold in the same way: "
             f"there its error is {after:.3g} of a standard deviation, without the law {before:.3g}."
         )
+    if inputs := findings["input"]["config"].get("system", {}).get("inputs"):
+        measured = ", ".join(inputs)
+        told.append(
+            f"Where inputs ({measured}) were not measured that far, the last value is held."
+        )
     return section("Forecast, beyond the recording", paragraphs([" ".join(told)]), figures)
 
 

@@ -11,7 +11,7 @@ from dashred.findings_schema import Fit, Input, misfit, new_findings
 from dashred.reporting.equation_html import equations_html
 from dashred.reporting.headline import headline
 from dashred.reporting.html import write_html
-from dashred.reporting.page_sections import unexplained
+from dashred.reporting.page_sections import forecast, unexplained
 from dashred.reporting.summary import summary
 from dashred.reporting.verdict_words import verdict_lines
 
@@ -377,6 +377,14 @@ def test_a_page_of_findings_that_found_nothing_is_short_but_whole(tmp_path: Path
     write_html(tmp_path / "report.html", new_findings(SOURCE), {}, "")
     page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
     assert not page.open and "What" not in page.words and "Provenance" in page.words
+
+
+def test_a_forecast_says_what_becomes_of_inputs() -> None:
+    assert "the last value is held" not in forecast(found(), "<figure>")
+    driven = {**SYSTEM, "inputs": {"e": "voltage", "f": "force"}}
+    source = {**SOURCE, "config": {"system": driven}}
+    told = forecast({**found(), "input": source}, "<figure>")
+    assert "Where inputs (e, f) were not measured that far, the last value is held." in told
 
 
 def test_the_same_findings_give_the_same_page(tmp_path: Path) -> None:
