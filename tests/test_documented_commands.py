@@ -201,6 +201,25 @@ def test_every_command_works_or_its_words_are_read(
         check(words, folder)
 
 
+def test_the_netcdf_that_is_described_is_read(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from dashred.config import load_config
+    from dashred.physics.system import System
+    from dashred.sensing.reader import read_recording
+
+    monkeypatch.chdir(folder)
+    text = (CHECKOUT / "docs" / "own-system.md").read_text(encoding="utf-8")
+    [body] = [body for _, language, body in FENCE.findall(text) if language == "python"]
+    exec(body, {})
+    config = load_config(["conf=pendulum"], entry="test")
+    recording = read_recording("swing.nc", None, System(config.system, config.where))
+    assert [(s.name, s.reads, s.std) for s in recording.sensors] == [
+        ("angle", "theta", 0.01),
+        ("speed", "omega", None),
+    ]
+
+
 def test_a_command_of_no_category_fails() -> None:
     with pytest.raises(AssertionError, match="of no category"):
         check_of(["python", "-m", "dashred.unheard_of", "path=x"])

@@ -52,7 +52,9 @@ FIELDS = """
 """
 
 AFTER_FIELDS = """\
-    # a field that no sensor reads may stand here too, with its own equation, start and spread
+    # a field that no sensor reads may stand here too, with its own equation, start and spread; a
+    # column that drives the system (a voltage, a force) is no field but an input: take it out of
+    # fields, equations, start and spread, and write below, at their depth, inputs: {e: column}
 """
 
 UNITS = """
