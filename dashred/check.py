@@ -7,6 +7,7 @@ could begin, whatever is doubtful, and with 2 where the input is wrong.
 from __future__ import annotations
 
 import sys
+from itertools import chain
 
 from dashred.checkup.page import Page
 from dashred.config import Config, load_config
@@ -35,6 +36,7 @@ def check(config: Config) -> Page:
     import torch
 
     from dashred.checkup.agreement import about_agreement
+    from dashred.checkup.ensemble import about_ensemble, about_structure
     from dashred.checkup.observability import about_observability, look
     from dashred.checkup.recording import about_recording
     from dashred.checkup.run_time import about_run_time
@@ -42,8 +44,12 @@ def check(config: Config) -> Page:
     from dashred.checkup.situation import situation_of
     from dashred.checkup.snapshots import about_snapshots
     from dashred.checkup.splits import about_splits
+    from dashred.device import check_device
+    from dashred.output import check_output
     from dashred.physics.side_by_side import use_threads
 
+    check_device(config)
+    check_output(config)
     torch.set_num_threads(1)
     use_threads(config.threads)
     situation = situation_of(config)
@@ -55,7 +61,8 @@ def check(config: Config) -> Page:
         page.conclude()
         return page
     simulated = run_nominal(situation)
-    page.section("Simulator", about_simulator(situation, simulated))
+    looks = (about_simulator, about_structure, about_ensemble)
+    page.section("Simulator", chain.from_iterable(about(situation, simulated) for about in looks))
     seen = look(situation, simulated)
     page.section("What the sensors can see", about_observability(situation, seen))
     page.section("Simulator and recording", about_agreement(situation, simulated, seen))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from tempfile import TemporaryFile
 
@@ -20,6 +21,7 @@ OF_ONE_RUN = (
     "report.html",
     "score.json",
 )
+ANOTHER = "choose another: output=DIR"
 
 
 def named_output(config: Config) -> Path | None:
@@ -30,12 +32,33 @@ def named_output(config: Config) -> Path | None:
     """
     if not config.output:
         return None
-    folder, store = Path(config.output), Path(config.tracking.root).expanduser()
-    if not is_server(config.tracking.root) and store.resolve().is_relative_to(folder.resolve()):
+    _check_store(config.output, config.tracking.root)
+    return make_output(config.output)
+
+
+def check_output(config: Config) -> None:
+    """Make sure that the folder of `output=DIR` could be made and written to; leave nothing.
+
+    Raises:
+        InputError: as :func:`named_output`.
+    """
+    if not config.output:
+        return
+    _check_store(config.output, config.tracking.root)
+    folder = Path(config.output).absolute()
+    there = next(path for path in (folder, *folder.parents) if os.path.lexists(path))
+    if not there.is_dir():
+        what = f"this folder cannot be made: {there} is no folder"
+        raise InputError(what, where=config.output, hint=ANOTHER)
+    _check_writable(there, config.output)
+
+
+def _check_store(output: str, root: str) -> None:
+    folder, store = Path(output), Path(root).expanduser()
+    if not is_server(root) and store.resolve().is_relative_to(folder.resolve()):
         what = f"MLflow's store, {store}, lies in this folder, and would keep a copy of itself"
         hint = "name a folder of its own: output=DIR or tracking.root=DIR"
-        raise InputError(what, where=config.output, hint=hint)
-    return make_output(config.output)
+        raise InputError(what, where=output, hint=hint)
 
 
 def make_output(path: str) -> Path:
@@ -44,19 +67,24 @@ def make_output(path: str) -> Path:
     Raises:
         InputError: it cannot be made or written to, or is a file.
     """
-    folder, hint = Path(path), "choose another: output=DIR"
+    folder = Path(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         what = f"this folder cannot be made: {error.strerror}"
-        raise InputError(what, where=path, hint=hint) from None
+        raise InputError(what, where=path, hint=ANOTHER) from None
+    _check_writable(folder, path)
+    return folder
+
+
+def _check_writable(folder: Path, path: str) -> None:
     try:
         # Rights alone do not tell: a disk may be mounted for reading only.
         with TemporaryFile(dir=folder):
-            return folder
+            return
     except OSError as error:
         what = f"this folder cannot be written to: {error.strerror}"
-        raise InputError(what, where=path, hint=hint) from None
+        raise InputError(what, where=path, hint=ANOTHER) from None
 
 
 def clear_output(folder: Path) -> None:

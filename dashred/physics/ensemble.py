@@ -97,19 +97,16 @@ def draw_ensemble(
     Raises:
         InputError: hardly any draw stays bounded.
     """
-    low, high = _bounds(nominal)
     states: list[Tensor] = []
     coefficients: list[Tensor] = []
     for turn in range(MOST_ROUNDS):
         missing = members - sum(map(len, states))
         if turn == TELLING_ROUNDS and members - missing < TELLING_SHARE * members:
             break
-        starts = prior.draw(missing, rng)
-        forcing = _draw_forcing(system, nominal, discrepancies, missing, rng, float(times[0]))
-        found = simulate(system, starts, times, forcing, progress)
-        inside = (torch.isfinite(found) & (found >= low) & (found <= high)).flatten(1).all(dim=1)
+        drawn = draw_round(system, times, prior, nominal, missing, discrepancies, rng, progress)
+        found, carried, inside = drawn
         states.append(found[inside])
-        coefficients.append(forcing.coefficients[inside])
+        coefficients.append(carried[inside])
         if sum(map(len, states)) == members:
             return Ensemble(times, torch.cat(states), torch.cat(coefficients))
     raise InputError(
@@ -118,6 +115,30 @@ def draw_ensemble(
         where=system.where("system.spread"),
         hint="make system.spread or simulation.amplitude smaller",
     )
+
+
+def draw_round(
+    system: System,
+    times: Tensor,
+    prior: Starts,
+    nominal: Tensor,
+    members: int,
+    discrepancies: Discrepancies | None,
+    rng: np.random.Generator,
+    progress: Progress | None = None,
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Simulate random members once, plausible or not; arguments as :func:`draw_ensemble` has them.
+
+    Returns:
+        states ``(member, time, field, *grid)``, coefficients ``(member, term)``, and which of the
+        members stay within bounds, ``(member,)``.
+    """
+    low, high = _bounds(nominal)
+    starts = prior.draw(members, rng)
+    forcing = _draw_forcing(system, nominal, discrepancies, members, rng, float(times[0]))
+    found = simulate(system, starts, times, forcing, progress)
+    inside = (torch.isfinite(found) & (found >= low) & (found <= high)).flatten(1).all(dim=1)
+    return found, forcing.coefficients, inside
 
 
 def _bounds(nominal: Tensor) -> tuple[Tensor, Tensor]:

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from dashred.attempt import FROZEN
 from dashred.config import Config
-from dashred.errors import InputError
+from dashred.device import check_device
 from dashred.findings import sha256_of, write_json_atomic
 from dashred.findings_schema import Findings
 from dashred.physics.side_by_side import use_threads
@@ -38,13 +38,7 @@ def prepare_torch(config: Config) -> None:
     logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)
     # Lightning still reads a torch class that torch deprecates: nothing a user could act on.
     warnings.filterwarnings("ignore", message=".*LeafSpec.*", category=FutureWarning)
-    kind, _, index = config.device.partition(":")
-    if kind == "cuda" and int(index or 0) >= torch.cuda.device_count():
-        raise InputError(
-            f"this machine has {torch.cuda.device_count()} CUDA devices, not {config.device!r}",
-            where=config.where("device"),
-            hint="choose device=cpu",
-        )
+    check_device(config)
 
 
 def git_commit() -> str:

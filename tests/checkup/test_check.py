@@ -157,6 +157,51 @@ def test_too_long_a_step_is_not_resolved(
     assert "Make system.integrator.dt smaller" in found
 
 
+def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    """Return what a check prints that ends with 2, its lines joined."""
+    assert check.main(list(words)) == 2
+    return re.sub(r"\s+", " ", capsys.readouterr().out)
+
+
+def test_a_structure_that_does_not_make_the_equations_is_wrong(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    conf, j = f"conf={swing(tmp_path)}", "J: {x: {v: 1}, v: {x: -1}}"
+    good = said(capsys, conf, f"system.structure={{H: x**2/2 + v**2/2, {j}}}")
+    assert "It has the structure that it claims" in good
+    wrong = refused(capsys, conf, f"system.structure={{H: x**2 + v**2/2, {j}}}")
+    assert "x system.structure" in wrong or "x command line" in wrong
+
+
+def test_an_ensemble_that_cannot_be_drawn_is_wrong(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = refused(capsys, f"conf={swing(tmp_path)}", "system.spread.x=1000")
+    assert "x Of 24 simulations such as a run learns from 0 stay within bounds" in told
+
+
+def test_what_this_machine_does_not_have_is_told_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("torch.cuda.device_count", lambda: 0)
+    conf = f"conf={swing(tmp_path)}"
+    with pytest.raises(InputError, match="0 CUDA devices, not 'cuda'"):
+        check.main([conf, "device=cuda"])
+    with pytest.raises(InputError, match=r"cannot be made: .*swing\.csv is no folder"):
+        check.main([conf, f"output={tmp_path / 'swing.csv' / 'new'}"])
+    with pytest.raises(InputError, match="copy of itself"):
+        check.main([conf, f"output={tmp_path}", f"tracking.root={tmp_path / 'runs'}"])
+
+
+def test_a_folder_that_could_be_made_is_not_made(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    conf = swing(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    said(capsys, f"conf={conf}", f"output={tmp_path / 'a' / 'b'}")
+    assert sorted(tmp_path.iterdir()) == before
+
+
 def test_terms_that_no_data_can_tell_apart_are_wrong(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,0 +1,23 @@
+"""The device that networks are trained on."""
+
+from __future__ import annotations
+
+import torch
+
+from dashred.config import Config
+from dashred.errors import InputError
+
+
+def check_device(config: Config) -> None:
+    """Refuse a device that is not there.
+
+    Raises:
+        InputError: this machine has no such device.
+    """
+    kind, _, index = config.device.partition(":")
+    if kind == "cuda" and int(index or 0) >= torch.cuda.device_count():
+        raise InputError(
+            f"this machine has {torch.cuda.device_count()} CUDA devices, not {config.device!r}",
+            where=config.where("device"),
+            hint="choose device=cpu",
+        )
