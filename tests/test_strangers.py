@@ -99,6 +99,32 @@ def test_a_file_that_would_run_code_is_refused(kind, quick, tmp_path, monkeypatc
     assert os.listdir(tmp_path) == ["theirs.yaml"]
 
 
+@pytest.mark.parametrize(
+    "says", ["output: ~/.ssh", "output: null", "root: http://evil", "run: 0123", "parent: 0123"]
+)
+def test_a_file_does_not_say_where_results_go(says, quick, tmp_path, monkeypatch) -> None:
+    """Else it would choose a folder to be written over, or a server that gets a password."""
+    monkeypatch.chdir(tmp_path)
+    kept = "tracking: {model: false}\n"
+    text = quick.read_text().replace(kept, f"{says}\n")
+    key = says.partition(":")[0]
+    if key != "output":
+        key, text = f"tracking.{key}", quick.read_text().replace("{model: false}", f"{{{says}}}")
+    Path("theirs.yaml").write_text(text)
+    line = text[: text.index(says)].count("\n") + 1
+    with pytest.raises(InputError, match=f"does not say {key}") as caught:
+        load_config(["conf=theirs.yaml", "recording.path=a.csv"], entry="train")
+    assert caught.value.where == f"theirs.yaml:{line}"
+    assert f"command line: {key}=" in str(caught.value.hint)
+    Path("theirs.yaml").write_text(quick.read_text())
+    said = {"output": "out", "tracking.root": "runs", "tracking.run": "0", "tracking.parent": "1"}
+    words = [f"{key}={value}" for key, value in said.items()]
+    config = load_config(["conf=theirs.yaml", "recording.path=a.csv", *words], entry="train")
+    assert config.output == str(tmp_path / "out")
+    assert config.tracking.root == str(tmp_path / "runs")
+    assert (config.tracking.run, config.tracking.parent) == ("0", "1")
+
+
 @pytest.mark.parametrize("section", ["fields", "parameters", "let", "axes", "inputs"])
 @pytest.mark.parametrize("name", ["../u", "/etc", "u/v", "u v", "..", "__class__", "u;v"])
 def test_a_name_is_never_a_path(section, name, quick, tmp_path, monkeypatch) -> None:

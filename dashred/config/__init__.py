@@ -14,6 +14,7 @@ from dashred.config.commandline import (
     BASE,
     bundled,
     check_overrides,
+    check_places,
     find_system,
     split_words,
     usage,
@@ -87,6 +88,7 @@ def load_config(argv: list[str], *, entry: str) -> Config:
     word, overrides = split_words(words, entry=entry)
     path, label = find_system(word)
     defaults, system = _file(BASE, "conf/base.yaml"), _file(path, label)
+    check_places(system)
     overrides = prepare(overrides, folder=Path.cwd())
     check_overrides(overrides, system)
     lines = defaults.lines | system.lines | overrides.lines | {"": label}

@@ -13,6 +13,9 @@ from dashred.errors import InputError
 CONF = Path(__file__).resolve().parents[2] / "conf"
 BASE = CONF / "base.yaml"
 PLACE = "command line"
+# A stranger's file that held them would choose what is written over on this disk, and to whom the
+# results and MLflow's password are sent.
+OF_THE_USER_ALONE = ("output", "tracking.root", "tracking.run", "tracking.parent")
 
 USAGE = """\
 usage: python -m dashred.{entry} conf=SYSTEM [key=value ...]
@@ -107,6 +110,21 @@ def check_overrides(overrides: Source, system: Source) -> None:
                 raise InputError(
                     f"system.{section} has no {name}", where=PLACE, hint=nearest(name, known)
                 )
+
+
+def check_places(system: Source) -> None:
+    """Refuse a system's file that says where results go: that is the user's own to say.
+
+    Raises:
+        InputError: with the word of the command line that would say it.
+    """
+    for key in OF_THE_USER_ALONE:
+        if key in system.lines:
+            raise InputError(
+                f"a system's file does not say {key}: it could name any folder or server",
+                where=system.lines[key],
+                hint=f"leave it out, and say it on the command line: {key}=...",
+            )
 
 
 def _spelt_out(key: str, entry: str) -> str:

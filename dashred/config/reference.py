@@ -27,7 +27,9 @@ A run reads three layers, each over the one before: `conf/base.yaml` with the de
 system's own file (`conf=rde`, or a path), and the words of the command line, where a dotted key
 stands for its section: `recording.noise=0.01 shred.lags=30`. Where a number is asked for,
 arithmetic such as `2*pi` will do. Paths count from the folder of the file that holds them, on the
-command line from where you are. An unknown key is refused with the nearest known one.
+command line from where you are. An unknown key is refused with the nearest known one. A system's
+file that says where results go (`output`, `tracking.root`, `tracking.run`, `tracking.parent`) is
+refused, too: it may be a stranger's, and those are for the command line to say.
 
 *Unit*: what a number counts in. "The system's time" is whatever time is counted in in its
 equations and its recording; a number in "the equation's tendency" is a share of it. What has no
