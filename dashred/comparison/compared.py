@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import TypedDict
 
-from dashred.findings import sha256_of
+from dashred.findings import sha256_of, write_json_atomic
 
 COMPARED = "compared.json"
 # Why there is nothing to compare, or not all.
@@ -46,6 +46,19 @@ class Comparison(TypedDict):
     listed: bool | None
     git_commit: str
     methods: dict[str, Compared]
+
+
+def write_uncompared(folder: Path, problem: str) -> Comparison:
+    """Keep why a row's methods could not be held against its truth."""
+    comparison = Comparison(
+        findings_sha256=sha256_of(folder / "findings.json"),
+        problem=problem,
+        listed=None,
+        git_commit="",
+        methods={},
+    )
+    write_json_atomic(folder / COMPARED, comparison)
+    return comparison
 
 
 def read_compared(folder: Path) -> Comparison | None:

@@ -35,6 +35,8 @@ FIGURES = {
     "rmse_against_time.png": "error against time",
     "sparsity.png": "accuracy against sparsity, of latent SINDy and of the law",
 }
+# By themselves, without another before them.
+NAMES = FIELDS | LAWS
 # What run.json calls the seconds of one step of the corrected surrogate.
 STEP = "one step of the corrected SHRED"
 
@@ -191,7 +193,7 @@ def _laws(rows: Sequence[ComparedRow], noise: float) -> Grid:
 def _seconds(rows: Sequence[ComparedRow]) -> Grid:
     systems = _by_system(rows)
     lines = []
-    for method, name in (LAWS | FIELDS).items():
+    for method, name in NAMES.items():
         seconds = [median_seconds(mine, method) for mine in systems.values()]
         if any(one is not None for one in seconds):
             lines.append([name, *map(_rounded, seconds)])
@@ -216,7 +218,7 @@ def _failures(rows: Sequence[ComparedRow]) -> Iterator[str]:
         else:
             for method, told in row.methods.items():
                 if told["failed"] is not None:
-                    lines.append([*place, (LAWS | FIELDS)[method], told["failed"]])
+                    lines.append([*place, NAMES[method], told["failed"]])
     if lines:
         header = ("system", "twin", "noise", "seed", "method", "what it died of")
         yield markdown_grid(Grid("What failed", header, lines))

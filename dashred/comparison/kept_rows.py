@@ -11,6 +11,7 @@ from typing import Any
 from dashred.benchmark.plan import Row, plan
 from dashred.benchmark.record import read_kept
 from dashred.benchmark.words import Request
+from dashred.comparison.compared import read_compared
 from dashred.errors import InputError
 
 OF_A_ROW = ("twin", "noise", "seed", "sensors", "extra", "words")
@@ -29,14 +30,19 @@ def rows_of_page(request: Request, rows: Iterable[Row]) -> list[Row]:
 
 
 def _kept(file: Path, request: Request) -> Row | None:
-    """Return the row that a folder holds; None where it would be another today."""
+    """Return the row that a folder holds; None where it would be another today, or has not ended.
+
+    What a command that was cut short has not compared is no failure.
+    """
     try:
         record = json.loads(file.read_text(encoding="utf-8"))
-        again = _request(record, request)
-        [row] = plan(again)
+        [row] = plan(_request(record, request))
     except (OSError, ValueError, TypeError, KeyError, InputError):
         return None
-    return row if row.folder == file.parent and read_kept(row) is not None else None
+    kept = read_kept(row) if row.folder == file.parent else None
+    if kept is None or not (kept["problem"] or read_compared(row.folder)):
+        return None
+    return row
 
 
 def _request(record: dict[str, Any], request: Request) -> Request:

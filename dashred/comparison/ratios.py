@@ -177,8 +177,9 @@ def count_laws(rows: Iterable[ComparedRow], method: str) -> LawCount | None:
 
 def median_seconds(rows: Iterable[ComparedRow], method: str) -> float | None:
     """Return the median of a method's seconds over the rows where it is known."""
-    told = [row.methods[method]["seconds"] for row in rows if method in row.methods]
-    known = [seconds for seconds in told if seconds is not None]
+    told = [row.methods[method] for row in rows if method in row.methods]
+    taken = [one["seconds"] for one in told if one["note"] != NOT_FOR_SYSTEM]
+    known = [seconds for seconds in taken if seconds is not None]
     return median(known) if known else None
 
 

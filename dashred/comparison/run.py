@@ -11,7 +11,7 @@ from dashred.benchmark.processes import run_rows
 from dashred.benchmark.record import read_done, read_kept
 from dashred.benchmark.run import nested_below, parent_run, run_bench
 from dashred.benchmark.words import Request
-from dashred.comparison.compared import UNRESOLVED, Compared, read_compared
+from dashred.comparison.compared import UNRESOLVED, Compared, read_compared, write_uncompared
 from dashred.comparison.document import write_results
 from dashred.comparison.kept_rows import rows_of_page
 from dashred.comparison.method_scores import read_others
@@ -63,8 +63,7 @@ def compared_row(row: Row) -> ComparedRow:
         raise RuntimeError(f"{row} was run and has left no record")
     found = read_compared(row.folder) if record["problem"] is None else None
     if found is None:
-        problem = record["problem"] or f"not compared: {_last_said(row)}"
-        return ComparedRow(record, {}, row.folder, problem)
+        return ComparedRow(record, {}, row.folder, record["problem"] or "not compared")
     return ComparedRow(
         record,
         found["methods"],
@@ -81,20 +80,16 @@ def _settled(row: Row) -> bool:
     return found is not None and found["problem"] in (None, UNRESOLVED)
 
 
-def _last_said(row: Row) -> str:
-    return last_line(row.folder / LOG) if (row.folder / LOG).is_file() else "it was not reached"
-
-
 def _finished(row: Row, code: int, seconds: float) -> None:
     found = read_compared(row.folder)
     if found is None:
-        told = f"failed with exit code {code}: {_last_said(row)}"
-    else:
-        methods = found["methods"]
-        _log(methods, row)
-        lost = [f"{m} failed: {c['failed']}" for m, c in methods.items() if c["failed"]]
-        known = [f"{m} {c['rmse']:.3g}" for m, c in methods.items() if c["rmse"] is not None]
-        told = found["problem"] or ", ".join([*known, *lost])
+        said = last_line(row.folder / LOG) or f"exit code {code}"
+        found = write_uncompared(row.folder, f"not compared: {said}")
+    methods = found["methods"]
+    _log(methods, row)
+    lost = [f"{m} failed: {c['failed']}" for m, c in methods.items() if c["failed"]]
+    known = [f"{m} {c['rmse']:.3g}" for m, c in methods.items() if c["rmse"] is not None]
+    told = found["problem"] or ", ".join([*known, *lost])
     CONSOLE.print(f"{row}  {told}  {seconds:.0f} s", markup=False, soft_wrap=True)
 
 

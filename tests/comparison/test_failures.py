@@ -18,7 +18,7 @@ from dashred.benchmark.words import read_words
 from dashred.comparison import method_scores, other_methods
 from dashred.comparison.compared import UNRESOLVED, read_compared
 from dashred.comparison.method_scores import _compared, compare
-from dashred.comparison.run import compared_row
+from dashred.comparison.run import _finished, _settled, compared_row
 from dashred.config import frozen_input, load_config
 from dashred.discovery.ensemble_filter import FilterLostError
 from dashred.findings import write_json_atomic
@@ -167,14 +167,15 @@ def test_a_row_that_died_stays_among_the_rows(tmp_path: Path) -> None:
 def test_a_row_whose_scoring_died_says_of_what(tmp_path: Path) -> None:
     row = row_of(tmp_path, "b")
     keep(row)
+    (row.folder / "findings.json").write_text("{}")
     (row.folder / "other_methods.txt").write_text("Traceback\n  a line\nKeyError: 'noise'\n")
+    _finished(row, 1, 2.0)
     told = compared_row(row)
     assert told.problem == "not compared: KeyError: 'noise'"
+    assert not _settled(row)
 
 
 def test_an_unresolved_row_is_settled(tmp_path: Path) -> None:
-    from dashred.comparison.run import _settled
-
     row = row_of(tmp_path, "c")
     unresolved(row.folder)
     keep(row, verdict="unresolved-numerics")

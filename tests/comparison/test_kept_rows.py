@@ -10,6 +10,7 @@ import pytest
 
 from dashred.benchmark.plan import Row, plan
 from dashred.benchmark.words import Request, read_words
+from dashred.comparison.compared import write_uncompared
 from dashred.comparison.kept_rows import rows_of_page
 
 
@@ -25,6 +26,8 @@ def keep(row: Row, **more: Any) -> None:
     record = {name: getattr(row, name) for name in known}
     record |= {"key": row.key, "problem": None, "words": list(row.words)} | more
     (row.folder / "row.json").write_text(json.dumps(record))
+    (row.folder / "findings.json").write_text("{}")
+    write_uncompared(row.folder, "of this no page cares")
 
 
 def test_rows_of_other_systems_seeds_and_layouts_are_on_the_page(tmp_path: Path) -> None:
@@ -45,6 +48,16 @@ def test_rows_of_other_systems_seeds_and_layouts_are_on_the_page(tmp_path: Path)
         keep(row)
     again, rows = asked(tmp_path, "systems=rde", "twins=a", "seeds=0-1")
     assert rows_of_page(again, rows) == page
+
+
+def test_a_row_that_was_not_compared_yet_is_no_failure_of_this_command(tmp_path: Path) -> None:
+    _, [cut_short] = asked(tmp_path, "systems=rde", "twins=a")
+    _, [died] = asked(tmp_path, "systems=rde", "twins=b")
+    for row in (cut_short, died):
+        keep(row, problem="error: blows up" if row is died else None)
+        (row.folder / "compared.json").unlink()
+    request, rows = asked(tmp_path, "systems=heat", "twins=b")
+    assert rows_of_page(request, rows) == [*rows, died]
 
 
 @pytest.mark.parametrize("change", ["overrides", "configuration", "no record"])

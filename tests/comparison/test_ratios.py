@@ -11,7 +11,14 @@ import pytest
 from dashred.comparison.compared import Compared
 from dashred.comparison.document import write_results
 from dashred.comparison.outcomes import count_claims
-from dashred.comparison.ratios import ComparedRow, FieldRatio, as_metrics, count_laws, field_ratio
+from dashred.comparison.ratios import (
+    LAWS,
+    ComparedRow,
+    FieldRatio,
+    as_metrics,
+    count_laws,
+    field_ratio,
+)
 
 
 def method(
@@ -144,9 +151,12 @@ def test_a_method_that_failed_is_worst_and_named(tmp_path: Path) -> None:
     assert field_ratio(rows, "closed_form") is None and count_laws(rows, "closed_form") is None
     write_results(rows, tmp_path / "results.md")
     text = (tmp_path / "results.md").read_text()
-    assert "| rde | b | 0.01 | 0 | the same, with coefficients | LinAlgError: singular |" in text
+    assert f"| rde | b | 0.01 | 0 | {LAWS['filter_augmented']} | LinAlgError: singular |" in text
     assert f"| rde | b | 0.01 | 0 | ensemble Kalman filter | {lost} |" in text
     assert "| ensemble Kalman filter | (lost 1 of 2) |" in text
+    seconds = text[text.index("## Seconds") :]
+    assert "| ensemble Kalman filter | 1 |" in seconds
+    assert "closed form of linear systems |" not in seconds
 
 
 def test_what_is_not_converged_has_missed_everything() -> None:
