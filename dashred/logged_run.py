@@ -93,11 +93,10 @@ class Run:
             with self._writing():
                 self._store.client.log_artifact(self.run_id, str(path))
 
-    def log_folder(self, path: Path) -> None:
-        """Copy what is in a folder to the run's artifacts, unless it lies there already."""
-        if not self._holds(path):
-            with self._writing():
-                self._store.client.log_artifacts(self.run_id, str(path))
+    def log_files(self, paths: Iterable[Path]) -> None:
+        """Copy files to the top of the run's artifacts, but those that lie among them already."""
+        for path in paths:
+            self.log_file(path)
 
     def new_model(self, name: str) -> str:
         """Open a model of the run's, in the run's own experiment; returns its id."""

@@ -8,19 +8,23 @@ from tempfile import TemporaryFile
 
 from dashred.config import Config
 from dashred.errors import InputError
-from dashred.mlflow_server import is_server
+from dashred.reporting.figure_names import is_figure
 from dashred.whole_files import clear_partial
 
-# What one run leaves and the next may not write again: it would pass for part of that one.
-OF_ONE_RUN = (
-    "freeze.json",
+FREEZE = "freeze.json"
+# What an analysis leaves beside its figures. The next may not write all of it again, and what is
+# left of an earlier one would pass for part of it.
+RESULTS = (
+    FREEZE,
     "findings.json",
     "estimates.nc",
     "forecast.nc",
     "corrected.yaml",
     "report.html",
-    "score.json",
+    "run.json",
+    "summary.txt",
 )
+SCORE = "score.json"
 ANOTHER = "choose another: output=DIR"
 
 
@@ -28,12 +32,9 @@ def named_output(config: Config) -> Path | None:
     """Make the folder of `output=DIR`; None where the user has named none.
 
     Raises:
-        InputError: it cannot be made, or holds MLflow's store, which keeps a copy of it.
+        InputError: it cannot be made or written to.
     """
-    if not config.output:
-        return None
-    _check_store(config.output, config.tracking.root)
-    return make_output(config.output)
+    return make_output(config.output) if config.output else None
 
 
 def check_output(config: Config) -> None:
@@ -44,21 +45,12 @@ def check_output(config: Config) -> None:
     """
     if not config.output:
         return
-    _check_store(config.output, config.tracking.root)
     folder = Path(config.output).absolute()
     there = next(path for path in (folder, *folder.parents) if os.path.lexists(path))
     if not there.is_dir():
         what = f"this folder cannot be made: {there} is no folder"
         raise InputError(what, where=config.output, hint=ANOTHER)
     _check_writable(there, config.output)
-
-
-def _check_store(output: str, root: str) -> None:
-    folder, store = Path(output), Path(root).expanduser()
-    if not is_server(root) and store.resolve().is_relative_to(folder.resolve()):
-        what = f"MLflow's store, {store}, lies in this folder, and would keep a copy of itself"
-        hint = "name a folder of its own: output=DIR or tracking.root=DIR"
-        raise InputError(what, where=output, hint=hint)
 
 
 def make_output(path: str) -> Path:
@@ -90,5 +82,22 @@ def _check_writable(folder: Path, path: str) -> None:
 def clear_output(folder: Path) -> None:
     """Take away the results of an earlier run, and what a killed one had not finished."""
     clear_partial(folder)
-    for name in OF_ONE_RUN:
+    clear_figures(folder)
+    for name in (*RESULTS, SCORE):
         (folder / name).unlink(missing_ok=True)
+
+
+def clear_figures(folder: Path) -> None:
+    """Take away the figures of an earlier run, which has frozen its findings before it drew.
+
+    Where none has, a file by the name of a figure is somebody else's.
+    """
+    if (folder / FREEZE).is_file():
+        for path in sorted(folder.iterdir()):
+            if is_figure(path.name) and path.is_file():
+                path.unlink()
+
+
+def results_in(folder: Path) -> list[Path]:
+    """Return what an analysis has left in a folder that it cleared, its figures left out."""
+    return [folder / name for name in RESULTS if (folder / name).is_file()]

@@ -43,16 +43,16 @@ def main(argv: list[str]) -> int:
         )
     output = Path(words["findings"])
     check_freeze(output)
-    score, truth = score_findings(output, Path(words["sealed"]))
+    score, truth, figures = score_findings(output, Path(words["sealed"]))
     write_json_atomic(output / "score.json", score)
     _print(score)
     if "run" in words:
-        _log(words, output, score, truth)
+        _log(words, score, truth, [output / "score.json", output / "recording.nc", *figures])
     return 0
 
 
-def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth]:
-    """Compare the frozen findings with the truth, draw the comparison, return ``score.json``.
+def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth, list[Path]]:
+    """Compare the frozen findings with the truth; return ``score.json``, and what was drawn.
 
     Raises:
         InputError: the sealed file is no truth, or not that of these findings.
@@ -77,20 +77,22 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth]:
     hidden = truth.concealed
     exact, coefficient_error = score_law(findings, truth.terms, hidden.parameters)
     known: dict[str, np.ndarray] = {}
+    figures: list[Path] = []
     if "estimates.nc" in frozen:
         estimates = load_fields(output / "estimates.nc")
         real = true_states(estimates, truth, fields, sealed)
         known = scaled_errors(estimates, real, fields)
         errors = {method: rmse_by_time(error) for method, error in known.items()}
         units = findings.get("units", {})
-        draw_truth(output, estimates, real, fields, errors, _followed(findings), units)
+        followed = _followed(findings)
+        figures = draw_truth(output, estimates, real, fields, errors, followed, units)
     beyond: dict[str, np.ndarray] = {}
     if "forecast.nc" in frozen:
         forecast = load_fields(output / "forecast.nc")
         if float(forecast["time"].min()) <= truth.duration:
             raise ValueError("forecast.nc reaches into the recording")
         beyond = scaled_errors(forecast, true_states(forecast, truth, fields, sealed), fields)
-    return Score(
+    score = Score(
         exact_support=exact,
         coefficient_error=coefficient_error,
         region=score_region(findings, truth.terms),
@@ -105,7 +107,8 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth]:
             for name, method in FORECASTS.items()
         },
         latent_rank=latent_ranks(findings, truth.terms),
-    ), truth
+    )
+    return score, truth, figures
 
 
 def load_fields(path: Path) -> xr.Dataset:
@@ -192,13 +195,13 @@ def metrics(score: Score) -> dict[str, float]:
     return {f"score/{key}": float(v) for key, v in found.items() if v is not None}
 
 
-def _log(words: dict[str, str], output: Path, score: Score, truth: Truth) -> None:
+def _log(words: dict[str, str], score: Score, truth: Truth, files: list[Path]) -> None:
     from dashred.tracking import Tracker
 
     with Tracker.open(words["root"], words["experiment"], "", words["run"]) as run:
         run.log_metrics(metrics(score), 0)
         run.set_tags({"twin": truth.twin})
-        run.log_folder(output)
+        run.log_files(path for path in files if path.is_file())
 
 
 if __name__ == "__main__":

@@ -93,6 +93,7 @@ def analyse(config: Config) -> Path:
         if ensemble is None:
             findings = verify.refuse_unresolved(posed, resolution)
             verify.freeze_findings(output, findings, [])
+            figures = []
         else:
             learned = kept.stage(
                 "shred", lambda: learning.train_shred(posed, ensemble, run, seconds, "SHRED")
@@ -126,11 +127,11 @@ def analyse(config: Config) -> Path:
             )
             findings = verify.verify(posed, analysis)
             verify.write_findings(posed, analysis, findings, output)
-            report.report(posed, analysis, findings, output, seconds)
+            figures = report.report(posed, analysis, findings, output, seconds)
 
         seconds["in all"] = time.perf_counter() - clock + kept.earlier
         conclude(run, config, findings, output)
-        provenance.finish(run, output, findings, seconds, config_sha256(config))
+        provenance.finish(run, output, findings, figures, seconds, config_sha256(config))
         end(folder, output)
     return output
 

@@ -23,7 +23,7 @@ from dashred.config.commandline import PLACE
 from dashred.errors import DONE, OUR_FAILURE, WRONG_INPUT, InputError
 from dashred.kept_seal import SEALED, drop_seal, keep_seal, kept_seal
 from dashred.mlflow_store import Store, open_store, status_of
-from dashred.output import named_output
+from dashred.output import clear_figures, named_output
 from dashred.parent_run import cut_short, experiment_of
 from dashred.run_notes import name_of
 from dashred.tracking import Tracker
@@ -36,8 +36,6 @@ TWIN = "recording."
 CLOCK = "recording.every="
 # MLflow, with what it reaches an SQLite store by.
 STORE = "mlflow.store.tracking.sqlalchemy_store"
-# What opening a seal leaves beside the findings; the score itself an analysis clears away.
-OPENED = (SEALED, "*_truth.png", "rmse_against_time.png")
 # What each process needs sooner or later, beside its entry point's own imports.
 NEEDED = {
     "record": ("dashred.sensing.write_netcdf", "dashred.physics.simulate"),
@@ -111,9 +109,8 @@ def score(
 
 def clear_scored(output: Path) -> None:
     """Take an earlier truth, and what shows it, out of the folder of an analysis that begins."""
-    for pattern in OPENED:
-        for path in output.glob(pattern):
-            path.unlink()
+    (output / SEALED).unlink(missing_ok=True)
+    clear_figures(output)
 
 
 def words_of_analysis(words: list[str], recording: Path, output: Path) -> list[str]:

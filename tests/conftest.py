@@ -200,8 +200,8 @@ def train(
     def run(*words: str, folder: Path = tmp_path, figures: bool = False) -> Ended:
         output, root = folder / "output", folder / "mlruns"
         if not figures:
-            monkeypatch.setattr("dashred.stages.report.report", lambda *_: None)
-            monkeypatch.setattr("dashred.reporting.truth_figures.draw_truth", lambda *_: None)
+            monkeypatch.setattr("dashred.stages.report.report", lambda *_: [])
+            monkeypatch.setattr("dashred.reporting.truth_figures.draw_truth", lambda *_: [])
         places = [f"output={output}", f"tracking.root={root}"]
         try:
             code = _entry(monkeypatch, "dashred.train", [*words, *places])

@@ -239,7 +239,7 @@ def test_a_parameter_is_the_terms_that_its_new_value_adds() -> None:
 
 @pytest.fixture
 def no_figures(monkeypatch) -> None:
-    monkeypatch.setattr("dashred.reporting.truth_figures.draw_truth", lambda *_: None)
+    monkeypatch.setattr("dashred.reporting.truth_figures.draw_truth", lambda *_: [])
 
 
 def test_each_field_is_scored_by_itself_too(no_figures, tmp_path) -> None:

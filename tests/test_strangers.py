@@ -15,7 +15,8 @@ from dashred.errors import InputError
 from dashred.physics.system import System
 from dashred.reporting.style import new_figure, save_figure
 from tests.conftest import CHECKOUT, run_command
-from tests.test_bad_input import csv_text
+from tests.test_bad_input import SENSORS, csv_text
+from tests.test_train import COARSE
 
 # Whatever turns text or a file into running code.
 CALLS = {"eval", "exec", "compile", "__import__", "system", "popen"}
@@ -158,6 +159,25 @@ def test_a_dollar_in_a_name_is_no_mathematics(tmp_path) -> None:
         warnings.simplefilter("error")
         save_figure(figure, tmp_path / "a.png")
     assert os.listdir(tmp_path) == ["a.png"]
+
+
+def test_nothing_else_in_the_output_folder_is_sent_to_mlflow(quick, train, tmp_path) -> None:
+    """`output=.` is a folder like any other."""
+    output = tmp_path / "output"
+    (output / "keys").mkdir(parents=True)
+    for name in ("keys/id_rsa", "notes.txt", "where.png"):
+        (output / name).write_text("mine")
+    (tmp_path / "s.csv").write_text(SENSORS)
+    (tmp_path / "r.csv").write_text(csv_text())
+    words = (f"recording.path={tmp_path / 'r.csv'}", f"recording.sensors={tmp_path / 's.csv'}")
+    ended = train(f"conf={quick}", *words, *COARSE)
+    assert ended.code == 0, ended.err
+    for name in ("keys/id_rsa", "notes.txt", "where.png"):
+        assert (output / name).read_text() == "mine"
+    [artifacts] = (ended.root / "artifacts").glob("*/artifacts")
+    sent = {path.relative_to(artifacts).as_posix() for path in artifacts.rglob("*")}
+    assert {"findings.json", "freeze.json", "run.json", "summary.txt"} <= sent
+    assert not sent & {"keys", "keys/id_rsa", "notes.txt", "where.png"}
 
 
 @pytest.mark.slow

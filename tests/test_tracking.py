@@ -89,19 +89,13 @@ def test_the_store_lies_under_its_root_and_nowhere_else(
 
 def test_artifacts_are_where_mlflow_looks_for_them(tracker: Tracker, tmp_path: Path) -> None:
     (tracker.artifact_dir / "findings.json").write_text("{}\n", encoding="utf-8")
-    (tmp_path / "figures").mkdir()
-    (tmp_path / "figures" / "a.png").write_bytes(b"png")
-    (tmp_path / "run.json").write_text("{}\n", encoding="utf-8")
-    tracker.log_file(tracker.artifact_dir / "findings.json")
+    for name in ("run.json", "a.png", "not_logged.txt"):
+        (tmp_path / name).write_text("{}\n", encoding="utf-8")
     tracker.log_file(tmp_path / "run.json")
-    tracker.log_folder(tmp_path)
-    tracker.log_folder(tracker.artifact_dir)
+    tracker.log_files([tracker.artifact_dir / "findings.json", tmp_path / "a.png"])
     client = client_of(tracker)
     listed = {file.path for file in client.list_artifacts(tracker.run_id)}
-    assert listed == {"findings.json", "run.json", "figures"}
-    assert [file.path for file in client.list_artifacts(tracker.run_id, "figures")] == [
-        "figures/a.png"
-    ]
+    assert listed == {"findings.json", "run.json", "a.png"}
 
 
 def test_params_of_any_number_type_and_length(tracker: Tracker) -> None:

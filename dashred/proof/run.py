@@ -137,7 +137,7 @@ class _Desk:
         with self.keeper:
             check_freeze(desk)
             seal(desk / "sealed.nc", concealed.truth, concealed.system)
-            score, _ = score_findings(desk, desk / "sealed.nc")
+            score, *_ = score_findings(desk, desk / "sealed.nc")
             write_json_atomic(desk / "score.json", score)
             oracle = consult(case, concealed, desk, score["exact_support"])
             return judge(case, concealed, desk, score, oracle, seconds)

@@ -6,15 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from dashred.reporting import page_sections as sections
+from dashred.reporting.figure_names import FORECAST, METHOD, PROOF, WHAT, WHERE
 from dashred.reporting.headline import headline
 from dashred.reporting.page_parts import figures as drawn
 from dashred.reporting.page_parts import paragraphs
 from dashred.reporting.page_style import PAPER, SCREEN
 from dashred.reporting.verdict_words import VERDICTS, causes, law
 from dashred.whole_files import write_text_atomic
-
-# Where in the page a figure belongs.
-WHERE, WHAT, PROOF, FORECAST, METHOD = "where", "what", "proof", "forecast", "method"
 
 
 def write_html(

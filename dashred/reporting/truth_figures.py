@@ -11,11 +11,11 @@ import xarray as xr
 from dashred.reporting.figures import (
     front_figure,
     rmse_against_time,
-    save_figure,
     snapshot_panels,
     space_time_panels,
     state_traces,
 )
+from dashred.reporting.gallery import Gallery
 from dashred.units import in_brackets, time_label
 
 # More than these could not be told apart on one page.
@@ -30,8 +30,8 @@ def draw_truth(
     errors: Mapping[str, np.ndarray],
     followed: tuple[str, float] | None,
     units: Mapping[str, str],
-) -> None:
-    """Draw errors against time, the fields, and the front where one is followed.
+) -> list[Path]:
+    """Draw errors against time, the fields, and the front where one is followed; returns the files.
 
     Args:
         output: the folder.
@@ -42,11 +42,12 @@ def draw_truth(
         followed: the field with a front, and the length of the ring that it runs around.
         units: by name, that of time as `t`.
     """
+    gallery = Gallery(output)
     times = estimates["time"].values
     label = "field RMSE / standard deviation"
     clock = time_label(units)
     figure = rmse_against_time(times, errors, float(times[-1]), label, clock)
-    save_figure(figure, output / "rmse_against_time.png")
+    gallery.save(figure, "rmse_against_time.png")
     axes = [str(dim) for dim in estimates[fields[0]].dims if dim not in ("method", "time")]
     panels = {
         field: {
@@ -57,15 +58,16 @@ def draw_truth(
     }
     places = {name: estimates[name].values for name in axes}
     if not axes:
-        save_figure(state_traces(times, panels, {}, units), output / "state_truth.png")
+        gallery.save(state_traces(times, panels, {}, units), "state_truth.png")
     elif len(axes) == 1:
         name = in_brackets(axes[0], units.get(axes[0]))
         figure = space_time_panels(times, name, places[axes[0]], panels, {}, clock=clock)
-        save_figure(figure, output / "space_time_truth.png")
+        gallery.save(figure, "space_time_truth.png")
     else:
         figure = snapshot_panels(times, places, panels, {}, units)
-        save_figure(figure, output / "snapshots_truth.png")
+        gallery.save(figure, "snapshots_truth.png")
     if followed is not None:
         field, length = followed
         figure = front_figure(times, panels[field], axes[0], length, units)
-        save_figure(figure, output / "front_truth.png")
+        gallery.save(figure, "front_truth.png")
+    return gallery.drawn

@@ -84,11 +84,11 @@ def analyse_snapshots(config: Config) -> Path:
         analysis = analyse_runs(counted, runs, learned, run, seconds)
         findings = black_box_findings.verify(posed, analysis)
         black_box_findings.write(posed, analysis, findings, output)
-        black_box_report.report(posed, analysis, findings, output, seconds)
+        figures = black_box_report.report(posed, analysis, findings, output, seconds)
 
         seconds["in all"] = time.perf_counter() - clock + kept.earlier
         conclude(run, config, findings, output)
-        provenance.finish(run, output, findings, seconds, config_sha256(config))
+        provenance.finish(run, output, findings, figures, seconds, config_sha256(config))
         end(folder, output)
     return output
 

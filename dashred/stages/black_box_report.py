@@ -9,32 +9,21 @@ import numpy as np
 from dashred.findings_schema import Findings
 from dashred.progress import stage
 from dashred.reporting import html
+from dashred.reporting.figure_names import OF_SNAPSHOTS
 from dashred.reporting.figures import (
     coefficients_against_epoch,
     epochs_and_values,
     learning_curves,
-    save_figure,
     snapshot_panels,
     space_time_panels,
 )
+from dashred.reporting.gallery import Gallery
 from dashred.reporting.summary import summary
 from dashred.stages.black_box import BlackBoxAnalysis
 from dashred.stages.problem import Problem
 from dashred.stages.report import TITLES, varying
 from dashred.stages.sensor_figures import all_sensors, draw_sensors
 from dashred.units import in_brackets, time_label
-
-FIGURES = {
-    html.PROOF: {
-        "The reconstructed field": "space_time.png",
-        "The reconstructed field, at three times": "snapshots.png",
-        "All sensors": "sensor_traces.png",
-    },
-    html.METHOD: {
-        "What latent SINDy proposes, by epoch; nothing has tested it": "coefficients.png",
-        "Learning": "learning.png",
-    },
-}
 
 
 def report(
@@ -43,33 +32,30 @@ def report(
     findings: Findings,
     output: Path,
     seconds: dict[str, float],
-) -> None:
-    """Save the figures in ``output``, and the page that holds them."""
+) -> list[Path]:
+    """Save the figures in ``output``, and the page that holds them; returns the figures."""
+    gallery = Gallery(output)
     with stage("draw figures", seconds):
-        _traces(problem, analysis, output)
-        _coefficients(problem, analysis, output)
-        _curves(analysis, output)
+        _traces(problem, analysis, gallery)
+        _coefficients(problem, analysis, gallery)
+        _curves(analysis, gallery)
         if problem.system.axes:
-            _fields(problem, analysis, output)
-        figures = {
-            part: {
-                title: output / name for title, name in drawn.items() if (output / name).is_file()
-            }
-            for part, drawn in FIGURES.items()
-        }
+            _fields(problem, analysis, gallery)
+        figures = gallery.captioned(OF_SNAPSHOTS)
         html.write_html(output / "report.html", findings, figures, summary(findings, None, {}))
+    return gallery.drawn
 
 
-def _traces(problem: Problem, analysis: BlackBoxAnalysis, output: Path) -> None:
+def _traces(problem: Problem, analysis: BlackBoxAnalysis, gallery: Gallery) -> None:
     every, total = all_sensors(problem), len(problem.times)
     operator, traces = problem.operator(every), {}
     for method, states in analysis.fields.items():
         traces[method] = np.full((total, len(every.sensors)), np.nan)
         traces[method][: len(states)] = operator(states).numpy()
-    draw_sensors(problem, every, traces, output / "sensor_traces.png")
+    draw_sensors(problem, every, traces, gallery, "sensor_traces.png")
 
 
-def _coefficients(problem: Problem, analysis: BlackBoxAnalysis, output: Path) -> None:
+def _coefficients(problem: Problem, analysis: BlackBoxAnalysis, gallery: Gallery) -> None:
     found = analysis.found
     panels = {
         title: varying(problem.library, np.array(found.coefficients[name]))
@@ -77,20 +63,20 @@ def _coefficients(problem: Problem, analysis: BlackBoxAnalysis, output: Path) ->
     }
     title = "What latent SINDy proposes, by epoch of assimilation"
     figure = coefficients_against_epoch(np.array(found.epochs), panels, title)
-    save_figure(figure, output / "coefficients.png")
+    gallery.save(figure, "coefficients.png")
 
 
-def _curves(analysis: BlackBoxAnalysis, output: Path) -> None:
+def _curves(analysis: BlackBoxAnalysis, gallery: Gallery) -> None:
     named = {
         "SHRED, unseen snapshots": analysis.learned.curves["rmse/field_members"],
         "DA-SHRED, fitted": analysis.found.curves["rmse/sensors_fit"],
         "DA-SHRED, validation": analysis.found.curves["rmse/sensors_validate"],
     }
     curves = {name: epochs_and_values(points) for name, points in named.items()}
-    save_figure(learning_curves(curves, "RMSE / standard deviation"), output / "learning.png")
+    gallery.save(learning_curves(curves, "RMSE / standard deviation"), "learning.png")
 
 
-def _fields(problem: Problem, analysis: BlackBoxAnalysis, output: Path) -> None:
+def _fields(problem: Problem, analysis: BlackBoxAnalysis, gallery: Gallery) -> None:
     system, fit = problem.system, problem.split.fit
     count = len(fit.times)
     fields = {
@@ -118,8 +104,6 @@ def _fields(problem: Problem, analysis: BlackBoxAnalysis, output: Path) -> None:
             meanings={f: in_brackets(says, units.get(f)) for f, says in meanings.items()},
             clock=time_label(units),
         )
-        save_figure(figure, output / "space_time.png")
+        gallery.save(figure, "space_time.png")
     else:
-        save_figure(
-            snapshot_panels(times, along, fields, places, system.units), output / "snapshots.png"
-        )
+        gallery.save(snapshot_panels(times, along, fields, places, system.units), "snapshots.png")

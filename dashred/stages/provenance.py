@@ -6,6 +6,7 @@ import logging
 import platform
 import subprocess
 import warnings
+from collections.abc import Iterable
 from pathlib import Path
 
 import torch
@@ -16,6 +17,7 @@ from dashred.config import Config
 from dashred.device import check_device
 from dashred.findings import sha256_of, write_json_atomic
 from dashred.findings_schema import Findings
+from dashred.output import results_in
 from dashred.physics.side_by_side import use_threads
 from dashred.reporting.summary import print_summary, summary
 from dashred.tracking import Tracker
@@ -58,9 +60,14 @@ def git_commit() -> str:
 
 
 def finish(
-    run: Tracker, output: Path, findings: Findings, seconds: dict[str, float], config_sha256: str
+    run: Tracker,
+    output: Path,
+    findings: Findings,
+    figures: Iterable[Path],
+    seconds: dict[str, float],
+    config_sha256: str,
 ) -> None:
-    """Write ``run.json``, log every file, and print the summary."""
+    """Write ``run.json``, log what this run has written and no other file, print the summary."""
     run.set_tags({"config sha256": config_sha256})
     record = {
         "seconds": {title: float(f"{value:.3g}") for title, value in seconds.items()},
@@ -72,6 +79,6 @@ def finish(
     paths = {"findings": output, "MLflow store": run.uri}
     text = summary(findings, None, paths)
     write_text_atomic(output / "summary.txt", text)
-    run.log_folder(output)
+    run.log_files([*results_in(output), *figures])
     run.set_tags({FROZEN: sha256_of(output / "findings.json")})
     print_summary(text)

@@ -14,6 +14,14 @@ from dashred.law_schema import Where
 from dashred.physics.system import Term
 from dashred.progress import stage
 from dashred.reporting import html
+from dashred.reporting.figure_names import (
+    OF_EQUATIONS,
+    PROOF,
+    SENSORS,
+    WHOLE,
+    Captions,
+    sensors_of_episode,
+)
 from dashred.reporting.figures import (
     LawMap,
     accuracy_against_sparsity,
@@ -22,11 +30,11 @@ from dashred.reporting.figures import (
     evidence_figure,
     forcing_figure,
     learning_curves,
-    save_figure,
     snapshot_panels,
     space_time_panels,
     where_figure,
 )
+from dashred.reporting.gallery import Gallery
 from dashred.reporting.summary import summary
 from dashred.reporting.verdict_words import nearly_all
 from dashred.stages.analysis import Analysis
@@ -42,27 +50,6 @@ from dashred.units import in_brackets, time_label
 
 PANELS = ("simulation", "dashred", "corrected")
 TITLES = {"alg1": "Algorithm 1", "alg2": "Algorithm 2"}
-SENSORS, WHOLE = "All sensors", "held_out_episode.png"
-FIGURES = {
-    html.WHERE: {
-        "Where the law acts, and at which sensors it shows": "where.png",
-        "What a free forcing would add, where and when": "forcing.png",
-    },
-    html.WHAT: {"What was left out, and how sure that is": "evidence.png"},
-    html.PROOF: {
-        "What the law is worth on data that no fit has seen": "verification.png",
-        "The episode that was held out whole, from a start fitted to its beginning": WHOLE,
-        "The reconstructed field": "space_time.png",
-        "The reconstructed field, at three times": "snapshots.png",
-        SENSORS: "sensor_traces.png",
-    },
-    html.FORECAST: {"The sensors, foretold with and without the law": "forecast.png"},
-    html.METHOD: {
-        "What latent SINDy proposes, by epoch": "coefficients.png",
-        "Accuracy against sparsity: latent SINDy, and the law": "sparsity.png",
-        "Learning": "learning.png",
-    },
-}
 
 
 def report(
@@ -71,36 +58,39 @@ def report(
     findings: Findings,
     output: Path,
     seconds: dict[str, float],
-) -> None:
-    """Save every figure of the analysis in ``output``, and the page that holds them."""
+) -> list[Path]:
+    """Save every figure of the analysis in ``output``, and the page; returns the figures."""
+    gallery = Gallery(output)
     with stage("draw figures", seconds):
-        for (episode, mine), name in zip(
-            analysis.episodes(problem), _trace_files(problem).values(), strict=True
-        ):
-            draw_traces(episode, mine, output / name)
+        for number, (episode, mine) in enumerate(analysis.episodes(problem), start=1):
+            draw_traces(episode, mine, gallery, sensors_of_episode(number))
         for whole, free in zip(problem.whole, analysis.free.whole, strict=True):
-            draw_whole_episode(whole, free, output / WHOLE)
-        _coefficients(problem, analysis.found, output)
-        _sparsity(analysis, output)
-        _curves(analysis, output)
-        draw_verification(problem, analysis, findings, output)
+            draw_whole_episode(whole, free, gallery, WHOLE)
+        _coefficients(problem, analysis.found, gallery)
+        _sparsity(analysis, gallery)
+        _curves(analysis, gallery)
+        draw_verification(problem, analysis, findings, gallery)
         if findings["where"] is not None:
-            draw_forecast(problem, analysis, output)
+            draw_forecast(problem, analysis, gallery)
             found, terms = analysis.discovered, findings["terms"] or []
             path = [(len(best.candidates), best.score) for best in found.path]
-            save_figure(evidence_figure(path, terms, found.on_path), output / "evidence.png")
-            _where(problem, analysis, findings["where"], output)
+            gallery.save(evidence_figure(path, terms, found.on_path), "evidence.png")
+            _where(problem, analysis, findings["where"], gallery)
         if problem.system.axes:
-            _fields(problem, analysis, output)
-        files = FIGURES | {html.PROOF: FIGURES[html.PROOF] | _trace_files(problem)}
-        figures = {
-            part: {
-                title: output / name for title, name in drawn.items() if (output / name).is_file()
-            }
-            for part, drawn in files.items()
-        }
+            _fields(problem, analysis, gallery)
+        figures = gallery.captioned(_captions(problem))
         text, mostly = summary(findings, None, {}), _mostly(problem, findings)
         html.write_html(output / "report.html", findings, figures, text, mostly)
+    return gallery.drawn
+
+
+def _captions(problem: Problem) -> Captions:
+    """Return the captions of the figures, those of every fitted episode's sensors among them."""
+    others = {
+        f"{SENSORS} in episode {episode.name}": sensors_of_episode(number)
+        for number, episode in enumerate(problem.others, start=2)
+    }
+    return OF_EQUATIONS | {PROOF: OF_EQUATIONS[PROOF] | others}
 
 
 def _mostly(problem: Problem, findings: Findings) -> list[str]:
@@ -115,15 +105,7 @@ def _mostly(problem: Problem, findings: Findings) -> list[str]:
     return found
 
 
-def _trace_files(problem: Problem) -> dict[str, str]:
-    """Return the figure of every fitted episode's sensors, by caption."""
-    return {SENSORS: FIGURES[html.PROOF][SENSORS]} | {
-        f"{SENSORS} in episode {episode.name}": f"sensor_traces_{number}.png"
-        for number, episode in enumerate(problem.others, start=2)
-    }
-
-
-def _where(problem: Problem, analysis: Analysis, where: Where, output: Path) -> None:
+def _where(problem: Problem, analysis: Analysis, where: Where, gallery: Gallery) -> None:
     system, fit = problem.system, problem.split.fit
     count, law_map = len(fit.times), None
     if len(system.axes) == 1:
@@ -144,11 +126,11 @@ def _where(problem: Problem, analysis: Analysis, where: Where, output: Path) -> 
                 time_label(system.units),
             )
             figure = forcing_figure(where["forcing"], label, axis.length, places, clock)
-            save_figure(figure, output / "forcing.png")
-    save_figure(where_figure(where, law_map, system.units), output / "where.png")
+            gallery.save(figure, "forcing.png")
+    gallery.save(where_figure(where, law_map, system.units), "where.png")
 
 
-def _coefficients(problem: Problem, found: Assimilated, output: Path) -> None:
+def _coefficients(problem: Problem, found: Assimilated, gallery: Gallery) -> None:
     panels = {
         title: varying(problem.library, np.array(found.coefficients[name]))
         for name, title in TITLES.items()
@@ -156,7 +138,7 @@ def _coefficients(problem: Problem, found: Assimilated, output: Path) -> None:
     figure = coefficients_against_epoch(
         np.array(found.epochs), panels, "What latent SINDy proposes, by epoch of assimilation"
     )
-    save_figure(figure, output / "coefficients.png")
+    gallery.save(figure, "coefficients.png")
 
 
 def varying(library: list[Term], history: np.ndarray) -> dict[str, np.ndarray]:
@@ -168,12 +150,12 @@ def varying(library: list[Term], history: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def _sparsity(analysis: Analysis, output: Path) -> None:
+def _sparsity(analysis: Analysis, gallery: Gallery) -> None:
     latent = {TITLES[name]: _path(fit) for name, fit in analysis.found.proposals.items()}
     discovered = analysis.discovered
     law = [(len(best.candidates), best.rmse, best.score) for best in discovered.path]
     figure = accuracy_against_sparsity(latent, law, discovered.on_path)
-    save_figure(figure, output / "sparsity.png")
+    gallery.save(figure, "sparsity.png")
 
 
 def _path(fit: SparseFit) -> tuple[np.ndarray, np.ndarray, int]:
@@ -181,7 +163,7 @@ def _path(fit: SparseFit) -> tuple[np.ndarray, np.ndarray, int]:
     return np.array(sizes), np.array(errors), int(np.count_nonzero(fit.coefficients))
 
 
-def _curves(analysis: Analysis, output: Path) -> None:
+def _curves(analysis: Analysis, gallery: Gallery) -> None:
     named = {
         "SHRED, unseen simulations": analysis.learned.curves["rmse/field_members"],
         "DA-SHRED, fitted": analysis.found.curves["rmse/sensors_fit"],
@@ -189,10 +171,10 @@ def _curves(analysis: Analysis, output: Path) -> None:
         "corrected SHRED": analysis.relearned.curves["rmse/field_members"],
     }
     curves = {name: epochs_and_values(points) for name, points in named.items()}
-    save_figure(learning_curves(curves, "RMSE / standard deviation"), output / "learning.png")
+    gallery.save(learning_curves(curves, "RMSE / standard deviation"), "learning.png")
 
 
-def _fields(problem: Problem, analysis: Analysis, output: Path) -> None:
+def _fields(problem: Problem, analysis: Analysis, gallery: Gallery) -> None:
     system, split = problem.system, problem.split
     count = len(split.fit.times)
     times, coordinates = problem.times[:count].numpy(), system.grid.own_coordinates
@@ -222,9 +204,7 @@ def _fields(problem: Problem, analysis: Analysis, output: Path) -> None:
             },
             clock=time_label(system.units),
         )
-        save_figure(figure, output / "space_time.png")
+        gallery.save(figure, "space_time.png")
     else:
         along = {name: x.numpy() for name, x in coordinates.items()}
-        save_figure(
-            snapshot_panels(times, along, fields, places, system.units), output / "snapshots.png"
-        )
+        gallery.save(snapshot_panels(times, along, fields, places, system.units), "snapshots.png")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Literal, cast
 
 import numpy as np
@@ -11,10 +10,10 @@ import numpy as np
 from dashred.findings_schema import Findings
 from dashred.reporting.figures import (
     forecast_figure,
-    save_figure,
     sensor_traces,
     verification_figure,
 )
+from dashred.reporting.gallery import Gallery
 from dashred.sensing.recording import Recording
 from dashred.stages.analysis import Analysis
 from dashred.stages.held_out import MISFITS
@@ -33,7 +32,7 @@ HELD_OUT: tuple[Proof, ...] = (
 
 
 def draw_verification(
-    problem: Problem, analysis: Analysis, findings: Findings, output: Path
+    problem: Problem, analysis: Analysis, findings: Findings, gallery: Gallery
 ) -> None:
     """Draw the test sensors with and without the law, and every method's errors."""
     tested = problem.split.tested
@@ -54,10 +53,10 @@ def draw_verification(
         reading_units(problem, tested),
         time_label(problem.system.units),
     )
-    save_figure(figure, output / "verification.png")
+    gallery.save(figure, "verification.png")
 
 
-def draw_forecast(problem: Problem, analysis: Analysis, output: Path) -> None:
+def draw_forecast(problem: Problem, analysis: Analysis, gallery: Gallery) -> None:
     """Draw sensors of the held-out time on beyond the recording."""
     free, heldout = analysis.free, problem.split.heldout
     recorded = _recorded(problem, list(heldout.names))
@@ -74,7 +73,7 @@ def draw_forecast(problem: Problem, analysis: Analysis, output: Path) -> None:
         reading_units(problem, heldout),
         time_label(problem.system.units),
     )
-    save_figure(figure, output / "forecast.png")
+    gallery.save(figure, "forecast.png")
 
 
 def reading_units(problem: Problem, recording: Recording) -> dict[str, str]:
@@ -92,20 +91,21 @@ def all_sensors(problem: Problem) -> Recording:
     return Recording(tuple(sensors.values()), problem.times.numpy(), recorded)
 
 
-def draw_whole_episode(problem: Problem, free: Trajectories, path: Path) -> None:
+def draw_whole_episode(problem: Problem, free: Trajectories, gallery: Gallery, name: str) -> None:
     """Draw the episode that was held out whole, and what runs from its beginning make of it."""
     recording = all_sensors(problem)
     operator, total = problem.operator(recording), len(problem.times)
     compared = ("simulation_refit", "corrected")
     traces = {MISFITS[name]: operator(free.states[name][:total]).numpy() for name in compared}
-    draw_sensors(problem, recording, traces, path)
+    draw_sensors(problem, recording, traces, gallery, name)
 
 
 def draw_sensors(
     problem: Problem,
     recording: Recording,
     traces: Mapping[str, np.ndarray],
-    path: Path,
+    gallery: Gallery,
+    name: str,
 ) -> None:
     """Draw what sensors recorded, ``(time, sensor)``, and the traces of methods beside it."""
     figure = sensor_traces(
@@ -118,10 +118,10 @@ def draw_sensors(
         reading_units(problem, recording),
         time_label(problem.system.units),
     )
-    save_figure(figure, path)
+    gallery.save(figure, name)
 
 
-def draw_traces(problem: Problem, analysis: Analysis, path: Path) -> None:
+def draw_traces(problem: Problem, analysis: Analysis, gallery: Gallery, name: str) -> None:
     """Draw all sensors of an episode that is fitted, with what the methods make of them."""
     split = problem.split
     recording = all_sensors(problem)
@@ -130,11 +130,11 @@ def draw_traces(problem: Problem, analysis: Analysis, path: Path) -> None:
     states = analysis.free.states["corrected"][:total]
     traces = {"simulation": operator(analysis.nominal.states).numpy()}
     traces["corrected"] = operator(states).numpy()
-    for name in ("shred", "dashred"):
-        known = operator(analysis.estimates(count)[name]).numpy()
-        traces[name] = np.full((total, len(sensors)), np.nan)
-        traces[name][:count] = known
-    draw_sensors(problem, recording, traces, path)
+    for method in ("shred", "dashred"):
+        known = operator(analysis.estimates(count)[method]).numpy()
+        traces[method] = np.full((total, len(sensors)), np.nan)
+        traces[method][:count] = known
+    draw_sensors(problem, recording, traces, gallery, name)
 
 
 def _recorded(problem: Problem, names: list[str]) -> np.ndarray:

@@ -189,8 +189,6 @@ def test_what_this_machine_does_not_have_is_told_at_once(
         check.main([conf, "device=cuda"])
     with pytest.raises(InputError, match=r"cannot be made: .*swing\.csv is no folder"):
         check.main([conf, f"output={tmp_path / 'swing.csv' / 'new'}"])
-    with pytest.raises(InputError, match="copy of itself"):
-        check.main([conf, f"output={tmp_path}", f"tracking.root={tmp_path / 'runs'}"])
 
 
 def test_a_folder_that_could_be_made_is_not_made(

@@ -93,7 +93,7 @@ def found(given, train, monkeypatch):
     """``found(*words)``: the findings, without figures, and how the command ended."""
 
     def run(*words: str) -> tuple[dict[str, Any], Any]:
-        monkeypatch.setattr("dashred.stages.black_box_report.report", lambda *_: None)
+        monkeypatch.setattr("dashred.stages.black_box_report.report", lambda *_: [])
         ended = train(f"conf={given / 'box.yaml'}", *words)
         assert ended.code == 0, ended.err
         return json.loads(ended.read("findings.json")), ended
@@ -138,13 +138,13 @@ def test_what_was_cut_short_goes_on_without_training_again(given, train, monkeyp
     words = (f"conf={given / 'box.yaml'}", "shred.epochs=2", "assimilation.epochs=2")
     report = "dashred.stages.black_box_report.report"
     with monkeypatch.context() as patch:
-        patch.setattr(report, lambda *_: None)
+        patch.setattr(report, lambda *_: [])
         once = train(*words)
     before, fields = once.read("findings.json"), once.read("estimates.nc")
     with monkeypatch.context() as patch:
         patch.setattr(report, interrupted)
         assert train(*words).code == 130
-    monkeypatch.setattr(report, lambda *_: None)
+    monkeypatch.setattr(report, lambda *_: [])
     monkeypatch.setattr("dashred.stages.learning.train_shred", interrupted)
     again = train(*words)
     assert again.code == 0, again.err

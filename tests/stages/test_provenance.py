@@ -60,7 +60,7 @@ def test_without_git_the_commit_is_unknown(monkeypatch) -> None:
 
 def test_an_output_folder_is_made_and_cleared_of_results_alone(tmp_path) -> None:
     folder = make_output(str(tmp_path / "a" / "b"))
-    for name in ("findings.json", "freeze.json", "score.json", "estimates.nc"):
+    for name in ("findings.json", "freeze.json", "score.json", "estimates.nc", "run.json"):
         (folder / name).touch()
     for name in ("recording.nc", "sealed.nc", "notes.txt"):
         (folder / name).touch()
@@ -70,9 +70,18 @@ def test_an_output_folder_is_made_and_cleared_of_results_alone(tmp_path) -> None
         make_output(str(folder / "notes.txt" / "c"))
 
 
-def test_an_output_that_holds_the_store_would_copy_itself(tmp_path: Path) -> None:
+def test_figures_of_an_earlier_run_are_cleared_and_nobody_elses(tmp_path) -> None:
+    ours = {"where.png", "learning.png", "sensor_traces_12.png", "front_truth.png"}
+    theirs = {"sensor_traces_mine.png", "my_truth.png", "where.png.bak", "photo.png"}
+    for name in ours | theirs:
+        (tmp_path / name).touch()
+    clear_output(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == ours | theirs
+    (tmp_path / "freeze.json").touch()
+    clear_output(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == theirs
+
+
+def test_an_output_may_hold_the_store_of_which_it_keeps_no_copy(tmp_path: Path) -> None:
     words = ["conf=rde", f"output={tmp_path}", f"tracking.root={tmp_path / 'runs'}"]
-    with pytest.raises(InputError, match="copy of itself"):
-        named_output(load_config(words, entry="train"))
-    beside = load_config([*words[:2], f"tracking.root={tmp_path}-runs"], entry="train")
-    assert named_output(beside) == tmp_path
+    assert named_output(load_config(words, entry="train")) == tmp_path

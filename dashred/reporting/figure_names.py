@@ -1,0 +1,65 @@
+"""Every figure that a run leaves: its file, and its caption and place in the report."""
+
+from __future__ import annotations
+
+import re
+
+# Where in the page a figure belongs.
+WHERE, WHAT, PROOF, FORECAST, METHOD = "where", "what", "proof", "forecast", "method"
+SENSORS, WHOLE = "All sensors", "held_out_episode.png"
+
+Captions = dict[str, dict[str, str]]
+"""File by caption, by place in the page."""
+
+OF_EQUATIONS: Captions = {
+    WHERE: {
+        "Where the law acts, and at which sensors it shows": "where.png",
+        "What a free forcing would add, where and when": "forcing.png",
+    },
+    WHAT: {"What was left out, and how sure that is": "evidence.png"},
+    PROOF: {
+        "What the law is worth on data that no fit has seen": "verification.png",
+        "The episode that was held out whole, from a start fitted to its beginning": WHOLE,
+        "The reconstructed field": "space_time.png",
+        "The reconstructed field, at three times": "snapshots.png",
+        SENSORS: "sensor_traces.png",
+    },
+    FORECAST: {"The sensors, foretold with and without the law": "forecast.png"},
+    METHOD: {
+        "What latent SINDy proposes, by epoch": "coefficients.png",
+        "Accuracy against sparsity: latent SINDy, and the law": "sparsity.png",
+        "Learning": "learning.png",
+    },
+}
+OF_SNAPSHOTS: Captions = {
+    PROOF: {
+        "The reconstructed field": "space_time.png",
+        "The reconstructed field, at three times": "snapshots.png",
+        SENSORS: "sensor_traces.png",
+    },
+    METHOD: {
+        "What latent SINDy proposes, by epoch; nothing has tested it": "coefficients.png",
+        "Learning": "learning.png",
+    },
+}
+# Drawn by a scorer, who alone has the truth; no page holds them.
+OF_THE_TRUTH = (
+    "rmse_against_time.png",
+    "state_truth.png",
+    "space_time_truth.png",
+    "snapshots_truth.png",
+    "front_truth.png",
+)
+OF_LATER_EPISODES = re.compile(r"sensor_traces_[0-9]+\.png")
+
+
+def sensors_of_episode(number: int) -> str:
+    """Return the file of an episode's sensors; the first is number 1."""
+    return f"sensor_traces_{number}.png" if number > 1 else "sensor_traces.png"
+
+
+def is_figure(name: str) -> bool:
+    """Whether a file of this name is a figure of ours."""
+    captions = (*OF_EQUATIONS.values(), *OF_SNAPSHOTS.values())
+    named = {file for drawn in captions for file in drawn.values()}
+    return name in named or name in OF_THE_TRUTH or bool(OF_LATER_EPISODES.fullmatch(name))
