@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,8 @@ from dashred.config import Config, config_sha256, read_file
 from dashred.config.commandline import PLACE
 from dashred.config.frozen import ELSEWHERE, RECORDING_A_TWIN
 from dashred.config.layers import PATHS
+from dashred.config.schema import Settings
+from dashred.errors import InputError
 from dashred.findings import versions, write_json_atomic
 from dashred.whole_files import write_text_atomic
 
@@ -31,6 +33,8 @@ POINTER = ".run"
 # The tag of a run whose findings are frozen and logged: it has nothing left to analyse.
 FROZEN = "findings sha256"
 BEGAN, SETTLED, WORDS = "began.json", "config", "words.json"
+MODEL = "tracking.model"
+SECTIONS = {field.name for field in fields(Settings)} - {*ELSEWHERE}
 # Of a file's recording: what is told anew, or is of a twin alone and no business of the analysis.
 OF_ONE_RECORDING = ("twin", "path", "sensors", *RECORDING_A_TWIN)
 
@@ -73,11 +77,35 @@ def begin(folder: Path, config: Config, began: dict[str, str]) -> None:
 
 
 def words_of(folder: Path) -> list[str] | None:
-    """Return the words that say again what an attempt analyses; None where none has begun."""
+    """Return the words that say again what an attempt analyses; None where none has begun.
+
+    Raises:
+        InputError: one among them says what only the user does, such as ``trust=``.
+    """
     if read_began(folder) is None:
         return None
-    [settled] = (folder / SETTLED).glob("*.yaml")
-    return [f"conf={settled}", *json.loads((folder / WORDS).read_text(encoding="utf-8"))]
+    place = folder / WORDS
+    try:
+        [settled] = (folder / SETTLED).glob("*.yaml")
+        words = json.loads(place.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    for word in words if isinstance(words, list) else [words]:
+        if not isinstance(word, str) or not _may_be_kept(word.partition("=")[0]):
+            raise InputError(
+                f"{word!r} is no word that a run keeps: this file was tampered with",
+                where=str(place),
+                hint="begin the run anew, without resume=",
+            )
+    return [f"conf={settled}", *words]
+
+
+def _may_be_kept(key: str) -> bool:
+    """Whether an attempt may keep the value of a key: whose code runs and where results go, no."""
+    section, _, name = key.partition(".")
+    if section == "recording":
+        return f"{section}.{name}" in PATHS or name not in OF_ONE_RECORDING
+    return key == MODEL or section in SECTIONS
 
 
 def read_began(folder: Path) -> dict[str, str] | None:
@@ -122,7 +150,7 @@ def end(folder: Path, output: Path) -> None:
 def _words(config: Config) -> list[str]:
     """Return what the command line had, where results go left out, and where the input lies."""
     settled, kept = asdict(config), config.tracking
-    found = {"tracking.model": kept.model}
+    found = {MODEL: kept.model}
     for key, line in config.lines.items():
         section, _, name = key.partition(".")
         if line != PLACE or not key or "[" in key or section in ELSEWHERE:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from dashred.attempt import FROZEN, differences, end, present, read_began, words_of
 from dashred.config.commandline import BASE, PLACE
+from dashred.config.layers import absolute
 from dashred.config.source import read_file
 from dashred.errors import DONE, InputError, nearest
 from dashred.kept_seal import kept_seal
@@ -38,7 +39,7 @@ def resume(argv: list[str]) -> int:
     told = [] if analysed else _told(folder, run_id)
     with alone_in(folder, "analysis"):
         pass
-    output = make_output(words["output"]) if "output" in words else store.artifact_dir(run_id)
+    output = make_output(named_folder(words)) if "output" in words else store.artifact_dir(run_id)
     told += [f"trust={words['trust']}"] if "trust" in words else []
     told += [f"output={output}", f"tracking.root={root}", f"tracking.experiment={experiment}"]
     try:
@@ -71,17 +72,24 @@ def read_words(argv: list[str]) -> dict[str, str]:
             hint = f"a run goes on with the configuration that it began with; {nearest(key, KEYS)}"
             raise InputError(f"resume= does not go with {word!r}", where=PLACE, hint=hint)
         words[key] = value
-    if not words["resume"]:
-        raise InputError("resume= is empty", where=PLACE, hint="give the id of a run")
+    for key, value in words.items():
+        if not value:
+            hint = "give the id of a run" if key == "resume" else "leave it out, or give it a value"
+            raise InputError(f"{key}= is empty", where=PLACE, hint=hint)
     return words
+
+
+def named_folder(words: dict[str, str]) -> str:
+    """Return the folder of ``output=`` as it is from anywhere, the home folder spelt out."""
+    return absolute(words["output"], folder=Path.cwd(), where=PLACE)
 
 
 def _root(words: dict[str, str]) -> str:
     if "tracking.root" not in words:
         default = str(read_file(BASE, label="conf/base.yaml").values["tracking"]["root"])
         return str((BASE.parent / default).resolve())
-    root = words["tracking.root"]
-    return root if is_server(root) else str(Path(root).expanduser().resolve())
+    root = absolute(words["tracking.root"], folder=Path.cwd(), where=PLACE)
+    return root if is_server(root) else str(Path(root).resolve())
 
 
 def _refuse_finished(store: Store, run_id: str) -> None:

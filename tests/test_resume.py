@@ -13,8 +13,10 @@ from typing import Any
 import pytest
 import torch
 
-from dashred.attempt import BEGAN, begin, words_of
+from dashred.attempt import BEGAN, WORDS, begin, words_of
 from dashred.config import bundled, frozen_input, load_config
+from dashred.errors import InputError
+from dashred.resume import named_folder, read_words
 from dashred.stages.checkpoints import Checkpoints
 
 # Of a twin's noise: a number that nothing else has.
@@ -189,6 +191,41 @@ def test_a_settled_configuration_reads_back_as_the_same_input(name: str, tmp_pat
     assert frozen_input(again) == frozen_input(config)
     assert (again.name, again.tracking.model) == (config.name, config.tracking.model)
     assert again.recording.path == config.recording.path
+
+
+@pytest.mark.parametrize(
+    "word",
+    [
+        *("trust=evil.E", "conf=evil.yaml", "resume=0123", "output=/tmp/evil", "--help", 7),
+        *("tracking.root=http://evil", "tracking.run=0123", "recording.twin=a", "tracking={}"),
+    ],
+)
+def test_a_stored_word_that_only_the_user_says_is_refused(word, tmp_path) -> None:
+    """A run may lie in a stranger's store: whoever goes on with it trusts no code of theirs."""
+    config = load_config(["conf=rde", "recording.path=mine.csv", "seed=3"], entry="train")
+    begin(tmp_path, config, {})
+    kept = json.loads((tmp_path / WORDS).read_text())
+    assert (words_of(tmp_path) or [])[1:] == kept and "seed=3" in kept
+    (tmp_path / WORDS).write_text(json.dumps(["system.class=evil.E", word]))
+    with pytest.raises(InputError, match="tampered with") as caught:
+        words_of(tmp_path)
+    assert caught.value.where == str(tmp_path / WORDS) and str(word) in caught.value.what
+    (tmp_path / WORDS).write_text("no words at all")
+    assert words_of(tmp_path) is None
+
+
+@pytest.mark.parametrize("word", ["output=", "output", "tracking.root=", "trust="])
+def test_an_empty_word_beside_resume_is_refused(word) -> None:
+    """An empty `output=` would be the folder one is in."""
+    with pytest.raises(InputError, match="is empty"):
+        read_words(["resume=0123", word])
+
+
+def test_home_and_relative_folders_are_those_of_any_other_command(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.chdir(tmp_path)
+    assert named_folder({"output": "~/found"}) == str(tmp_path / "home" / "found")
+    assert named_folder({"output": "found"}) == str(tmp_path / "found")
 
 
 class Runs:

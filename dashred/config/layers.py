@@ -43,12 +43,16 @@ def prepare(source: Source, *, folder: Path) -> Source:
     where = where_in(source.lines)
     values = _fit(_name_the_null_twin(source.values), Settings, "", where)
     for key in PATHS:
-        _edit(values, key, partial(_absolute, folder=folder, where=where(key)))
+        _edit(values, key, partial(absolute, folder=folder, where=where(key)))
     return Source(values, source.lines)
 
 
-def _absolute(text: str, *, folder: Path, where: str) -> str:
-    """Return a path as it is from anywhere; the address of a server is one already."""
+def absolute(text: str, *, folder: Path, where: str) -> str:
+    """Return a path as it is from anywhere; the address of a server is one already.
+
+    Raises:
+        InputError: it begins with the home folder of nobody here.
+    """
     if text.startswith(("http://", "https://")):
         return text
     try:
