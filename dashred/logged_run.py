@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 from dashred.findings import write_json_atomic
 from dashred.metric_names import term_table
-from dashred.mlflow_store import Store, refusals_as_errors
+from dashred.mlflow_store import Store, refusals_as_failures
 
 # What MLflow takes at once, and how long a value it keeps.
 METRIC_BATCH, BATCH = 1000, 100
@@ -137,7 +137,7 @@ class Run:
 
     def _writing(self) -> AbstractContextManager[None]:
         hint = f"go on, once it can be used again, with resume={self.run_id}"
-        return refusals_as_errors(self._store.uri, hint)
+        return refusals_as_failures(self._store.uri, hint)
 
 
 def flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

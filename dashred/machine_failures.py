@@ -43,11 +43,17 @@ DATABASE = {
 NO_MEMORY = ("can't allocate memory", "not enough memory", "out of memory")
 
 
+class RefusedError(Exception):
+    """What a program beside ours refuses in the middle of a run, in words for the user."""
+
+
 def told(error: BaseException) -> str | None:
     """Return what the machine has refused and what to do; None where it is a failure of ours."""
     if said := _package(error):
         return said
     for cause in _causes(error):
+        if isinstance(cause, RefusedError):
+            return str(cause)
         if said := _memory(cause) or _system(cause) or _database(cause):
             return said
     return None

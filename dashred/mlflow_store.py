@@ -17,6 +17,7 @@ from filelock import FileLock, Timeout
 
 from dashred.errors import InputError
 from dashred.local_state import state_folder
+from dashred.machine_failures import RefusedError
 from dashred.mlflow_server import is_server, open_server
 
 if TYPE_CHECKING:
@@ -121,8 +122,8 @@ def tags_of(store: Store, run_id: str) -> dict[str, str]:
 
 
 @contextmanager
-def refusals_as_errors(place: str, hint: str = CHOOSE) -> Iterator[None]:
-    """Tell what MLflow refuses (a locked database, a server that has gone) in one message.
+def refusals_as_errors(place: str) -> Iterator[None]:
+    """Tell why MLflow refuses a store when it is opened, in one message: it is the user's choice.
 
     Raises:
         InputError: instead of MLflow's own exception.
@@ -133,8 +134,27 @@ def refusals_as_errors(place: str, hint: str = CHOOSE) -> Iterator[None]:
     try:
         yield
     except (MlflowException, SQLAlchemyError) as error:
-        what = f"MLflow cannot use this store: {str(error).splitlines()[0]}"
-        raise InputError(what, where=place, hint=hint) from error
+        raise InputError(_refusal(error), where=place, hint=CHOOSE) from error
+
+
+@contextmanager
+def refusals_as_failures(place: str, hint: str) -> Iterator[None]:
+    """Tell what MLflow refuses a run that has begun (a locked database, a server that has gone).
+
+    Raises:
+        RefusedError: instead of MLflow's own exception; the input is as right as it was.
+    """
+    from mlflow.exceptions import MlflowException
+    from sqlalchemy.exc import SQLAlchemyError
+
+    try:
+        yield
+    except (MlflowException, SQLAlchemyError) as error:
+        raise RefusedError(f"{place}: {_refusal(error)}\n  {hint}") from error
+
+
+def _refusal(error: Exception) -> str:
+    return f"MLflow cannot use this store: {str(error).splitlines()[0]}"
 
 
 def find_run(store: Store, run_id: str, *, key: str = "tracking.run") -> str:

@@ -44,7 +44,8 @@ class Tracker(Run):
         else:
             above = find_run(store, parent, key="tracking.parent") if parent else None
             tags = {"mlflow.parentRunId": above} if above else {}
-            opened = _create_run(store, run_name, tags)
+            with refusals_as_errors(store.uri):
+                opened = _create_run(store, run_name, tags)
         with _ended(store, opened, as_finished=not run_id):
             yield cls(store, opened)
 
@@ -75,7 +76,8 @@ class Tracker(Run):
         One of this name that an earlier attempt left takes its place no longer.
         """
         self._drop_children(name)
-        opened = _create_run(self._store, name, {"mlflow.parentRunId": self.run_id})
+        with self._writing():
+            opened = _create_run(self._store, name, {"mlflow.parentRunId": self.run_id})
         with _ended(self._store, opened, as_finished=True):
             yield ChildRun(self._store, opened)
 
@@ -89,8 +91,7 @@ class Tracker(Run):
 
 def _create_run(store: Store, name: str, tags: dict[str, str]) -> str:
     tags = {"mlflow.user": getpass.getuser(), "mlflow.source.name": "dashred", **tags}
-    with refusals_as_errors(store.uri):
-        run = store.client.create_run(store.experiment_id, run_name=name, tags=tags)
+    run = store.client.create_run(store.experiment_id, run_name=name, tags=tags)
     return str(run.info.run_id)
 
 

@@ -14,8 +14,9 @@ from typing import Any
 
 import pytest
 
-from dashred.errors import InputError
+from dashred.errors import InputError, run_entry
 from dashred.logged_run import flatten
+from dashred.machine_failures import RefusedError
 from dashred.metric_names import metric_name
 from dashred.tracking import Tracker
 
@@ -331,12 +332,41 @@ def test_an_experiment_is_described_once(tracker: Tracker) -> None:
     assert tags["mlflow.note.content"] == "what it is about"
 
 
+def test_what_mlflow_refuses_in_the_middle_of_a_run_is_no_wrong_input(
+    root: str, tracker: Tracker, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 1: the same command may well do once the store can be used again."""
+    from mlflow import MlflowClient
+    from mlflow.exceptions import MlflowException
+
+    def gone(*_: object, **__: object) -> None:
+        raise MlflowException("the server has gone")
+
+    def log(_: list[str]) -> int:
+        tracker.log_metrics({"loss": 1.0}, 0)
+        return 0
+
+    def nest(_: list[str]) -> int:
+        with tracker.child("shred"):
+            return 0
+
+    for method in ("log_batch", "create_run"):
+        monkeypatch.setattr(MlflowClient, method, gone)
+    for entry in (log, nest):
+        assert run_entry(entry) == 1
+        [what, hint] = capsys.readouterr().err.splitlines()
+        assert what == f"error: {tracker.uri}: MLflow cannot use this store: the server has gone"
+        assert f"resume={tracker.run_id}" in hint
+    with pytest.raises(InputError, match="the server has gone"), Tracker.open(root, "rde", "new"):
+        pass
+
+
 @pytest.mark.slow
 def test_a_locked_database_is_told_in_a_message(tmp_path: Path) -> None:
     with Tracker.open(str(tmp_path), "rde", "a run") as tracker:
         with closing(sqlite3.connect(tmp_path / "mlflow.db", isolation_level=None)) as database:
             database.execute("BEGIN EXCLUSIVE")
-            with pytest.raises(InputError, match="locked") as caught:
+            with pytest.raises(RefusedError, match="locked") as caught:
                 tracker.log_metrics({"loss": 1.0}, 0)
-        assert tracker.run_id in str(caught.value.hint)
+        assert f"resume={tracker.run_id}" in str(caught.value)
         tracker.log_metrics({"loss": 1.0}, 0)
