@@ -7,13 +7,18 @@ import json
 import os
 import warnings
 from pathlib import Path
+from typing import cast
 
+import numpy as np
 import pytest
 
 from dashred.config import load_config
 from dashred.errors import InputError
+from dashred.outside_links import check_folder, check_hdf5
+from dashred.physics.snapshots import open_snapshots
 from dashred.physics.system import System
 from dashred.reporting.style import new_figure, save_figure
+from dashred.sensing.read_netcdf import read_netcdf
 from tests.conftest import CHECKOUT, run_command
 from tests.test_bad_input import SENSORS, csv_text
 from tests.test_train import COARSE
@@ -146,6 +151,61 @@ def test_a_few_lets_cannot_make_an_endless_expression(quick, tmp_path, monkeypat
     config = load_config(["conf=theirs.yaml", "recording.path=a.csv"], entry="train")
     with pytest.raises(InputError, match="too large"):
         System(config.system, config.where)
+
+
+def _hdf5_that_reads(secret: Path, kind: str, path: Path) -> None:
+    import h5py  # type: ignore[import-untyped]
+
+    with h5py.File(secret.with_suffix(".h5"), "w") as other:
+        other["v"] = np.arange(8.0)
+    with h5py.File(path, "w") as file:
+        if kind == "a link":
+            file.create_group("deep")["value"] = h5py.ExternalLink("secret.h5", "/v")
+        elif kind == "a soft link to a link":
+            file["value"] = h5py.SoftLink("/hidden")
+            file["hidden"] = h5py.ExternalLink("secret.h5", "/v")
+        elif kind == "its storage":
+            file.create_dataset("value", (8,), dtype="f8", external=[(str(secret), 0, 64)])
+        elif kind == "parts of it":
+            layout = h5py.VirtualLayout((8,), "f8")
+            layout[:] = h5py.VirtualSource("secret.h5", "v", (8,))
+            file.create_virtual_dataset("value", layout)
+        else:
+            file["value"] = np.arange(8.0)
+            file["again"] = h5py.SoftLink("/value")
+
+
+OUTSIDE = {
+    "a link": "'deep/value' is a link to another file",
+    "a soft link to a link": "'hidden' is a link to another file",
+    "its storage": "the values of 'value' lie in another file",
+    "parts of it": "the values of 'value' lie in another file",
+}
+
+
+@pytest.mark.parametrize("kind", OUTSIDE)
+@pytest.mark.parametrize("read", [read_netcdf, open_snapshots])
+def test_a_data_file_does_not_have_us_read_another(read, kind, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    secret = tmp_path / "secret.bin"
+    secret.write_bytes(np.arange(8.0).tobytes())
+    _hdf5_that_reads(secret, kind, tmp_path / "theirs.nc")
+    with pytest.raises(InputError) as caught:
+        read("theirs.nc", None)
+    assert caught.value.what == OUTSIDE[kind] and caught.value.where == "theirs.nc"
+    _hdf5_that_reads(secret, "nothing else", tmp_path / "own.nc")
+    check_hdf5("own.nc")
+
+
+def test_a_zarr_folder_does_not_have_us_read_another(tmp_path) -> None:
+    (tmp_path / "runs" / "u").mkdir(parents=True)
+    (tmp_path / "runs" / "u" / "0").write_bytes(b"their own")
+    (tmp_path / "runs" / "u" / "1").symlink_to("0")
+    check_folder(str(tmp_path / "runs"))
+    (tmp_path / "secret").write_bytes(b"mine")
+    (tmp_path / "runs" / "u" / "2").symlink_to("../../secret")
+    with pytest.raises(InputError, match="u/2 is a link out of this folder"):
+        open_snapshots(str(tmp_path / "runs"), cast(System, None))
 
 
 def test_a_dollar_in_a_name_is_no_mathematics(tmp_path) -> None:

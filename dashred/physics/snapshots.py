@@ -14,6 +14,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.errors import InputError, nearest
+from dashred.outside_links import check_folder, check_hdf5
 from dashred.physics.grid import Axis
 from dashred.physics.system import System
 from dashred.units import TIME, check_same, check_unit
@@ -170,8 +171,11 @@ def _open(path: str) -> xr.Dataset:
         raise InputError("no such file or folder", where=path, hint=f"looked in {Path.cwd()}")
     engine = "zarr" if Path(path).is_dir() else "h5netcdf"
     try:
+        (check_folder if engine == "zarr" else check_hdf5)(path)
         # Arrays stay on disk until they are indexed; times stay the numbers they are.
         return xr.open_dataset(path, engine=engine, chunks=None, decode_times=False)
+    except InputError:
+        raise
     except Exception as error:  # a damaged file fails in as many ways as its format has layers
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         kind = "Zarr folder" if engine == "zarr" else "NetCDF-4 file"

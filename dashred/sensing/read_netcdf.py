@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.errors import InputError, nearest
+from dashred.outside_links import check_hdf5
 from dashred.physics.measured import Measured
 from dashred.sensing.checks import check_covered, check_input, checked_recording
 from dashred.sensing.episodes import Episode, Episodes, Stretch, stretches
@@ -170,14 +171,12 @@ def _inputs(
 
 
 def _load(path: str) -> xr.Dataset:
-    # Both take a second, which reading a CSV need not wait for.
-    import h5py  # type: ignore[import-untyped]
+    # It takes a second, which reading a CSV need not wait for.
     import xarray as xr
 
     try:
-        with h5py.File(path) as file:
-            # h5netcdf leaves a traceback on stderr when a damaged object stops it halfway.
-            file.visititems(lambda name, item: None)
+        # First: h5netcdf leaves a traceback on stderr when a damaged object stops it halfway.
+        check_hdf5(path)
         # Times stay the numbers they are: t is the recording's own clock.
         with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as dataset:
             # A file of a few bytes may declare any size.
