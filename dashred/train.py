@@ -93,7 +93,7 @@ def analyse(config: Config) -> Path:
         if ensemble is None:
             findings = verify.refuse_unresolved(posed, resolution)
             verify.freeze_findings(output, findings, [])
-            figures = []
+            figures = report.report_unresolved(findings, output)
         else:
             learned = kept.stage(
                 "shred", lambda: learning.train_shred(posed, ensemble, run, seconds, "SHRED")

@@ -117,7 +117,7 @@ def test_a_coarse_simulator_is_found_out_and_nothing_else_is_claimed(
 ) -> None:
     """Nor do results of an earlier run, in the same folder, pass for this one's."""
     (tmp_path / "output").mkdir()
-    for name in ("estimates.nc", "score.json", "freeze.json"):
+    for name in ("estimates.nc", "score.json", "freeze.json", "where.png", "front_truth.png"):
         (tmp_path / "output" / name).write_text("of an earlier run")
     ended = train(f"conf={quick}", *COARSE)
     assert ended.code == 0, ended.err
@@ -131,6 +131,9 @@ def test_a_coarse_simulator_is_found_out_and_nothing_else_is_claimed(
     frozen = json.loads(ended.read("freeze.json"))
     assert set(frozen["files"]) == {"findings.json"}
     assert not (ended.output / "estimates.nc").exists()
+    assert not list(ended.output.glob("*.png"))
+    page = ended.read("report.html").decode()
+    assert "too coarse" in page and cause["says"][1:] in page and "<img" not in page
     assert json.loads(ended.read("score.json"))["field_rmse"]["shred"] is None
 
 

@@ -21,6 +21,7 @@ def write_html(
     figures: Mapping[str, Mapping[str, Path]],
     summary: str,
     mostly: Sequence[str] = (),
+    commit: str | None = None,
 ) -> None:
     """Write the report, whole or not at all.
 
@@ -31,6 +32,7 @@ def write_html(
             ``proof``, ``forecast`` or ``method``.
         summary: the printed summary, for the end of the page.
         mostly: of more terms than a few, the words of the few that explain nearly all.
+        commit: of dashred's own checkout; None names none.
     """
     title = findings["input"]["config"].get("system", {}).get("title", "The system")
 
@@ -48,7 +50,7 @@ def write_html(
         sections.unexplained(findings),
         sections.cannot_know(findings),
         sections.how_it_was_done(findings, of(METHOD)),
-        sections.provenance(findings),
+        sections.provenance(findings, commit),
         f"<details><summary>The printed summary</summary><pre>{escape(summary)}</pre></details>",
     ]
     body = "\n".join(part for part in parts if part)

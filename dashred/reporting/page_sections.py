@@ -145,49 +145,74 @@ def how_it_was_done(findings: Mapping[str, Any], figures: str) -> str:
     lines = []
     if splits := source["splits"]:
         until = measured(number(splits["time_end"]), units.get(TIME))
-        lines.append(_fitted(findings, until))
-        lines.append("Test sensors and held-out time were read once, when all of that was settled.")
+        lines += _fitted(findings, until)
         if splits["note"]:
             lines.append(splits["note"])
     rows = _set_up(findings)
     return section("How it was done", paragraphs(lines), table([], rows) if rows else "", figures)
 
 
-def _fitted(findings: Mapping[str, Any], until: str) -> str:
+def _fitted(findings: Mapping[str, Any], until: str) -> list[str]:
+    read = "Test sensors and held-out time were read once, when all of that was settled."
+    if findings["verdict"] == "unresolved-numerics":
+        return [
+            "The simulation was run at its own resolution and at twice that. They differ by more "
+            "at the sensors than may be, and the difference would have passed for missing "
+            "physics: so nothing was trained or fitted, and what was held out was not looked at."
+        ]
     if findings["verdict"] in UNTESTED:
-        return (
+        return [
             "SHRED was trained on the snapshots and assimilated to sensors alone, up to time "
-            f"{until}. No law was fitted: there is no simulator to fit it through."
-        )
-    return (
+            f"{until}. No law was fitted: there is no simulator to fit it through.",
+            read,
+        ]
+    return [
         f"Every law was fitted through the simulator to sensors alone, up to time {until}: the "
         "start and the law together, every candidate term with every other, and the laws "
         "compared by what they explain for how many terms (BIC). Other causes were weighed by "
         "the same measure: a changed parameter, another start, a sensor at fault, a law that "
-        "acts somewhere only, and something that no term of the library expresses."
-    )
+        "acts somewhere only, and something that no term of the library expresses.",
+        read,
+    ]
 
 
-def provenance(findings: Mapping[str, Any]) -> str:
-    """What determines the findings: the same again gives the same."""
+def provenance(findings: Mapping[str, Any], commit: str | None = None) -> str:
+    """What determines the findings: the same again gives the same.
+
+    Args:
+        findings: of ``findings.json``.
+        commit: of dashred's own checkout; None names none.
+    """
     source = findings["input"]
     rows = [
         ["configuration, sha256", source["config_sha256"]],
-        ["recording, sha256", source["recording_sha256"]],
-        *(
-            [["snapshots, sha256", source["snapshots_sha256"]]]
-            if "snapshots_sha256" in source
-            else []
-        ),
+        *_files(source["config"]),
+        ["recording's values, sha256", source["recording_sha256"]],
         ["seed", str(source["seed"])],
+        *([["dashred, git commit", commit]] if commit else []),
         ["versions", ", ".join(f"{name} {v}" for name, v in sorted(source["versions"].items()))],
     ]
     if "snapshots_sha256" in source:
-        rows.append(["snapshots, sha256", source["snapshots_sha256"]])
+        rows.append(["snapshots' values, sha256", source["snapshots_sha256"]])
     if findings["corrected"]:
         rows.append(["corrected simulation", findings["corrected"]])
-    note = "The same configuration, recording, seed and versions give the same findings.json."
-    return section("Provenance", table([], rows), paragraphs([note], "note"))
+    notes = [
+        "The same configuration, recording, seed and versions give the same findings.json.",
+        "Values are hashed as they were read, whatever file held them: sha256sum of a file "
+        "is another number.",
+    ]
+    return section("Provenance", table([], rows), paragraphs(notes, "note"))
+
+
+def _files(config: Mapping[str, Any]) -> list[list[str]]:
+    """The names of the files that were read, where the findings know them."""
+    recording = config.get("recording", {})
+    named = {
+        "recording": recording.get("path"),
+        "table of sensors": recording.get("sensors"),
+        "snapshots": config.get("system", {}).get("snapshots"),
+    }
+    return [[what, name] for what, name in named.items() if isinstance(name, str)]
 
 
 def _weighed(findings: Mapping[str, Any]) -> list[str]:

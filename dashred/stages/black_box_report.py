@@ -21,6 +21,7 @@ from dashred.reporting.gallery import Gallery
 from dashred.reporting.summary import summary
 from dashred.stages.black_box import BlackBoxAnalysis
 from dashred.stages.problem import Problem
+from dashred.stages.provenance import git_commit
 from dashred.stages.report import TITLES, varying
 from dashred.stages.sensor_figures import all_sensors, draw_sensors
 from dashred.units import in_brackets, time_label
@@ -42,7 +43,8 @@ def report(
         if problem.system.axes:
             _fields(problem, analysis, gallery)
         figures = gallery.captioned(OF_SNAPSHOTS)
-        html.write_html(output / "report.html", findings, figures, summary(findings, None, {}))
+        text = summary(findings, None, {})
+        html.write_html(output / "report.html", findings, figures, text, commit=git_commit())
     return gallery.drawn
 
 

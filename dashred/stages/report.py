@@ -40,6 +40,7 @@ from dashred.reporting.verdict_words import nearly_all
 from dashred.stages.analysis import Analysis
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.problem import Problem
+from dashred.stages.provenance import git_commit
 from dashred.stages.sensor_figures import (
     draw_forecast,
     draw_traces,
@@ -80,8 +81,15 @@ def report(
             _fields(problem, analysis, gallery)
         figures = gallery.captioned(_captions(problem))
         text, mostly = summary(findings, None, {}), _mostly(problem, findings)
-        html.write_html(output / "report.html", findings, figures, text, mostly)
+        html.write_html(output / "report.html", findings, figures, text, mostly, git_commit())
     return gallery.drawn
+
+
+def report_unresolved(findings: Findings, output: Path) -> list[Path]:
+    """Write the page of a simulator that is too coarse to learn from: there is nothing to draw."""
+    text = summary(findings, None, {})
+    html.write_html(output / "report.html", findings, {}, text, commit=git_commit())
+    return []
 
 
 def _captions(problem: Problem) -> Captions:

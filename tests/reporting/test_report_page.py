@@ -11,7 +11,7 @@ from dashred.findings_schema import Fit, Input, misfit, new_findings
 from dashred.reporting.equation_html import equations_html
 from dashred.reporting.headline import headline
 from dashred.reporting.html import write_html
-from dashred.reporting.page_sections import forecast, unexplained
+from dashred.reporting.page_sections import forecast, provenance, unexplained
 from dashred.reporting.summary import summary
 from dashred.reporting.verdict_words import verdict_lines
 
@@ -385,6 +385,39 @@ def test_a_forecast_says_what_becomes_of_inputs() -> None:
     source = {**SOURCE, "config": {"system": driven}}
     told = forecast({**found(), "input": source}, "<figure>")
     assert "Where inputs (e, f) were not measured that far, the last value is held." in told
+
+
+def test_the_page_of_an_unresolved_simulator_claims_no_fit(tmp_path: Path) -> None:
+    splits: Any = {"inputs": ["p0"], "extra": [], "validate": ["p1"], "test": ["p2"]}
+    splits |= {"time_end": 3.2, "note": "Sensors at random."}
+    says = "doubling the resolution moves a sensor trace by 5.0%; 48 points would do"
+    cause = {"kind": "unresolved-numerics", "says": says, "probability": 1.0}
+    unresolved = new_findings(
+        SOURCE | {"splits": splits}, verdict="unresolved-numerics", causes=[cause]
+    )
+    write_html(tmp_path / "report.html", unresolved, {}, "")
+    text = "\n".join(Page((tmp_path / "report.html").read_text(encoding="utf-8")).words)
+    assert "grid or time step is too coarse" in text and says[1:] in text
+    assert "nothing was trained or fitted" in text and "Sensors at random." in text
+    assert "Every law was fitted" not in text and "were read once" not in text
+
+
+def test_provenance_names_files_and_commit_and_takes_no_value_for_a_files_hash() -> None:
+    config = {"system": SYSTEM | {"snapshots": "runs.nc"}}
+    config |= {"recording": {"path": "mine.csv", "sensors": "table.csv"}}
+    source: Any = SOURCE | {"config": config, "snapshots_sha256": "5eed"}
+    rows = Page(provenance(found() | {"input": source}, "ab12+")).words
+    for what, value in {
+        "recording": "mine.csv",
+        "table of sensors": "table.csv",
+        "snapshots": "runs.nc",
+        "recording's values, sha256": "facade",
+        "snapshots' values, sha256": "5eed",
+        "dashred, git commit": "ab12+",
+    }.items():
+        assert rows.count(what) == 1 and rows[rows.index(what) + 1] == value
+    assert any("sha256sum of a file is another number" in row for row in rows)
+    assert "dashred, git commit" not in Page(provenance(found())).words
 
 
 def test_the_same_findings_give_the_same_page(tmp_path: Path) -> None:
