@@ -76,8 +76,7 @@ def analyse(config: Config) -> None:
         raise InputError(fault, where=config.recording.path)
     as_it_is = replace(posed, config=_plain(config))
     nominal = simulation.simulate_nominal(posed, {})
-    of_random, of_plain = dict[str, float](), dict[str, float]()
-    randomised = simulation.simulate_ensemble(posed, nominal, of_random)
+    of_plain: dict[str, float] = {}
     plain = simulation.simulate_ensemble(as_it_is, nominal, of_plain)
     keep = config.tracking
     experiment = keep.experiment or config.name
@@ -87,7 +86,7 @@ def analyse(config: Config) -> None:
             "optimal_interpolation": (partial(optimal_interpolation, posed, plain), of_plain),
             "shred_plain": (partial(plain_shred, as_it_is, plain, run), of_plain),
             "filter_state": (partial(filter_state, posed, plain), of_plain),
-            "filter_augmented": (partial(filter_augmented, posed, randomised), of_random),
+            "filter_augmented": (partial(filter_augmented, posed, plain, nominal.states), of_plain),
         }
         ended = {
             name: attempt(method, sum(simulations.values()))

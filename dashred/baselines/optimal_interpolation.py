@@ -3,17 +3,55 @@
 ``û_t = ū_t + C_t Hᵀ (H C_t Hᵀ + R)⁻¹ (y_t − H ū_t)``, mean and covariance of what the simulator may
 do at that time (Gandin 1963; Kalnay, *Atmospheric modeling, data assimilation and predictability*,
 2003, section 5.4). It reads one sample at a time, and knows no more of the dynamics than the
-covariance.
+covariance. That of a small sample is tapered with distance, as the filter's is: the radius is the
+one under which the departures ``y_t − H ū_t`` are likeliest.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from dashred.baselines.estimate import Estimated
-from dashred.discovery.linear_estimate import linear_estimate
+from dashred.discovery.localisation import distances, gaspari_cohn, sensor_distances
 from dashred.physics.ensemble import Ensemble
+from dashred.physics.grid import Grid
+from dashred.sensing.sensors import Sensor
 from dashred.stages.problem import Problem
+
+# Of the longest axis.
+RADII = (math.inf, 0.3, 0.15)
+
+
+@dataclass(frozen=True)
+class Taper:
+    """How much of the sample's covariance counts.
+
+    Attributes:
+        radius: Gaspari-Cohn radius, in the axes' unit; infinite for none.
+        readings: between sensors, ``(sensor, sensor)``.
+        field: from every sensor, ``(sensor, *grid)``.
+    """
+
+    radius: float
+    readings: Tensor
+    field: Tensor
+
+    @classmethod
+    def of(cls, grid: Grid, sensors: Sequence[Sensor], radius: float) -> Taper:
+        """Return the taper of some sensors."""
+        count = len(sensors)
+        if math.isinf(radius):
+            ones = torch.ones((count, count), dtype=torch.float64)
+            return cls(radius, ones, torch.ones((count, *grid.shape), dtype=torch.float64))
+        places = torch.tensor([sensor.position for sensor in sensors], dtype=torch.float64)
+        between, apart = sensor_distances(grid, places), distances(grid, places)
+        return cls(radius, gaspari_cohn(between, radius), gaspari_cohn(apart, radius))
 
 
 @torch.no_grad()
@@ -27,9 +65,49 @@ def optimal_interpolation(problem: Problem, ensemble: Ensemble) -> Estimated:
     fit = problem.split.fit
     operator, noise = problem.operator(fit), problem.noise_of(fit.names)
     values = torch.from_numpy(fit.values)
-    found = []
+    longest = max((axis.length for axis in problem.system.axes), default=math.inf)
+    radii = dict.fromkeys(share * longest for share in RADII)
+    tapers = [Taper.of(problem.system.grid, operator.sensors, radius) for radius in radii]
+    surprise = [0.0] * len(tapers)
+    found: list[list[Tensor]] = [[] for _ in tapers]
     for i, time in enumerate(ensemble.times.tolist()):
         states = ensemble.states[:, i]
-        readings = operator(states, time)[:, None]
-        found.append(linear_estimate(states, readings, values[i, None], noise).mean)
-    return Estimated(torch.stack(found), None, f"{len(ensemble.states)} members")
+        readings = operator(states, time)
+        for j, taper in enumerate(tapers):
+            estimate, unlikely = best_linear(states, readings, values[i], noise, taper)
+            surprise[j] += unlikely
+            found[j].append(estimate)
+    best = min(range(len(tapers)), key=lambda j: surprise[j])
+    radius = tapers[best].radius
+    told = f"radius {radius:g}" if math.isfinite(radius) else "not localised"
+    return Estimated(torch.stack(found[best]), None, f"{len(ensemble.states)} members, {told}")
+
+
+def best_linear(
+    states: Float[Tensor, "member field ..."],
+    readings: Float[Tensor, "member sensor"],
+    values: Float[Tensor, " sensor"],
+    noise: Float[Tensor, " sensor"],
+    taper: Taper,
+) -> tuple[Tensor, float]:
+    """Return ``ū + (ρ∘C_uy)(ρ∘C_yy + R)⁻¹(y − ȳ)``, and −ln of the likelihood of ``y − ȳ``.
+
+    Args:
+        states: the sample.
+        readings: of its members, without noise.
+        values: the recording's; NaN is missing.
+        noise: σ of each sensor.
+        taper: ρ.
+    """
+    known = ~values.isnan()
+    mean, read = states.mean(dim=0), readings[:, known]
+    anomalies, departures = states - mean, read - read.mean(dim=0)
+    freedom = len(states) - 1
+    innovation = values[known] - read.mean(dim=0)
+    expected = taper.readings[known][:, known] * (departures.T @ departures) / freedom
+    root = torch.linalg.cholesky(expected + noise[known].square().diag())
+    weights = torch.cholesky_solve(innovation[:, None], root)[:, 0]
+    covariance = torch.einsum("ms,mf...->sf...", departures, anomalies) / freedom
+    shift = torch.einsum("s,sf...->f...", weights, covariance * taper.field[known][:, None])
+    log_likelihood = -root.diagonal().log().sum() - innovation @ weights / 2
+    return mean + shift, -float(log_likelihood)

@@ -75,9 +75,9 @@ LAW_NOTE = (
     "was asked for a law, twins that hide none among them. A method that names no law, since it "
     "failed or did not converge, has missed all terms and is not exact. Error: median over rows of "
     "the worst relative error of the true terms found. Latent SINDy's terms are those with a "
-    "coefficient that is not zero; the filter's those whose 95 % interval excludes zero. PDE-FIND "
-    "is given what nobody has, the full field, with the same noise at every point; its time "
-    "differences are over the recording's own interval, which may be long for it."
+    "coefficient that is not zero; the filter's those that are not zero at 95 % over all terms "
+    "together (each at 1 - 0.05/terms). PDE-FIND is given what nobody has, the full field, with "
+    "the same noise at every point; its time differences are over the recording's own interval, which may be long for it."
 )
 SECONDS_NOTE = (
     "Medians over rows, on the machine that ran them. Of methods that learn from simulations these "

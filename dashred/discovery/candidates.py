@@ -100,7 +100,7 @@ def build_candidates(
         replace(
             found[j],
             scale=size / float(sizes[j]),
-            limit=_limit(system, found[j]),
+            limit=stable_limit(system, found[j].terms),
             aliases=tuple(aliases.get(j, ())),
             replaces=tuple(replaced.get(j, ())),
         )
@@ -131,7 +131,9 @@ def replaced_terms(
         if candidate.key in replaced:
             size = float(_column(system, candidate, nominal, t).norm())
             scale = math.sqrt(nominal[:, 0].numel()) / size
-            found.append(replace(candidate, scale=scale, limit=_limit(system, candidate)))
+            found.append(
+                replace(candidate, scale=scale, limit=stable_limit(system, candidate.terms))
+            )
     return found
 
 
@@ -165,16 +167,20 @@ def _column(system: System, candidate: Candidate, states: Tensor, t: float) -> T
     return columns.flatten()
 
 
-def _limit(system: System, candidate: Candidate) -> float:
-    """Return the |ξ| at which the fastest mode grows e-fold within a step.
+def stable_limit(system: System, terms: Sequence[Term]) -> float:
+    """Return the |ξ| at which the fastest mode of ``ξ θ`` grows e-fold within a step.
 
     Only of what is linear in it: at fourth order the natural scale lies far above it, and the first
     trial would blow up (design §4.2.3).
+
+    Args:
+        system: the simulator.
+        terms: θ, by equation; resolved.
     """
     if not isinstance(system.operators, Spectral):
         return math.inf
     fastest = 0.0
-    for term in candidate.terms:
+    for term in terms:
         bare = without_sides(term.expression)
         for field in system.fields:
             linear, _ = split_linear(bare, field)
