@@ -62,19 +62,20 @@ class Fitted:
         shifts: λ' − λ, ``(mode,)``.
         coefficients: ξ, ``(parameter,)``.
         covariance: of ξ, the amplitudes being unknown, ``(parameter, parameter)``.
+        misfit: of traces, in σ, and of amplitudes and shifts to their prior, squared.
     """
 
     amplitudes: Tensor
     shifts: Tensor
     coefficients: Tensor
     covariance: Tensor
+    misfit: float
 
 
 def closed_form(problem: Problem, prior: StartPrior) -> Estimated | None:
     """Return field and law; None for a system that is not linear, or not self-adjoint.
 
-    First every mode has a rate of its own, from which the terms of L' are chosen; then the rates
-    are those of these terms.
+    The rates are those of the few terms of L' that explain the traces best.
 
     Args:
         problem: the recording.
@@ -86,10 +87,8 @@ def closed_form(problem: Problem, prior: StartPrior) -> Estimated | None:
         return None
     basis = prior.start(torch.eye(prior.size, dtype=torch.float64)) - prior.centre
     traces = _traces(problem, prior, basis, rates)
-    free = fit_modes(traces, torch.eye(len(rates), dtype=torch.float64))
     terms, shapes = _linear_terms(problem, prior)
-    members = _choose(free, shapes, int((~traces.values.isnan()).sum()))
-    fitted = fit_modes(traces, shapes[:, members])
+    members, fitted = _choose(traces, shapes)
     grown = torch.exp((rates + fitted.shifts) * traces.times[:, None])
     states = torch.einsum("tm,m...->t...", grown * fitted.amplitudes, basis)
     law = [
@@ -154,9 +153,11 @@ def fit_modes(traces: Traces, shapes: Tensor) -> Fitted:
         phi = phi + step
         if float(step @ normal @ step) <= TOLERANCE:
             break
-    _, jacobian = _linearised(phi, traces, shapes)
+    residuals, jacobian = _linearised(phi, traces, shapes)
     covariance = torch.linalg.inv(jacobian.T @ jacobian + precision)[count:, count:]
-    return Fitted(phi[:count], shapes @ phi[count:], phi[count:], covariance)
+    away = phi - centre
+    misfit = float(residuals @ residuals + away @ precision @ away)
+    return Fitted(phi[:count], shapes @ phi[count:], phi[count:], covariance, misfit)
 
 
 def _linearised(phi: Tensor, traces: Traces, shapes: Tensor) -> tuple[Tensor, Tensor]:
@@ -195,20 +196,13 @@ def _linear_terms(problem: Problem, prior: StartPrior) -> tuple[list[Term], Tens
     return terms, torch.stack(columns, dim=1)
 
 
-def _choose(free: Fitted, shapes: Tensor, readings: int) -> list[int]:
-    """Return the terms whose eigenvalues explain the free shifts: the set of least BIC."""
-    root = torch.linalg.cholesky(torch.linalg.inv(free.covariance))
-    target, columns = root.T @ free.shifts, root.T @ shapes
-
-    def score(members: tuple[int, ...]) -> float:
-        matrix = columns[:, members]
-        values = torch.linalg.lstsq(matrix, target[:, None]).solution[:, 0]
-        left = float((target - matrix @ values).square().sum())
-        return left + math.log(readings) * len(members)
-
-    indices = range(shapes.shape[1])
-    sets: list[tuple[int, ...]] = [
-        members for size in range(MOST_TERMS + 1) for members in combinations(indices, size)
-    ]
-    best = min(sets, key=score)
-    return list(best)
+def _choose(traces: Traces, shapes: Tensor) -> tuple[list[int], Fitted]:
+    """Return the terms of least BIC, each charged ``ln n + 2 ln p`` of p terms, and their fit."""
+    readings, count = int((~traces.values.isnan()).sum()), shapes.shape[1]
+    charge = math.log(readings) + 2 * math.log(max(1, count))
+    fits = (
+        (list(members), fit_modes(traces, shapes[:, list(members)]))
+        for size in range(MOST_TERMS + 1)
+        for members in combinations(range(count), size)
+    )
+    return min(fits, key=lambda each: each[1].misfit + charge * len(each[0]))

@@ -1,0 +1,45 @@
+"""The general pipeline against the closed form of a linear system: the same answer to the noise."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from dashred import record, train
+from dashred.baselines.closed_form import closed_form
+from dashred.config import load_config
+from dashred.stages import problem, simulation
+
+# Networks have no part in what is compared.
+SMALL = (
+    "simulation.members=24",
+    "simulation.held_out=4",
+    "shred.epochs=2",
+    "surrogate.members=8",
+)
+
+
+@pytest.mark.slow
+def test_both_find_the_same_law_and_the_same_field(tmp_path: Path) -> None:
+    told = ["conf=heat", "recording.twin=a", "seed=5", f"output={tmp_path}"]
+    assert record.main(told) == 0
+    reads = ["conf=heat", f"recording.path={tmp_path / 'recording.nc'}"]
+    posed = problem.pose(load_config(reads, entry="train"))
+    exact = closed_form(posed, simulation.simulate_nominal(posed, {}).prior)
+    assert exact is not None and exact.terms is not None
+    out = tmp_path / "general"
+    root = f"tracking.root={tmp_path / 'mlruns'}"
+    assert train.main([*reads, *SMALL, root, f"output={out}"]) == 0
+    findings = json.loads((out / "findings.json").read_text())
+    [entry], [other] = findings["terms"], exact.terms
+    assert (entry["equation"], entry["term"]) == (other["equation"], other["term"]) == ("T", "T")
+    assert abs(entry["coefficient"] - other["coefficient"]) < 0.1 * entry["std"]
+    with xr.open_dataset(out / "estimates.nc", engine="h5netcdf") as estimates:
+        found = estimates["T"].sel({"method": "corrected"}).values
+    difference = found - exact.states[:, 0, : found.shape[1]].numpy()
+    noise = float(posed.noise_of(posed.split.fit.names).mean())
+    assert float(np.sqrt(np.mean(difference**2))) < 0.02 * noise
