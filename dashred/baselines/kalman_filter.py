@@ -106,9 +106,7 @@ def _coefficients(problem: Problem, nominal: Tensor, members: int, width: float)
     return torch.from_numpy(drawn) * torch.minimum(width * scales, limits)
 
 
-def _likeliest(
-    problem: Problem, starts: Tensor, trials: Sequence[Trial]
-) -> tuple[Filtered, Trial]:
+def _likeliest(problem: Problem, starts: Tensor, trials: Sequence[Trial]) -> tuple[Filtered, Trial]:
     """Return the run whose innovations are likeliest.
 
     Raises:

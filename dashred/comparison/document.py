@@ -77,7 +77,8 @@ LAW_NOTE = (
     "the worst relative error of the true terms found. Latent SINDy's terms are those with a "
     "coefficient that is not zero; the filter's those that are not zero at 95 % over all terms "
     "together (each at 1 - 0.05/terms). PDE-FIND is given what nobody has, the full field, with "
-    "the same noise at every point; its time differences are over the recording's own interval, which may be long for it."
+    "the same noise at every point; its time differences are over the recording's own interval, "
+    "which may be long for it."
 )
 SECONDS_NOTE = (
     "Medians over rows, on the machine that ran them. Of methods that learn from simulations these "
