@@ -7,15 +7,15 @@ from functools import cached_property
 
 from torch import Tensor
 
-from dashred.discovery.gauss_newton import Fitted, grow, minimise
+from dashred.discovery.gauss_newton import Fitted, grow, minimise, minimise_on
 from dashred.discovery.law import Law, law_of
 from dashred.discovery.local_shooting import found_by
 from dashred.discovery.objective import Normal, Objective
 
 STEPS, TOLERANCE = 10, 1e-4
-# What is settled is fitted on until a step gains next to nothing: also from so much of the record,
-# and from under so many times the noise.
-SETTLING_STEPS, SETTLED, SHARES, LOOSER = 20, 1e-5, (0.25, 0.5), (2.0, 4.0)
+# What is settled is fitted on until a step, or a round of them, gains next to nothing: also from so
+# much of the record, and from under so many times the noise.
+SETTLING_STEPS, SETTLED, WORTH, SHARES, LOOSER = 20, 1e-5, 1.0, (0.17, 0.25, 0.5), (2.0, 4.0)
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def settled(cause: Cause) -> Cause:
     loose = [replace(objective, noise=objective.noise.scaled(factor)) for factor in LOOSER]
     freed = [minimise(wide, cause.phi, SETTLING_STEPS, SETTLED).phi for wide in loose]
     begun = (cause.phi, *grown, *freed)
-    fits = [minimise(objective, phi, SETTLING_STEPS, SETTLED) for phi in begun]
+    fits = [minimise_on(objective, phi, SETTLING_STEPS, SETTLED, WORTH) for phi in begun]
     return ended(cause, objective, min(fits, key=lambda fitted: fitted.cost))
 
 

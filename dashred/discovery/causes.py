@@ -33,6 +33,7 @@ from dashred.discovery.objective import Objective
 from dashred.discovery.on_top import screened_on_top
 from dashred.discovery.periodic import periodic_laws
 from dashred.discovery.shooting import Simulator
+from dashred.discovery.simpler import simpler_from_the_best
 from dashred.discovery.threshold_profile import with_profile
 from dashred.progress import Report
 
@@ -150,9 +151,10 @@ def weigh(
         bound = best.law.score + HOPELESS
         found += local_laws(whole, 0, _alike(everything, best), forced, null.law.score, bound)
         found += further_laws(forced)
+    found += simpler_from_the_best(found)
     if unclear:
         found = _under_its_own_noise(found)
-    nothing = next(cause for cause in found if not cause.law.parts)
+    nothing = min((cause for cause in found if not cause.law.parts), key=by_score)
     best = min(found, key=by_score)
     laws = unlike([with_profile(cause) if cause is best else cause.law for cause in found])
     return Weighed(laws, nothing.law, nothing.objective.noise, gain, forcing)

@@ -19,6 +19,8 @@ from dashred.discovery.objective import Normal, Objective
 LADDER = ((0.0, 0.1, 3.0), (30.0, 300.0, 3000.0))
 # By how much a horizon grows at once, and the steps at each.
 GROWTH, GROWING_STEPS, GROWING_TOLERANCE = 1.4, 3, 1e-2
+# Rounds of steps at most.
+ROUNDS = 4
 # Further steps with one Jacobian.
 CHORDS = 3
 # A chord fit that needs more than this goes nowhere.
@@ -68,6 +70,30 @@ def minimise(
         if not converged:
             lower = _chord_steps(objective, normal, lower, tolerance)
         fitted = replace(lower, converged=converged, jacobians=fitted.jacobians + 1)
+    return fitted
+
+
+def minimise_on(
+    objective: Objective, phi: Tensor, steps: int, tolerance: float, worth: float
+) -> Fitted:
+    """Minimise F in rounds of so many steps, while a round gains what it is worth.
+
+    Between a law's start, its coefficient and its window there may be a long curved valley.
+
+    Args:
+        objective: F.
+        phi: where to begin.
+        steps: of a round, Jacobians at most.
+        tolerance: as for :func:`minimise`.
+        worth: a round that lowers F by less is the last.
+    """
+    fitted = minimise(objective, phi, steps, tolerance)
+    for _ in range(ROUNDS - 1):
+        if fitted.converged:
+            break
+        before, fitted = fitted, minimise(objective, fitted.phi, steps, tolerance)
+        if not before.cost - fitted.cost > worth:
+            break
     return fitted
 
 

@@ -9,20 +9,21 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.cause import Cause
-from dashred.discovery.faults import describe_fitted, fit_fault, predicted_faults
+from dashred.discovery.faults import TestedFault, describe_fitted, fit_fault, predicted_faults
 from dashred.discovery.free_forcing import evidence
 from dashred.discovery.gauss_newton import Fitted, grow, minimise
-from dashred.discovery.law import law_of
+from dashred.discovery.law import Law, law_of
 from dashred.discovery.objective import Normal, Objective
 from dashred.discovery.starts import ScaledStart
 from dashred.discovery.suspects import suspects
 
-# Faults that are fitted, of those that the linearised problem says explain something.
-FAULTS = 4
+# Faults that are fitted, of those that the linearised problem says explain something; of which so
+# many are fitted on, where they leave less than this share of the misfit.
+FAULTS, FURTHER, MOST = 4, 2, 0.5
 # By how much the start may lie outside of its prior, and how often that is asked.
 WIDER, ROUNDS = (2.5, 3.2, 4.0, 5.0, 6.4, 8.0), 2
 STEPS, TOLERANCE = 10, 1e-4
-# A start that leaves so many times the noise's squares is looked for anew, from so many samples on.
+# What leaves so many times the noise's squares is looked for anew, from so many samples on.
 FAR, FIRST = 1.5, 6
 
 
@@ -38,15 +39,28 @@ def faults(cause: Cause, bound: float) -> list[Cause]:
     freedom, normal = cause.law.score - float(cost), cause.normal
     every = predicted_faults(objective, phi, normal, suspects(objective, normal))
     near = [pair for pair in every if pair[0].score + freedom < bound]
-    chosen = sorted(near, key=lambda pair: pair[0].score)
+    chosen = sorted(near, key=lambda pair: pair[0].score)[:FAULTS]
+    tests = [fit_fault(objective, fault, phi, best.own) for best, fault in chosen]
+    tests.sort(key=lambda tested: tested.score)
     found = []
-    for best, fault in chosen[:FAULTS]:
-        tested = fit_fault(objective, fault, phi, best.own)
+    for tested in [*(_fitted_on(t, cause.law) for t in tests[:FURTHER]), *tests[FURTHER:]]:
         candidates = objective.shooting.candidates
         law = law_of(tested.objective, tested.fitted, candidates, tested.score + freedom)
         law = replace(law, fault=describe_fitted(objective, tested))
         found.append(Cause(law, tested.objective, tested.fitted.phi))
     return found
+
+
+def _fitted_on(tested: TestedFault, without: Law) -> TestedFault:
+    """Return a fault that explains most, and leaves more than noise, fitted on.
+
+    The sensor may have led what was fitted to it far from where it belongs.
+    """
+    before, count = tested.fitted, tested.objective.noise.count
+    if not FAR < before.chi2 / count < MOST * without.chi2:
+        return tested
+    fitted = _anywhere(tested.objective, before.phi)
+    return replace(tested, fitted=fitted, score=tested.score + fitted.cost - before.cost)
 
 
 def wider_starts(null: Cause) -> list[Cause]:
@@ -82,7 +96,7 @@ def wider_starts(null: Cause) -> list[Cause]:
 
 
 def _anywhere(objective: Objective, z: Tensor) -> Fitted:
-    """Fit a start from where it is, and where that leaves more than noise, from the first samples.
+    """Fit from where it is, and where that leaves more than noise, from the first samples.
 
     What was fitted under a prior that keeps it away may have no way to where it belongs.
     """

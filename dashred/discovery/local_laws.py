@@ -14,8 +14,9 @@ from dataclasses import replace
 from torch import Tensor
 
 from dashred.discovery.cause import Cause, by_score, settled
+from dashred.discovery.discovered import AMBIGUOUS
 from dashred.discovery.free_forcing import FreeForcing
-from dashred.discovery.gauss_newton import grow, minimise
+from dashred.discovery.gauss_newton import grow, minimise_on
 from dashred.discovery.hypothesis import Hypothesis, Tested, first_unknowns, pose, test
 from dashred.discovery.law import law_of
 from dashred.discovery.objective import Objective
@@ -155,7 +156,7 @@ def _try(objective: Objective, found: Screened, z: Tensor, samples: int | None =
 
 def _finish(tested: Tested) -> Cause:
     mine, before = tested.objective, tested.fitted
-    fitted = minimise(mine, before.phi, LAST_STEPS, LAST_TOLERANCE)
+    fitted = minimise_on(mine, before.phi, LAST_STEPS, LAST_TOLERANCE, AMBIGUOUS)
     score = tested.score - before.cost + fitted.cost
     done = replace(tested, fitted=fitted, score=score)
     guess = tested.hypothesis.guess

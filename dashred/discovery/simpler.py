@@ -1,0 +1,52 @@
+"""Simpler explanations begun where the best has ended: what that holds in vain is dropped.
+
+A fit of the start ends in the nearest of several minima. An explanation without a law may be worse
+than one with it for nothing but its start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from dashred.discovery.cause import Cause, by_score, ended
+from dashred.discovery.gauss_newton import minimise
+from dashred.discovery.left_out import Beside, beside_the_fault
+from dashred.discovery.starts import StartModel, nearest
+
+STEPS, TOLERANCE = 10, 1e-4
+
+
+def simpler_from_the_best(found: Sequence[Cause]) -> list[Cause]:
+    """Return what explanations without a law become from the best one's start, if better.
+
+    Args:
+        found: explanations.
+    """
+    best = min(found, key=by_score)
+    if not best.law.candidates:
+        return []
+    begun = [_begun(cause, best) for cause in found if not cause.law.candidates]
+    return [better for better in begun if better is not None]
+
+
+def _begun(cause: Cause, best: Cause) -> Cause | None:
+    """Return an explanation fitted from the best one's start; None where that is no better."""
+    if isinstance(cause, Beside):
+        bare = _begun(cause.bare, best)
+        return bare and beside_the_fault(bare, cause.sensor)
+    objective = cause.objective
+    z = _start_of(best, objective.shooting.start)
+    phi = torch.cat([z, cause.phi[len(z) :]])
+    before, there = objective.values(torch.stack([cause.phi, phi]))[0].tolist()
+    if not there < before:
+        return None
+    return ended(cause, objective, minimise(objective, phi, STEPS, TOLERANCE))
+
+
+def _start_of(cause: Cause, model: StartModel) -> Tensor:
+    """Return an explanation's start as the z of a model, ``(mode,)``."""
+    z, mine = cause.objective.split(cause.phi)[0], cause.objective.shooting.start
+    return z if mine is model else nearest(model, mine.start(z[None])[0])

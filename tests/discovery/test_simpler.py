@@ -1,0 +1,86 @@
+"""What a law holds in vain is dropped: without it the same start does as well."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from dashred.discovery.cause import Cause
+from dashred.discovery.gauss_newton import minimise
+from dashred.discovery.law import law_of
+from dashred.discovery.left_out import Beside, beside_the_fault
+from dashred.discovery.objective import Objective
+from dashred.discovery.simpler import simpler_from_the_best
+from dashred.discovery.starts import ScaledStart
+from tests.waves import Waves, fitted
+
+SIGMA = 0.02
+FAR = 3.0
+
+
+def explanation(objective: Objective, phi: torch.Tensor, penalty: float = 0.0) -> Cause:
+    """Return an explanation fitted from where it is said."""
+    found = minimise(objective, phi, 10, 1e-6)
+    law = law_of(objective, found, objective.shooting.candidates, found.cost + penalty)
+    return Cause(law, objective, found.phi)
+
+
+def astray(right: Cause) -> Cause:
+    """Return an explanation whose fit has ended far from where it belongs."""
+    phi = right.phi + FAR
+    [cost], _ = right.objective.values(phi[None])
+    return Cause(replace(right.law, score=float(cost)), right.objective, phi)
+
+
+def fits(waves: Waves, xi: float, factor: float = 1.0) -> tuple[Cause, Cause]:
+    """Return the fits of a law, and of the simulator as it is, to a recording under that law."""
+    start = ScaledStart(waves.start, factor)
+    law = [(waves.everything["u: u"], xi)]
+    recorded = waves.recorded(SIGMA, 1, law, start)
+    null = waves.objective(recorded, SIGMA)
+    nothing = explanation(null, fitted(null))
+    mine = waves.objective(recorded, SIGMA, ["u: u"])
+    found = explanation(mine, mine.embed(nothing.phi, []), penalty=10.0)
+    return found, nothing
+
+
+def test_a_term_that_does_nothing_is_dropped(waves: Waves) -> None:
+    law, nothing = fits(waves, 0.0)
+    lost = astray(nothing)
+    assert law.law.score < lost.law.score - 100
+    [found] = simpler_from_the_best([lost, law])
+    assert not found.law.candidates
+    assert found.law.score == pytest.approx(nothing.law.score, abs=0.1)
+    assert found.law.score < law.law.score
+
+
+def test_a_term_that_does_something_is_kept(waves: Waves) -> None:
+    law, nothing = fits(waves, -0.25)
+    assert all(
+        found.law.score > law.law.score + 100 for found in simpler_from_the_best([nothing, law])
+    )
+
+
+def test_nothing_is_fitted_anew_where_the_best_has_no_law(waves: Waves) -> None:
+    _, nothing = fits(waves, 0.0)
+    assert simpler_from_the_best([nothing, astray(nothing)]) == []
+
+
+def test_a_wider_start_is_begun_there_too(waves: Waves) -> None:
+    law, _ = fits(waves, 0.0)
+    objective = law.objective.only(())
+    shooting = replace(objective.shooting, start=ScaledStart(waves.start, 4.0))
+    wider = replace(objective, shooting=shooting)
+    right = explanation(wider, law.phi[: law.objective.modes] / 4.0)
+    [found] = simpler_from_the_best([astray(right), law])
+    assert found.law.score == pytest.approx(right.law.score, abs=0.1)
+
+
+def test_the_fault_beside_it_stays(waves: Waves) -> None:
+    law, nothing = fits(waves, 0.0)
+    lost = beside_the_fault(astray(nothing), 0)
+    [found] = simpler_from_the_best([lost, law])
+    assert isinstance(found, Beside) and found.sensor == 0 and found.law.fault is not None
+    assert found.bare.law.score == pytest.approx(nothing.law.score, abs=0.1)
