@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dashred.discovery.candidates import Candidate
-from dashred.discovery.correction import enters_linearly
 from dashred.discovery.discovered import AMBIGUOUS, Discovered
 from dashred.discovery.law import Law, SensorFault
+from dashred.discovery.parameter_change import is_exact, parameter_change
 from dashred.discovery.plausibility import inclusion
 from dashred.discovery.wording import words
 from dashred.law_schema import Alternative, ParameterChange, SmallerLaw, TermFound, TermTried
@@ -35,11 +35,10 @@ def explain(system: System, discovered: Discovered) -> list[TermFound | Paramete
     return found
 
 
-def alternatives(discovered: Discovered, units: Mapping[str, str] = NONE) -> list[Alternative]:
+def alternatives(discovered: Discovered, system: System) -> list[Alternative]:
     """Return at most three other laws: rivals first, then by score.
 
-    Of a law of several terms the best one-term law is among them, for comparison. Units are those
-    of places, times and fields that bound a law.
+    Of a law of several terms the best one-term law is among them, for comparison.
     """
     best, rivals = discovered.best, discovered.rivals
     # Laws hold tensors, which do not compare to one truth: identity decides.
@@ -51,7 +50,7 @@ def alternatives(discovered: Discovered, units: Mapping[str, str] = NONE) -> lis
         chosen[-1] = single[0]
     return [
         Alternative(
-            terms=_tried(law, units),
+            terms=_tried(system, law.candidates, law.coefficients.tolist()),
             delta_bic=law.score - best.score,
             rival=id(law) in decided,
             same_as_best=_reads_the_same(discovered, law),
@@ -60,7 +59,7 @@ def alternatives(discovered: Discovered, units: Mapping[str, str] = NONE) -> lis
     ]
 
 
-def smaller(discovered: Discovered) -> list[SmallerLaw]:
+def smaller(discovered: Discovered, system: System) -> list[SmallerLaw]:
     """Return the best laws of fewer terms than the best law has, where that acts everywhere.
 
     What one explains is ``(F₀ - F_k) / (F₀ - F)``: F of no law, of k terms, and of all.
@@ -72,7 +71,7 @@ def smaller(discovered: Discovered) -> list[SmallerLaw]:
     explained = misfits[0] - misfits[count]
     return [
         SmallerLaw(
-            terms=list(map(_everywhere, law.candidates, law.coefficients)),
+            terms=_tried(system, law.candidates, law.coefficients),
             explained=(misfits[0] - law.rmse**2) / explained,
         )
         for law in discovered.path
@@ -167,7 +166,8 @@ def fault_in_words(
 
 def _parameter(system: System, law: Law, index: int, included: float) -> ParameterChange:
     candidate = law.candidates[index]
-    old, change = system.config.parameters[candidate.name], float(law.coefficients[index])
+    old = system.config.parameters[candidate.name]
+    change, std = _change(system, law, index)
     found: ParameterChange = {
         "equation": None,
         "parameter": candidate.name,
@@ -175,8 +175,10 @@ def _parameter(system: System, law: Law, index: int, included: float) -> Paramet
         "from": old,
         "to": old + change,
         "coefficient": change,
-        "std": float(law.std[index]),
-        "ci95": [old + end for end in law.interval(index)],
+        "std": std,
+        "ci95": sorted(
+            old + parameter_change(system, candidate.name, end) for end in law.interval(index)
+        ),
         "aliases": list(candidate.aliases),
         "inclusion": included,
         "region": None,
@@ -187,6 +189,14 @@ def _parameter(system: System, law: Law, index: int, included: float) -> Paramet
     return found
 
 
+def _change(system: System, law: Law, index: int) -> tuple[float, float]:
+    """Return by how much a parameter is other than believed, and the standard deviation of that."""
+    name, xi = law.candidates[index].name, float(law.coefficients[index])
+    std = float(law.std[index])
+    ahead, behind = (parameter_change(system, name, xi + step) for step in (std / 2, -std / 2))
+    return parameter_change(system, name, xi), abs(ahead - behind)
+
+
 def _says(system: System, law: Law, index: int) -> str:
     candidate = law.candidates[index]
     value, std = float(law.coefficients[index]), float(law.std[index])
@@ -195,8 +205,9 @@ def _says(system: System, law: Law, index: int) -> str:
         window = candidate.window
         return says if window is None else f"{says}, {window.told(system.units)}"
     old = system.config.parameters[candidate.name]
-    new, error = rounded(old + value, std)
-    about = "" if enters_linearly(system, candidate.name) else ", to first order in the change"
+    change, std = _change(system, law, index)
+    new, error = rounded(old + change, std)
+    about = "" if is_exact(system, candidate.name) else ", to first order in the change"
     told = measured(new, system.units.get(candidate.name))
     says = f"{candidate.name} is {told}, not {number(old)} (± {error}{about})"
     if candidate.aliases:
@@ -211,21 +222,19 @@ def _expression(system: System, candidate: Candidate) -> Expr:
     return system.parse(candidate.name, key, equation=candidate.equation)
 
 
-def _everywhere(candidate: Candidate, value: float) -> TermTried:
-    return TermTried(
-        equation=candidate.equation, term=candidate.name, coefficient=value, region=None
-    )
-
-
-def _tried(law: Law, units: Mapping[str, str]) -> list[TermTried]:
+def _tried(
+    system: System, candidates: Sequence[Candidate], coefficients: Sequence[float]
+) -> list[TermTried]:
     return [
         TermTried(
             equation=candidate.equation,
             term=candidate.name,
-            coefficient=value,
-            region=candidate.window.told(units) if candidate.window else None,
+            coefficient=value
+            if candidate.equation
+            else parameter_change(system, candidate.name, value),
+            region=candidate.window.told(system.units) if candidate.window else None,
         )
-        for candidate, value in zip(law.candidates, law.coefficients.tolist(), strict=True)
+        for candidate, value in zip(candidates, coefficients, strict=True)
     ]
 
 

@@ -17,6 +17,7 @@ from torch import Tensor
 
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.law import Law
+from dashred.discovery.parameter_change import parameter_change
 from dashred.physics.algebra import Name, Number, Product, names
 from dashred.physics.port_hamiltonian import Part, PortHamiltonian, alike
 from dashred.physics.quadrature import integral
@@ -75,7 +76,11 @@ def stays_port_hamiltonian(
         visited: states that the fields visit, each at its own time.
     """
     values = law.coefficients.tolist()
-    moved = {c.name: xi for c, xi in zip(law.candidates, values, strict=True) if not c.equation}
+    moved = {
+        candidate.name: parameter_change(form.system, candidate.name, xi)
+        for candidate, xi in zip(law.candidates, values, strict=True)
+        if candidate.equation is None
+    }
     changed, at = form.with_parameters(moved), visited.with_waves(form.system)
     if not changed.is_skew(at):
         return False
@@ -96,15 +101,15 @@ def stays_port_hamiltonian(
 
 
 def _of_parameter(
-    form: PortHamiltonian, candidate: Candidate, value: float, at: Visited
+    form: PortHamiltonian, candidate: Candidate, xi: float, at: Visited
 ) -> StructureChange:
     [part, *_] = [*form.parts_that_read(candidate.name), None]
     if part != "R":
         return StructureChange(candidate.key, part)
     efforts = _efforts(form, at)
-    before, after = (
-        each.lost(at, efforts) for each in (form, form.with_parameters({candidate.name: value}))
-    )
+    change = parameter_change(form.system, candidate.name, xi)
+    changed = form.with_parameters({candidate.name: change})
+    before, after = (each.lost(at, efforts) for each in (form, changed))
     return StructureChange(candidate.key, "R", bool((after >= before).all()))
 
 

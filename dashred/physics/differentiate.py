@@ -80,16 +80,29 @@ def parameter_tendency(system: System, parameter: str) -> dict[str, Expr]:
         NotDifferentiableError: see :func:`differentiate`.
         InputError: the parameters make a constant infinite.
     """
+    found = {
+        equation: system.ready(slope, equation, f"system.equations.{equation}")
+        for equation, slope in parameter_slopes(system, parameter).items()
+    }
+    return {equation: slope for equation, slope in found.items() if slope != ZERO}
+
+
+def parameter_slopes(system: System, parameter: str) -> dict[str, Expr]:
+    """Return ``∂N/∂p`` of every equation, lets opened, parameters by name.
+
+    Raises:
+        KeyError: the system has no such parameter.
+        NotDifferentiableError: see :func:`differentiate`.
+    """
     if parameter not in system.config.parameters:
         raise KeyError(parameter)
     lets: dict[str, Expr] = {}
     for let, expr in system.lets.items():
         lets[let] = substitute(expr, lets)
-    found = {}
-    for equation, expr in system.equations.items():
-        slope = differentiate(substitute(expr, lets), parameter)
-        found[equation] = system.ready(slope, equation, f"system.equations.{equation}")
-    return {equation: slope for equation, slope in found.items() if slope != ZERO}
+    return {
+        equation: differentiate(substitute(expr, lets), parameter)
+        for equation, expr in system.equations.items()
+    }
 
 
 def _of_product(factors: tuple[Expr, ...], name: str) -> Expr:

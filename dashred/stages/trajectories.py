@@ -8,9 +8,10 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.candidates import forcing_of
-from dashred.discovery.correction import correct, enters_linearly
+from dashred.discovery.correction import correct
 from dashred.discovery.discovered import Discovered
 from dashred.discovery.law import Law
+from dashred.discovery.parameter_change import is_exact
 from dashred.physics.simulate import simulate
 from dashred.progress import stage
 from dashred.stages.problem import Problem
@@ -79,7 +80,7 @@ def _run(problem: Problem, best: Law, start: Tensor, refitted: Tensor) -> Trajec
     forcing = forcing_of(best.candidates, coefficients)
     same_start, refit, corrected = simulate(problem.system, starts, clock, forcing)
     changed = [c.name for c in best.candidates if c.equation is None]
-    if not all(enters_linearly(problem.system, name) for name in changed):
+    if not all(is_exact(problem.system, name) for name in changed):
         # Their law is a tangent; what is reported and written is the new value itself.
         [corrected] = simulate(correct(problem.system, best), start[None], clock)
     states = {

@@ -72,8 +72,8 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
             names,
         ),
         terms=explain(problem.system, discovered),
-        alternatives=alternatives(discovered, problem.system.units),
-        smaller=smaller(discovered),
+        alternatives=alternatives(discovered, problem.system),
+        smaller=smaller(discovered, problem.system),
         energy=energy_lost(
             problem.system,
             replace(discovered.best, start=problem.starts(discovered.best.start)[0]),

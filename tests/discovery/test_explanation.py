@@ -63,7 +63,7 @@ def test_a_term_in_a_window_says_where_it_acts(flow: System, shape, values, regi
     assert (told["term"], told["region"]) == ("u", [region])
     damping = "linear damping of internal energy, −0.040 ± 0.002 per unit time"
     assert told["says"] == f"{damping}, {words}"
-    [other] = alternatives(laws.discovery(laws.law(), dataclasses.replace(best, score=3.0)))
+    [other] = alternatives(laws.discovery(laws.law(), dataclasses.replace(best, score=3.0)), flow)
     assert other["terms"][0]["region"] == words
     # The corrected system has the window in its equations.
     assert "tanh" in correct(flow, best).config.equations["u"]
@@ -136,7 +136,7 @@ def test_alternatives_are_rivals_first_and_three_at_most(flow: System) -> None:
     rival = laws.law([lam], [0.2], score=3.0, misfit=1.2)
     twin = laws.law([cubic], [0.3], score=4.0, misfit=1.001)
     others = [laws.law([laws.parameter(flow, "q")], [0.3], score=s) for s in (9.0, 8.0)]
-    found = alternatives(laws.discovery(best, nested, rival, twin, *others))
+    found = alternatives(laws.discovery(best, nested, rival, twin, *others), flow)
     assert [other["delta_bic"] for other in found] == [3.0, 4.0, 1.0]
     assert [other["rival"] for other in found] == [True, True, False]
     assert found[0]["terms"] == [
@@ -149,7 +149,7 @@ def test_laws_read_the_same_if_their_readings_differ_by_less_than_six(flow: Syst
     u, lam = laws.term(flow, "u", "u"), laws.term(flow, "u", "lam")
     for misfit, same in ((1.2, True), (1.25, False)):
         rival = laws.law([lam], [0.2], score=3.0, misfit=misfit)
-        [other] = alternatives(laws.discovery(laws.law([u], [0.1]), rival))
+        [other] = alternatives(laws.discovery(laws.law([u], [0.1]), rival), flow)
         assert other["same_as_best"] is same
 
 
@@ -169,11 +169,11 @@ def test_smaller_laws_say_how_much_of_the_best_they_explain(flow: System) -> Non
         BestOfSize((u, cubed), (-0.1, 0.02), 100.0, 1.0),
         BestOfSize((u, cubed, squared), (-0.1, 0.02, 0.0), 108.0, 0.99),
     ]
-    [only] = smaller(laws.discovery(laws.law([u, cubed], [-0.1, 0.02]), path=path))
+    [only] = smaller(laws.discovery(laws.law([u, cubed], [-0.1, 0.02]), path=path), flow)
     assert only["terms"] == [{"equation": "u", "term": "u", "coefficient": -0.1, "region": None}]
     assert only["explained"] == pytest.approx((9 - 2.25) / (9 - 1))
-    assert smaller(laws.discovery(laws.law([u], [-0.1]), path=path)) == []
-    assert smaller(laws.discovery(laws.law(), path=path)) == []
+    assert smaller(laws.discovery(laws.law([u], [-0.1]), path=path), flow) == []
+    assert smaller(laws.discovery(laws.law(), path=path), flow) == []
 
 
 def test_the_law_that_is_reported_is_looked_up_on_the_path(flow: System) -> None:

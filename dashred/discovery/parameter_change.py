@@ -1,0 +1,99 @@
+"""What the coefficient of a parameter's tangent says of the parameter itself.
+
+A law adds ``ξ ∂N/∂p`` to the tendency N, taken at the believed value p₀. Where that only grows or
+shrinks with p, by a factor r(p), one other value does exactly the same: ``N(p) − N(p₀)`` is
+``ξ ∂N/∂p`` with ``ξ = ∫ r dp``. What enters linearly has r = 1, a mass or another divisor
+``r = p₀²/p²``. Of all others the change is ξ to first order.
+"""
+
+from __future__ import annotations
+
+import math
+
+from dashred.physics.algebra import Expr, Number, split_coefficient, substitute, summands
+from dashred.physics.differentiate import parameter_slopes
+from dashred.physics.system import System
+
+# Of Runge and Kutta's method, from the old value to the new.
+STEPS = 32
+# Another value, at which a parameter's effect is compared.
+ELSEWHERE = 1.25
+CLOSE = 1e-9
+
+
+def parameter_change(system: System, parameter: str, xi: float) -> float:
+    """Return by how much a parameter is other than believed.
+
+    Args:
+        system: the simulator.
+        parameter: its name.
+        xi: coefficient ξ of its tangent, in the parameter's unit.
+    """
+    tangent = _Tangent(system, parameter)
+    if tangent.is_constant or not tangent.keeps_its_shape:
+        return xi
+    value, step = tangent.believed, xi / STEPS
+    for _ in range(STEPS):
+        k1 = tangent.slope(value)
+        k2 = tangent.slope(value + step / 2 * k1)
+        k3 = tangent.slope(value + step / 2 * k2)
+        k4 = tangent.slope(value + step * k3)
+        value += step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    change = value - tangent.believed
+    # No divisor reaches zero: a ξ that asks for as much is no change of this parameter.
+    return change if math.isfinite(change) and value * tangent.believed > 0 else xi
+
+
+def is_exact(system: System, parameter: str) -> bool:
+    """Return whether another value of a parameter does exactly what the law says."""
+    return _Tangent(system, parameter).keeps_its_shape
+
+
+class _Tangent:
+    """``∂N/∂p`` as a function of p."""
+
+    def __init__(self, system: System, parameter: str) -> None:
+        self.parameter, self.believed = parameter, system.config.parameters[parameter]
+        self._slopes = parameter_slopes(system, parameter)
+        self._others = {name: Number(float(v)) for name, v in system.config.parameters.items()}
+        self._here = self._at(self.believed)
+        elsewhere = ELSEWHERE * self.believed if self.believed else 1.0
+        self._elsewhere = self._ratio(elsewhere)
+
+    @property
+    def keeps_its_shape(self) -> bool:
+        """Whether it is the same but for a factor, at another value."""
+        return self._elsewhere is not None
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether it is the same at another value."""
+        return self._elsewhere is not None and abs(self._elsewhere - 1.0) < CLOSE
+
+    def slope(self, value: float) -> float:
+        """Return ``dp/dξ = 1/r(p)``; not a number where p cannot have that value."""
+        ratio = self._ratio(value)
+        return 1.0 / ratio if ratio else math.nan
+
+    def _ratio(self, value: float) -> float | None:
+        """Return r; None where there is none."""
+        there = self._at(value) if math.isfinite(value) else {}
+        if not there or there.keys() != self._here.keys():
+            return None
+        ratios = [there[part] / number for part, number in self._here.items()]
+        alike = max(ratios) - min(ratios) <= CLOSE * max(map(abs, ratios))
+        return ratios[0] if alike else None
+
+    def _at(self, value: float) -> dict[tuple[str, Expr], float]:
+        """Return the numbers of its summands, by equation and what they multiply."""
+        values = self._others | {self.parameter: Number(value)}
+        found: dict[tuple[str, Expr], float] = {}
+        for equation, slope in self._slopes.items():
+            try:
+                parts = summands(substitute(slope, values))
+            except (ArithmeticError, ValueError):
+                return {}
+            for number, rest in map(split_coefficient, parts):
+                if number:
+                    found[equation, rest] = number
+        return found
