@@ -13,7 +13,7 @@ from torch import Tensor
 
 from dashred.discovery.beyond import laws_beyond
 from dashred.discovery.candidates import Candidate
-from dashred.discovery.cause import Cause, by_score, refitted
+from dashred.discovery.cause import Cause, by_score, refitted, settled
 from dashred.discovery.discovered import AMBIGUOUS, MISSING
 from dashred.discovery.forcing_map import ForcingMap, map_of
 from dashred.discovery.free_forcing import FreeForcing, force
@@ -215,14 +215,18 @@ def _of(objective: Objective, simulator: Simulator, candidates: Sequence[Candida
 def _under_its_own_noise(found: Sequence[Cause]) -> list[Cause]:
     """Fit all that may still be right again, under the noise that the best of them leaves.
 
-    A free forcing takes less from the residuals than it spends: what it leaves is too large.
+    A free forcing takes less from the residuals than it spends: what it leaves is too large, and
+    hides lower minima of the best.
     """
     best = min(found, key=by_score)
     [readings] = best.objective.shooting.readings(*best.objective.split(best.phi[None]))
     noise = best.objective.noise_left(readings, len(best.phi))
     bound = best.law.score + HOPELESS
     kept = [cause for cause in found if cause.law.score < bound or not cause.law.parts]
-    return [_again(cause, noise) for cause in kept]
+    again = [_again(cause, noise) for cause in kept]
+    best = min(again, key=by_score)
+    lawful = best.law.candidates and best.law.fault is None
+    return [settled(cause) if cause is best and lawful else cause for cause in again]
 
 
 def _noise_under(forced: FreeForcing) -> NoiseModel:
