@@ -10,6 +10,7 @@ from dashred.reporting.figure_names import FORECAST, METHOD, PROOF, WHAT, WHERE
 from dashred.reporting.headline import headline
 from dashred.reporting.page_parts import figures as drawn
 from dashred.reporting.page_parts import paragraphs
+from dashred.reporting.page_provenance import how_it_was_done, provenance
 from dashred.reporting.page_style import PAPER, SCREEN
 from dashred.reporting.verdict_words import VERDICTS, causes, law
 from dashred.whole_files import write_text_atomic
@@ -49,8 +50,8 @@ def write_html(
         sections.forecast(findings, of(FORECAST)),
         sections.unexplained(findings),
         sections.cannot_know(findings),
-        sections.how_it_was_done(findings, of(METHOD)),
-        sections.provenance(findings, commit),
+        how_it_was_done(findings, of(METHOD)),
+        provenance(findings, commit),
         f"<details><summary>The printed summary</summary><pre>{escape(summary)}</pre></details>",
     ]
     body = "\n".join(part for part in parts if part)

@@ -11,7 +11,8 @@ from dashred.findings_schema import Fit, Input, misfit, new_findings
 from dashred.reporting.equation_html import equations_html
 from dashred.reporting.headline import headline
 from dashred.reporting.html import write_html
-from dashred.reporting.page_sections import forecast, provenance, unexplained
+from dashred.reporting.page_provenance import provenance
+from dashred.reporting.page_sections import forecast, unexplained
 from dashred.reporting.summary import summary
 from dashred.reporting.verdict_words import verdict_lines
 
