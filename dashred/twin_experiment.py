@@ -23,8 +23,9 @@ from dashred.config.commandline import PLACE
 from dashred.errors import DONE, OUR_FAILURE, WRONG_INPUT, InputError
 from dashred.kept_seal import SEALED, drop_seal, keep_seal, kept_seal
 from dashred.mlflow_store import Store, open_store, status_of
-from dashred.output import clear_figures, named_output
+from dashred.output import named_output
 from dashred.parent_run import cut_short, experiment_of
+from dashred.reporting.figure_names import OF_THE_TRUTH
 from dashred.run_notes import name_of
 from dashred.tracking import Tracker
 from dashred.whole_files import copy_atomic
@@ -109,8 +110,8 @@ def score(
 
 def clear_scored(output: Path) -> None:
     """Take an earlier truth, and what shows it, out of the folder of an analysis that begins."""
-    (output / SEALED).unlink(missing_ok=True)
-    clear_figures(output)
+    for name in (SEALED, *OF_THE_TRUTH):
+        (output / name).unlink(missing_ok=True)
 
 
 def words_of_analysis(words: list[str], recording: Path, output: Path) -> list[str]:

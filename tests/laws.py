@@ -99,15 +99,13 @@ def discovery(
     exhausted: bool = True,
     seen: torch.Tensor | None = None,
     beyond: float = 0.0,
-    inflation: float = 1.0,
-    correlation: float = 0.0,
     path: list[BestOfSize] | None = None,
 ) -> Discovered:
     """Return a discovery with these laws, the best first, under noise of σ = 1."""
     everywhere = torch.ones(SAMPLES, SENSORS, dtype=torch.bool)
     noise = NoiseModel(
         torch.ones(SENSORS, dtype=torch.float64),
-        torch.full((SENSORS,), correlation, dtype=torch.float64),
+        torch.zeros(SENSORS, dtype=torch.float64),
         everywhere if seen is None else seen,
     )
     return Discovered(
@@ -123,5 +121,4 @@ def discovery(
         path=path or [BestOfSize((), (), 1000.0, 3.0)],
         tried=50,
         beyond=beyond,
-        inflation=inflation,
     )

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 from dashred.config import Config, load_config
 from dashred.errors import DONE, InputError, run_entry
+from dashred.machine_failures import told
 
 if TYPE_CHECKING:
     from dashred.baselines.estimate import Estimated
@@ -103,15 +104,15 @@ def attempt(method: Callable[[], Estimated | None], simulated: float) -> Ended:
         simulated: seconds of the simulations that it was handed.
 
     Raises:
-        InputError, OSError, MemoryError: of the machine or the store, and of no method.
+        Exception: what the machine or the store has refused is no failure of a method.
     """
     began = time.perf_counter()
     found, failed = None, None
     try:
         found = method()
-    except (InputError, OSError, MemoryError):
-        raise
     except Exception as error:
+        if isinstance(error, InputError | OSError | MemoryError) or told(error):
+            raise
         traceback.print_exc()
         failed = failure_in_words(error)
     if found is not None and not bool(found.states.isfinite().all()):

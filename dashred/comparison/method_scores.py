@@ -32,6 +32,7 @@ from dashred.comparison.compared import (
 )
 from dashred.errors import DONE, InputError, run_entry
 from dashred.findings import check_freeze, sha256_of, write_json_atomic
+from dashred.machine_failures import told
 
 if TYPE_CHECKING:
     import numpy as np
@@ -200,9 +201,9 @@ def _full_field(
     terms, failed = None, None
     try:
         terms = pde_find(system, library, torch.tensor(times), ordered, noise, rng)
-    except (OSError, MemoryError):
-        raise
     except Exception as error:
+        if isinstance(error, OSError | MemoryError) or told(error):
+            raise
         traceback.print_exc()
         failed = failure_in_words(error)
     return _lost("") | {

@@ -15,8 +15,6 @@ from dashred.discovery.noise_model import NoiseModel
 MISSING = 4.0
 # A rival within this of the best is as good as the best (design §4.2.6).
 AMBIGUOUS = 6.0
-# Residuals this many times the stated noise are not noise.
-INFLATED = 1.3
 
 
 @dataclass(frozen=True)
@@ -53,7 +51,6 @@ class Discovered:
         path: the best law of each size, the smallest first.
         tried: how many sets were refitted.
         beyond: evidence for a free forcing on top of the best law.
-        inflation: the noise that the best law leaves over what is stated; 1 where none is stated.
         forcing: the map of a free forcing on top of the simulator as it is, where one was needed.
     """
 
@@ -69,7 +66,6 @@ class Discovered:
     path: list[BestOfSize]
     tried: int
     beyond: float = 0.0
-    inflation: float = 1.0
     forcing: ForcingMap | None = None
 
     @property

@@ -20,6 +20,8 @@ from dashred.typeset import number, rounded
 from dashred.units import NONE, TIME, measured, shown
 
 MOST_ALTERNATIVES = 3
+# Of a law that is worse by less there is something to say.
+NEAR = 12.0
 
 
 def explain(system: System, discovered: Discovered) -> list[TermFound | ParameterChange]:
@@ -46,8 +48,11 @@ def alternatives(discovered: Discovered, system: System) -> list[Alternative]:
     others = [law for law in discovered.laws[1:] if id(law) not in decided]
     chosen = [*rivals, *others][:MOST_ALTERNATIVES]
     single = [law for law in discovered.laws[1:] if len(law.candidates) == 1]
-    if single and len(best.candidates) > 1 and id(single[0]) not in map(id, chosen):
-        chosen[-1] = single[0]
+    listed = {id(law) for law in chosen}
+    if single and len(best.candidates) > 1 and id(single[0]) not in listed:
+        # One that is nearly as good says more.
+        near = [law for law in chosen if law.score < best.score + NEAR]
+        chosen = [*near, single[0]] if len(near) < MOST_ALTERNATIVES else chosen
     return [
         Alternative(
             terms=_tried(system, law.candidates, law.coefficients.tolist()),
@@ -176,9 +181,7 @@ def _parameter(system: System, law: Law, index: int, included: float) -> Paramet
         "to": old + change,
         "coefficient": change,
         "std": std,
-        "ci95": sorted(
-            old + parameter_change(system, candidate.name, end) for end in law.interval(index)
-        ),
+        "ci95": [old + change + end for end in _ends(system, law, index)],
         "aliases": list(candidate.aliases),
         "inclusion": included,
         "region": None,
@@ -197,6 +200,17 @@ def _change(system: System, law: Law, index: int) -> tuple[float, float]:
     return parameter_change(system, name, xi), abs(ahead - behind)
 
 
+def _ends(system: System, law: Law, index: int) -> list[float]:
+    """Return the ends of a parameter's 95 % interval, relative to the change that was found."""
+    name, xi = law.candidates[index].name, float(law.coefficients[index])
+    change = parameter_change(system, name, xi)
+    found = []
+    for end in law.interval(index):
+        both = is_exact(system, name, xi) and is_exact(system, name, end)
+        found.append(parameter_change(system, name, end) - change if both else end - xi)
+    return sorted(found)
+
+
 def _says(system: System, law: Law, index: int) -> str:
     candidate = law.candidates[index]
     value, std = float(law.coefficients[index]), float(law.std[index])
@@ -207,7 +221,7 @@ def _says(system: System, law: Law, index: int) -> str:
     old = system.config.parameters[candidate.name]
     change, std = _change(system, law, index)
     new, error = rounded(old + change, std)
-    about = "" if is_exact(system, candidate.name) else ", to first order in the change"
+    about = "" if is_exact(system, candidate.name, value) else ", to first order in the change"
     told = measured(new, system.units.get(candidate.name))
     says = f"{candidate.name} is {told}, not {number(old)} (± {error}{about})"
     if candidate.aliases:

@@ -18,35 +18,38 @@ from dashred.physics.system import System
 STEPS = 32
 # Another value, at which a parameter's effect is compared.
 ELSEWHERE = 1.25
-CLOSE = 1e-9
+CLOSE, RETURNED = 1e-9, 1e-3
 
 
 def parameter_change(system: System, parameter: str, xi: float) -> float:
-    """Return by how much a parameter is other than believed.
+    """Return by how much a parameter is other than believed: ξ itself, where that is not exact.
 
     Args:
         system: the simulator.
         parameter: its name.
         xi: coefficient ξ of its tangent, in the parameter's unit.
     """
-    tangent = _Tangent(system, parameter)
-    if tangent.is_constant or not tangent.keeps_its_shape:
-        return xi
-    value, step = tangent.believed, xi / STEPS
-    for _ in range(STEPS):
-        k1 = tangent.slope(value)
-        k2 = tangent.slope(value + step / 2 * k1)
-        k3 = tangent.slope(value + step / 2 * k2)
-        k4 = tangent.slope(value + step * k3)
-        value += step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    change = value - tangent.believed
-    # No divisor reaches zero: a ξ that asks for as much is no change of this parameter.
-    return change if math.isfinite(change) and value * tangent.believed > 0 else xi
+    change = _exact_change(system, parameter, xi)
+    return xi if change is None else change
 
 
-def is_exact(system: System, parameter: str) -> bool:
+def is_exact(system: System, parameter: str, xi: float) -> bool:
     """Return whether another value of a parameter does exactly what the law says."""
-    return _Tangent(system, parameter).keeps_its_shape
+    return _exact_change(system, parameter, xi) is not None
+
+
+def _exact_change(system: System, parameter: str, xi: float) -> float | None:
+    """Return the change that does exactly what the law does; None where there is none."""
+    tangent = _Tangent(system, parameter)
+    if tangent.is_constant:
+        return xi
+    if not tangent.keeps_its_shape:
+        return None
+    value = tangent.followed(tangent.believed, xi)
+    back = tangent.followed(value, -xi)
+    # Beyond a pole, as of a divisor that becomes infinite, there is no way back.
+    returned = abs(back - tangent.believed) <= RETURNED * abs(value - tangent.believed)
+    return value - tangent.believed if returned else None
 
 
 class _Tangent:
@@ -70,7 +73,18 @@ class _Tangent:
         """Whether it is the same at another value."""
         return self._elsewhere is not None and abs(self._elsewhere - 1.0) < CLOSE
 
-    def slope(self, value: float) -> float:
+    def followed(self, value: float, xi: float) -> float:
+        """Return p where ξ has grown by so much; not a number where there is none."""
+        step = xi / STEPS
+        for _ in range(STEPS):
+            k1 = self._slope(value)
+            k2 = self._slope(value + step / 2 * k1)
+            k3 = self._slope(value + step / 2 * k2)
+            k4 = self._slope(value + step * k3)
+            value += step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        return value
+
+    def _slope(self, value: float) -> float:
         """Return ``dp/dξ = 1/r(p)``; not a number where p cannot have that value."""
         ratio = self._ratio(value)
         return 1.0 / ratio if ratio else math.nan

@@ -28,8 +28,14 @@ def simpler_from_the_best(found: Sequence[Cause]) -> list[Cause]:
     best = min(found, key=by_score)
     if not best.law.candidates:
         return []
-    begun = [_begun(cause, best) for cause in found if not cause.law.candidates]
+    begun = [_begun(cause, best) for cause in found if _is_simpler(cause)]
     return [better for better in begun if better is not None]
+
+
+def _is_simpler(cause: Cause) -> bool:
+    """Tell whether an explanation has no law; what fitted a fault has told of it where it ended."""
+    told = cause.law.fault is not None and not isinstance(cause, Beside)
+    return not cause.law.candidates and not told
 
 
 def _begun(cause: Cause, best: Cause) -> Cause | None:

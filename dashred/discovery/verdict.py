@@ -8,7 +8,7 @@ from typing import Any
 
 from torch import Tensor
 
-from dashred.discovery.discovered import INFLATED, MISSING, Discovered
+from dashred.discovery.discovered import MISSING, Discovered
 from dashred.discovery.explanation import fault_in_words
 from dashred.discovery.law import Law, SensorFault
 from dashred.discovery.noise_model import NoiseModel
@@ -18,9 +18,6 @@ from dashred.findings_schema import Verdict
 FaultTold = Callable[[SensorFault], str]
 # Misfit, relative to the fit of all candidates, at which a law has not been fitted to the end.
 STUCK = 1.5
-# Residuals larger than stated may be noise that is wrongly stated, but not if they are so alike
-# from sample to sample.
-CORRELATED = 0.3
 EXTENDED = (
     "no law of the library explains the recording; what lies a step beyond it, of functions, "
     "higher powers and waves in space or time, does"
@@ -80,14 +77,6 @@ def _not_converged(discovered: Discovered) -> str | None:
         return (
             f"the best law's misfit is {discovered.best.chi2:.3g} where all candidates together "
             f"reach {discovered.free_chi2:.3g}: no sparse law was fitted to the end"
-        )
-    correlation = float(discovered.noise.correlation.median())
-    astray = discovered.inflation > INFLATED and correlation > CORRELATED
-    if astray and discovered.beyond <= MISSING:
-        return (
-            f"the best explanation leaves {discovered.inflation:.2g} times the noise that is "
-            f"stated, alike from sample to sample (correlation {correlation:.2g}): the search has "
-            "missed something, or the sensors' noise is like that"
         )
     return None
 

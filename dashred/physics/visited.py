@@ -18,6 +18,7 @@ from dashred.physics.system import System
 DRAWS = 8
 # Of the highest wavenumber: products of longer waves are still resolved.
 RESOLVED = 1 / 3
+NEGLIGIBLE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -62,13 +63,16 @@ def waves_of(grid: Grid, fields: int) -> Float[Tensor, "wavelength draw field ..
     )
     shell = torch.as_tensor(number).sqrt().round()
     most = int(RESOLVED * min(grid.shape) / 2)
-    found = []
-    for index in range(most + 1):
-        wave = torch.fft.irfftn(modes * (shell == index), s=grid.shape, dim=grid.dims)
-        rms = wave.square().mean(dim=(0, *grid.dims), keepdim=True).sqrt()
-        if bool((rms > 0).all()):
-            found.append(wave / rms)
-    return torch.stack(found)
+    waves = torch.stack(
+        [
+            torch.fft.irfftn(modes * (shell == index), s=grid.shape, dim=grid.dims)
+            for index in range(most + 1)
+        ]
+    )
+    rms = waves.square().mean(dim=(1, *grid.dims), keepdim=True).sqrt()
+    # What the ends leave nothing of is rounding.
+    there = (rms > NEGLIGIBLE * rms.amax()).flatten(1).all(dim=1)
+    return waves[there] / rms[there]
 
 
 def _mirrored(grid: Grid, field: Tensor) -> Tensor:

@@ -17,6 +17,8 @@ SPREAD = math.sqrt(20.0)
 UNEVEN = 0.01
 # Median absolute value of a standard normal variable.
 MEDIAN = 0.6744897501960817
+# Of fewer differences the median says little.
+ENOUGH = 20
 
 
 def noise_std(recording: Recording, *others: Recording) -> NDArray[np.float64]:
@@ -24,8 +26,8 @@ def noise_std(recording: Recording, *others: Recording) -> NDArray[np.float64]:
 
     The stated std, or σ = median |Δ³y| / (0.6745 √20): third differences, divided ones where
     samples are unevenly apart, remove whatever is quadratic over four samples, and the median
-    ignores the few that a front or a spike leaves. Each sensor's own samples follow each other: of
-    two loggers in one table every second cell is empty.
+    ignores the few that a front or a spike leaves. Where few samples follow each other without a
+    gap, each sensor's own are taken across gaps.
     Of several episodes it is the rms of what those say in which the sensor changes at all. One in
     which nothing ever changes (stuck) gets the median of the others that read the same.
 
@@ -60,9 +62,13 @@ def _said_by(recording: Recording) -> NDArray[np.float64]:
 
 
 def _estimated(times: NDArray[np.float64], values: NDArray[np.float64]) -> float:
-    known = ~np.isnan(values)
-    rough = _third_differences(times[known], values[known])
+    rough = _third_differences(times, values)
     rough = np.abs(rough[np.isfinite(rough)])
+    if len(rough) < ENOUGH:
+        # Across gaps: of two loggers in one table every second cell is empty.
+        known = ~np.isnan(values)
+        rough = np.abs(_third_differences(times[known], values[known]))
+        rough = rough[np.isfinite(rough)]
     if not rough.size:
         return 0.0
     # Coarsely rounded values often repeat: the median is then zero, the mean square is not.

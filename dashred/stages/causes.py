@@ -12,7 +12,7 @@ from dashred.discovery.beyond import candidates_beyond
 from dashred.discovery.candidates import Candidate, replaced_terms
 from dashred.discovery.cause import Cause
 from dashred.discovery.causes import Weighed, weigh
-from dashred.discovery.discovered import AMBIGUOUS, INFLATED
+from dashred.discovery.discovered import AMBIGUOUS
 from dashred.discovery.gauss_newton import grow, minimise
 from dashred.discovery.inner_constants import slopes_of
 from dashred.discovery.law import Law, law_of
@@ -31,6 +31,8 @@ from dashred.stages.seeding import Seed
 from dashred.stages.simulation import Nominal
 
 STEPS, TOLERANCE = 10, 1e-4
+# Noise that is this many times the stated one is not noise.
+INFLATED = 1.3
 # Samples from which the simulator as it is grows, where nothing that was fitted is trusted.
 FIRST = 6
 
@@ -115,13 +117,9 @@ def _beside(weighed: Weighed, laws: Sequence[Law], objective: Objective) -> Weig
 
 def inflated(problem: Problem, noise: NoiseModel) -> bool:
     """Tell whether the noise that was found is far above what the recording says of itself."""
-    return inflation(problem, noise) > INFLATED
-
-
-def inflation(problem: Problem, noise: NoiseModel) -> float:
-    """Return the noise that was found over what is stated, the median; 1 where none is stated."""
     stated = all(sensor.std is not None for sensor in problem.split.fit.sensors)
-    return float((noise.std / fit_noise(problem).std).median()) if stated else 1.0
+    ratio = float((noise.std / fit_noise(problem).std).median())
+    return stated and ratio > INFLATED
 
 
 def _with(objective: Objective, local: Sequence[Candidate], weak: float) -> Objective:

@@ -22,7 +22,7 @@ from dashred.physics.ensemble import Ensemble
 from dashred.physics.resolution import Resolution
 from dashred.progress import Report, stage
 from dashred.stages.assimilation import Assimilated
-from dashred.stages.causes import inflated, inflation, weigh_causes
+from dashred.stages.causes import inflated, weigh_causes
 from dashred.stages.learning import Learned
 from dashred.stages.objectives import exact_simulator, pose_objective, rough_simulator
 from dashred.stages.prior_start import about, select_about_the_prior
@@ -107,7 +107,6 @@ def discover(
         path=path,
         tried=len(selection.tried),
         beyond=weighed.gain,
-        inflation=inflation(problem, weighed.noise),
         forcing=weighed.forcing,
     )
 

@@ -79,8 +79,9 @@ def _run(problem: Problem, best: Law, start: Tensor, refitted: Tensor) -> Trajec
     coefficients = torch.cat([none, none, best.coefficients[None]])
     forcing = forcing_of(best.candidates, coefficients)
     same_start, refit, corrected = simulate(problem.system, starts, clock, forcing)
-    changed = [c.name for c in best.candidates if c.equation is None]
-    if not all(is_exact(problem.system, name) for name in changed):
+    values = zip(best.candidates, best.coefficients.tolist(), strict=True)
+    changed = [(c.name, value) for c, value in values if c.equation is None]
+    if not all(is_exact(problem.system, name, value) for name, value in changed):
         # Their law is a tangent; what is reported and written is the new value itself.
         [corrected] = simulate(correct(problem.system, best), start[None], clock)
     states = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -22,6 +23,7 @@ from dashred.comparison.run import _finished, _settled, compared_row
 from dashred.config import frozen_input, load_config
 from dashred.discovery.ensemble_filter import FilterLostError
 from dashred.findings import write_json_atomic
+from dashred.machine_failures import RefusedError
 from dashred.sealing import Concealed, SealedTerm
 
 
@@ -40,12 +42,20 @@ def test_a_field_that_is_not_finite_is_a_failure() -> None:
     assert ended.found is None and ended.failed == "its field is not finite"
 
 
-def test_a_full_disk_is_no_failure_of_a_method() -> None:
-    def full() -> Estimated:
-        raise OSError("No space left on device")
+@pytest.mark.parametrize(
+    "refusal",
+    [
+        OSError("No space left on device"),
+        RefusedError("the database is locked"),
+        RuntimeError("[enforce fail] DefaultCPUAllocator: can't allocate memory"),
+    ],
+)
+def test_what_the_machine_refuses_is_no_failure_of_a_method(refusal: Exception) -> None:
+    def refused() -> Estimated:
+        raise refusal
 
-    with pytest.raises(OSError, match="No space"):
-        attempt(full, 0.0)
+    with pytest.raises(type(refusal), match=re.escape(str(refusal))):
+        attempt(refused, 0.0)
 
 
 def test_a_filter_that_is_lost_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

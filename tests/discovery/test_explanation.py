@@ -144,6 +144,20 @@ def test_alternatives_are_rivals_first_and_three_at_most(flow: System) -> None:
     ]
 
 
+def test_a_law_that_is_nearly_as_good_is_listed_before_one_of_a_single_term(flow: System) -> None:
+    u, cubic, lam = (laws.term(flow, "u", text) for text in ("u", "u**3", "lam"))
+    best = laws.law([u, cubic, lam], [0.1, 0.2, 0.3])
+    rivals = [laws.law([u, laws.parameter(flow, "q")], [0.1, 0.2], score=3.0)]
+    near = laws.law([u, cubic], [0.1, 0.2], score=7.0)
+    far = laws.law([u, lam], [0.1, 0.2], score=30.0)
+    single = laws.law([u], [0.1], score=900.0)
+    found = alternatives(laws.discovery(best, *rivals, near, far, single), flow)
+    assert [other["delta_bic"] for other in found] == [3.0, 7.0, 900.0]
+    more = [*rivals, laws.law([cubic, laws.parameter(flow, "q")], [0.1, 0.2], score=4.0)]
+    found = alternatives(laws.discovery(best, *more, near, far, single), flow)
+    assert [other["delta_bic"] for other in found] == [3.0, 4.0, 7.0]
+
+
 def test_laws_read_the_same_if_their_readings_differ_by_less_than_six(flow: System) -> None:
     # In χ², over 120 samples: 120·0.2² = 4.8 and 120·0.25² = 7.5.
     u, lam = laws.term(flow, "u", "u"), laws.term(flow, "u", "lam")

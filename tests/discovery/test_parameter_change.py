@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 import torch
 
@@ -15,11 +17,11 @@ TEXT = """
 system:
   title: a mass on two springs and a cliff
   fields: {q: place, p: momentum}
-  parameters: {m: 2, k: 3, depth: 4, sharp: 0.7, shift: 0}
+  parameters: {m: 2, k: 3, depth: 4, sharp: 0.7, shift: 0, rate: 0.5}
   let: {speed: p/m}
   equations:
     q: speed
-    p: -k*q - depth**2*q + exp(q/sharp) + shift*q
+    p: -k*q - depth**2*q + exp(q/sharp) + shift*q + exp(rate)*p
   start: {q: 1, p: 0}
   spread: {q: 0.1, p: 0.1}
   integrator: {dt: 0.05}
@@ -41,13 +43,13 @@ def tendency(system: System, states: torch.Tensor) -> torch.Tensor:
 def test_a_divisor_has_the_value_that_does_the_same(system: System, to: float) -> None:
     xi = 2.0**2 * (1 / 2.0 - 1 / to)  # 1/m' = 1/m - xi/m²
     assert parameter_change(system, "m", xi) == pytest.approx(to - 2.0, rel=1e-4)
-    assert is_exact(system, "m")
+    assert is_exact(system, "m", xi)
 
 
 @pytest.mark.parametrize("name", ["k", "shift"])
 def test_what_enters_linearly_changes_by_its_coefficient(system: System, name: str) -> None:
     assert parameter_change(system, name, -0.37) == -0.37
-    assert is_exact(system, name)
+    assert is_exact(system, name, -0.37)
 
 
 def test_a_power_has_the_value_that_does_the_same(system: System) -> None:
@@ -57,11 +59,20 @@ def test_a_power_has_the_value_that_does_the_same(system: System) -> None:
 
 def test_where_no_value_does_the_same_it_is_the_first_order(system: System) -> None:
     assert parameter_change(system, "sharp", 0.05) == 0.05
-    assert not is_exact(system, "sharp")
+    assert not is_exact(system, "sharp", 0.05)
 
 
-def test_no_mass_becomes_infinite(system: System) -> None:
-    assert parameter_change(system, "m", 2.5) == 2.5
+@pytest.mark.parametrize("xi", [2.001, 2.1, 2.5, 40.0])
+def test_no_mass_becomes_infinite(system: System, xi: float) -> None:
+    assert parameter_change(system, "m", xi) == xi
+    assert not is_exact(system, "m", xi)
+
+
+@pytest.mark.parametrize("xi", [-0.5, 0.3, 2.0])
+def test_a_value_may_change_its_sign(system: System, xi: float) -> None:
+    # exp(p) - exp(1/2) = xi exp(1/2).
+    change = parameter_change(system, "rate", xi)
+    assert change == pytest.approx(math.log(1 + xi), rel=1e-6)
 
 
 @pytest.mark.parametrize("name", ["m", "k", "depth"])

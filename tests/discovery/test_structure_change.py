@@ -98,6 +98,8 @@ def test_terms_of_waves(tmp_path: Path) -> None:
         ("p", -0.1, ("R", True)),
         ("lap(p)", 0.1, ("R", True)),
         ("d(p, x)", 0.1, ("J", None)),
+        ("d(w, x, 2)", 0.1, ("H", None)),
+        ("d(w, x, 4)", -0.1, ("H", None)),
     ],
 )
 def test_a_term_of_a_string_between_fixed_ends(text: str, xi: float, expected: Part) -> None:

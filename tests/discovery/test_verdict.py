@@ -121,25 +121,6 @@ def test_a_misfit_that_all_candidates_together_would_not_leave_is_no_law(
     assert verdict(laws.discovery(best, free_chi2=1.0))[0] == kind
 
 
-@pytest.mark.parametrize(
-    ("inflation", "correlation", "beyond", "kind"),
-    [
-        (1.5, 0.5, 0.0, "not-converged"),
-        (1.5, 0.1, 0.0, "missing-term"),  # Noise that is stated too small, and white.
-        (1.2, 0.5, 0.0, "missing-term"),
-        (1.5, 0.5, 30.0, "outside-library"),
-    ],
-)
-def test_residuals_that_are_no_noise_are_no_law(
-    flow: System, inflation: float, correlation: float, beyond: float, kind: str
-) -> None:
-    best = laws.law([laws.term(flow, "u", "u")], [0.1])
-    discovered = laws.discovery(best, inflation=inflation, correlation=correlation, beyond=beyond)
-    found, causes = verdict(discovered)
-    assert found == kind
-    assert kind != "not-converged" or "1.5 times the noise" in causes[0]["says"]
-
-
 def test_unexplained_is_the_share_beyond_the_noise_that_was_stated() -> None:
     seen = torch.ones(10, 2, dtype=torch.bool)
     found = NoiseModel(torch.tensor([0.2, 0.2]).double(), torch.zeros(2).double(), seen)
