@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from dashred.baselines.estimate import Estimated, TermEntry
+from dashred.baselines.localisation import radii, radius_in_words
 from dashred.discovery.candidates import stable_limit
 from dashred.discovery.ensemble_filter import (
     Filtered,
@@ -30,8 +31,6 @@ from dashred.physics.system import Term
 from dashred.stages.problem import Problem
 
 INFLATIONS = (1.0, 1.02, 1.1)
-# Of the longest axis.
-RADII = (math.inf, 0.3, 0.15)
 # Prior std of a coefficient, told by the tendency that it makes: the last is that of our own fit.
 WIDTHS = (0.03, 0.2, 1.0)
 # That any term of the law is spurious.
@@ -78,11 +77,11 @@ def filter_augmented(problem: Problem, ensemble: Ensemble, nominal: Tensor) -> E
     Raises:
         FilterLostError: under every setting.
     """
-    starts, radii = ensemble.states[:, 0], _radii(problem)
+    starts, reaches = ensemble.states[:, 0], radii(problem)
     drawn = [(width, _coefficients(problem, nominal, len(starts), width)) for width in WIDTHS]
-    middle = _localised(radii[len(radii) // 2], INFLATIONS[len(INFLATIONS) // 2])
+    middle = _localised(reaches[len(reaches) // 2], INFLATIONS[len(INFLATIONS) // 2])
     _, trial = _likeliest(problem, starts, [Trial(middle, each, width) for width, each in drawn])
-    settings = [_localised(radius, middle.inflation) for radius in radii]
+    settings = [_localised(radius, middle.inflation) for radius in reaches]
     _, trial = _likeliest(problem, starts, [replace(trial, settings=each) for each in settings])
     settings = [_localised(trial.settings.radius, inflation) for inflation in INFLATIONS]
     filtered, trial = _likeliest(
@@ -129,17 +128,11 @@ def _likeliest(problem: Problem, starts: Tensor, trials: Sequence[Trial]) -> tup
 
 def _note(starts: Tensor, trial: Trial) -> str:
     radius, inflation = trial.settings.radius, trial.settings.inflation
-    told = f"radius {radius:g}" if math.isfinite(radius) else "not localised"
-    return f"{len(starts)} members, {told}, inflation {inflation:g}"
+    return f"{len(starts)} members, {radius_in_words(radius)}, inflation {inflation:g}"
 
 
 def _settings(problem: Problem) -> list[FilterSettings]:
-    return [_localised(*each) for each in product(_radii(problem), INFLATIONS)]
-
-
-def _radii(problem: Problem) -> list[float]:
-    longest = max((axis.length for axis in problem.system.axes), default=math.inf)
-    return list(dict.fromkeys(share * longest for share in RADII))
+    return [_localised(*each) for each in product(radii(problem), INFLATIONS)]
 
 
 def _localised(radius: float, inflation: float) -> FilterSettings:

@@ -18,14 +18,12 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.baselines.estimate import Estimated
+from dashred.baselines.localisation import radii, radius_in_words
 from dashred.discovery.localisation import distances, gaspari_cohn, sensor_distances
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.grid import Grid
 from dashred.sensing.sensors import Sensor
 from dashred.stages.problem import Problem
-
-# Of the longest axis.
-RADII = (math.inf, 0.3, 0.15)
 
 
 @dataclass(frozen=True)
@@ -65,9 +63,8 @@ def optimal_interpolation(problem: Problem, ensemble: Ensemble) -> Estimated:
     fit = problem.split.fit
     operator, noise = problem.operator(fit), problem.noise_of(fit.names)
     values = torch.from_numpy(fit.values)
-    longest = max((axis.length for axis in problem.system.axes), default=math.inf)
-    radii = dict.fromkeys(share * longest for share in RADII)
-    tapers = [Taper.of(problem.system.grid, operator.sensors, radius) for radius in radii]
+    grid = problem.system.grid
+    tapers = [Taper.of(grid, operator.sensors, radius) for radius in radii(problem)]
     surprise = [0.0] * len(tapers)
     found: list[list[Tensor]] = [[] for _ in tapers]
     for i, time in enumerate(ensemble.times.tolist()):
@@ -78,8 +75,7 @@ def optimal_interpolation(problem: Problem, ensemble: Ensemble) -> Estimated:
             surprise[j] += unlikely
             found[j].append(estimate)
     best = min(range(len(tapers)), key=lambda j: surprise[j])
-    radius = tapers[best].radius
-    told = f"radius {radius:g}" if math.isfinite(radius) else "not localised"
+    told = radius_in_words(tapers[best].radius)
     return Estimated(torch.stack(found[best]), None, f"{len(ensemble.states)} members, {told}")
 
 
