@@ -82,12 +82,12 @@ def _check_writable(folder: Path, path: str) -> None:
 def clear_output(folder: Path) -> None:
     """Take away the results of an earlier run, and what a killed one had not finished."""
     clear_partial(folder)
-    clear_figures(folder)
+    _clear_figures(folder)
     for name in (*RESULTS, SCORE):
         (folder / name).unlink(missing_ok=True)
 
 
-def clear_figures(folder: Path) -> None:
+def _clear_figures(folder: Path) -> None:
     """Take away the figures of an earlier run, which has frozen its findings before it drew.
 
     Where none has, a file by the name of a figure is somebody else's.

@@ -110,18 +110,24 @@ def attempt(method: Callable[[], Estimated | None], simulated: float) -> Ended:
     found, failed = None, None
     try:
         found = method()
+    except InputError:
+        raise
     except Exception as error:
-        if isinstance(error, InputError | OSError | MemoryError) or told(error):
-            raise
-        traceback.print_exc()
-        failed = failure_in_words(error)
+        failed = own_failure(error)
     if found is not None and not bool(found.states.isfinite().all()):
         found, failed = None, "its field is not finite"
     return Ended(found, failed, simulated + time.perf_counter() - began)
 
 
-def failure_in_words(error: Exception) -> str:
-    """Return what a method died of, on one line."""
+def own_failure(error: Exception) -> str:
+    """Print the trace of what a method died of, and return it on one line.
+
+    Raises:
+        Exception: this one, where the machine or the store has refused something.
+    """
+    if isinstance(error, OSError | MemoryError) or told(error):
+        raise error
+    traceback.print_exc()
     return f"{type(error).__name__}: {' '.join(str(error).split())}"[:LENGTH]
 
 

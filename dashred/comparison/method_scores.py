@@ -10,7 +10,6 @@ import json
 import math
 import sys
 import time
-import traceback
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,7 +20,7 @@ from dashred.baselines.analyse import (
     METHODS,
     NOT_FOR_SYSTEM,
     OF_LAWS,
-    failure_in_words,
+    own_failure,
 )
 from dashred.comparison.compared import (
     COMPARED,
@@ -32,7 +31,6 @@ from dashred.comparison.compared import (
 )
 from dashred.errors import DONE, InputError, run_entry
 from dashred.findings import check_freeze, sha256_of, write_json_atomic
-from dashred.machine_failures import told
 
 if TYPE_CHECKING:
     import numpy as np
@@ -44,11 +42,13 @@ if TYPE_CHECKING:
 KEYS = ("folder", "noise", "seed")
 ESTIMATES = "estimates.nc"
 # Parts of an analysis that answer for its methods' seconds.
+TRAINED = ("simulate the ensemble", "train SHRED")
+ASSIMILATED = (*TRAINED, "assimilate, latent SINDy")
 STAGES = {
-    "shred": ("simulate the ensemble", "train SHRED"),
-    "dashred": ("simulate the ensemble", "train SHRED", "assimilate, latent SINDy"),
-    "latent_alg1": ("simulate the ensemble", "train SHRED", "assimilate, latent SINDy"),
-    "latent_alg2": ("simulate the ensemble", "train SHRED", "assimilate, latent SINDy"),
+    "shred": TRAINED,
+    "dashred": ASSIMILATED,
+    "latent_alg1": ASSIMILATED,
+    "latent_alg2": ASSIMILATED,
     "corrected": ("in all",),
 }
 # Methods that look for a law, whether they find one or not.
@@ -202,10 +202,7 @@ def _full_field(
     try:
         terms = pde_find(system, library, torch.tensor(times), ordered, noise, rng)
     except Exception as error:
-        if isinstance(error, OSError | MemoryError) or told(error):
-            raise
-        traceback.print_exc()
-        failed = failure_in_words(error)
+        failed = own_failure(error)
     return _lost("") | {
         "failed": failed,
         "terms": terms,

@@ -9,7 +9,7 @@ from typing import Any
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.discovered import AMBIGUOUS, Discovered
 from dashred.discovery.law import Law, SensorFault
-from dashred.discovery.parameter_change import is_exact, parameter_change
+from dashred.discovery.parameter_change import exact_change, is_exact, parameter_change
 from dashred.discovery.plausibility import inclusion
 from dashred.discovery.wording import words
 from dashred.law_schema import Alternative, ParameterChange, SmallerLaw, TermFound, TermTried
@@ -203,11 +203,11 @@ def _change(system: System, law: Law, index: int) -> tuple[float, float]:
 def _ends(system: System, law: Law, index: int) -> list[float]:
     """Return the ends of a parameter's 95 % interval, relative to the change that was found."""
     name, xi = law.candidates[index].name, float(law.coefficients[index])
-    change = parameter_change(system, name, xi)
+    change = exact_change(system, name, xi)
     found = []
     for end in law.interval(index):
-        both = is_exact(system, name, xi) and is_exact(system, name, end)
-        found.append(parameter_change(system, name, end) - change if both else end - xi)
+        there = exact_change(system, name, end)
+        found.append(end - xi if change is None or there is None else there - change)
     return sorted(found)
 
 

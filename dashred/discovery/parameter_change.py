@@ -29,17 +29,20 @@ def parameter_change(system: System, parameter: str, xi: float) -> float:
         parameter: its name.
         xi: coefficient ξ of its tangent, in the parameter's unit.
     """
-    change = _exact_change(system, parameter, xi)
+    change = exact_change(system, parameter, xi)
     return xi if change is None else change
 
 
 def is_exact(system: System, parameter: str, xi: float) -> bool:
     """Return whether another value of a parameter does exactly what the law says."""
-    return _exact_change(system, parameter, xi) is not None
+    return exact_change(system, parameter, xi) is not None
 
 
-def _exact_change(system: System, parameter: str, xi: float) -> float | None:
-    """Return the change that does exactly what the law does; None where there is none."""
+def exact_change(system: System, parameter: str, xi: float) -> float | None:
+    """Return the change that does exactly what the law does; None where there is none.
+
+    Arguments as :func:`parameter_change` has them.
+    """
     tangent = _Tangent(system, parameter)
     if tangent.is_constant:
         return xi
