@@ -12,16 +12,17 @@ from dashred.errors import DONE, OUR_FAILURE, run_entry
 
 
 def main(argv: list[str]) -> int:
-    """Run the cases that are not done, and write the document."""
+    """Run the cases that are not done, or score a kept draw again, and write the document."""
     from dashred.proof.words import read_words
 
     request = read_words(argv)
 
     # Whatever can be wrong with the words has been met by here: torch takes seconds to import.
     from dashred.proof.conclude import conclude
+    from dashred.proof.rescore import rescore
     from dashred.proof.run import run_proof
 
-    kept = run_proof(request)
+    kept = run_proof(request) if request.scored_by is None else rescore(request)
     conclude(request, kept)
     return OUR_FAILURE if any(one.record["problem"] for one in kept) else DONE
 

@@ -63,6 +63,7 @@ class Coefficient(TypedDict):
         true: what was hidden.
         found: what was told.
         std: as told.
+        covered: whether the 95 % interval that was told holds the true one.
         window: what bounds the term; null for one that acts everywhere.
     """
 
@@ -70,6 +71,7 @@ class Coefficient(TypedDict):
     true: float
     found: float
     std: float | None
+    covered: bool
     window: Literal["box", "gate", "onset"] | None
 
 
@@ -80,7 +82,8 @@ class Oracle(TypedDict):
         over_null: by how much it beats the simulator as it is.
         over_rival: by how much it beats the best other law listed.
         decidable: whether it beats both by more than 6.
-        lost: by how much the law that was returned is worse; negative if that one is better.
+        lost: by how much the law that was returned is worse; negative if that one is better. Where
+            none was returned, the simulator as it is stands for it.
         over_library: by how much it beats the best law of the library.
     """
 
@@ -92,10 +95,22 @@ class Oracle(TypedDict):
 
 
 class Gains(TypedDict):
-    """Error of `before_refit` over that of `after`, against the truth without noise."""
+    """Errors against the truth without noise, over that of `after`; null if that one blows up.
+
+    Attributes:
+        test_sensors: error of `before_refit`, the simulation with its own best start.
+        forecast: the same beyond the record.
+        test_sensors_before: error of `before`, the simulation from the corrected one's start.
+        forecast_before: the same beyond the record.
+    """
 
     test_sensors: float | None
     forecast: float | None
+    test_sensors_before: float | None
+    forecast_before: float | None
+
+
+Gain = Literal["test_sensors", "forecast", "test_sensors_before", "forecast_before"]
 
 
 class CaseRecord(TypedDict):
@@ -124,7 +139,7 @@ class CaseRecord(TypedDict):
         peak_inside: whether the map's peak lies inside of the hidden region.
         coefficients: of laws whose form is exact.
         oracle: the true form's score against the others.
-        gains: of the corrected simulation; only of cases with a law.
+        gains: of the corrected simulation; only of cases with a law, where one was found.
         noisy_test: `after` over `before_refit` less 1, on the noisy data of the test sensors.
         seconds: of the analysis.
     """

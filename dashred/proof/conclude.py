@@ -11,8 +11,8 @@ from dashred.proof.appendix import analyse_pendulum
 from dashred.proof.document import write_document
 from dashred.proof.draw import seed_of
 from dashred.proof.figures import save_figures
+from dashred.proof.kept_case import Kept
 from dashred.proof.protocol import ProtocolFacts
-from dashred.proof.run import Kept
 from dashred.proof.targets import TARGETS
 from dashred.proof.words import Request
 
@@ -29,6 +29,7 @@ def conclude(request: Request, kept: Sequence[Kept]) -> None:
         hours=sum(one.wall for one in kept) / 3600 / request.jobs,
         processes=request.jobs,
         drawn_again=sum(one.draws - 1 for one in kept),
+        scored_by=request.scored_by,
     )
     write_json_atomic(request.output / "records.json", {"records": records})
     make_output(str(request.document.parent))

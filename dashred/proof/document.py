@@ -26,8 +26,10 @@ from dashred.proof.targets import (
 from dashred.whole_files import write_text_atomic
 
 JUDGED = (
-    "A share is judged by itself; its interval is Wilson's, at 95 %. What has no value for a case "
-    "leaves the case out of that number: n tells how many count."
+    "A share is judged by itself; its interval is Wilson's, at 95 %. What has no meaning for a "
+    "case leaves it out of that number: n tells how many count. What a case lacks that could have "
+    "been found in it counts as missed: a region overlaps by 0, a law that was not found gains 1×. "
+    "Classes of fewer than 30 cases are pooled."
 )
 CLASSED = (
     "Exact form: of the cases in which a law was looked for. Decidable: of those with an oracle. "
@@ -35,8 +37,8 @@ CLASSED = (
 )
 CALIBRATED = (
     "Leading cause: how often it is of the true kind, by the probability stated for it. Intervals: "
-    "how many hold the true coefficient, of laws whose form is exact; z is the error in standard "
-    "deviations as told, and its rms is 1 where these are right."
+    "how many of those told hold the true coefficient, of laws whose form is exact; z is the error "
+    "in standard deviations as told, and its rms is 1 where these are right."
 )
 
 

@@ -11,7 +11,7 @@ from dashred.cause_scoring import score_cause
 from dashred.findings import canonical
 from dashred.findings_schema import Score
 from dashred.listed_laws import LISTED, listed_laws
-from dashred.proof.case_record import CaseRecord, Oracle
+from dashred.proof.case_record import CaseRecord
 from dashred.proof.conceal import Concealed
 from dashred.proof.draw import Case
 from dashred.proof.nearness import (
@@ -21,6 +21,7 @@ from dashred.proof.nearness import (
     peak_inside,
     region_off,
 )
+from dashred.proof.oracle import consult
 from dashred.proof.telling import hidden_in_words, told_in_words
 from dashred.scoring import law_of_findings, law_of_truth, score_law
 
@@ -34,8 +35,7 @@ def judge(
     concealed: Concealed,
     folder: Path,
     score: Score,
-    oracle: Oracle | None,
-    seconds: float,
+    seconds: float | None,
 ) -> CaseRecord:
     """Return the record of a case whose findings are frozen and whose seal is open."""
     findings = json.loads((folder / "findings.json").read_text(encoding="utf-8"))
@@ -44,6 +44,7 @@ def judge(
     exact = score["exact_support"]
     if exact is False and _is_alias(findings, concealed):
         exact = True
+    oracle = consult(case, concealed, folder, exact=exact is True)
     causes = findings["causes"] or []
     record = unjudged(case, concealed) | {
         "told": told_in_words(findings),
@@ -68,8 +69,11 @@ def judge(
 
 
 def unjudged(case: Case, concealed: Concealed | None, problem: str | None = None) -> CaseRecord:
-    """Return the record of a case of which there are no findings, or not even a recording."""
-    hidden = "unknown"
+    """Return the record of a case of which there are no findings yet.
+
+    What it hides is not told, unless its seal is open: one that died is analysed again.
+    """
+    hidden = "not opened"
     if concealed is not None:
         hidden = hidden_in_words(case, concealed.truth, concealed.config)
     return {
@@ -105,6 +109,8 @@ def is_right(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> b
     """Return whether the verdict, and what it names, is right: of a law, its exact form."""
     verdict, truth = findings["verdict"], concealed.truth
     hidden = truth.concealed
+    if accuses_wrongly(findings, concealed):
+        return False
     if case.kind == "null":
         # A sensor that stands a little off its place may be named, if it is that one.
         named = hidden.faults and score_cause(findings, False, hidden)
@@ -127,6 +133,16 @@ def is_right(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> b
     return right
 
 
+def accuses_wrongly(findings: Mapping[str, Any], concealed: Concealed) -> bool:
+    """Return whether a sensor without the fault that is told stands beside the best law."""
+    causes = findings["causes"] or []
+    beside = [c for c in causes[1:2] if c["kind"] == "sensor-fault"]
+    # The cause of a law and the fault beside it are one explanation, of one probability.
+    beside = [c for c in beside if c["probability"] == causes[0]["probability"]]
+    hidden = {(fault.sensor, fault.kind) for fault in concealed.truth.concealed.faults}
+    return any((told["sensor"], told["fault"]) not in hidden for told in beside)
+
+
 def _is_alias(findings: Mapping[str, Any], concealed: Concealed) -> bool:
     """Return whether a parameter was named that does the same as the true one, and says so."""
     true = concealed.truth.concealed.parameters
@@ -141,16 +157,19 @@ def is_listed(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> 
     truth = concealed.truth
     parameters = truth.concealed.parameters
     if truth.terms or parameters:
+        best, *rivals = listed_laws(findings)
+        laws = rivals if accuses_wrongly(findings, concealed) else [best, *rivals]
         return any(
-            score_law({**findings, "terms": law}, truth.terms, parameters)[0]
-            for law in listed_laws(findings)
+            score_law({**findings, "terms": law}, truth.terms, parameters)[0] for law in laws
         )
     for cause in findings["causes"][:LISTED]:
         alone = {**findings, "verdict": cause["kind"], "causes": [cause]}
         if cause["kind"] in ("missing-term", "parameter"):
             continue
-        if case.kind == "null" and cause["kind"] == "nothing-missing":
-            return True
+        if cause["kind"] == "nothing-missing":
+            if case.kind == "null":
+                return True
+            continue
         if score_cause(alone, False, truth.concealed):
             return True
     return False

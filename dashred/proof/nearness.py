@@ -21,6 +21,8 @@ from dashred.window_kinds import kind_of
 
 # Times that differ by less are the same.
 CLOCK = 1e-9
+# Of an error that is not finite.
+ENDLESS = 1e6
 
 
 def region_off(score: Score, findings: Mapping[str, Any], concealed: Concealed) -> Region | None:
@@ -69,24 +71,26 @@ def coefficients_found(findings: Mapping[str, Any], concealed: Concealed) -> lis
     found: list[Coefficient] = []
     for entry in findings["terms"]:
         if entry["equation"] is None:
-            name, value = entry["parameter"], entry["coefficient"]
+            name, known = entry["parameter"], entry["from"]
             true = truth.concealed.parameters.get(name)
             # The change is what was found: the old value was known.
-            true = None if true is None else true - entry["from"]
+            true = None if true is None else true - known
         else:
-            name, value = f"{entry['equation']}: {entry['term']}", entry["coefficient"]
+            name, known = f"{entry['equation']}: {entry['term']}", 0.0
             mine = law_of_findings({**findings, "terms": [{**entry, "coefficient": 1.0}]})
             [key] = mine
             theirs = law_of_truth(findings, truth.terms, truth.concealed.parameters)
             true = theirs[key] / mine[key]
         if true is not None:
             window = next((t.window for t in truth.terms if t.window is not None), None)
+            low, high = entry["ci95"]
             found.append(
                 {
                     "name": name,
                     "true": true,
-                    "found": value,
+                    "found": entry["coefficient"],
                     "std": entry["std"],
+                    "covered": low is not None and low <= known + true <= high,
                     "window": _sort_of(kind_of(window)),
                 }
             )
@@ -117,21 +121,25 @@ def gains(
         at = np.searchsorted(truth.times.numpy(), estimates["time"].values - CLOCK)
         real = operator(truth.states[at])
         errors = {}
-        for method in ("simulation_refit", "corrected"):
+        for method in ("simulation_same_start", "simulation_refit", "corrected"):
             chosen = estimates.sel({"method": method})
             states = np.stack([chosen[field].values for field in system.fields], axis=1)
             wrong = operator(torch.from_numpy(states)) - real
             errors[method] = float(wrong.square().mean().sqrt())
-    beyond = score["forecast"]
-    before, after = beyond["before_refit"], beyond["after"]
+    beyond, after = score["forecast"], errors["corrected"]
     return {
-        "test_sensors": ratio_of(errors["simulation_refit"], errors["corrected"]),
-        "forecast": ratio_of(before, after),
+        "test_sensors": ratio_of(errors["simulation_refit"], after),
+        "forecast": ratio_of(beyond["before_refit"], beyond["after"]),
+        "test_sensors_before": ratio_of(errors["simulation_same_start"], after),
+        "forecast_before": ratio_of(beyond["before"], beyond["after"]),
     }
 
 
 def noisy_test(findings: Mapping[str, Any]) -> float | None:
     """Return by what share the corrected simulation is worse on the noisy data held out."""
     known = findings["fit"]["test_sensors"] if findings["fit"] else {}
-    ratio = ratio_of(known.get("after"), known.get("before_refit"))
+    before, after = known.get("before_refit"), known.get("after")
+    if before is not None and after is None and findings["terms"]:
+        return ENDLESS
+    ratio = ratio_of(after, before)
     return None if ratio is None else ratio - 1

@@ -47,21 +47,21 @@ KEPT: dict[str, tuple[StartModel, list[Candidate]]] = {}
 
 
 @torch.no_grad()
-def consult(case: Case, concealed: Concealed, folder: Path, exact: bool | None) -> Oracle | None:
+def consult(case: Case, concealed: Concealed, folder: Path, *, exact: bool) -> Oracle | None:
     """Return how the true form compares with what was returned; None where no law was hidden.
 
     The form that was returned keeps its coefficients; start and noise are everybody's own and the
-    true form's own.
+    true form's own. Where none was returned, the simulator as it is stands for it.
 
     Args:
         case: what was drawn.
         concealed: the truth.
         folder: of the frozen findings.
-        exact: whether these have the true form; None where no law was looked for.
+        exact: whether these have the true form, or one that does the same and says so.
     """
     truth = concealed.truth
     lawful = bool(truth.terms or truth.concealed.parameters)
-    if not lawful or truth.concealed.faults or exact is None:
+    if not lawful or truth.concealed.faults:
         return None
     findings = json.loads((folder / "findings.json").read_text(encoding="utf-8"))
     words = (*case.analysis_words, f"recording.path={folder / 'recording.nc'}")
@@ -80,12 +80,14 @@ def consult(case: Case, concealed: Concealed, folder: Path, exact: bool | None) 
     score = fitted.cost + _penalty(kinds, noise, p, simulator)
 
     null = _fit_start(simulator, start, z, noise).cost
-    corrected = pose(load_config([f"conf={folder / 'corrected.yaml'}", *words], entry="train"))
-    found = [kind_found(entry["region"]) for entry in findings["terms"]]
-    # Under chaos a law that is a little off cannot be brought from the true start to its own.
-    begins = (z, nearest(start, _start_found(folder, simulator)))
-    cost = min(_fit_start(corrected, start, begin, noise).cost for begin in begins)
-    returned = cost + _penalty(found, noise, p, simulator)
+    returned = null
+    if findings["terms"] is not None:
+        corrected = pose(load_config([f"conf={folder / 'corrected.yaml'}", *words], entry="train"))
+        found = [kind_found(entry["region"]) for entry in findings["terms"]]
+        # Under chaos a law that is a little off cannot be brought from the true start to its own.
+        begins = (z, nearest(start, _start_found(folder, simulator)))
+        cost = min(_fit_start(corrected, start, begin, noise).cost for begin in begins)
+        returned = cost + _penalty(found, noise, p, simulator)
     # What blows up from the true start is worse than anything that does not.
     lost, over_null = (min(value - score, WORST) for value in (returned, null))
     rival = _nearest_rival(findings) if exact else 0.0
@@ -191,7 +193,7 @@ def _nearest_of_library(problem: Problem, findings: Mapping[str, Any]) -> float 
     def inside(terms: Sequence[Mapping[str, Any]]) -> bool:
         return all(t["equation"] is None or (t["equation"], t["term"]) in known for t in terms)
 
-    if inside(findings["terms"]):
+    if inside(findings["terms"] or []):
         return 0.0
     others = [a["delta_bic"] for a in findings["alternatives"] if inside(a["terms"])]
     return min(others, default=None)

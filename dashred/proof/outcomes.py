@@ -1,8 +1,11 @@
-"""What can be read off one case's record: how it ended. What does not apply to a case is null."""
+"""What can be read off one case's record: how it ended. What does not apply to a case is null.
+
+What a decidable case lacks it has missed: its window was there to be found.
+"""
 
 from __future__ import annotations
 
-from dashred.proof.case_record import CaseRecord, Coefficient, Kind
+from dashred.proof.case_record import CaseRecord, Coefficient, Gain, Kind
 from dashred.proof.statistics import percent
 
 TRUE_CAUSE: dict[Kind, str] = {
@@ -23,6 +26,7 @@ TRUE_CAUSE: dict[Kind, str] = {
 SEARCH_FAILED = 6.0  # a true form that scores better by more was there to be found
 BEYOND = 20.0  # a true form that beats all laws of the library by more is not imitated by them
 WORSE = 0.02  # on noisy test data: as much may be chance
+WITHOUT_LAW: tuple[Kind, ...] = ("null", "start", "fault", "numerics")
 
 
 def wrong_unflagged(record: CaseRecord) -> bool | None:
@@ -72,11 +76,13 @@ def decided(record: CaseRecord) -> bool | None:
 
 
 def search_failed(record: CaseRecord) -> bool | None:
-    """Return whether the search missed a form that scores clearly better: the true one.
+    """Return whether the search returned a form while the true one scores clearly better.
 
-    Null of what lies outside of the library: no search of it could have found that.
+    Null of what lies outside of the library, where no search of it could have found that, and of
+    what has not converged, which is counted as that.
     """
-    if record["oracle"] is None or record["kind"] == "outside":
+    unsought = record["kind"] == "outside" or record["verdict"] in (None, "not-converged")
+    if record["oracle"] is None or unsought:
         return None
     return record["oracle"]["lost"] > SEARCH_FAILED
 
@@ -90,19 +96,60 @@ def leading_right(record: CaseRecord) -> bool | None:
     return record["causes"][0] == TRUE_CAUSE[record["kind"]]
 
 
+def could_be_found(record: CaseRecord, kind: Kind) -> bool:
+    """Return whether a case hid something of this kind that could have been found."""
+    return record["kind"] == kind and decidable(record) is not False
+
+
+def overlap(record: CaseRecord) -> float | None:
+    """Return intersection over union of a region; 0 of one that was missed."""
+    share = record["region"] and record["region"]["overlap"]
+    if share is None:
+        return 0.0 if could_be_found(record, "box") else None
+    return share
+
+
+def peak_inside(record: CaseRecord) -> bool | None:
+    """Return whether the map's peak lies inside of the region; false of one that was missed."""
+    if record["peak_inside"] is None:
+        return False if could_be_found(record, "box") else None
+    return record["peak_inside"]
+
+
+def equation_right(record: CaseRecord) -> bool | None:
+    """Return whether the hidden field's equation was named; false where it was missed."""
+    if record["equation_right"] is None:
+        return False if could_be_found(record, "hidden") else None
+    return record["equation_right"]
+
+
 def onset_near(record: CaseRecord) -> bool | None:
-    """Return whether an onset was found within 5 % of the record."""
+    """Return whether an onset was found within 5 % of the record; false where it was missed."""
     off = record["region"] and record["region"]["onset"]
-    return None if off is None else off <= 0.05
+    if off is None:
+        return False if could_be_found(record, "onset") else None
+    return off <= 0.05
 
 
 def threshold_near(record: CaseRecord) -> bool | None:
-    """Return whether a threshold was found within 10 % of the state's range, or within 2 std."""
+    """Return whether a threshold was found within 10 % of the state's range, or within 2 std.
+
+    False where it was missed.
+    """
     region = record["region"]
     if region is None or region["threshold"] is None:
-        return None
+        return False if could_be_found(record, "gate") else None
     z = region["threshold_z"]
     return region["threshold"] <= 0.1 or (z is not None and abs(z) <= 2)
+
+
+def gain(record: CaseRecord, at: Gain) -> float | None:
+    """Return by what factor a law shrinks the error: 1 if none was found, 0 if it blows up."""
+    if record["kind"] in WITHOUT_LAW:
+        return None
+    if record["gains"] is None:
+        return 1.0
+    return record["gains"][at] or 0.0
 
 
 def coefficient_near(coefficient: Coefficient) -> bool:
@@ -132,13 +179,13 @@ def failings(record: CaseRecord) -> list[str]:
         said.append(f"search failure: the true form is better by {record['oracle']['lost']:.3g}")
     if record["noisy_test"] is not None and record["noisy_test"] > WORSE:
         said.append(f"noisy test data worse by {percent(record['noisy_test'])} %")
-    missed = {
-        "not the hidden field's equation": record["equation_right"],
-        "the map's peak lies elsewhere": record["peak_inside"],
+    looked_for = {
+        "not the hidden field's equation": equation_right(record),
+        "the map's peak lies elsewhere": peak_inside(record),
         "the onset is off": onset_near(record),
         "the threshold is off": threshold_near(record),
     }
-    said += [words for words, met in missed.items() if met is False]
+    said += [words for words, met in looked_for.items() if met is False]
     off = [c["name"] for c in record["coefficients"] if not coefficient_near(c)]
     return [*said, *(f"the coefficient of {name} is off" for name in off)]
 

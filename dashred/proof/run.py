@@ -2,47 +2,36 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import shutil
 import tempfile
 import time
 import traceback
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Event, Lock
-from typing import Any
 
 import torch
 
 from dashred.errors import DONE
-from dashred.findings import check_freeze, write_json_atomic
+from dashred.findings import check_freeze
 from dashred.long_run import alone_in, last_line, signals_as_interrupt
 from dashred.output import make_output
 from dashred.progress import CONSOLE
 from dashred.proof.case_record import CaseRecord
 from dashred.proof.draw import Case, draw_cases, seed_of
 from dashred.proof.isolation import LIMIT, Analyst, AnalystLostError, analyst, bare_copy
-from dashred.proof.judge import judge, unjudged
-from dashred.proof.oracle import consult
+from dashred.proof.judge import unjudged
+from dashred.proof.kept_case import Kept, folder_of, keep, read_done
+from dashred.proof.kept_draw import keep_draw
 from dashred.proof.record_case import RecordedCase, record_case
+from dashred.proof.score_case import SEAL, score_case
+from dashred.proof.telling import ended_in_words
 from dashred.proof.words import Request
-from dashred.score import score_findings
 from dashred.sealing import seal
 
-DOCUMENT, LOG, RECORDING = "case.json", "log.txt", "recording.nc"
-
-
-@dataclass(frozen=True)
-class Kept:
-    """What a finished case leaves: its record, seconds by the clock, how often it was drawn."""
-
-    record: CaseRecord
-    wall: float
-    draws: int
+LOG, RECORDING = "log.txt", "recording.nc"
 
 
 def run_proof(request: Request) -> list[Kept]:
@@ -54,8 +43,9 @@ def run_proof(request: Request) -> list[Kept]:
 
 
 def _run(request: Request, output: Path) -> list[Kept]:
+    keep_draw(request)
     cases = draw_cases(seed_of(request.draw), request.cases, request.nulls)
-    kept = {str(case): done for case in cases if (done := _read_done(case, output))}
+    kept = {str(case): done for case in cases if (done := read_done(case, output))}
     waiting = [case for case in cases if str(case) not in kept]
     _say(f"{len(cases)} cases, {len(kept)} of them done already; in {output}")
     if waiting:
@@ -107,7 +97,7 @@ class _Desk:
         """See one case through, and keep its record: whatever goes wrong is part of it."""
         began = time.perf_counter()
         # An earlier try may have opened the seal of this very case.
-        shutil.rmtree(self._folder(case), ignore_errors=True)
+        shutil.rmtree(folder_of(case, self.request.output), ignore_errors=True)
         recorded, problem, record = None, "", None
         with tempfile.TemporaryDirectory(prefix="dashred-recording-") as name:
             desk = Path(name)
@@ -122,28 +112,27 @@ class _Desk:
                     problem = last_line(desk / LOG) or f"exit code {code}"
             except AnalystLostError as lost:
                 if not self.stopped.is_set():
-                    record = _unjudged(case, recorded, f"the analyst died: {lost}")
+                    record = unjudged(case, None, f"the analyst died: {lost}")
                     self._keep(case, recorded, record, desk, began)
                 raise
             except Exception as error:  # The other cases have a right to their turn.
                 (desk / "problem.txt").write_text(traceback.format_exc(), encoding="utf-8")
                 problem = f"{type(error).__name__}: {error}"
-            record = record or _unjudged(case, recorded, problem)
+            record = record or unjudged(case, None, problem)
             self._keep(case, recorded, record, desk, began)
 
     def _judged(self, recorded: RecordedCase, desk: Path, seconds: float) -> CaseRecord:
-        """Open the seal of a case whose findings are frozen, and judge them."""
-        case, concealed = recorded.case, recorded.concealed
+        """Seal the truth of a case whose findings are frozen; open it, and judge them."""
         with self.keeper:
             check_freeze(desk)
-            seal(desk / "sealed.nc", concealed.truth, concealed.system)
-            score, *_ = score_findings(desk, desk / "sealed.nc")
-            write_json_atomic(desk / "score.json", score)
-            oracle = consult(case, concealed, desk, score["exact_support"])
-            return judge(case, concealed, desk, score, oracle, seconds)
+            seal(desk / SEAL, recorded.concealed.truth, recorded.concealed.system)
+            return score_case(recorded, desk, seconds)
 
     def _words(self, case: Case, desk: Path) -> list[str]:
-        """Return the words of the analysis: of the case it learns its recording alone."""
+        """Return the words of the analysis: of the case it learns its recording alone.
+
+        Where the numerics are at fault, the grid of its simulator, too: that is the user's to give.
+        """
         return [
             f"conf={case.system}",
             *case.analysis_words,
@@ -153,9 +142,6 @@ class _Desk:
             "tracking.experiment=analysis",
             "tracking.model=false",
         ]
-
-    def _folder(self, case: Case) -> Path:
-        return self.request.output / str(case).replace(" ", "-")
 
     def _keep(
         self,
@@ -167,48 +153,14 @@ class _Desk:
     ) -> None:
         """Move what a case left out of the analysts' sight, its record last."""
         wall = time.perf_counter() - began
-        folder = self._folder(case)
-        shutil.copytree(desk, folder)
-        draws = 1 if recorded is None else recorded.draws
-        kept = {
-            "case_sha256": _hash_of(case),
-            "draws": draws,
-            "record": record,
-            "wall_seconds": wall,
-        }
-        write_json_atomic(folder / DOCUMENT, kept)
-        self.kept[str(case)] = Kept(record, wall, draws)
-        how = "right" if record["right"] else "listed" if record["listed"] else "NOT RIGHT"
-        told = record["problem"] or record["told"]
+        shutil.copytree(desk, folder_of(case, self.request.output))
+        kept = Kept(record, wall, 1 if recorded is None else recorded.draws)
+        keep(case, self.request.output, kept)
+        self.kept[str(case)] = kept
         _say(
             f"[{len(self.kept)}/{self.total}] {case} {case.system} {case.kind}: "
-            f"{how}; hidden: {record['hidden']}; told: {told}; {wall:.0f} s"
+            f"{ended_in_words(record)}; {wall:.0f} s"
         )
-
-
-def _read_done(case: Case, output: Path) -> Kept | None:
-    """Return what a case left that is done; one that crashed is tried again."""
-    try:
-        path = output / str(case).replace(" ", "-") / DOCUMENT
-        kept: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        record: CaseRecord = kept["record"]
-        same = kept["case_sha256"] == _hash_of(case) and record["problem"] is None
-        done = Kept(record, float(kept["wall_seconds"]), int(kept["draws"]))
-        return done if same else None
-    except (OSError, ValueError, TypeError, KeyError):
-        return None
-
-
-def _unjudged(case: Case, recorded: RecordedCase | None, problem: str) -> CaseRecord:
-    if recorded is None:
-        return unjudged(case, None, problem)
-    return unjudged(recorded.case, recorded.concealed, problem)
-
-
-def _hash_of(case: Case) -> str:
-    """Return the hash of all that was drawn: no record tells from what seed."""
-    text = json.dumps(asdict(case), sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _say(text: str) -> None:

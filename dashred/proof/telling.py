@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from dashred.config import Config
+from dashred.proof.case_record import CaseRecord
 from dashred.proof.draw import Case
 from dashred.sealing import Truth
 
@@ -27,6 +28,12 @@ def hidden_in_words(case: Case, truth: Truth, config: Config) -> str:
     if case.words:
         said.append(f"a simulator that is too coarse ({', '.join(case.words)})")
     return BETWEEN.join(said) or "nothing"
+
+
+def ended_in_words(record: CaseRecord) -> str:
+    """Say how a case ended."""
+    how = "right" if record["right"] else "listed" if record["listed"] else "NOT RIGHT"
+    return f"{how}; hidden: {record['hidden']}; told: {record['problem'] or record['told']}"
 
 
 def told_in_words(findings: Mapping[str, Any]) -> str:

@@ -9,13 +9,16 @@ from pathlib import Path
 
 from dashred.errors import InputError, nearest
 from dashred.proof.isolation import CHECKOUT
+from dashred.proof.kept_draw import read_draw
 
 PLACE = "command line"
-KNOWN = ("cases", "nulls", "jobs", "output", "draw", "document", "pendulum")
+KNOWN = ("cases", "nulls", "jobs", "output", "draw", "document", "pendulum", "score")
+OF_A_DRAW = ("cases", "nulls", "jobs", "output", "draw")
 MOST = 100_000
 
 USAGE = """\
 usage: python -m dashred.prove cases=120 nulls=100 [key=value ...]
+       python -m dashred.prove score=DIR [document=FILE] [pendulum=FILE]
 
 Draws sealed cases, lets them be analysed by processes that have no way to the truth, freezes the
 findings, opens the seals and scores. Cases that are done are not run again: after an interruption,
@@ -27,11 +30,13 @@ give the same command again.
   output=DIR      default: {output}/COMMIT (not tracked by git)
   document=FILE   writes the result as Markdown, its figures beside it; default: DIR/proof.md
   pendulum=FILE   the recording of a real pendulum, for the document's appendix
+  score=DIR       scores a finished draw again, with this commit's scorer: its analyses stay as they
+                  were frozen, and the document names both commits
   draw=TEXT       draws other cases, for practice: the document says so. By default the hash of the
                   commit under test gives the draw, so that nothing can have been tuned to it
 
 DIR holds a folder a case, with its recording, its frozen findings, the seal that was opened after
-that, and `case.json`.
+that, and `case.json`; beside these, `draw.json` says what was drawn.
 """
 
 
@@ -48,6 +53,7 @@ class Request:
         pendulum: a real recording; None for no appendix.
         draw: what the seed of the draw is made of.
         practice: whether that is another text than the commit's hash.
+        scored_by: commit that scores a kept draw again; None of one that is to be analysed.
     """
 
     cases: int
@@ -58,6 +64,7 @@ class Request:
     pendulum: Path | None
     draw: str
     practice: bool
+    scored_by: str | None = None
 
 
 def read_words(argv: list[str]) -> Request:
@@ -76,6 +83,8 @@ def read_words(argv: list[str]) -> Request:
         if not equals or key not in KNOWN:
             raise InputError(f"unknown word {word!r}", where=PLACE, hint=nearest(key, KNOWN))
         given[key] = value
+    if "score" in given:
+        return _again(given)
     practice = "draw" in given
     draw = given["draw"] if practice else commit_under_test()
     folder = re.sub(r"[^\w.-]", "_", draw)[:12] or "draw"
@@ -90,6 +99,22 @@ def read_words(argv: list[str]) -> Request:
         pendulum=_recording(given.get("pendulum")),
         draw=draw,
         practice=practice,
+    )
+
+
+def _again(given: dict[str, str]) -> Request:
+    """Read the words that score a kept draw again."""
+    if excess := [key for key in OF_A_DRAW if key in given]:
+        hint = "the draw itself says how it was made"
+        raise InputError(f"score= goes without {excess[0]}=", where=PLACE, hint=hint)
+    output = Path(given["score"]).absolute()
+    document = Path(given["document"]) if given.get("document") else output / "proof.md"
+    return Request(
+        **read_draw(output),
+        output=output,
+        document=document.absolute(),
+        pendulum=_recording(given.get("pendulum")),
+        scored_by=commit_under_test(),
     )
 
 

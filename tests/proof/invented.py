@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from typing import Any, cast
 
-from dashred.proof.case_record import KINDS, CaseRecord, Coefficient
+from dashred.proof.case_record import KINDS, CaseRecord, Coefficient, Gains
 from dashred.proof.outcomes import TRUE_CAUSE
 
 
@@ -45,11 +45,22 @@ def case(number: int = 0, kind: str = "terms", **more: Any) -> CaseRecord:
             "lost": -0.2,
             "over_library": 50.0,
         },
-        "gains": {"test_sensors": 8.0, "forecast": 20.0} if law else None,
+        "gains": gaining(8.0, 20.0) if law else None,
         "noisy_test": -0.4 if law else None,
         "seconds": 61.2,
     }
     return cast(CaseRecord, record | more)
+
+
+def gaining(test_sensors: float | None, forecast: float | None) -> Gains:
+    """Return gains, over the simulation from the same start twice those over its best one."""
+    twice = [None if gain is None else 2 * gain for gain in (test_sensors, forecast)]
+    return Gains(
+        test_sensors=test_sensors,
+        forecast=forecast,
+        test_sensors_before=twice[0],
+        forecast_before=twice[1],
+    )
 
 
 def null(number: int = 0, **more: Any) -> CaseRecord:
@@ -61,7 +72,9 @@ def null(number: int = 0, **more: Any) -> CaseRecord:
 def coefficient(**more: Any) -> Coefficient:
     """Return a coefficient that was found well."""
     found = {"name": "u: u**2", "true": -0.15, "found": -0.151, "std": 0.001, "window": None}
-    return cast(Coefficient, found | more)
+    whole = found | more
+    away = abs(whole["found"] - whole["true"])
+    return cast(Coefficient, {"covered": away <= 1.96 * (whole["std"] or 0.0)} | whole)
 
 
 def dead(number: int = 0, kind: str = "terms") -> CaseRecord:
@@ -105,5 +118,5 @@ def _drawn(number: int, kind: str, dice: random.Random) -> CaseRecord:
         drawn = [-0.15 + dice.gauss(0.0, 0.002) for _ in range(dice.randint(1, 3))]
         more["coefficients"] = [coefficient(found=c, std=0.002, window=window) for c in drawn]
         gain = dice.lognormvariate(2.0, 0.8)
-        more["gains"] = {"test_sensors": gain, "forecast": gain * dice.lognormvariate(1.0, 0.5)}
+        more["gains"] = gaining(gain, gain * dice.lognormvariate(1.0, 0.5))
     return case(number, kind, **more)

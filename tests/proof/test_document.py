@@ -25,6 +25,7 @@ FACTS = ProtocolFacts(
     hours=5.25,
     processes=2,
     drawn_again=4,
+    scored_by=None,
 )
 
 
@@ -147,5 +148,9 @@ def test_a_draw_for_practice_is_not_passed_off_as_the_proof() -> None:
     practice = replace(FACTS, commit=None, draw="mine")
     assert "this is a draw for practice, and not the proof" in document([case()], practice)
     page = document([case()], FACTS)
+    assert "Scored again" not in page
+    assert "Scored again by commit 4567def" in document(
+        [case()], replace(FACTS, scored_by="4567def")
+    )
     assert "practice" not in page and "the commit under test (0123abc)" in page
     assert "4 to 40 (`fhn`) or 20 to 100 (`rde`)" in " ".join(page.split())

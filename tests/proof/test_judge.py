@@ -105,6 +105,23 @@ def test_a_fault_is_right_with_its_sensor_and_kind(sensor, kind, right) -> None:
     assert is_right(case_of("fault"), findings("sensor-fault", causes=(cause,)), truth) is right
 
 
+def test_a_fault_told_beside_a_law_has_to_be_a_true_one() -> None:
+    law = {"kind": "missing-term", "probability": 0.99}
+    fault = {"kind": "sensor-fault", "sensor": "s05", "fault": "bias", "probability": 0.99}
+    told = findings("missing-term", term("v", "v**2"), causes=(law, fault))
+    hidden = (SealedFault("s05", "bias", 0.2),)
+    assert is_right(case_of("masked"), told, concealed(V2, faults=hidden))
+    assert not is_right(case_of("masked"), told, concealed(V2))
+    assert not is_right(case_of("terms"), told, concealed(V2))
+    assert not is_listed(case_of("terms"), told, concealed(V2))
+    rival = [{**term("v", "v**2"), "region": None}]
+    listed = findings("ambiguous", term("v", "v**2"), causes=(law, fault), rivals=(rival,))
+    assert is_listed(case_of("terms"), listed, concealed(V2))
+    # An explanation of its own, less likely than the law, accuses nobody.
+    other = findings("missing-term", term("v", "v**2"), causes=(law, fault | {"probability": 0.01}))
+    assert is_right(case_of("terms"), other, concealed(V2))
+
+
 def test_of_masked_causes_each_that_is_named_has_to_be_true() -> None:
     case, truth = case_of("masked"), concealed(V2, parameters={"c": 1.03})
     change = {"equation": None, "parameter": "c", "term": "c", "coefficient": 0.031, "to": 1.031}
@@ -138,3 +155,10 @@ def test_other_causes_are_listed_by_name() -> None:
     assert is_listed(case_of("fault"), told, truth)
     assert not is_listed(case_of("fault"), findings("ambiguous", causes=(start,)), truth)
     assert not is_listed(case_of("null"), told, concealed())
+
+
+def test_that_nothing_is_missing_is_listed_where_that_is_the_truth_alone() -> None:
+    nothing = {"kind": "nothing-missing", "probability": 0.6}
+    told = findings("ambiguous", causes=(nothing,))
+    assert is_listed(case_of("null"), told, concealed())
+    assert not is_listed(case_of("numerics"), told, concealed())

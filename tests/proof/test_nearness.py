@@ -35,26 +35,30 @@ def concealed(*terms: SealedTerm, **more: Any) -> Concealed:
 
 def scored(**region: float | None) -> Score:
     whole = {"overlap": None, "onset": None, "threshold": None} | region
-    forecast = {"before_refit": 0.5, "after": 0.1}
+    forecast = {"before": 2.0, "before_refit": 0.5, "after": 0.1}
     return cast(Score, {"region": whole, "forecast": forecast, "exact_support": True})
 
 
 def test_of_a_parameter_the_change_counts() -> None:
     change = {"equation": None, "parameter": "c", "term": "c", "coefficient": 0.07, "std": 0.001}
-    change |= {"from": 1.0, "to": 1.07, "region": None}
+    change |= {"from": 1.0, "to": 1.07, "region": None, "ci95": [1.02, 1.09]}
     [found] = coefficients_found(findings("parameter", change), concealed(parameters={"c": 1.03}))
     assert found["true"] == pytest.approx(0.03) and found["found"] == 0.07
+    # The interval is one of the value itself.
+    assert found["covered"]
+    [found] = coefficients_found(findings("parameter", change), concealed(parameters={"c": 1.01}))
+    assert not found["covered"]
 
 
 def test_a_term_written_otherwise_is_the_same_coefficient() -> None:
-    entry = term("v", "2*v*v") | {"coefficient": 0.016, "std": 0.001}
+    entry = term("v", "2*v*v") | {"coefficient": 0.016, "std": 0.001, "ci95": [0.014, 0.018]}
     [found] = coefficients_found(findings("missing-term", entry), concealed(V2))
-    assert found["true"] == pytest.approx(0.015) and found["window"] is None
+    assert found["true"] == pytest.approx(0.015) and found["window"] is None and found["covered"]
     box = [{"axis": "x", "from": 3.1, "to": 7.9, "std": 0.1}]
-    entry = term("v", "v**2", box) | {"std": 0.001}
+    entry = term("v", "v**2", box) | {"std": 0.001, "ci95": [0.0305, 0.0325]}
     told = findings("missing-term", entry)
     [found] = coefficients_found(told, concealed(SealedTerm("v", "v**2", 0.03, BOX)))
-    assert found["window"] == "box" and found["true"] == 0.03
+    assert found["window"] == "box" and found["true"] == 0.03 and not found["covered"]
 
 
 def test_an_onset_is_a_share_of_the_record_and_a_threshold_of_the_states_range() -> None:
@@ -96,17 +100,25 @@ def test_gains_are_against_the_truth_without_noise(tmp_path) -> None:
     times = truth.truth.times[:17]
     real = truth.truth.states[:17]
     fields = {"simulation_refit": real + 0.3, "corrected": real - 0.1}
+    fields["simulation_same_start"] = real - 0.7
     write_json_atomic(tmp_path / "findings.json", {})
     write_estimates(tmp_path / "estimates.nc", SYSTEM, times, fields)
     freeze(tmp_path, ["estimates.nc"])
     told = findings("missing-term", term("v", "v**2"))
     told["input"]["splits"] = {"test": ["s02"]}
     found = gains(case_of("terms"), told, truth, tmp_path, scored())
-    assert found is not None and found["test_sensors"] == pytest.approx(3.0)
-    assert found["forecast"] == pytest.approx(5.0)
+    assert found == {
+        "test_sensors": pytest.approx(3.0),
+        "forecast": pytest.approx(5.0),
+        "test_sensors_before": pytest.approx(7.0),
+        "forecast_before": pytest.approx(20.0),
+    }
 
 
 def test_on_noisy_data_worse_is_above_nothing() -> None:
     told: dict[str, Any] = {"fit": {"test_sensors": {"before_refit": 0.5, "after": 0.6}}}
     assert noisy_test(told) == pytest.approx(0.2)
     assert noisy_test({"fit": None}) is None
+    # A corrected simulation that blows up has no error, and is no better for it.
+    endless = {"fit": {"test_sensors": {"before_refit": 0.5, "after": None}}, "terms": [V2]}
+    assert noisy_test(endless) == 1e6

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -100,7 +101,18 @@ def test_a_law_that_blows_up_loses_all(recorded) -> None:
     json.dumps(answer, allow_nan=False)
 
 
-def test_it_has_nothing_to_say_where_no_law_was_hidden(recorded, tmp_path) -> None:
+def test_where_nothing_was_returned_the_simulator_as_it_is_stands_for_it(
+    recorded, tmp_path
+) -> None:
     folder, concealed = recorded
     shutil.copy(folder / "recording.nc", tmp_path)
-    assert consult(CASE, concealed, tmp_path, exact=None) is None
+    write_json_atomic(tmp_path / "findings.json", {"terms": None, "alternatives": None})
+    answer = consult(CASE, concealed, tmp_path, exact=False)
+    assert answer is not None and answer["decidable"]
+    assert answer["lost"] == answer["over_null"] == answer["over_library"] > 50
+
+
+def test_it_has_nothing_to_say_where_no_law_was_hidden(recorded, tmp_path) -> None:
+    _, concealed = recorded
+    lawless = replace(concealed, truth=replace(concealed.truth, terms=()))
+    assert consult(CASE, lawless, tmp_path, exact=False) is None

@@ -7,15 +7,17 @@ import signal
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from dashred.errors import InputError
-from dashred.findings import write_json_atomic
+from dashred.proof import kept_case
 from dashred.proof import run as proof
 from dashred.proof.draw import draw_cases, seed_of
 from dashred.proof.isolation import Analyst, AnalystLostError
+from dashred.proof.rescore import rescore
 from dashred.proof.words import Request, read_words
 from tests.proof.invented import case as record_of
 
@@ -31,14 +33,7 @@ def keep(folder: Path, seed: str, cases: int) -> None:
     for case in draw_cases(seed_of(seed), cases, 0):
         place = folder / str(case).replace(" ", "-")
         place.mkdir(parents=True)
-        sha = proof._hash_of(case)
-        kept = {
-            "case_sha256": sha,
-            "record": record_of(case.number),
-            "draws": 1,
-            "wall_seconds": 10.0,
-        }
-        write_json_atomic(place / "case.json", kept)
+        kept_case.keep(case, folder, kept_case.Kept(record_of(case.number), 10.0, 1))
 
 
 @pytest.fixture
@@ -121,11 +116,12 @@ def test_a_case_that_cannot_be_recorded_or_judged_is_a_record(tmp_path, monkeypa
     monkeypatch.setattr(proof, "check_freeze", fail)
     [kept] = proof.run_proof(request(tmp_path, 1))
     assert kept.record["problem"] == "ValueError: out of reach"
-    assert kept.record["hidden"] != "unknown"
+    # It is analysed again: until then nothing tells what it hides.
+    assert kept.record["hidden"] == "not opened" and kept.record["mismatch"] is None
     assert "out of reach" in (tmp_path / "case-0" / "problem.txt").read_text()
     monkeypatch.setattr(proof, "record_case", fail)
     [kept] = proof.run_proof(request(tmp_path, 1))
-    assert kept.record["hidden"] == "unknown"
+    assert kept.record["hidden"] == "not opened"
 
 
 def test_an_analysis_finds_its_recording_and_nothing_else(tmp_path, monkeypatch) -> None:
@@ -175,3 +171,10 @@ def test_a_proof_from_the_draw_to_the_document(tmp_path) -> None:
     for folder in ("case-0", "case-1", "null-0"):
         frozen, opened = (tmp_path / folder / n for n in ("freeze.json", "sealed.nc"))
         assert frozen.stat().st_mtime <= opened.stat().st_mtime
+
+    frozen = (tmp_path / "case-0" / "findings.json").read_bytes()
+    words = read_words(["cases=2", "nulls=1", "draw=test", f"output={tmp_path}"])
+    again = rescore(replace(words, scored_by="c0ffee"))
+    assert [one.record for one in again] == records
+    assert {one.scored_by for one in again} == {"c0ffee"}
+    assert (tmp_path / "case-0" / "findings.json").read_bytes() == frozen

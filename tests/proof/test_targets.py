@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -10,7 +10,7 @@ from dashred.proof.case_record import KINDS, CaseRecord
 from dashred.proof.outcomes import failings, leading_right
 from dashred.proof.statistics import Rate
 from dashred.proof.targets import TARGETS, Measured, Target, coefficients, coverage
-from tests.proof.invented import case, coefficient, dead, null, proof, wrong
+from tests.proof.invented import case, coefficient, dead, gaining, null, proof, wrong
 
 
 def oracle(**more: Any) -> dict[str, Any]:
@@ -23,12 +23,7 @@ def region(**more: float) -> dict[str, Any]:
 
 
 def target(name: str) -> Target:
-    [found] = [target for target in TARGETS if target.name.startswith(name)]
-    return found
-
-
-def gaining(test_sensors: float, forecast: float | None) -> CaseRecord:
-    return case(gains={"test_sensors": test_sensors, "forecast": forecast})
+    return next(target for target in TARGETS if target.name.startswith(name))
 
 
 def outcome(name: str, records: list[CaseRecord]) -> str:
@@ -38,6 +33,10 @@ def outcome(name: str, records: list[CaseRecord]) -> str:
 
 def measured(name: str, records: list[CaseRecord]) -> Measured:
     return target(name).measure(records)
+
+
+def gained(test_sensors: float, forecast: float | None) -> CaseRecord:
+    return case(gains=gaining(test_sensors, forecast))
 
 
 GOOD = case()
@@ -76,8 +75,10 @@ FLIPS: list[tuple[str, list[CaseRecord], CaseRecord]] = [
     ("95 % intervals", [SURE] * 9 + [SHAKY], SHAKY),
     ("outside of the library", [case(kind="outside")] * 17 + [INSIDE] * 3, INSIDE),
     ("told to be outside", [GOOD] * 49 + [OUTSIDE], OUTSIDE),
-    ("gain at test", [gaining(6.0, None)], gaining(3.0, 99.0)),
-    ("gain of the forecast", [gaining(1.0, 11.0)], gaining(9.0, 2.0)),
+    ("gain at test sensors, ", [gained(3.0, None)], gained(1.5, 99.0)),
+    ("gain at test sensors over", [gained(6.0, None)], gained(3.0, 99.0)),
+    ("gain of the forecast, ", [gained(0.1, 6.0)], gained(9.0, 2.0)),
+    ("gain of the forecast over", [gained(1.0, 11.0)], gained(9.0, 2.0)),
     ("worse on noisy", [case(noisy_test=0.02)] * 50, case(noisy_test=0.03)),
     ("seconds", [case(seconds=90.0)] * 3, case(seconds=91.0)),
 ]
@@ -100,7 +101,7 @@ def test_no_record_meets_or_misses_anything() -> None:
         assert chosen.outcome(chosen.measure([])) == "nothing to judge by"
 
 
-def test_a_case_that_died_counts_as_not_right_and_as_nothing_else() -> None:
+def test_a_case_that_died_is_not_right_and_was_given_no_verdict() -> None:
     records = [case(), dead()]
     assert measured("verdict right", records).value == Rate(1, 2)
     for name in ("wrong and unflagged", "not converged", "search failures", "decidable cases"):
@@ -121,12 +122,35 @@ def test_boxes_and_gates_do_not_mend_the_coverage_of_terms_everywhere() -> None:
     records = [case(coefficients=[far]), case(coefficients=[coefficient(window="box")] * 30)]
     assert measured("95 % intervals", records).value == Rate(0, 1)
     assert coverage(coefficients(records)) == Rate(30, 31)
-    assert coverage([coefficient(std=None)]) == Rate(0, 0)
+    assert coverage([coefficient(std=None)]) == Rate(0, 1)
 
 
-def test_a_region_that_was_not_found_is_told_beside_the_median() -> None:
-    found = measured("region", [case(kind="box"), case(kind="box", region=region())])
-    assert (found.value, found.n, found.note) == (0.96, 1, "1 of 2 cases lack it")
+def test_what_could_have_been_found_and_was_not_counts_as_missed() -> None:
+    lost = case(kind="box", region=region(), peak_inside=None)
+    blurred = lost | {"oracle": oracle(decidable=False)}
+    found = measured("region", [case(kind="box"), lost, cast(CaseRecord, blurred)])
+    note = "2 of 3 cases lack it, 1 of which count as missed"
+    assert (found.value, found.n, found.note) == (0.48, 2, note)
+    assert measured("map's peak", [case(kind="box"), lost]).value == Rate(1, 2)
+    for name, kind in (("onset", "onset"), ("threshold", "gate")):
+        unfound = case(kind=kind, region=region())
+        assert measured(name, [case(kind=kind), unfound]).value == Rate(1, 2)
+        assert measured(name, [case(kind=kind), dead(kind=kind)]).value == Rate(1, 2)
+    unnamed = case(kind="hidden", equation_right=None)
+    assert measured("hidden field", [case(kind="hidden"), unnamed]).value == Rate(1, 2)
+
+
+def test_a_law_that_was_not_found_gains_nothing_and_one_that_blows_up_loses_all() -> None:
+    unfound, endless = case(gains=None), gained(8.0, None)
+    assert measured("gain at test sensors over", [unfound]).value == 1.0
+    assert measured("gain of the forecast over", [endless]).value == 0.0
+    assert measured("gain at test sensors over", [case(kind="start"), null()]).n == 0
+
+
+def test_what_has_not_converged_is_no_failure_of_the_search_and_yet_not_decided() -> None:
+    lost = wrong(verdict="not-converged", flagged=True, oracle=oracle(lost=200.0), exact=None)
+    assert measured("search failures", [lost]).n == 0
+    assert measured("decidable cases", [lost]).value == Rate(0, 1)
 
 
 def test_what_the_library_imitates_is_no_case_of_outside() -> None:
