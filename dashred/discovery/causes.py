@@ -166,13 +166,16 @@ def _carried(
     """Return a free forcing about whose trajectory to look on, and the map of one.
 
     That is one on the simulator as it is. Where the best law leaves nothing unexplained, it comes
-    nearer to the truth than a forcing, which is as coarse as its cells; and where a forcing alone
-    goes astray, the best law carries it, and there is no map.
+    nearer to the truth than a forcing, which is as coarse as its cells: unless it is a law of many
+    terms, and the forcing leaves less. Where a forcing alone goes astray, the best law carries it,
+    and there is no map.
     """
     alone, missing = (on_best, gain) if best is null else force(null.objective, null.phi, size)
-    if float((_noise_under(alone).std / _noise_under(on_best).std).median()) > ASTRAY:
+    ratio = float((_noise_under(alone).std / _noise_under(on_best).std).median())
+    if ratio > ASTRAY:
         return on_best, None
-    return on_best if gain <= MISSING else alone, map_of(alone, missing)
+    nearer = gain <= MISSING and (len(best.law.candidates) <= SIMPLE or ratio > 1)
+    return on_best if nearer else alone, map_of(alone, missing)
 
 
 def _without_places(best: Cause, null: Cause) -> list[Cause]:

@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from dashred.discovery.law import Law
-from dashred.discovery.parameter_change import parameter_change
-from dashred.physics.algebra import multiply
+from dashred.discovery.parameter_change import exact_change
+from dashred.physics.algebra import ZERO, Number, multiply, substitute
+from dashred.physics.differentiate import parameter_slopes
 from dashred.physics.system import System, Term
 
 
 def correct(system: System, law: Law) -> System:
     """Return the system that the law says is real.
 
-    Its tendency is ``N + Σ ξ θ`` exactly for terms and for parameters whose effect keeps its shape
-    (:mod:`dashred.discovery.parameter_change`); for the others (``alpha`` in ``exp(u/alpha)``) the
-    law is their tangent, so the two agree to first order in the change.
+    Its tendency is ``N + Σ ξ θ`` exactly: a parameter has the value that does what the law says,
+    where there is one (:mod:`dashred.discovery.parameter_change`); of the others (``alpha`` in
+    ``exp(u/alpha)``) the law is the tangent, which is added as a term.
     """
     changed: dict[str, float] = {}
     terms: list[tuple[Term, float]] = []
     for candidate, value in zip(law.candidates, law.coefficients.tolist(), strict=True):
         if candidate.equation is None:
-            change = parameter_change(system, candidate.name, value)
-            changed[candidate.name] = system.config.parameters[candidate.name] + change
+            change = exact_change(system, candidate.name, value)
+            if change is None:
+                terms.extend((tangent, value) for tangent in _tangents(system, candidate.name))
+            else:
+                changed[candidate.name] = system.config.parameters[candidate.name] + change
         else:
             key = f"library.{candidate.equation}"
             expression = system.parse(candidate.name, key, equation=candidate.equation)
@@ -31,6 +35,15 @@ def correct(system: System, law: Law) -> System:
                 expression = multiply((candidate.window.expression, expression))
             terms.append((Term(candidate.equation, expression), value))
     return with_parameters(system, changed).with_terms(terms)
+
+
+def _tangents(system: System, parameter: str) -> Iterator[Term]:
+    """Yield ``∂N/∂p`` of every equation, at the values of all parameters that the law is about."""
+    known = {name: Number(float(value)) for name, value in system.config.parameters.items()}
+    for equation, slope in parameter_slopes(system, parameter).items():
+        tangent = substitute(slope, known)
+        if tangent != ZERO:
+            yield Term(equation, tangent)
 
 
 def with_parameters(system: System, values: Mapping[str, float]) -> System:

@@ -221,7 +221,11 @@ def _says(system: System, law: Law, index: int) -> str:
     old = system.config.parameters[candidate.name]
     change, std = _change(system, law, index)
     new, error = rounded(old + change, std)
-    about = "" if is_exact(system, candidate.name, value) else ", to first order in the change"
+    about = (
+        ""
+        if is_exact(system, candidate.name, value)
+        else ", to first order in the change, whose tangent stands in the corrected equations"
+    )
     told = measured(new, system.units.get(candidate.name))
     says = f"{candidate.name} is {told}, not {number(old)} (± {error}{about})"
     if candidate.aliases:

@@ -32,6 +32,8 @@ LOST = 2.0
 # Then it grows anew from the mean of the start: from a few samples, by small steps, under so many
 # times the noise, for between its cells and knots a forcing is not that of the truth.
 BEGIN, GROWTH, GROWING_STEPS, COARSE = 6, 1.15, 5, 3.0
+# The smallest forcing that follows the recording does: a large one may carry the trajectory away.
+GROWN = (0.03, 0.3)
 # Of the largest entry of a matrix, what rounding may make of its smallest eigenvalue.
 ROUNDING = 1e-12
 
@@ -121,9 +123,15 @@ def fit_free_forcing(
     if not _lost(found):
         return found
     begin[: objective.modes] = 0.0
-    loose = replace(whole, noise=whole.noise.scaled(COARSE))
-    grown = grow(loose, begin, BEGIN, GROWTH, GROWING_STEPS)
-    return min(found, _forced(whole, grown, equations), key=lambda forced: forced.cost)
+    for level in GROWN:
+        stds = _stds(pulses, size, (level,) * len(size))
+        small = replace(whole, prior_std=torch.cat([objective.prior_std, stds]))
+        loose = replace(small, noise=whole.noise.scaled(COARSE))
+        grown = _forced(whole, grow(loose, begin, BEGIN, GROWTH, GROWING_STEPS), equations)
+        found = min(found, grown, key=lambda forced: forced.cost)
+        if not _lost(found):
+            break
+    return found
 
 
 def _forced(objective: Objective, phi: Tensor, equations: Sequence[int]) -> FreeForcing:
@@ -155,12 +163,18 @@ def _forced(objective: Objective, phi: Tensor, equations: Sequence[int]) -> Free
 
 
 def _lost(forced: FreeForcing) -> bool:
-    """Tell whether a forcing, as large as it may be, leaves far more than noise at most sensors."""
+    """Tell whether a forcing, as large as it may be, leaves far more than noise at the sensors.
+
+    At all but one: that may be at fault.
+    """
     objective, normal = forced.objective, forced.normal
     left = normal.residuals.reshape(objective.recorded.shape).square().sum(dim=0)
-    ratios = (left / objective.noise.seen.sum(dim=0).clamp(min=1)).sqrt()
+    seen = objective.noise.seen.sum(dim=0)
+    others = torch.ones(len(left), dtype=torch.bool)
+    others[(left / seen.clamp(min=1)).argmax()] = len(left) == 1
+    ratio = (left[others].sum() / seen[others].sum().clamp(min=1)).sqrt()
     # Of a trajectory that blows up the residuals say nothing.
-    return not normal.finite or float(ratios.median()) > LOST
+    return not normal.finite or float(ratio) > LOST
 
 
 def force(objective: Objective, phi: Tensor, size: Tensor) -> tuple[FreeForcing, float]:

@@ -28,8 +28,9 @@ from dashred.discovery.screening import Screened, screen
 TRIED, FINALISTS, KIND, ALIKE = 24, 8, 8, 2
 FIRST_STEPS, FIRST_TOLERANCE = 3, 1e-2
 LAST_STEPS, LAST_TOLERANCE = 10, 1e-4
-# How many are fitted first; where all get lost, how many grow, from what share of the record.
-PROBES, AGAIN, BEGIN = 4, 6, 0.25
+# How many are fitted first; where all get lost, how many grow, from what share of the record, and
+# by how much at once: a front that is out of step by its own width has lost its way back.
+PROBES, AGAIN, BEGIN, GROWTH = 4, 6, 0.25, 1.15
 # Those whose score is farther than this from the best after the first steps are given up.
 HOPELESS = 60.0
 
@@ -149,7 +150,7 @@ def _penalty(objective: Objective, hypothesis: Hypothesis) -> float:
 def _try(objective: Objective, found: Screened, z: Tensor, samples: int | None = None) -> Tested:
     begin = first_unknowns(z, found.coefficients, found.hypothesis.guess)
     if samples is not None:
-        begin = grow(pose(objective, found.hypothesis), begin, samples)
+        begin = grow(pose(objective, found.hypothesis), begin, samples, GROWTH)
     penalty = _penalty(objective, found.hypothesis)
     return test(objective, found.hypothesis, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
 

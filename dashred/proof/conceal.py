@@ -33,6 +33,8 @@ class Concealed:
         truth: what it is not.
         effect: rms of what is hidden over the sensors, in units of the noise; None where nothing
             was to be sized.
+        numerics: what the simulator's own numerical error adds to χ²: its run from the true start
+            under the true law, against the truth at doubled resolution.
     """
 
     config: Config
@@ -40,6 +42,7 @@ class Concealed:
     recording: Recording
     truth: Truth
     effect: float | None
+    numerics: float
 
 
 @torch.no_grad()
@@ -74,4 +77,5 @@ def conceal(case: Case) -> Concealed:
     )
     duration = config.recording.duration
     truth = Truth(str(case), twin.terms, sizes.times, duration, states, twin.concealed)
-    return Concealed(config, system, recording, truth, effect)
+    numerics = sizes.numerical_error(with_law(system, twin), states[:count])
+    return Concealed(config, system, recording, truth, effect, numerics)

@@ -8,6 +8,7 @@ simulation, and is settled when the case is recorded.
 from __future__ import annotations
 
 import hashlib
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -137,7 +138,7 @@ def _draw(proved: Proved, group: str, number: int, kind: Kind, key: tuple[int, .
     rng = np.random.default_rng([*key, *b"what"])
     noise = rounded(log_uniform(rng, *proved.noise))
     sensors = int(rng.integers(proved.sensors[0], proved.sensors[1] + 1))
-    effect: float | None = float(log_uniform(rng, *proved.effect))
+    effect: float | None = float(log_uniform(rng, *_sizes(kind, proved.effect)))
     words: tuple[str, ...] = ()
     hidden: dict[str, Any] = {"terms": []}
     if kind == "null":
@@ -165,6 +166,20 @@ def _draw(proved: Proved, group: str, number: int, kind: Kind, key: tuple[int, .
         sensors=sensors,
         hidden=hidden,
         effect=effect,
-        share=None if effect is None or proved.share is None else log_uniform(rng, *proved.share),
+        share=_share(proved, kind, rng) if effect is not None else None,
         words=words,
     )
+
+
+def _share(proved: Proved, kind: Kind, rng: np.random.Generator) -> float | None:
+    return None if proved.share is None else log_uniform(rng, *_sizes(kind, proved.share))
+
+
+def _sizes(kind: Kind, known: tuple[float, float]) -> tuple[float, float]:
+    """Return the range of a kind's sizes.
+
+    A gate is open in states that are alike: what a term does there another does as well, unless it
+    is large. So they are of the upper half.
+    """
+    low, high = known
+    return (math.sqrt(low * high), high) if kind == "gate" else known

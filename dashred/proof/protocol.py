@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dashred.proof.foreseen import CLEAR
+from dashred.proof.oracle import DECIDABLE
 from dashred.proof.systems import SYSTEMS
 
 PROTOCOL = """\
@@ -17,7 +18,8 @@ its simulation leaves out. `python -m dashred.prove` does all of this and writes
    constants drawn, too: most of these forms are among those that the tool tries one step beyond
    its library. Their size is such that the sensors read {effects} times their noise apart from the
    simulation's, rms, or less, where that were more than 0.7 of a trace's std or blew up; of `ks1d`,
-   where chaos makes much of little, each term is some 1 to 10 % of the equation's tendency. Other
+   where chaos makes much of little, each term is some 1 to 10 % of the equation's tendency; gated
+   ones are of the upper half of these ranges. Other
    cases have a wrong parameter, a faulty sensor (one that the analysis fits), a start outside of
    its prior, numerics that are not resolved (the grid of the simulator, which is the user's to
    give, is too coarse), or nothing at all. *Masked* ones have a law behind a wrong parameter that
@@ -27,7 +29,9 @@ its simulation leaves out. `python -m dashred.prove` does all of this and writes
    because no recording of these sensors tells it from others. Of the laws that act everywhere,
    those that are not {clear:g} ahead of every other law of up to three terms in the score, by
    algebra about the true trajectory before any analysis (`foreseen.py`), are drawn again, three of
-   four of them: {drawn_again} were. A third of the nulls have correlated noise, noise of another
+   four of them; so are all cases whose simulator does not resolve them to their noise (its own
+   numerical error adds more than {decidable:g} to χ²), but for those of numerics: {drawn_again}
+   were. A third of the nulls have correlated noise, noise of another
    size than stated, or a sensor 0.25 % of the axis off its place, which may be named.
 2. **Sealed.** The truth runs at doubled resolution. The analysis runs in a process of its own, in a
    copy of the package without draw, recorder, scorer and twins. It is handed the recording, in a
@@ -83,6 +87,7 @@ def protocol(facts: ProtocolFacts, finished: int) -> str:
         effects=_effects(),
         noises=_noises(),
         clear=CLEAR,
+        decidable=DECIDABLE,
         scored=_scored(facts),
     )
 

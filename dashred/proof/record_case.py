@@ -1,7 +1,8 @@
 """Record a case, and draw another in its place where nobody could tell what it hides.
 
 Of the laws that act everywhere many can be told from no other by these sensors. Most of those are
-drawn again: by what is foreseen from the truth alone, before any analysis has begun.
+drawn again: by what is foreseen from the truth alone, before any analysis has begun. So is what the
+simulator's numerics do not resolve to its noise, but for the cases that hide just that.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from pathlib import Path
 from dashred.proof.conceal import Concealed, conceal
 from dashred.proof.draw import Case, draw_again
 from dashred.proof.foreseen import CLEAR, FORESEEN, lead
+from dashred.proof.oracle import DECIDABLE
 from dashred.sensing.write_netcdf import write_netcdf
 
 # Share of the unclear cases that stay as they are, and how often another is drawn at most.
@@ -51,6 +53,8 @@ def record_case(case: Case, recording: Path) -> RecordedCase:
 
 
 def _stays(case: Case, concealed: Concealed, recording: Path) -> bool:
+    if case.kind != "numerics" and not concealed.numerics < DECIDABLE:
+        return False
     if case.kind not in FORESEEN or case.stream("stays").random() < STAYING:
         return True
     return lead(case, concealed, recording) > CLEAR

@@ -14,6 +14,7 @@ from torch import Tensor
 from dashred.config import Config
 from dashred.errors import InputError
 from dashred.physics.library import evaluate_terms
+from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term
 from dashred.proof.draw import Case
 from dashred.proof.systems import SYSTEMS
@@ -86,6 +87,20 @@ class Sizes:
             return float(self._moved(self.sized(hidden, size)).square().mean().sqrt())
         except InputError:
             return None
+
+    def numerical_error(self, lawful: System, truth: Tensor) -> float:
+        """Return χ² of the simulator's own run, law and start as they are, against the truth.
+
+        Args:
+            lawful: the system as it really is, at the simulator's resolution.
+            truth: at doubled resolution, ``(time, field, *grid)``.
+        """
+        start = self.start
+        for dim in range(2, start.dim()):
+            start = start[(slice(None),) * dim + (slice(None, None, 2),)]
+        own = simulate(lawful, start, self.times[: self.recorded])[0]
+        wrong = (self._operator(own) - self._operator(truth)) / self._sigma
+        return float(wrong.square().sum().nan_to_num(torch.inf))
 
     def sized(self, hidden: dict[str, Any], size: float) -> dict[str, Any]:
         """Return the entry in the user's units: a law of some size, faults by their effect."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
 
 from dashred.discovery import free_forcing
 from dashred.discovery.discovered import MISSING
-from dashred.discovery.free_forcing import evidence, fit_free_forcing, force
+from dashred.discovery.free_forcing import FreeForcing, evidence, fit_free_forcing, force
 from dashred.discovery.objective import Normal
 from dashred.physics.pulses import Pulses
 from tests.waves import TIMES, Waves, fitted
@@ -75,6 +76,22 @@ def test_one_that_is_lost_grows_anew_from_the_mean_of_the_start(
     assert cost() < 1.2 * recorded.numel()
     monkeypatch.setattr(free_forcing, "LOST", math.inf)
     assert cost() > 10 * recorded.numel()
+
+
+def test_one_sensor_at_fault_is_not_a_lost_trajectory_and_some_that_miss_its_end_are(
+    waves: Waves,
+) -> None:
+    objective = waves.objective(waves.recorded(SIGMA, 6), SIGMA)
+    forced, _ = force(objective, fitted(objective), waves.size)
+    shape = objective.recorded.shape
+
+    def left(sensors: int, beyond: int) -> FreeForcing:
+        residuals = torch.ones(shape, dtype=torch.float64)
+        residuals[beyond:, :sensors] = 15.0
+        return replace(forced, normal=replace(forced.normal, residuals=residuals.flatten()))
+
+    assert not free_forcing._lost(left(1, 0))
+    assert free_forcing._lost(left(shape[1] // 3, shape[0] * 4 // 5))
 
 
 def test_evidence_stands_columns_that_drown_the_prior() -> None:

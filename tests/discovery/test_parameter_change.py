@@ -75,7 +75,7 @@ def test_a_value_may_change_its_sign(system: System, xi: float) -> None:
     assert change == pytest.approx(math.log(1 + xi), rel=1e-6)
 
 
-@pytest.mark.parametrize("name", ["m", "k", "depth"])
+@pytest.mark.parametrize("name", ["m", "k", "depth", "sharp"])
 def test_the_corrected_system_does_what_the_law_does(system: System, name: str) -> None:
     law = laws.law([laws.parameter(system, name)], [0.3])
     states = torch.randn((20, 2), generator=torch.Generator().manual_seed(0)).double()

@@ -51,6 +51,14 @@ def of_kind(kind: str) -> list[Case]:
     return [case for case in many if case.kind == kind]
 
 
+def test_gates_are_of_the_upper_half_of_sizes() -> None:
+    gates = of_kind("gate")
+    effects = [case.effect for case in gates if case.effect is not None and case.system == "fhn"]
+    low, high = SYSTEMS["fhn"].effect
+    assert (low * high) ** 0.5 <= min(effects) < max(effects) <= high
+    assert min(case.share for case in gates if case.share is not None) > 0.03
+
+
 def test_laws_have_one_to_three_terms_over_a_decade() -> None:
     drawn = of_kind("terms")
     counts = Counter(len(case.hidden["terms"]) for case in drawn)

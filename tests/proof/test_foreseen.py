@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -76,3 +77,22 @@ def test_nobody_draws_for_ever_and_other_kinds_are_drawn_once(tmp_path, monkeypa
         c for c in draw_cases(seed_of("a"), 40, 0) if c.kind == "null" and c.system == "fhn"
     )
     assert record_case(null, tmp_path / "recording.nc").draws == 1
+
+
+def test_what_the_simulator_does_not_resolve_to_its_noise_is_drawn_again(
+    tmp_path, monkeypatch
+) -> None:
+    monkeypatch.setattr(recording, "MOST_DRAWS", 3)
+    path, entry = tmp_path / "recording.nc", {"terms": [], "spread": 6.5}
+    key = seed_of("numerics"), 0, 50
+    far = Case(50, "cases", "fhn", "start", key, 0.005, 12, entry, None)
+    # From so far off its own step is too long for it in the first samples.
+    assert conceal(far).numerics > 6
+    found = record_case(far, path)
+    assert found.draws > 1 and found.concealed.numerics < 6
+    assert found.case.hidden["spread"] != 6.5
+    loud = replace(far, noise=0.1)
+    assert record_case(loud, path).draws == 1
+    # Of a simulator that is too coarse just that is hidden.
+    coarse = replace(far, kind="numerics")
+    assert record_case(coarse, path).draws == 1
