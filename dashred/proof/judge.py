@@ -135,12 +135,18 @@ def is_right(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> b
 
 def accuses_wrongly(findings: Mapping[str, Any], concealed: Concealed) -> bool:
     """Return whether a sensor without the fault that is told stands beside the best law."""
-    causes = findings["causes"] or []
-    beside = [c for c in causes[1:2] if c["kind"] == "sensor-fault"]
+    causes = list(findings["causes"] or [])
+    if findings["verdict"] == "outside-library" and "terms" not in causes[0]:
+        # That no law explains stands before the best of them.
+        causes = causes[1:]
+    if len(causes) < 2:
+        return False
+    law, told = causes[:2]
     # The cause of a law and the fault beside it are one explanation, of one probability.
-    beside = [c for c in beside if c["probability"] == causes[0]["probability"]]
+    if told["kind"] != "sensor-fault" or told["probability"] != law["probability"]:
+        return False
     hidden = {(fault.sensor, fault.kind) for fault in concealed.truth.concealed.faults}
-    return any((told["sensor"], told["fault"]) not in hidden for told in beside)
+    return (told["sensor"], told["fault"]) not in hidden
 
 
 def _is_alias(findings: Mapping[str, Any], concealed: Concealed) -> bool:

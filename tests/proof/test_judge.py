@@ -117,6 +117,14 @@ def test_a_fault_told_beside_a_law_has_to_be_a_true_one() -> None:
     rival = [{**term("v", "v**2"), "region": None}]
     listed = findings("ambiguous", term("v", "v**2"), causes=(law, fault), rivals=(rival,))
     assert is_listed(case_of("terms"), listed, concealed(V2))
+    beyond = {"kind": "outside-library", "probability": 1.0}
+    outside = findings("outside-library", term("v", "v"), causes=(beyond, law, fault))
+    unknown = SealedTerm("u", "sin(2*u)", 0.1)
+    assert not is_right(case_of("outside"), outside, concealed(unknown))
+    assert is_right(case_of("outside"), outside, concealed(unknown, faults=hidden))
+    extended = beyond | {"terms": ["u: sin(2*u)"], "probability": 0.99}
+    found = findings("outside-library", term("u", "sin(2*u)"), causes=(extended, fault))
+    assert not is_right(case_of("outside"), found, concealed(unknown))
     # An explanation of its own, less likely than the law, accuses nobody.
     other = findings("missing-term", term("v", "v**2"), causes=(law, fault | {"probability": 0.01}))
     assert is_right(case_of("terms"), other, concealed(V2))
