@@ -98,10 +98,14 @@ def run_truth(
     truth = lawful.refined()
     path = simulate(truth, start, times, progress=progress)
     check_finite(path, times, truth)
-    coarse = path[0]
-    for dim in range(2, coarse.dim()):
-        coarse = coarse[(slice(None),) * dim + (slice(None, None, 2),)]
-    return coarse.contiguous()
+    return simulators_points(path[0]).contiguous()
+
+
+def simulators_points(states: Tensor) -> Tensor:
+    """Return the simulator's points of states ``(any, field, *grid)`` at doubled resolution."""
+    for dim in range(2, states.dim()):
+        states = states[(slice(None),) * dim + (slice(None, None, 2),)]
+    return states
 
 
 def expression_of(system: System, term: SealedTerm) -> Expr:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from dashred.discovery.law import Law
 from dashred.discovery.parameter_change import exact_change
-from dashred.physics.algebra import ZERO, Number, multiply, substitute
+from dashred.physics.algebra import ZERO, multiply
 from dashred.physics.differentiate import parameter_slopes
 from dashred.physics.system import System, Term
 
@@ -39,9 +39,8 @@ def correct(system: System, law: Law) -> System:
 
 def _tangents(system: System, parameter: str) -> Iterator[Term]:
     """Yield ``∂N/∂p`` of every equation, at the values of all parameters that the law is about."""
-    known = {name: Number(float(value)) for name, value in system.config.parameters.items()}
     for equation, slope in parameter_slopes(system, parameter).items():
-        tangent = substitute(slope, known)
+        tangent = system.resolve(slope, f"system.equations.{equation}")
         if tangent != ZERO:
             yield Term(equation, tangent)
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dashred.proof.case_record import KINDS, CaseRecord
+from dashred.proof.case_record import KINDS, CaseRecord, Gain
 from dashred.proof.outcomes import deviation, leading_right
 from dashred.proof.statistics import Rate
 from dashred.proof.targets import Records, cases, coefficients, nulls, of_kind
@@ -38,7 +38,6 @@ WINDOWS: dict[str | None, tuple[str, str]] = {
     "onset": ("from an onset on", PURPLE),
 }
 COVERING = (0.90, 0.98)  # of 95 % intervals
-Gain = Literal["test_sensors", "forecast"]
 GAINS: dict[Gain, tuple[str, str, float]] = {
     "test_sensors": ("test sensors", BLUE, 5.0),
     "forecast": ("forecast", ORANGE, 10.0),

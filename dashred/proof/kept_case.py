@@ -12,7 +12,7 @@ from dashred.findings import write_json_atomic
 from dashred.proof.case_record import CaseRecord
 from dashred.proof.draw import Case
 
-DOCUMENT = "case.json"
+DOCUMENT, RECORDING = "case.json", "recording.nc"
 
 
 @dataclass(frozen=True)

@@ -13,24 +13,23 @@ from pathlib import Path
 import torch
 
 from dashred.errors import InputError
-from dashred.findings import sha256_of
+from dashred.findings import check_freeze, sha256_of
 from dashred.long_run import alone_in, signals_as_interrupt
 from dashred.progress import CONSOLE
 from dashred.proof.draw import Case, draw_cases, seed_of
-from dashred.proof.kept_case import Kept, folder_of, keep, read_kept
+from dashred.proof.kept_case import RECORDING, Kept, folder_of, keep, read_kept
 from dashred.proof.record_case import record_case
 from dashred.proof.score_case import score_case
 from dashred.proof.telling import ended_in_words
 from dashred.proof.words import Request
-
-RECORDING = "recording.nc"
 
 
 def rescore(request: Request) -> list[Kept]:
     """Score all cases of a draw again that this commit has not scored; returns what they leave.
 
     Raises:
-        InputError: a case is not finished, is not what was drawn, or was recorded by other code.
+        InputError: a case is not finished, is not what was drawn, was recorded by other code, or
+            its findings are not those that were frozen.
     """
     cases = draw_cases(seed_of(request.draw), request.cases, request.nulls)
     with alone_in(request.output, "proof"), signals_as_interrupt():
@@ -62,6 +61,7 @@ def score_again(case: Case, output: Path, commit: str | None) -> Kept:
         raise InputError("no finished case of this draw", where=str(folder), hint=hint)
     if kept.scored_by == commit or kept.record["problem"] is not None:
         return kept
+    check_freeze(folder)
     with tempfile.TemporaryDirectory(prefix="dashred-scorer-") as name:
         again = Path(name) / RECORDING
         recorded = record_case(case, again)

@@ -16,6 +16,7 @@ import torch
 
 from dashred.errors import DONE
 from dashred.findings import check_freeze
+from dashred.kept_seal import SEALED
 from dashred.long_run import alone_in, last_line, signals_as_interrupt
 from dashred.output import make_output
 from dashred.progress import CONSOLE
@@ -23,15 +24,15 @@ from dashred.proof.case_record import CaseRecord
 from dashred.proof.draw import Case, draw_cases, seed_of
 from dashred.proof.isolation import LIMIT, Analyst, AnalystLostError, analyst, bare_copy
 from dashred.proof.judge import unjudged
-from dashred.proof.kept_case import Kept, folder_of, keep, read_done
+from dashred.proof.kept_case import RECORDING, Kept, folder_of, keep, read_done
 from dashred.proof.kept_draw import keep_draw
 from dashred.proof.record_case import RecordedCase, record_case
-from dashred.proof.score_case import SEAL, score_case
+from dashred.proof.score_case import score_case
 from dashred.proof.telling import ended_in_words
 from dashred.proof.words import Request
 from dashred.sealing import seal
 
-LOG, RECORDING = "log.txt", "recording.nc"
+LOG = "log.txt"
 
 
 def run_proof(request: Request) -> list[Kept]:
@@ -125,7 +126,7 @@ class _Desk:
         """Seal the truth of a case whose findings are frozen; open it, and judge them."""
         with self.keeper:
             check_freeze(desk)
-            seal(desk / SEAL, recorded.concealed.truth, recorded.concealed.system)
+            seal(desk / SEALED, recorded.concealed.truth, recorded.concealed.system)
             return score_case(recorded, desk, seconds)
 
     def _words(self, case: Case, desk: Path) -> list[str]:

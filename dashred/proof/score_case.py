@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dashred.findings import check_freeze, write_json_atomic
+from dashred.findings import write_json_atomic
+from dashred.kept_seal import SEALED
 from dashred.proof.case_record import CaseRecord
 from dashred.proof.judge import judge
 from dashred.proof.record_case import RecordedCase
 from dashred.score import score_findings
-
-SEAL = "sealed.nc"
 
 
 def score_case(recorded: RecordedCase, folder: Path, seconds: float | None) -> CaseRecord:
@@ -18,13 +17,9 @@ def score_case(recorded: RecordedCase, folder: Path, seconds: float | None) -> C
 
     Args:
         recorded: what was drawn, and the truth.
-        folder: of the frozen findings, and of the sealed truth beside them.
+        folder: of the findings, found to be those that were frozen, and of the sealed truth.
         seconds: that the analysis took.
-
-    Raises:
-        InputError: the findings are not those that were frozen.
     """
-    check_freeze(folder)
-    score, *_ = score_findings(folder, folder / SEAL)
+    score, *_ = score_findings(folder, folder / SEALED)
     write_json_atomic(folder / "score.json", score)
     return judge(recorded.case, recorded.concealed, folder, score, seconds)

@@ -18,7 +18,7 @@ from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term
 from dashred.proof.draw import Case
 from dashred.proof.systems import SYSTEMS
-from dashred.recorder import clock_of, draw_start, run_truth, with_law
+from dashred.recorder import clock_of, draw_start, run_truth, simulators_points, with_law
 from dashred.sensing.layout import place_sensors
 from dashred.sensing.observation import ObservationOperator
 from dashred.sensing.recording import Recording
@@ -95,10 +95,7 @@ class Sizes:
             lawful: the system as it really is, at the simulator's resolution.
             truth: at doubled resolution, ``(time, field, *grid)``.
         """
-        start = self.start
-        for dim in range(2, start.dim()):
-            start = start[(slice(None),) * dim + (slice(None, None, 2),)]
-        own = simulate(lawful, start, self.times[: self.recorded])[0]
+        own = simulate(lawful, simulators_points(self.start), self.times[: self.recorded])[0]
         wrong = (self._operator(own) - self._operator(truth)) / self._sigma
         return float(wrong.square().sum().nan_to_num(torch.inf))
 

@@ -62,18 +62,22 @@ def _said_by(recording: Recording) -> NDArray[np.float64]:
 
 
 def _estimated(times: NDArray[np.float64], values: NDArray[np.float64]) -> float:
-    rough = _third_differences(times, values)
-    rough = np.abs(rough[np.isfinite(rough)])
+    rough = _roughness(times, values)
     if len(rough) < ENOUGH:
         # Across gaps: of two loggers in one table every second cell is empty.
         known = ~np.isnan(values)
-        rough = np.abs(_third_differences(times[known], values[known]))
-        rough = rough[np.isfinite(rough)]
+        rough = _roughness(times[known], values[known])
     if not rough.size:
         return 0.0
     # Coarsely rounded values often repeat: the median is then zero, the mean square is not.
     typical = float(np.median(rough)) / MEDIAN or float(np.sqrt(np.mean(rough**2)))
     return typical / SPREAD
+
+
+def _roughness(times: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return ``|Δ³y|`` where it is known."""
+    rough = _third_differences(times, values)
+    return np.abs(rough[np.isfinite(rough)])
 
 
 def _third_differences(

@@ -8,10 +8,8 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.candidates import forcing_of
-from dashred.discovery.correction import correct
 from dashred.discovery.discovered import Discovered
 from dashred.discovery.law import Law
-from dashred.discovery.parameter_change import is_exact
 from dashred.physics.simulate import simulate
 from dashred.progress import stage
 from dashred.stages.problem import Problem
@@ -79,11 +77,6 @@ def _run(problem: Problem, best: Law, start: Tensor, refitted: Tensor) -> Trajec
     coefficients = torch.cat([none, none, best.coefficients[None]])
     forcing = forcing_of(best.candidates, coefficients)
     same_start, refit, corrected = simulate(problem.system, starts, clock, forcing)
-    values = zip(best.candidates, best.coefficients.tolist(), strict=True)
-    changed = [(c.name, value) for c, value in values if c.equation is None]
-    if not all(is_exact(problem.system, name, value) for name, value in changed):
-        # Their law is a tangent; what is reported and written is the new value itself.
-        [corrected] = simulate(correct(problem.system, best), start[None], clock)
     states = {
         "simulation_same_start": same_start,
         "simulation_refit": refit,

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from dashred.errors import InputError
+from dashred.findings import freeze, write_json_atomic
 from dashred.proof import rescore as again
 from dashred.proof.draw import draw_cases, seed_of
 from dashred.proof.kept_case import Kept, folder_of, keep, read_kept
@@ -28,6 +29,8 @@ def drawn(tmp_path: Path) -> Path:
     keep_draw(request)
     folder_of(CASE, tmp_path).mkdir()
     record_case(CASE, folder_of(CASE, tmp_path) / "recording.nc")
+    write_json_atomic(folder_of(CASE, tmp_path) / "findings.json", {"verdict": "parameter"})
+    freeze(folder_of(CASE, tmp_path), [])
     keep(CASE, tmp_path, Kept(record_of(0, seconds=17.5), 20.0, 1))
     return tmp_path
 
@@ -61,6 +64,13 @@ def test_another_recording_than_the_one_that_was_analysed_is_refused(drawn, scor
     with pytest.raises(InputError, match="records another truth"):
         again.score_again(CASE, drawn, "c0ffee")
     assert not scored and read_kept(CASE, drawn) is not None
+
+
+def test_findings_that_were_touched_since_are_refused(drawn, scored) -> None:
+    write_json_atomic(folder_of(CASE, drawn) / "findings.json", {"verdict": "missing-term"})
+    with pytest.raises(InputError):
+        again.score_again(CASE, drawn, "c0ffee")
+    assert not scored
 
 
 def test_a_draw_that_is_not_finished_is_refused_and_a_dead_case_stays_dead(drawn, scored) -> None:
