@@ -72,7 +72,7 @@ def null(number: int = 0, **more: Any) -> CaseRecord:
 def coefficient(**more: Any) -> Coefficient:
     """Return a coefficient that was found well."""
     found = {"name": "u: u**2", "true": -0.15, "found": -0.151, "std": 0.001, "window": None}
-    whole = found | more
+    whole: dict[str, Any] = found | more
     away = abs(whole["found"] - whole["true"])
     return cast(Coefficient, {"covered": away <= 1.96 * (whole["std"] or 0.0)} | whole)
 

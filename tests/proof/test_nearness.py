@@ -40,8 +40,9 @@ def scored(**region: float | None) -> Score:
 
 
 def test_of_a_parameter_the_change_counts() -> None:
-    change = {"equation": None, "parameter": "c", "term": "c", "coefficient": 0.07, "std": 0.001}
-    change |= {"from": 1.0, "to": 1.07, "region": None, "ci95": [1.02, 1.09]}
+    change: dict[str, Any] = {"equation": None, "parameter": "c", "term": "c"}
+    change |= {"coefficient": 0.07, "std": 0.001, "from": 1.0, "to": 1.07}
+    change |= {"region": None, "ci95": [1.02, 1.09]}
     [found] = coefficients_found(findings("parameter", change), concealed(parameters={"c": 1.03}))
     assert found["true"] == pytest.approx(0.03) and found["found"] == 0.07
     # The interval is one of the value itself.
@@ -107,7 +108,8 @@ def test_gains_are_against_the_truth_without_noise(tmp_path) -> None:
     told = findings("missing-term", term("v", "v**2"))
     told["input"]["splits"] = {"test": ["s02"]}
     found = gains(case_of("terms"), told, truth, tmp_path, scored())
-    assert found == {
+    assert found is not None
+    assert dict(found) == {
         "test_sensors": pytest.approx(3.0),
         "forecast": pytest.approx(5.0),
         "test_sensors_before": pytest.approx(7.0),

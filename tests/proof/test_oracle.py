@@ -97,7 +97,8 @@ def test_a_law_that_blows_up_loses_all(recorded) -> None:
     wrong = {"equation": "v", "term": "v**3", "coefficient": 50.0}
     told(folder, " + 50*v**3", wrong, [])
     answer = consult(CASE, concealed, folder, exact=False)
-    assert answer is not None and 1e5 < answer["lost"] < float("inf")
+    assert answer is not None and answer["lost"] is not None
+    assert 1e5 < answer["lost"] < float("inf")
     json.dumps(answer, allow_nan=False)
 
 
@@ -109,7 +110,8 @@ def test_where_nothing_was_returned_the_simulator_as_it_is_stands_for_it(
     write_json_atomic(tmp_path / "findings.json", {"terms": None, "alternatives": None})
     answer = consult(CASE, concealed, tmp_path, exact=False)
     assert answer is not None and answer["decidable"]
-    assert answer["lost"] == answer["over_null"] == answer["over_library"] > 50
+    assert answer["lost"] == answer["over_null"] == answer["over_library"]
+    assert answer["over_null"] > 50
 
 
 def test_it_has_nothing_to_say_where_no_law_was_hidden(recorded, tmp_path) -> None:
