@@ -8,7 +8,7 @@ from tempfile import TemporaryFile
 
 from dashred.config import Config
 from dashred.errors import InputError
-from dashred.reporting.figure_names import is_figure
+from dashred.reporting.figure_names import drawn_by_us
 from dashred.whole_files import clear_partial
 
 FREEZE = "freeze.json"
@@ -90,11 +90,11 @@ def clear_output(folder: Path) -> None:
 def _clear_figures(folder: Path) -> None:
     """Take away the figures of an earlier run, which has frozen its findings before it drew.
 
-    Where none has, a file by the name of a figure is somebody else's.
+    Where none has, one that was brought there is somebody else's.
     """
     if (folder / FREEZE).is_file():
         for path in sorted(folder.iterdir()):
-            if is_figure(path.name) and path.is_file():
+            if drawn_by_us(path):
                 path.unlink()
 
 

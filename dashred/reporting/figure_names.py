@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
+
+# Every figure carries it, as the first text of its PNG.
+SOFTWARE = "dashred"
+SIGNATURE = f"tEXtSoftware\0{SOFTWARE}".encode()
 
 # Where in the page a figure belongs.
 WHERE, WHAT, PROOF, FORECAST, METHOD = "where", "what", "proof", "forecast", "method"
@@ -63,3 +68,11 @@ def is_figure(name: str) -> bool:
     captions = (*OF_EQUATIONS.values(), *OF_SNAPSHOTS.values())
     named = {file for drawn in captions for file in drawn.values()}
     return name in named or name in OF_THE_TRUTH or bool(OF_LATER_EPISODES.fullmatch(name))
+
+
+def drawn_by_us(path: Path) -> bool:
+    """Whether a file is a figure of ours by its name, and says so itself."""
+    if not is_figure(path.name) or not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return SIGNATURE in file.read(1024)

@@ -15,6 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+from dashred.reporting.figure_names import SOFTWARE
 from dashred.whole_files import whole_file
 
 BLACK, GREY, LIGHT = "#1a1a1a", "#8a8a8a", "#d9d9d9"
@@ -95,7 +96,7 @@ def save_figure(figure: Figure, path: Path) -> None:
     """Save as PNG, whole or not at all; the same figure gives the same bytes."""
     with whole_file(path) as partial, style():
         _take_names_as_they_are(figure)
-        figure.savefig(partial, format="png", dpi=150, metadata={"Software": None})
+        figure.savefig(partial, format="png", dpi=150, metadata={"Software": SOFTWARE})
 
 
 def _take_names_as_they_are(figure: Figure) -> None:

@@ -12,6 +12,7 @@ from dashred.config import load_config
 from dashred.errors import InputError
 from dashred.output import clear_output, make_output, named_output
 from dashred.physics.side_by_side import use_threads
+from dashred.reporting.style import new_figure, save_figure
 from dashred.stages import provenance
 
 
@@ -74,7 +75,10 @@ def test_figures_of_an_earlier_run_are_cleared_and_nobody_elses(tmp_path) -> Non
     ours = {"where.png", "learning.png", "sensor_traces_12.png", "front_truth.png"}
     theirs = {"sensor_traces_mine.png", "my_truth.png", "where.png.bak", "photo.png"}
     for name in ours | theirs:
-        (tmp_path / name).touch()
+        save_figure(new_figure(1, 1), tmp_path / name)
+    # By one of our names, and drawn by somebody else.
+    new_figure(1, 1).savefig(tmp_path / "forecast.png")
+    theirs.add("forecast.png")
     clear_output(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == ours | theirs
     (tmp_path / "freeze.json").touch()
