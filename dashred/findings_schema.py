@@ -60,11 +60,13 @@ class HeldOut(TypedDict):
 class Fit(HeldOut):
     """How well the recording is met; `noise_std` is per sensor, in the sensor's own unit.
 
-    `noise_correlation` is between neighbouring samples, of the quantity in which it is largest.
+    `noise_correlation` is between neighbouring samples, of the quantity in which it is largest;
+    `own_error` is the simulator's, where the recording begins, in standard deviations of the noise.
     """
 
     noise_std: dict[str, float] | None
     noise_correlation: float | None
+    own_error: float | None
     chi2: float | None
     unexplained: float | None
 
@@ -219,6 +221,7 @@ def new_findings(
     unfitted = Fit(
         noise_std=None,
         noise_correlation=None,
+        own_error=None,
         chi2=None,
         unexplained=None,
         test_sensors=misfit(),

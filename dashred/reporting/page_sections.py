@@ -15,7 +15,7 @@ from dashred.reporting.verdict_words import (
     sentence,
     unknowable,
 )
-from dashred.reporting.worth_words import reconstructed, worth
+from dashred.reporting.worth_words import reconstructed, unresolved, worth
 from dashred.typeset import number, percent, pretty, rounded
 from dashred.units import NONE, shown
 
@@ -128,6 +128,7 @@ def unexplained(findings: Mapping[str, Any]) -> str:
             "What is left is not independent from sample to sample: "
             f"neighbouring samples correlate by {number(float(f'{correlation:.2g}'))}."
         )
+    lines += unresolved(fit)
     outside = [c for c in findings["causes"] or [] if c["kind"] == "outside-library"]
     lines += [sentence(c["says"]) for c in outside if "says" in c]
     return section("What stays unexplained", paragraphs(lines))

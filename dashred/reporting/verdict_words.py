@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from dashred.reporting.worth_words import UNTESTED, reconstructed, worth
+from dashred.reporting.worth_words import UNTESTED, reconstructed, unresolved, worth
 from dashred.typeset import number, percent, pretty, probability, rounded
 from dashred.units import NONE, measured
 
@@ -45,6 +45,7 @@ def verdict_lines(findings: Mapping[str, Any]) -> list[str]:
         *causes(findings),
         *law(findings),
         *certainty(findings),
+        *unresolved(findings["fit"]),
         *places(findings["where"] if findings["terms"] else None, findings.get("units", NONE)),
         *consequences(findings),
         *worth(findings["fit"]),

@@ -30,6 +30,19 @@ def worth(fit: Mapping[str, Any]) -> list[str]:
     return lines
 
 
+def unresolved(fit: Mapping[str, Any]) -> list[str]:
+    """What to do where the simulator's own error is above the noise as the recording begins."""
+    error = fit["own_error"]
+    if error is None or error <= 1:
+        return []
+    size = number(float(f"{error:.2g}"))
+    return [
+        f"Where the recording begins, the simulation's own numerical error is {size} times the "
+        "sensors' noise, and what acts at such values alone may be that error: halve the time "
+        "step, or double the points, and run again."
+    ]
+
+
 def reconstructed(findings: Mapping[str, Any]) -> list[str]:
     """What assimilation is worth, where the simulator is known by snapshots alone."""
     if findings["verdict"] not in UNTESTED:

@@ -43,6 +43,7 @@ def verify(problem: Problem, analysis: BlackBoxAnalysis) -> Findings:
         fit=Fit(
             noise_std=problem.noise,
             noise_correlation=None,
+            own_error=None,
             chi2=None,
             unexplained=None,
             test_sensors=misfit(**_test_errors(problem, analysis)),

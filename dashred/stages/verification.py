@@ -31,6 +31,7 @@ from dashred.stages.corrected import write_corrected
 from dashred.stages.energy import energy_lost
 from dashred.stages.field_files import write_episodes
 from dashred.stages.held_out import errors_of_held_out
+from dashred.stages.own_error import own_error
 from dashred.stages.problem import Problem
 from dashred.stages.structure import structure_changed
 
@@ -45,6 +46,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         # Of several episodes the same in each.
         noise_std=problem.noise | dict(zip(names, discovered.noise.std.tolist(), strict=False)),
         noise_correlation=float(discovered.noise.correlation.max()),
+        own_error=own_error(problem, discovered.best),
         chi2=discovered.best.chi2,
         unexplained=unexplained(
             problem.noise_of(names).repeat(len(problem.episodes)), discovered.noise

@@ -76,6 +76,7 @@ def found(**changed: Any) -> Any:
     fit = Fit(
         noise_std=None,
         noise_correlation=None,
+        own_error=None,
         chi2=1.02,
         unexplained=0.04,
         test_sensors=misfit(before=0.61, before_refit=0.4, after=0.05, shred=0.3),

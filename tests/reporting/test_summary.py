@@ -6,6 +6,7 @@ from typing import Any
 from rich.console import Console
 
 from dashred.findings_schema import Fit, Input, Latent, LatentSindy, Splits, misfit, new_findings
+from dashred.reporting.page_sections import unexplained
 from dashred.reporting.summary import print_summary, summary
 
 SPLITS = Splits(
@@ -31,6 +32,7 @@ def findings_with(latent: Latent | None = None, **errors: float) -> Any:
     fit = Fit(
         noise_std=None,
         noise_correlation=None,
+        own_error=None,
         chi2=None,
         unexplained=None,
         test_sensors=misfit(**errors),
@@ -102,3 +104,17 @@ def test_brackets_in_names_are_printed_as_they_are() -> None:
     console = Console(file=io.StringIO(), width=80)
     print_summary("sensor [red]u[/red]\n", console)
     assert "sensor [red]u[/red]" in console.file.getvalue()  # type: ignore[attr-defined]
+
+
+def test_a_simulation_less_exact_than_its_sensors_says_what_to_do() -> None:
+    told = [summary(doubtful(error), None, {}) for error in (None, 0.9, 2.44)]
+    assert ["halve the time step" in text for text in told] == [False, False, True]
+    assert "own numerical error is 2.4 times the sensors' noise" in told[2]
+    assert "halve the time step" in unexplained(doubtful(2.44))
+
+
+def doubtful(error: float | None) -> Any:
+    found = findings_with()
+    found["verdict"], found["causes"] = "missing-term", []
+    found["fit"]["own_error"] = error
+    return found

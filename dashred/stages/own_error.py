@@ -1,0 +1,50 @@
+"""Is the simulator resolved where the recording begins, too?
+
+Before anything is fitted, the resolution is checked from the simulator's own start
+(:mod:`dashred.physics.resolution`). A recording may begin far from that, where the same step is too
+long: what the simulator gets wrong there could pass for physics that acts at large values alone.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+
+from dashred.discovery.correction import correct
+from dashred.discovery.law import Law
+from dashred.physics.simulate import simulate
+from dashred.sensing.observation import ObservationOperator
+from dashred.stages.problem import Problem
+
+# How much of the fit is looked at: later on, in chaos, every difference grows.
+BEGINNING, FEWEST = 0.1, 4
+# More than that is no longer a number to compare.
+LARGEST = 1e6
+
+
+@torch.no_grad()
+def own_error(problem: Problem, law: Law) -> float:
+    """Return the largest error of the corrected simulator, in standard deviations of the noise.
+
+    It is the rms over the sensors of ``(H x − H x_fine)/σ`` in the sample where that is largest,
+    x the corrected run from the start that was fitted, x_fine the same at doubled resolution; of
+    the worst episode, in the beginning of the fit.
+    """
+    starts = problem.starts(law.start)
+    return max(_error(e, law, s) for e, s in zip(problem.episodes, starts, strict=True))
+
+
+def _error(problem: Problem, law: Law, start: torch.Tensor) -> float:
+    fitted = len(problem.split.fit.times)
+    times = problem.times[: max(FEWEST, math.ceil(BEGINNING * fitted))]
+    own = correct(problem.system, law)
+    finer = own.refined()
+    begin = start[None]
+    fine_begin = own.grid.interpolate(begin, finer.grid) if own.axes else begin
+    sensors = problem.split.fit.sensors
+    readings = ObservationOperator(sensors, own)(simulate(own, begin, times))
+    fine = ObservationOperator(sensors, finer)(simulate(finer, fine_begin, times))
+    wrong = (readings - fine)[0] / problem.noise_of(problem.split.fit.names)
+    largest = wrong.square().mean(dim=-1).sqrt().max()
+    return float(largest.nan_to_num(nan=LARGEST).clamp(max=LARGEST))

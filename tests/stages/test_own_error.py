@@ -1,0 +1,79 @@
+"""What the simulator gets wrong from a fitted start is known where the method's factor is."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import torch
+from torch import Tensor
+
+from dashred.discovery.law import Law
+from dashred.physics.system import System
+from dashred.sensing.sensors import Sensor
+from dashred.stages.own_error import BEGINNING, LARGEST, own_error
+from tests import laws
+
+TEXT = """
+system:
+  title: a decay
+  fields: {x: amount}
+  parameters: {k: 1.0}
+  equations: {x: -k*x}
+  start: {x: 1}
+  integrator: {method: rk4, dt: 0.5}
+recording: {twin: a, sensors: 1, noise: 0, duration: 40, every: 1.0}
+"""
+SIGMA, COUNT = 0.01, 41
+
+
+def problem(system: System) -> Any:
+    times = torch.arange(COUNT, dtype=torch.float64)
+    fit = SimpleNamespace(sensors=[Sensor("s1", "x", ())], names=("s1",), times=times)
+    posed = SimpleNamespace(
+        system=system,
+        times=times,
+        split=SimpleNamespace(fit=fit),
+        noise_of=lambda names: torch.full((len(names),), SIGMA, dtype=torch.float64),
+        starts=lambda start: [start],
+    )
+    posed.episodes = [posed]
+    return posed
+
+
+def from_start(value: float, damping: Tensor, system: System) -> Law:
+    start = torch.tensor([value], dtype=torch.float64)
+    found = (laws.term(system, "x", "x"),)
+    return Law(found, damping, torch.zeros(1, 1).double(), start, 0.0, 1.0, start)
+
+
+def rk4(z: float) -> float:
+    """Return by what one step multiplies a decay."""
+    return 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24
+
+
+@pytest.mark.parametrize(("start", "added"), [(1.0, 0.0), (-6.0, 0.0), (6.0, -1.2)])
+def test_it_is_the_methods_own_in_the_worst_sample_of_the_beginning(tmp_path, start, added) -> None:
+    system = laws.declared(tmp_path, TEXT)
+    law = from_start(start, torch.tensor([added], dtype=torch.float64), system)
+    rate = added - 1.0
+    beginning = range(int(BEGINNING * COUNT) + 1)
+    known = [abs(start * (rk4(rate / 2) ** (2 * n) - rk4(rate / 4) ** (4 * n))) for n in beginning]
+    assert own_error(problem(system), law) == pytest.approx(max(known) / SIGMA, rel=1e-6)
+
+
+def test_of_a_run_that_blows_up_it_is_the_largest_number(tmp_path) -> None:
+    system = laws.declared(tmp_path, TEXT)
+    law = from_start(1e300, torch.tensor([9e3], dtype=torch.float64), system)
+    assert own_error(problem(system), law) == LARGEST
+
+
+def test_of_several_episodes_the_worst_one_tells(tmp_path) -> None:
+    system = laws.declared(tmp_path, TEXT)
+    law = from_start(1.0, torch.zeros(1, dtype=torch.float64), system)
+    twice = problem(system)
+    alone = own_error(twice, law)
+    twice.episodes = [twice, twice]
+    twice.starts = lambda start: [start, 3 * start]
+    assert own_error(twice, law) == pytest.approx(3 * alone)
