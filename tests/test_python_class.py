@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -145,3 +146,20 @@ def test_what_does_not_go_with_a_class_is_refused(folder: Path, word: str) -> No
 def test_trust_without_a_class_is_refused() -> None:
     with pytest.raises(InputError, match="the system names no class"):
         load_config(["conf=pendulum", "trust=os.path"], entry="train")
+
+
+def test_the_documents_example_is_taken_as_it_is_printed(tmp_path, monkeypatch) -> None:
+    from dashred.physics.system import System
+
+    page = (Path(__file__).parents[1] / "docs" / "black-box.md").read_text()
+    section = page.partition("## A simulator in Python")[2]
+    [code] = re.findall(r"```python\n(.*?)```", section, re.DOTALL)
+    [text] = re.findall(r"```yaml\n(.*?)```", section, re.DOTALL)
+    (tmp_path / "mypkg.py").write_text(code)
+    (tmp_path / "mine.yaml").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "mypkg", raising=False)
+    config = load(tmp_path, "trust=mypkg.Pendulum")
+    system = System(config.system, config.where)
+    assert system.title == "Pendulum" and system.units["theta"] == "rad"
+    assert set(system.equations) == {"theta", "omega"}

@@ -166,7 +166,7 @@ def _in_words(kind: Any) -> str:
     """``number above 0``, ``list of whole numbers, each at least 1``, ``text; or `null```."""
     bare, limit = _bare(kind), _mark(kind, Limit)
     if bare is Any:
-        return "as told"
+        return "see the meaning"
     if get_origin(bare) is Literal:
         words = " or ".join(f"`{choice}`" for choice in get_args(bare))
     elif get_origin(bare) is list:

@@ -175,7 +175,8 @@ class Settings:
 
     system: System
     library: dict[str, list[str]] | None
-    """Candidate terms of each equation; null builds them from the fields alone."""
+    """Candidate terms of each equation; one that is not listed gets none. Null builds them from the
+    fields, except for equations that only name another field (``theta: omega``)."""
 
     recording: Recording
     splits: Splits
@@ -197,7 +198,7 @@ class Settings:
     and on a busy machine its threads would wait for each other."""
 
     device: str
-    """``cpu``, ``cuda`` or ``cuda:1``."""
+    """Where the networks are trained: ``cpu``, ``cuda`` or ``cuda:1``."""
 
     output: str | None
     """Folder of the findings; null uses the MLflow run's artifact folder."""

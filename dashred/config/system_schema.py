@@ -10,13 +10,13 @@ from dashred.config.limits import Limit, NonNegative, Positive, Time, Unit
 
 @dataclass
 class Axis:
-    """One spatial axis, divided evenly."""
+    """One spatial axis, divided evenly; two at most, none for an ODE."""
 
     length: Annotated[Positive, Unit("the system's space")]
     """Its length."""
 
     points: Annotated[int, Limit(at_least=8, at_most=1_000_000)]
-    """Number of grid points."""
+    """Number of grid steps: a periodic axis has as many points, one with ends one more."""
 
     ends: Literal["periodic", "insulated", "fixed"] = "periodic"
     """What holds at both ends: insulated (no slope) or fixed (every field zero)."""
@@ -27,11 +27,13 @@ class Integrator:
     """How the system is stepped in time and differentiated in space."""
 
     method: str | None
-    """Name of the time stepper; null lets the system choose (ETDRK4 where it can)."""
+    """Name of the time stepper; null takes the first that fits. In space ``etdrk4`` where it is
+    spectral, ``ssprk3`` for finite differences; of an ODE ``dopri5``, ``dopri8`` or ``bosh3``,
+    which choose their own steps, or ``rk4``, ``midpoint`` or ``euler``."""
 
     dt: Time | None
-    """Largest time step; adaptive methods of ODEs choose their own and do without it, as do
-    snapshots."""
+    """Largest time step. Must be given, except with snapshots; adaptive methods choose their own
+    steps all the same."""
 
     dealias: bool
     """Whether products are dealiased by the 2/3 rule."""
@@ -95,7 +97,8 @@ class System:
     command line says ``trust=MODULE.CLASS``."""
 
     start: dict[str, Any] = field(default_factory=dict)
-    """Nominal initial state of every field: a number or an expression in the coordinates."""
+    """Nominal initial state of every field: a number or an expression in the coordinates. Must be
+    given, except with snapshots."""
 
     spin_up: Annotated[NonNegative, Unit("the system's time")] = 0.0
     """Time that the simulator runs before the start, so that it starts on its own attractor."""
@@ -108,7 +111,7 @@ class System:
     """Prior standard deviation of the initial state: per field a number or a share such as 10%
     of its rms, smooth over a correlation ``length``; or one smooth random g moving several fields,
     as ``kind: gaussian-process`` with ``length``, number of ``modes``, and ``apply``: each moved
-    field's expression in g."""
+    field's expression in g. A field without one is taken to start exactly as given."""
 
     energy: str | None = None
     """What the report calls the system's energy, over fields, parameters and lets: it tells how

@@ -48,7 +48,8 @@ def resample(recording: Recording, every: float | None) -> tuple[Recording, str]
     found = distance <= own / 2
     if np.all(distance[found] <= ON_CLOCK * own):
         values = np.where(found[:, None], recording.values[nearest], np.nan)
-        how = f"took every {round(step / own)}. sample" if round(step / own) > 1 else "kept samples"
+        nth = round(step / own)
+        how = f"took one sample of every {nth}" if nth > 1 else "kept samples"
         if beside := _fill_in_beside(values, recording, clock, GAP * max(own, step)):
             how += f", interpolated {', '.join(beside)} linearly"
     else:

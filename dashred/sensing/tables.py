@@ -137,7 +137,8 @@ def _check_size(path: str, size: int) -> None:
     if size <= LARGEST:
         return
     problem = f"{size / 1e6:.0f} MB are too many for a table: {LARGEST / 1e6:.0f} MB at most"
-    thinned = f"keep every {math.ceil(size / LARGEST)}. row, or the part of the record that matters"
+    nth = math.ceil(size / LARGEST)
+    thinned = f"keep one row of every {nth}, or the part of the record that matters"
     hint = f"{thinned}; or write it as NetCDF (docs/own-system.md says how)"
     raise InputError(problem, where=path, hint=hint)
 

@@ -32,13 +32,13 @@ system:                       # the simulator: your equations, as far as you kno
 
 EQUATIONS = """
   # d(field)/dt as far as you know it: what is missing here is what the analysis looks for. Numbers,
-  # + - * / **, sin cos tan exp log sqrt tanh abs sign step, t, fields and parameters{space}.
+  # + - * / **, sin cos tan exp log sqrt tanh sech abs sign step, t, fields and parameters{space}.
   # With 0 nothing moves. Text that holds ', ' or ': ' needs quotes.
   equations:
 """
 
 OF_SPACE = """,
-  # and in space d(u, x), d(u, x, 2), lap(u), grad2(u), flux(u, x)"""
+  # and in space d(u, x), d(u, x, 2), lap(u), inv_lap(u), grad2(u), flux(u, x)"""
 
 DOMAIN = """
   # The domain, from 0 to its length. points: of the grid; twice as many must not change what the

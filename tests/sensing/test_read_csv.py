@@ -87,7 +87,7 @@ def test_a_table_that_memory_could_not_hold_is_refused_before_it_is_read(ode, tm
     with pytest.raises(InputError, match=r"2246 MB are too many for a table: 268 MB") as refused:
         read_recording(str(path), None, ode)
     assert time.perf_counter() - began < 1
-    assert "keep every 9. row" in str(refused.value.hint)
+    assert "keep one row of every 9" in str(refused.value.hint)
 
 
 def changed(line, new):
