@@ -82,7 +82,7 @@ def document(records: Records, facts: ProtocolFacts) -> str:
 
 def _headline(records: Records) -> str:
     told = [target.outcome(target.measure(records)) for target in TARGETS]
-    counts = f"{told.count('met')} of {len(told)} targets are met, {told.count('not met')} are not"
+    counts = f"{told.count('met')} of {len(told)} targets are met, {told.count('not met')} missed"
     if empty := told.count("nothing to judge by"):
         counts += f", and {empty} have nothing to be judged by"
     return f"**{counts}.**"

@@ -31,6 +31,8 @@ from dashred.reporting.style import (
 )
 
 BINS = (0.0, 0.5, 0.7, 0.9, 0.98, 1.0)
+# What a count that is written upright takes.
+ROOM = 0.15
 WINDOWS: dict[str | None, tuple[str, str]] = {
     None: ("everywhere", BLUE),
     "box": ("in a region", VERMILION),
@@ -104,7 +106,9 @@ def reliability_figure(records: Records) -> Figure:
             _whisker(axes, stated.mean, stated.right, horizontal=False)
             axes.plot(stated.mean, share, "o", color=BLUE, zorder=5)
             count = f"{stated.right.successes}/{stated.right.n}"
-            axes.text(stated.mean - 0.02, share, count, ha="right", va="center", fontsize=8)
+            # Below its whisker, upright: near 1 the points stand close together.
+            foot = max(stated.right.low, ROOM) - 0.01
+            axes.text(stated.mean, foot, count, ha="center", va="top", fontsize=8, rotation=90)
         axes.set(xlim=(0, 1.02), ylim=(0, 1.03), aspect="equal")
         axes.set(xlabel="stated probability of the leading cause", ylabel="share of the true kind")
         _legend_above(figure, axes)

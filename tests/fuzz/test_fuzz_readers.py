@@ -172,7 +172,9 @@ def written(file: Any, name: str, kind: str, shape: tuple[int, ...], value: floa
     elif shape == (10**13,):
         file.create_dataset(name, shape, dtype="f8", chunks=(1000,))
     else:
-        filled = np.full(shape, value if kind.startswith(("f", "c")) else 1).astype(kind)
+        # Of a number that is too large for its kind the file holds infinity.
+        with np.errstate(over="ignore"):
+            filled = np.full(shape, value if kind.startswith(("f", "c")) else 1).astype(kind)
         file.create_dataset(name, data=filled)
 
 

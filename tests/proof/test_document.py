@@ -111,7 +111,7 @@ def test_the_protocol_tells_its_facts_and_the_headline_counts() -> None:
     for fact in ("0123abc", "77", "120 cases", "100 nulls", "Finished: 0", "5.2 h", "2 processes"):
         assert fact in page
     assert (
-        f"0 of {len(TARGETS)} targets are met, 0 are not, and {len(TARGETS)} have nothing" in page
+        f"0 of {len(TARGETS)} targets are met, 0 missed, and {len(TARGETS)} have nothing" in page
     )
 
 
