@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from dashred.reporting.style import new_figure, save_figure
 from dashred.run_notes import found_in_short, headline
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -117,8 +118,10 @@ def test_a_coarse_simulator_is_found_out_and_nothing_else_is_claimed(
 ) -> None:
     """Nor do results of an earlier run, in the same folder, pass for this one's."""
     (tmp_path / "output").mkdir()
-    for name in ("estimates.nc", "score.json", "freeze.json", "where.png", "front_truth.png"):
+    for name in ("estimates.nc", "score.json", "freeze.json"):
         (tmp_path / "output" / name).write_text("of an earlier run")
+    for name in ("where.png", "front_truth.png"):
+        save_figure(new_figure(1, 1), tmp_path / "output" / name)
     ended = train(f"conf={quick}", *COARSE)
     assert ended.code == 0, ended.err
     findings = json.loads(ended.read("findings.json"))

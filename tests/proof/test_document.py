@@ -110,9 +110,7 @@ def test_the_protocol_tells_its_facts_and_the_headline_counts() -> None:
     page = document([], FACTS)
     for fact in ("0123abc", "77", "120 cases", "100 nulls", "Finished: 0", "5.2 h", "2 processes"):
         assert fact in page
-    assert (
-        f"0 of {len(TARGETS)} targets are met, 0 missed, and {len(TARGETS)} have nothing" in page
-    )
+    assert f"0 of {len(TARGETS)} targets are met, 0 missed, and {len(TARGETS)} have nothing" in page
 
 
 def test_the_page_shows_every_figure_that_is_drawn() -> None:
