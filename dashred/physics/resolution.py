@@ -35,6 +35,12 @@ class Resolution:
         return self.error <= self.limit
 
 
+def refine(system: System, start: Tensor) -> tuple[System, Tensor]:
+    """Return the system at doubled resolution, and a start ``(1, field, *grid)`` on its grid."""
+    finer = system.refined()
+    return finer, system.grid.interpolate(start, finer.grid) if system.axes else start
+
+
 @torch.no_grad()
 def doubling_error(
     system: System,
@@ -57,8 +63,7 @@ def doubling_error(
     Returns:
         The largest error over the sensors, and the finer readings.
     """
-    finer = system.refined()
-    fine_start = system.grid.interpolate(start, finer.grid) if system.axes else start
+    finer, fine_start = refine(system, start)
     fine = readings(finer, simulate(finer, fine_start, times, progress=progress))
     if coarse is None:
         coarse = readings(system, simulate(system, start, times))
@@ -84,7 +89,6 @@ def check_resolution(
     error, fine = doubling_error(system, start, times, readings, coarse, progress)
     if error <= limit:
         return Resolution(error, limit, 1)
-    finer = system.refined()
-    fine_start = system.grid.interpolate(start, finer.grid) if system.axes else start
+    finer, fine_start = refine(system, start)
     next_error, _ = doubling_error(finer, fine_start, times, readings, fine, progress)
     return Resolution(error, limit, 2 if next_error <= limit else None)

@@ -13,6 +13,7 @@ import torch
 
 from dashred.discovery.correction import correct
 from dashred.discovery.law import Law
+from dashred.physics.resolution import refine
 from dashred.physics.simulate import simulate
 from dashred.sensing.observation import ObservationOperator
 from dashred.stages.problem import Problem
@@ -39,12 +40,9 @@ def _error(problem: Problem, law: Law, start: torch.Tensor) -> float:
     fitted = len(problem.split.fit.times)
     times = problem.times[: max(FEWEST, math.ceil(BEGINNING * fitted))]
     own = correct(problem.system, law)
-    finer = own.refined()
-    begin = start[None]
-    fine_begin = own.grid.interpolate(begin, finer.grid) if own.axes else begin
+    runs = ((own, start[None]), refine(own, start[None]))
     sensors = problem.split.fit.sensors
-    readings = ObservationOperator(sensors, own)(simulate(own, begin, times))
-    fine = ObservationOperator(sensors, finer)(simulate(finer, fine_begin, times))
-    wrong = (readings - fine)[0] / problem.noise_of(problem.split.fit.names)
+    coarse, fine = (ObservationOperator(sensors, s)(simulate(s, z, times)) for s, z in runs)
+    wrong = (coarse - fine)[0] / problem.noise_of(problem.split.fit.names)
     largest = wrong.square().mean(dim=-1).sqrt().max()
     return float(largest.nan_to_num(nan=LARGEST).clamp(max=LARGEST))
