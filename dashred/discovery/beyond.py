@@ -74,7 +74,9 @@ class _Form:
         return Hypothesis(self.members[:1]).penalty(samples, candidates, 1) + math.log(samples)
 
 
-def laws_beyond(objective: Objective, forced: FreeForcing, library: int) -> list[Cause]:
+def laws_beyond(
+    objective: Objective, forced: FreeForcing, library: int, bound: float = math.inf
+) -> list[Cause]:
     """Return laws of one term from beyond the library, or of a wave whose phase is free.
 
     Where a function has a constant, it may be fitted.
@@ -84,6 +86,7 @@ def laws_beyond(objective: Objective, forced: FreeForcing, library: int) -> list
             simulator's reach.
         forced: a free forcing that explains the recording without a law.
         library: how many candidates the library has: each more that is asked makes chance likelier.
+        bound: what screens worse is not fitted.
     """
     columns = list(objective.shooting.candidates)
     slopes = slopes_of(columns)
@@ -96,7 +99,8 @@ def laws_beyond(objective: Objective, forced: FreeForcing, library: int) -> list
         costs = problem.costs([form.members for form in forms]).tolist() if forms else []
         for form, cost in zip(forms, costs, strict=True):
             penalty = form.penalty(samples, count)
-            ranked.append((cost + penalty, penalty, form))
+            if cost + penalty < bound:
+                ranked.append((cost + penalty, penalty, form))
     kept: dict[object, tuple[float, _Form]] = {}
     for _, penalty, form in sorted(ranked, key=lambda each: each[0]):
         kept.setdefault(form.family, (penalty, form))

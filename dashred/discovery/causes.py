@@ -5,6 +5,7 @@ Every explanation is fitted with its own start and compared by the same score (d
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -40,6 +41,8 @@ from dashred.progress import Report
 # A law of more candidates may imitate one that acts somewhere only, or is beyond the library; of so
 # many, one beyond it, or in a window of the same equations.
 SIMPLE = 2
+# But one whose every coefficient stands at least so many of its std from none imitates no other.
+CERTAIN = 30.0
 # χ²/n, under the noise that a free forcing leaves, of what needs no further explanation.
 EXPLAINED = 1.1
 # Noise this many times as large as under the best law says that a forcing alone has gone astray: it
@@ -97,7 +100,7 @@ def weigh(
     forced, gain = force(best.objective, best.phi, size)
     forcing = fault = None
     report(0.2, f"a free forcing gains {gain:.0f}")
-    unclear = gain > MISSING or contested or len(best.law.candidates) > SIMPLE
+    unclear = gain > MISSING or contested or _may_imitate(best.law)
     if unclear:
         forced, forcing = _carried(forced, gain, best, null, size)
         fault = fault_beneath(forced)
@@ -121,9 +124,9 @@ def weigh(
     waves = with_fault(waves)
     found += waves
 
-    def further_laws(carried: FreeForcing) -> list[Cause]:
+    def further_laws(carried: FreeForcing, bound: float = math.inf) -> list[Cause]:
         reach = beyond(carried.objective.shooting.candidates)
-        return laws_beyond(_of(everything, *reach), carried, everywhere)
+        return laws_beyond(_of(everything, *reach), carried, everywhere, bound)
 
     explained = min(found, key=by_score)
     simple = len(explained.law.candidates) <= SIMPLE
@@ -145,12 +148,12 @@ def weigh(
             further = with_fault(further_laws(nearest))
             gain = _gain_of(further, first, gain, size)
             found += further
-    elif len(best.law.candidates) == SIMPLE:
-        report(0.4, "asking whether one term in a window, or beyond the library, does what two do")
+    elif len(best.law.candidates) >= SIMPLE:
+        report(0.4, "asking whether one term in a window, or beyond the library, does as well")
         whole = _through(everything, compiled())
         bound = best.law.score + HOPELESS
         found += local_laws(whole, 0, _alike(everything, best), forced, null.law.score, bound)
-        found += further_laws(forced)
+        found += further_laws(forced, bound)
     found += simpler_from_the_best(found)
     if unclear:
         found = _under_its_own_noise(found)
@@ -176,6 +179,12 @@ def _carried(
         return on_best, None
     nearer = gain <= MISSING and (len(best.law.candidates) <= SIMPLE or ratio > 1)
     return on_best if nearer else alone, map_of(alone, missing)
+
+
+def _may_imitate(law: Law) -> bool:
+    """Tell whether a law has so many terms that it may be an imitation of another."""
+    certain = bool((law.coefficients.abs() >= CERTAIN * law.std).all())
+    return len(law.candidates) > SIMPLE and not certain
 
 
 def _without_places(best: Cause, null: Cause) -> list[Cause]:

@@ -21,7 +21,7 @@ from dashred.physics.pulses import Pulses
 
 # Of a forcing: along each axis, by how many there are, for every cell is a column of the Jacobian;
 # and in time.
-CELLS, KNOTS = (1, 12, 6), 13
+CELLS, KNOTS = (1, 12, 4), 13
 # Prior std of an amplitude, as shares of the equation's own tendency; none at all first.
 LEVELS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0)
 # Stands for none: an amplitude of this share is too small for anything.

@@ -80,9 +80,13 @@ class Law:
     def parts(self) -> frozenset[str]:
         """Everything that it says is otherwise than believed; nothing for the empty law.
 
-        A term in a window is that term with a freedom more: everywhere, it is nested in it.
+        A term in a window is that term with a freedom more: everywhere, it is nested in it. So is a
+        parameter that stands for the term.
         """
-        found = {candidate.key for candidate in self.candidates}
+        found = {
+            candidate.replaces[0] if candidate.replaces else candidate.key
+            for candidate in self.candidates
+        }
         if self.window is not None:
             found.add(f"in a {self.window.shape.kind} of {self.window.shape.of}")
         return frozenset([*found, *self._lawless])

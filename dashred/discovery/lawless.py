@@ -23,6 +23,8 @@ FAULTS, FURTHER, MOST = 4, 2, 0.5
 # By how much the start may lie outside of its prior, and how often that is asked.
 WIDER, ROUNDS = (2.5, 3.2, 4.0, 5.0, 6.4, 8.0), 2
 STEPS, TOLERANCE = 10, 1e-4
+# A step that gains a smaller share of F ends a fit that leaves far more than noise.
+ROUGH = 0.02
 # What leaves so many times the noise's squares is looked for anew, from so many samples on.
 FAR, FIRST = 1.5, 6
 
@@ -100,9 +102,9 @@ def _anywhere(objective: Objective, z: Tensor) -> Fitted:
 
     What was fitted under a prior that keeps it away may have no way to where it belongs.
     """
-    fitted = minimise(objective, z, STEPS, TOLERANCE)
+    fitted = minimise(objective, z, STEPS, ROUGH)
     if fitted.chi2 < FAR * objective.noise.count:
-        return fitted
+        return minimise(objective, fitted.phi, STEPS, TOLERANCE)
     grown = minimise(objective, grow(objective, torch.zeros_like(z), FIRST), STEPS, TOLERANCE)
     return min(fitted, grown, key=lambda found: found.cost)
 

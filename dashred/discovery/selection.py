@@ -25,6 +25,8 @@ POLISH_STEPS = 6
 RIVALS, RIVAL_STEPS, RIVAL_TOLERANCE = 4, 4, 1e-3
 # Sets whose score lies farther than this from the best are given up.
 HOPELESS = 40.0
+# A set that is predicted to leave so many times the misfit of the best is not fitted to the end.
+OUT_OF_QUESTION = 2.0
 # A smaller change of σ, or of its correlation, changes no choice.
 NOTICEABLE = 0.02
 
@@ -136,7 +138,8 @@ class _Search:
         """Move the linearisation to ``phi``."""
         # What blows up has no derivative, and its fits will not be chosen.
         self.normal = self.objective.linearise(phi)
-        return Eliminated.of(self.normal, self.objective.modes)
+        self.problem = Eliminated.of(self.normal, self.objective.modes)
+        return self.problem
 
     def adopt_noise(self, best: Tried) -> bool:
         """Estimate σ and its correlation from the residuals of the best set; tell if they moved."""
@@ -190,6 +193,7 @@ class _Search:
             if 0 < len(members) <= len(best.members)
             and members != best.members
             and math.isfinite(found.score)
+            and self._may_win(members)
         ]
         for rival in sorted(others, key=lambda found: found.score)[:RIVALS]:
             if rival.members in self.settled:
@@ -200,6 +204,11 @@ class _Search:
             if fitted.score < rival.score:
                 self.tried[rival.members] = fitted
         return self.best.members != best.members
+
+    def _may_win(self, members: Set) -> bool:
+        """Tell whether a set might leave as little as the best does, were the model linear."""
+        [expected] = self.problem.costs([members]).tolist()
+        return expected < OUT_OF_QUESTION * max(self.best.cost, self.objective.noise.count)
 
     def _at_start_of(self, best: Tried, rival: Tried) -> Tensor:
         """Return the better beginning: where the rival is, or its law at the best one's start."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 
+import torch
+
 _threads = 1
 
 
@@ -20,6 +22,12 @@ def in_threads(run: Callable[[int], None], count: int) -> Iterator[float]:
     Yields:
         The share that is done, after each piece.
     """
-    with ThreadPoolExecutor(_threads) as pool:
+    if count == 1 or _threads == 1:
+        for j in range(count):
+            run(j)
+            yield (j + 1) / count
+        return
+    # In a thread of its own torch would take several more.
+    with ThreadPoolExecutor(_threads, initializer=torch.set_num_threads, initargs=(1,)) as pool:
         for done, _ in enumerate(pool.map(run, range(count)), start=1):
             yield done / count

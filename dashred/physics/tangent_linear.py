@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import islice
 from typing import Any
 
@@ -25,6 +26,7 @@ from dashred.physics.linearisation import NotSeparableError, separate
 from dashred.physics.pointwise import Pointwise
 from dashred.physics.pulses import Drive, Pulses
 from dashred.physics.separated_tendency import Modes, SeparatedTendency
+from dashred.physics.side_by_side import in_threads
 from dashred.physics.sources import Sources
 from dashred.physics.system import System, Term
 
@@ -111,13 +113,29 @@ def tangent_linear(
         with np.errstate(all="ignore"):
             modes, states, stages = model.base.follow(steps, modes)
             block = model.along(stages)
-            found = torch.zeros((len(states), *tangents.shape), dtype=dtype)
-            for i, chunk in enumerate(chunks):
-                columns[i], outputs = model.columns.carry(steps, columns[i], chunk, block)
-                for out, points in zip(found, outputs, strict=True):
-                    out[chunk.start : chunk.stop] = torch.from_numpy(points).transpose(0, 1)
+        found = torch.zeros((len(states), *tangents.shape), dtype=dtype)
+        carry = partial(_carry, model.columns, steps, chunks, block, columns, found)
+        for _ in in_threads(carry, len(chunks)):
+            pass
         for state, out in zip(states, found, strict=True):
             yield torch.from_numpy(state[:, 0]).to(start.device), out.to(start.device)
+
+
+def _carry(
+    march: ColumnMarch,
+    steps: Sequence[Step],
+    chunks: Sequence[range],
+    block: Block,
+    columns: list[Modes],
+    found: Tensor,
+    which: int,
+) -> None:
+    """Step one chunk of the columns, and put what it is at output times to its place."""
+    chunk = chunks[which]
+    with np.errstate(all="ignore"):
+        columns[which], outputs = march.carry(steps, columns[which], chunk, block)
+    for out, points in zip(found, outputs, strict=True):
+        out[chunk.start : chunk.stop] = torch.from_numpy(points).transpose(0, 1)
 
 
 class _Linearised:

@@ -31,6 +31,8 @@ from dashred.stages.seeding import Seed
 from dashred.stages.simulation import Nominal
 
 STEPS, TOLERANCE = 10, 1e-4
+# On the last percents of so many times the noise's squares hangs nothing.
+HOPELESS, ROUGH = 100.0, 0.02
 # Noise that is this many times the stated one is not noise.
 INFLATED = 1.3
 # Samples from which the simulator as it is grows, where nothing that was fitted is trusted.
@@ -77,7 +79,8 @@ def weigh_causes(
         null, phi = objective.only(()), nothing.phi[: objective.modes]
     if not reached:
         phi = grow(null, phi, min(samples, FIRST))
-    fitted = minimise(null, phi, STEPS, TOLERANCE)
+    far = reached and nothing.cost > HOPELESS * objective.noise.count
+    fitted = minimise(null, phi, STEPS, ROUGH if far else TOLERANCE)
     if not (reached and best.members):
         again = about_the_prior(nominal.start, null, fitted.phi)
         if again is not None:

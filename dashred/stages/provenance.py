@@ -32,7 +32,9 @@ def prepare_torch(config: Config) -> None:
     """
     use_threads(config.threads)
     # Arrays here are too small to share; on a busy machine torch's threads, and those of NumPy's
-    # linear algebra, would spend their time waiting for each other.
+    # linear algebra, would spend their time waiting for each other. And with more than one, the LU
+    # of a batch of matrices that are larger than 150 is wrong in torch 2.13 with MKL 2024.2: one of
+    # 200 was off by 1e14, without an error, or hung.
     torch.set_num_threads(1)
     threadpool_limits(1)
     torch.use_deterministic_algorithms(True, warn_only=True)

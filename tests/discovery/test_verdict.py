@@ -11,6 +11,7 @@ from dashred.discovery.law import SensorFault
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.verdict import unexplained, verdict
 from dashred.physics.system import System
+from dashred.physics.window import Window, gate
 from tests import laws
 
 
@@ -103,6 +104,19 @@ def test_a_larger_law_that_was_searched_to_the_end_is_no_rival(flow: System) -> 
     best = laws.law([u], [0.1])
     assert verdict(laws.discovery(best, both))[0] == "missing-term"
     assert verdict(laws.discovery(best, both, exhausted=False))[0] == "ambiguous"
+
+
+def test_a_term_somewhere_is_no_rival_of_the_parameter_that_stands_for_it_everywhere(
+    flow: System,
+) -> None:
+    u = laws.term(flow, "u", "u")
+    somewhere = replace(u, window=Window(gate("u", 1), (1.5, 0.1)))
+    larger = laws.law([somewhere], [0.1], score=3.0)
+    nu = laws.parameter(flow, "nu")
+    assert verdict(laws.discovery(laws.law([nu], [0.1]), larger))[0] == "ambiguous"
+    same = laws.law([replace(nu, replaces=(u.key,))], [0.1])
+    assert verdict(laws.discovery(same, larger))[0] == "parameter"
+    assert verdict(laws.discovery(same, larger, exhausted=False))[0] == "ambiguous"
 
 
 def test_a_walk_that_stopped_half_way_says_so_and_names_no_law(flow: System) -> None:
