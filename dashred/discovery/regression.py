@@ -186,6 +186,9 @@ def _errors(blocks: Blocks, coefficients: Array) -> Array:
 
 def _smallest_sufficient(blocks: Blocks, candidates: list[Support], threshold: float) -> Support:
     count = len(blocks.power)
+    if count == 1:
+        # Nothing is left out to learn from: no set is worth a term more.
+        return candidates[0]
     fold = np.arange(count) * FOLDS // count
     errors = np.zeros((len(candidates), count))
     for k in range(FOLDS):

@@ -202,3 +202,8 @@ def test_few_blocks_are_enough():
     wanted = target(np.concatenate([design] * 8)[:BLOCKS], LAW)[:2]
     found = fit(wanted, design)
     assert set(LAW) <= support(found)
+
+
+def test_one_block_proposes_nothing():
+    design = columns(np.random.default_rng(1))
+    assert support(fit(target(design, LAW)[:1], design[:1])) == set()
