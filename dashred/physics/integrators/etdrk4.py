@@ -93,6 +93,9 @@ def coefficient_slopes(linear: Tensor, h: float) -> Coefficients:
 
 def _contour_integrals(z: Tensor, h: float, order: int = 0) -> tuple[Tensor, ...]:
     """Return the integrals, each different z's once: of a batch's rows and waves most are alike."""
+    if z.requires_grad:
+        # A derivative goes through every z of its own.
+        return _integrals_around(z, h, order)
     different, places = np.unique(z.cpu().numpy(), return_inverse=True)
     found = _integrals_around(torch.from_numpy(different).to(z.device), h, order)
     at = torch.from_numpy(places).to(z.device).reshape(z.shape)
