@@ -75,8 +75,8 @@ def select(
         report: progress.
     """
     search = _Search(objective)
-    problem = search.linearise(phi)
-    first = [(), *promising(problem), *proposals]
+    search.linearise(phi)
+    first = [(), *promising(search.problem), *proposals]
     search.refit(first)
     report(0.4, f"{len(search.tried)} sets refitted")
     exhausted = False
@@ -85,9 +85,9 @@ def select(
         if search.adopt_noise(best):
             search.rescore()
             best = search.best
-        problem = search.linearise(best.phi)
+        search.linearise(best.phi)
         costs = {members: found.cost for members, found in search.tried.items()}
-        search.refit(neighbours(problem, best.members, costs))
+        search.refit(neighbours(search.problem, best.members, costs))
         report(0.4 + 0.6 * (turn + 1) / ROUNDS, f"{len(search.tried)} sets refitted")
         if search.best.members == best.members and not search.settle_rivals():
             exhausted = True
@@ -134,12 +134,11 @@ class _Search:
         """The set with the lowest score."""
         return min(self.tried.values(), key=lambda found: found.score)
 
-    def linearise(self, phi: Tensor) -> Eliminated:
+    def linearise(self, phi: Tensor) -> None:
         """Move the linearisation to ``phi``."""
         # What blows up has no derivative, and its fits will not be chosen.
         self.normal = self.objective.linearise(phi)
         self.problem = Eliminated.of(self.normal, self.objective.modes)
-        return self.problem
 
     def adopt_noise(self, best: Tried) -> bool:
         """Estimate σ and its correlation from the residuals of the best set; tell if they moved."""
