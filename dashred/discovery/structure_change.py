@@ -54,7 +54,7 @@ def structure_changes(form: PortHamiltonian, law: Law, visited: Visited) -> list
         law: what it leaves out.
         visited: states that the fields visit, each at its own time.
     """
-    at = visited.with_waves(form.system)
+    at = form.defined(visited.with_waves(form.system))
     found = []
     for index, candidate in enumerate(law.candidates):
         if candidate.equation is None:
@@ -81,7 +81,8 @@ def stays_port_hamiltonian(
         for candidate, xi in zip(law.candidates, values, strict=True)
         if candidate.equation is None
     }
-    changed, at = form.with_parameters(moved), visited.with_waves(form.system)
+    changed = form.with_parameters(moved)
+    at = changed.defined(visited.with_waves(form.system))
     if not changed.is_skew(at):
         return False
     efforts = _changed_efforts(changed, law, changes, at)

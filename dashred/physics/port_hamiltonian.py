@@ -105,10 +105,14 @@ class PortHamiltonian:
             at: any states, smooth in space, each at its own time.
 
         Raises:
-            InputError: J is not skew, R not symmetric or not ⪰ 0, or both do not make the
-                equations; says where.
+            InputError: J or R has no value there, J is not skew, R not symmetric or not ⪰ 0, or
+                both do not make the equations; says where.
         """
         where = self.system.where
+        for part, entries in (("J", self.interconnection), ("R", self.dissipation)):
+            if not self._matrix(entries, at).isfinite().all():
+                problem = f"{part} is not finite at states that the simulator goes through"
+                raise InputError(problem, where=where(f"system.structure.{part}"))
         if not self.is_skew(at):
             raise InputError("J is not skew-symmetric", where=where("system.structure.J"))
         dissipation = self._matrix(self.dissipation, at)
@@ -127,6 +131,14 @@ class PortHamiltonian:
                     where=where("system.structure"),
                     hint="the equations are (J - R)*dH/dx + G*u",
                 )
+
+    def defined(self, at: Visited) -> Visited:
+        """Return those states at which J, R and every effort have a value, ``√q`` at q ≥ 0."""
+        values = [self._matrix(part, at) for part in (self.interconnection, self.dissipation)]
+        values += [evaluated(self.system, effort, at) for effort in self.effort.values()]
+        finite = torch.stack([each.isfinite().reshape(len(each), -1).all(dim=1) for each in values])
+        there = finite.all(dim=0)
+        return Visited(at.states[there], at.times[there])
 
     def is_skew(self, at: Visited) -> bool:
         """Tell whether J = −Jᵀ at all these states."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +66,16 @@ def test_a_parameter_of_a_spring(tmp_path: Path, name, change, part, passive) ->
     form = PortHamiltonian.of(system, SPRING_FORM)
     parameter = Candidate(name, None, (), 1.0)
     assert told(system, form, (parameter, change)) == [(part, passive)]
+
+
+def test_states_where_the_structure_has_no_value_say_nothing(tmp_path: Path) -> None:
+    system = laws.declared(tmp_path, SPRING.replace("c*p/m", "c*sqrt(q)*p/m"))
+    form = PortHamiltonian.of(system, replace(SPRING_FORM, R={"p": {"p": "c*sqrt(q)"}}))
+    parameter = Candidate("c", None, (), 1.0)
+    assert told(system, form, (parameter, 0.3)) == [("R", True)]
+    assert stays(system, form, (parameter, 0.3))
+    assert told(system, form, (parameter, -0.5)) == [("R", False)]
+    assert not stays(system, form, (parameter, -0.5))
 
 
 def test_a_pair_that_moves_energy_about_is_of_j(tmp_path: Path) -> None:

@@ -96,6 +96,7 @@ def test_a_variation_is_the_energys_slope_in_any_direction(wave: System) -> None
         (Structure(H=SPRING_FORM.H, J={"q": {"p": "1"}}), "not skew"),
         (Structure(H=SPRING_FORM.H, J=CANONICAL, R={"p": {"p": "-c"}}), "not positive"),
         (Structure(H=SPRING_FORM.H, J=CANONICAL, R={"p": {"q": "c"}}), "not symmetric"),
+        (Structure(H=SPRING_FORM.H, J=CANONICAL, R={"p": {"p": "c*sqrt(q)"}}), "R is not finite"),
     ],
 )
 def test_a_structure_that_is_none_is_refused(spring: System, form: Structure, says: str) -> None:
