@@ -14,9 +14,10 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.candidates import Candidate
+from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
-from dashred.discovery.shooting import Shooting, Simulator
+from dashred.discovery.shooting import Shooting
 from dashred.discovery.starts import LinearStart
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term

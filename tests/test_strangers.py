@@ -15,7 +15,7 @@ import pytest
 from dashred.config import load_config
 from dashred.errors import InputError
 from dashred.outside_links import check_folder, check_hdf5
-from dashred.physics.snapshots import open_snapshots
+from dashred.physics.snapshot_file import open_snapshots
 from dashred.physics.system import System
 from dashred.reporting.style import new_figure, save_figure
 from dashred.sensing.read_netcdf import read_netcdf

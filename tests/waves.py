@@ -18,10 +18,11 @@ from dashred.discovery.gauss_newton import grow, minimise
 from dashred.discovery.hypothesis import Guess, Hypothesis, first_unknowns, pose
 from dashred.discovery.inner_constants import slopes_of
 from dashred.discovery.law import law_of
+from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.local_shooting import found_by, localised
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
-from dashred.discovery.shooting import Shooting, Simulator
+from dashred.discovery.shooting import Shooting
 from dashred.discovery.starts import StartModel
 from dashred.physics.library import evaluate_terms
 from dashred.physics.prior import StartPrior, field_rms, nominal_start

@@ -9,8 +9,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +19,6 @@ from dashred.baselines.analyse import (
     METHODS,
     NOT_FOR_SYSTEM,
     OF_LAWS,
-    own_failure,
 )
 from dashred.comparison.compared import (
     COMPARED,
@@ -33,8 +31,6 @@ from dashred.errors import DONE, InputError, run_entry
 from dashred.findings import check_freeze, sha256_of, write_json_atomic
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from dashred.scoring import Law
     from dashred.sealing import Truth
 
@@ -111,6 +107,7 @@ def _methods(
     noise: float,
     seed: int,
 ) -> dict[str, Compared]:
+    from dashred.comparison.full_field import full_field
     from dashred.score import load_fields, true_states
     from dashred.scoring import law_of_truth, rmse, scaled_errors
 
@@ -121,7 +118,7 @@ def _methods(
             real = true_states(estimates, truth, fields, folder / "sealed.nc")
             errors |= {m: rmse(e) for m, e in scaled_errors(estimates, real, fields).items()}
     # Of both files the times are those of the fit window.
-    full = _full_field(findings, folder, fields, estimates["time"].values, real, noise, seed)
+    full = full_field(findings, folder, fields, estimates["time"].values, real, noise, seed)
     ended = {**_of_the_analysis(folder, findings, errors), **others, "pde_find": full}
     law = law_of_truth(findings, truth.terms, truth.concealed.parameters)
     return {name: _compared(findings, law, errors, name, one) for name, one in ended.items()}
@@ -170,43 +167,6 @@ def _of_the_analysis(
     return {
         name: _lost("") | {"failed": None, "terms": laws.get(name), "seconds": seconds.get(name)}
         for name in dict.fromkeys([*(n for n in errors if n not in METHODS), *laws])
-    }
-
-
-def _full_field(
-    findings: Mapping[str, Any],
-    folder: Path,
-    fields: Sequence[str],
-    times: np.ndarray,
-    real: np.ndarray,
-    noise: float,
-    seed: int,
-) -> dict[str, Any]:
-    """Return how PDE-FIND ended, in the form of the other methods."""
-    import numpy as np
-    import torch
-
-    from dashred.comparison.pde_find import pde_find
-    from dashred.physics.library import build_library
-    from dashred.scoring import system_of
-    from dashred.sensing.driving import under
-    from dashred.sensing.reader import read_recording
-
-    plain = system_of(findings)
-    system = under(plain, read_recording(str(folder / "recording.nc"), None, plain).inputs)
-    library = build_library(system, findings["input"]["config"]["library"])
-    ordered = torch.from_numpy(real[:, [fields.index(field) for field in system.fields]])
-    rng = np.random.default_rng([seed, *b"full field"])
-    began = time.perf_counter()
-    terms, failed = None, None
-    try:
-        terms = pde_find(system, library, torch.tensor(times), ordered, noise, rng)
-    except Exception as error:
-        failed = own_failure(error)
-    return _lost("") | {
-        "failed": failed,
-        "terms": terms,
-        "seconds": time.perf_counter() - began,
     }
 
 

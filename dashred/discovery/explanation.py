@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.discovered import AMBIGUOUS, Discovered
-from dashred.discovery.law import Law, SensorFault
+from dashred.discovery.law import Law
 from dashred.discovery.parameter_change import exact_change, is_exact, parameter_change
 from dashred.discovery.plausibility import inclusion
 from dashred.discovery.wording import words
@@ -17,7 +17,7 @@ from dashred.physics.algebra import Expr
 from dashred.physics.system import System
 from dashred.physics.term_units import coefficient_unit
 from dashred.typeset import number, rounded
-from dashred.units import NONE, TIME, measured, shown
+from dashred.units import measured
 
 MOST_ALTERNATIVES = 3
 # Of a law that is worse by less there is something to say.
@@ -135,38 +135,6 @@ def region_of(law: Law) -> list[dict[str, Any]] | None:
         return [{"axis": "t", "from": values[0], "std": stds[0]}]
     gate = {"field": of, kind.removeprefix("gate "): values[0], "std": stds[0]}
     return [gate | ({"ci95": list(law.threshold)} if law.threshold else {})]
-
-
-def fault_in_words(
-    fault: SensorFault,
-    reads: str | None = None,
-    units: Mapping[str, str] = NONE,
-    place: str | None = None,
-) -> str:
-    """Return what is wrong with the sensor in one sentence.
-
-    Args:
-        fault: the fault.
-        reads: the field or let that the sensor reads.
-        units: by name.
-        place: the axis along which it may be misplaced.
-    """
-    value, std = rounded(fault.value, fault.std) if fault.std else (number(fault.value), None)
-    told, unit, time = value + (f" ± {std}" if std else ""), units.get(reads or ""), units.get(TIME)
-    reading = measured(told, unit)
-    match fault.kind:
-        case "bias":
-            return f"sensor {fault.sensor} reads {reading} too much"
-        case "drift":
-            per = f"per {shown(time) if time else 'unit time'}"
-            return f"sensor {fault.sensor} drifts by {reading} {per}"
-        case "stuck":
-            begin = measured(f"{fault.begin:.4g}", time)
-            return f"sensor {fault.sensor} is stuck at {reading} from t = {begin} on"
-        case "spikes":
-            return f"sensor {fault.sensor} has {fault.value:.0f} samples that are no readings"
-    away = measured(told, units.get(place or ""))
-    return f"sensor {fault.sensor} stands {away} from where it is said to"
 
 
 def _parameter(system: System, law: Law, index: int, included: float) -> ParameterChange:

@@ -9,7 +9,8 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.cause import Cause
-from dashred.discovery.faults import TestedFault, describe_fitted, fit_fault, predicted_faults
+from dashred.discovery.fault_found import describe_fitted
+from dashred.discovery.faults import TestedFault, fit_fault, predicted_faults
 from dashred.discovery.free_forcing import evidence
 from dashred.discovery.gauss_newton import Fitted, grow, minimise
 from dashred.discovery.law import Law, law_of

@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from dashred.discovery.cause import Cause, refitted
-from dashred.discovery.faults import Fault, describe, predicted_faults
+from dashred.discovery.fault_found import describe
+from dashred.discovery.faults import Fault, predicted_faults
 from dashred.discovery.faulty_shooting import columns_of
 from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.gauss_newton import minimise

@@ -9,7 +9,7 @@ from typing import Any
 from torch import Tensor
 
 from dashred.discovery.discovered import MISSING, Discovered
-from dashred.discovery.explanation import fault_in_words
+from dashred.discovery.fault_wording import fault_in_words
 from dashred.discovery.law import Law, SensorFault
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.plausibility import plausibility

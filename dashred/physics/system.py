@@ -13,9 +13,9 @@ from torch import Tensor
 from dashred import config as schema
 from dashred.errors import InputError
 from dashred.physics import algebra
-from dashred.physics.algebra import Expr, Number
+from dashred.physics.algebra import Expr
+from dashred.physics.definitions import Definitions, in_order
 from dashred.physics.expression import Vocabulary, number, parse
-from dashred.physics.expression_size import DEEPEST, MOST_PARTS, Size, size_of
 from dashred.physics.grid import Axis, Grid
 from dashred.physics.integrators import METHODS
 from dashred.physics.measured import NOTHING, Array, Measured
@@ -67,17 +67,13 @@ class System:
         self.spectral = bool(config.axes) and config.integrator.space == "spectral"
         self.dt = _number(_step(config.integrator), where("system.integrator.dt"))
         self.method = config.integrator.method or self._default_method()
-        self.lets = self._parse_lets()
+        lets = {name: self.parse(text, f"system.let.{name}") for name, text in config.let.items()}
+        self.lets = in_order(lets, where)
         self.equations = {
             field: self.parse(text, f"system.equations.{field}", equation=field)
             for field, text in config.equations.items()
         }
-        constants = {k: Number(float(v)) for k, v in config.parameters.items()}
-        self._values: dict[str, Expr] = dict(constants)
-        self._sizes: dict[str, Size] = {}
-        for name, expr in self.lets.items():
-            self._values[name] = self.resolve(expr, f"system.let.{name}")
-            self._sizes[name] = size_of(expr, self._sizes)
+        self._definitions = Definitions(config.parameters, self.lets, where)
         self.resolved = {
             field: self.ready(expr, field, f"system.equations.{field}")
             for field, expr in self.equations.items()
@@ -205,19 +201,9 @@ class System:
         """Put lets and parameters into an expression; ``key`` locates it in the config.
 
         Raises:
-            InputError: the parameters make a constant infinite, or the lets the expression huge.
+            InputError: see :meth:`dashred.physics.definitions.Definitions.put_into`.
         """
-        if size_of(expr, self._sizes).too_large:
-            problem = "with the lets that it reads put in, this expression is too large"
-            hint = f"{MOST_PARTS} names, numbers and signs at most, {DEEPEST} levels deep"
-            raise InputError(problem, where=self.where(key), hint=hint)
-        try:
-            return algebra.substitute(expr, self._values)
-        except (ArithmeticError, ValueError):
-            where = self.where(key)
-            raise InputError(
-                f"with these parameters {algebra.to_text(expr)!r} is not finite", where=where
-            ) from None
+        return self._definitions.put_into(expr, key)
 
     def ready(self, expr: Expr, equation: str, key: str) -> Expr:
         """Resolve an expression that stands in an equation, and let it go on beyond the ends.
@@ -227,19 +213,6 @@ class System:
         """
         odd = self.reflection.fields[equation]
         return self.reflection.extended(self.resolve(expr, key), odd)
-
-    def _parse_lets(self) -> dict[str, Expr]:
-        lets: dict[str, Expr] = {}
-        for name, text in self.config.let.items():
-            expr = self.parse(text, f"system.let.{name}")
-            later = (algebra.names(expr) & set(self.config.let)) - set(lets)
-            if later:
-                raise InputError(
-                    f"let {name!r} reads {sorted(later)[0]!r}, which is not defined before it",
-                    where=self.where(f"system.let.{name}"),
-                )
-            lets[name] = expr
-        return lets
 
     def _default_method(self) -> str:
         if not self.config.axes:

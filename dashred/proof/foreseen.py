@@ -18,8 +18,8 @@ from torch import Tensor
 from dashred.config import load_config
 from dashred.discovery.candidates import Candidate, indices_by_name
 from dashred.discovery.hypothesis import Hypothesis
+from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.objective import Objective
-from dashred.discovery.shooting import Simulator
 from dashred.discovery.starts import nearest
 from dashred.discovery.subsets import Eliminated, small_sets
 from dashred.physics.system import Term

@@ -11,15 +11,15 @@ from torch import Tensor
 from dashred.discovery.beyond import candidates_beyond
 from dashred.discovery.candidates import Candidate, replaced_terms
 from dashred.discovery.cause import Cause
-from dashred.discovery.causes import Weighed, weigh
+from dashred.discovery.causes import Reach, Weighed, weigh
 from dashred.discovery.discovered import AMBIGUOUS
 from dashred.discovery.gauss_newton import grow, minimise
 from dashred.discovery.inner_constants import slopes_of
 from dashred.discovery.law import Law, law_of
+from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.selection import Tried
-from dashred.discovery.shooting import Simulator
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.physics.window import shapes_of
@@ -88,17 +88,16 @@ def weigh_causes(
     empty = Cause(law_of(null, fitted, (), fitted.cost), null, fitted.phi)
     law = objective.only(best.members)
     found = Cause(laws[0], law, best.phi[objective.places(best.members)]) if reached else empty
-    weighed = weigh(
-        everything,
+    contested = (
+        len(best.members) > 1 and len(laws) > 1 and laws[1].score < laws[0].score + AMBIGUOUS
+    )
+    reach = Reach(
         len(known),
-        found,
-        empty,
-        len(best.members) > 1 and len(laws) > 1 and laws[1].score < laws[0].score + AMBIGUOUS,
         _tendency_size(problem.system, nominal.states, begin),
         lambda: _with_windows(problem, [*known, *local]),
         lambda carried: _beyond(problem, nominal, carried),
-        report,
     )
+    weighed = weigh(everything, found, empty, contested, reach, report)
     if not reached or null.shooting.start is not objective.shooting.start:
         return weighed
     return _beside(weighed, laws, objective) if weighed.laws[0].parts == laws[0].parts else weighed

@@ -11,24 +11,21 @@ import torch
 from dashred.discovery.candidates import Candidate, build_candidates, indices_by_name
 from dashred.discovery.causes import Weighed
 from dashred.discovery.discovered import MISSING, BestOfSize, Discovered
-from dashred.discovery.first_window import first_samples
-from dashred.discovery.horizon import Walk, walk
 from dashred.discovery.law import Law, posterior
-from dashred.discovery.objective import Objective
 from dashred.discovery.selection import Selection, Tried, better, polish, select
-from dashred.discovery.shooting import Simulator
 from dashred.metric_names import metric_name
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.resolution import Resolution
-from dashred.progress import Report, stage
+from dashred.progress import stage
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.causes import inflated, weigh_causes
 from dashred.stages.learning import Learned
 from dashred.stages.objectives import exact_simulator, pose_objective, rough_simulator
 from dashred.stages.prior_start import about, select_about_the_prior
 from dashred.stages.problem import Problem
-from dashred.stages.seeding import Seed, fit_seeds
+from dashred.stages.seeding import fit_seeds
 from dashred.stages.simulation import Nominal
+from dashred.stages.walking import walk_from_seeds, walk_on, with_noise_after
 from dashred.tracking import Tracker
 
 # A step that gains a smaller share of F ends a fit: of the law, and of the simulator as it is,
@@ -62,18 +59,18 @@ def discover(
             report(1.0, ", ".join(f"{s.name} {s.error:.2f}" for s in seeds) + " σ off its sensors")
         child.log_metrics({f"seed/{s.name}": s.error for s in seeds if math.isfinite(s.error)}, 0)
         with stage("grow the horizon", seconds) as report:
-            seed, walked = _walk(problem, rough, candidates, seeds, report)
+            seed, walked = walk_from_seeds(problem, rough, candidates, seeds, report)
             child.set_tags({"seed of the start": seed.name})
         for samples, level in walked.levels:
             child.log_metrics({"horizon/chi2": level}, samples)
             run.log_metrics({"horizon/chi2": level}, samples)
         weak = problem.config.discovery.weak
         objective = pose_objective(problem, simulator, seed.start, candidates, weak)
-        objective = _with_noise_after(objective, walked)
+        objective = with_noise_after(objective, walked)
         with stage("select the law", seconds) as report:
             selection = select(objective.until(walked.samples), walked.phi, proposals, report)
             if not walked.reached:
-                walked, selection = _walk_on(objective, walked, selection, proposals, report)
+                walked, selection = walk_on(objective, walked, selection, proposals, report)
             selection = select_about_the_prior(nominal.start, selection, KEPT, report)
             objective = about(objective, selection.objective.shooting.start)
             report(1.0, f"{len(selection.tried)} sets refitted")
@@ -143,65 +140,6 @@ def _proposals(
         chosen = {index[name] for name, value in zip(names, fit.coefficients, strict=True) if value}
         sets.append(tuple(sorted(chosen)))
     return [members for members in sets if members]
-
-
-def _walk(
-    problem: Problem,
-    simulator: Simulator,
-    candidates: Sequence[Candidate],
-    seeds: Sequence[Seed],
-    report: Report,
-) -> tuple[Seed, Walk]:
-    """Walk from the best seed; where it gets lost, from the next; keep who came farthest."""
-    settings = problem.config.discovery
-    limits = torch.tensor([c.limit for c in candidates], dtype=torch.float64)
-    best: tuple[Seed, Walk] | None = None
-    for seed in seeds:
-        objective = pose_objective(problem, simulator, seed.start, candidates, settings.tight)
-        tight = torch.minimum(objective.prior_std, limits)
-        objective = replace(objective, prior_std=tight)
-        begin, samples = objective.embed(seed.z, []), first_samples(objective)
-        walked = walk(objective, begin, samples, settings.walking, report)
-        if best is None or walked.samples > best[1].samples:
-            best = seed, walked
-        if walked.reached:
-            break
-    assert best is not None
-    return best
-
-
-def _with_noise_after(objective: Objective, walked: Walk) -> Objective:
-    """Return F with the noise that the residuals of the walk speak for."""
-    part = objective.until(walked.samples)
-    found = part.noise_left(walked.readings, objective.modes + len(walked.members))
-    return replace(objective, noise=replace(found, seen=objective.noise.seen))
-
-
-def _walk_on(
-    objective: Objective,
-    walked: Walk,
-    selection: Selection,
-    proposals: list[tuple[int, ...]],
-    report: Report,
-) -> tuple[Walk, Selection]:
-    """Walk on with the law that was found so far, and select once more where that leads.
-
-    All candidates together may have lost a trajectory that the right few can follow.
-    """
-    best = selection.tried[0]
-    mine = objective.only(best.members)
-    begin = best.phi[objective.places(best.members)]
-    further = walk(mine, begin, walked.samples, len(best.members), report)
-    if further.samples == walked.samples:
-        return walked, selection
-    further = replace(
-        further,
-        phi=objective.embed(further.phi, best.members),
-        members=best.members,
-        levels=[*walked.levels, *further.levels[1:]],
-    )
-    sets = [*proposals, *(tried.members for tried in selection.tried[:KEPT])]
-    return further, select(objective.until(further.samples), further.phi, sets, report)
 
 
 def _finish(selection: Selection) -> tuple[list[Law], Tried, Tried]:

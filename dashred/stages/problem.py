@@ -11,12 +11,13 @@ from torch import Tensor
 
 from dashred.config import Config
 from dashred.config.checks import MOST_STEPS
-from dashred.discovery.explanation import fault_in_words
+from dashred.discovery.fault_wording import fault_in_words
 from dashred.discovery.law import SensorFault
 from dashred.errors import InputError
 from dashred.physics.algebra import names
 from dashred.physics.library import build_library
-from dashred.physics.snapshots import Snapshots, open_snapshots
+from dashred.physics.snapshot_file import open_snapshots
+from dashred.physics.snapshots import Snapshots
 from dashred.physics.system import System, Term
 from dashred.sensing.clock import own_step, resample_all
 from dashred.sensing.driving import under

@@ -11,9 +11,9 @@ from torch import Tensor
 
 from dashred.discovery.episodes import operator_of, side_by_side, starts_of
 from dashred.discovery.first_window import first_samples, fit_first_window
+from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.objective import Objective
 from dashred.discovery.seeds import NetworkEstimate, Readings, SeedSettings, make_seeds
-from dashred.discovery.shooting import Simulator
 from dashred.discovery.starts import StartModel
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.library import resolve

@@ -9,8 +9,9 @@ from dashred.discovery.correction import correct
 from dashred.discovery.first_window import fit_first_window
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import Law
+from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.objective import Objective
-from dashred.discovery.shooting import Shooting, Simulator
+from dashred.discovery.shooting import Shooting
 from dashred.discovery.starts import StartModel
 from dashred.physics.system import System
 from dashred.stages.objectives import sound_noise, trace_std

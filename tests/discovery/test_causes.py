@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.cause import Cause
-from dashred.discovery.causes import Weighed, weigh
+from dashred.discovery.causes import Reach, Weighed, weigh
 from dashred.discovery.discovered import MISSING
 from dashred.discovery.free_forcing import force
 from dashred.discovery.gauss_newton import minimise
@@ -41,18 +41,13 @@ def explained(waves: Waves, recorded: Tensor) -> Weighed:
     null = waves.objective(recorded, SIGMA)
     found = minimise(null, fitted(null), 6, 1e-4)
     empty = Cause(law_of(null, found, (), found.cost), null, found.phi)
-    count = len(waves.everything)
-    return weigh(
-        everything,
-        count,
-        empty,
-        empty,
-        False,
+    reach = Reach(
+        len(waves.everything),
         waves.size,
         lambda: waves.simulator,
         lambda carried: (waves.simulator_beyond(carried), waves.beyond),
-        lambda *_: None,
     )
+    return weigh(everything, empty, empty, False, reach, lambda *_: None)
 
 
 def term(law: Law) -> str:

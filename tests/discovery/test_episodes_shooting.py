@@ -12,17 +12,19 @@ from dashred.discovery.episodes import (
     operator_of,
     running,
     side_by_side,
-    simulator_of,
     starts_of,
 )
-from dashred.discovery.faults import Fault, describe, fit_fault
+from dashred.discovery.episodes_simulator import simulator_of
+from dashred.discovery.fault_found import describe
+from dashred.discovery.faults import Fault, fit_fault
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import law_of
+from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.left_out import beside_the_fault
 from dashred.discovery.local_shooting import LocalShooting
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
-from dashred.discovery.shooting import Shooting, Simulator
+from dashred.discovery.shooting import Shooting
 from dashred.discovery.suspects import suspects
 from dashred.physics.pulses import Pulses
 from dashred.physics.window import onset

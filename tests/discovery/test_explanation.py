@@ -10,13 +10,8 @@ import pytest
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.correction import correct
 from dashred.discovery.discovered import BestOfSize
-from dashred.discovery.explanation import (
-    alternatives,
-    explain,
-    fault_in_words,
-    law_in_words,
-    smaller,
-)
+from dashred.discovery.explanation import alternatives, explain, law_in_words, smaller
+from dashred.discovery.fault_wording import fault_in_words
 from dashred.discovery.law import SensorFault
 from dashred.discovery.local_shooting import localised
 from dashred.discovery.plausibility import plausibility

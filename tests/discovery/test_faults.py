@@ -10,7 +10,8 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.cause import Cause
-from dashred.discovery.faults import describe_fitted, fit_fault, predicted
+from dashred.discovery.fault_found import describe_fitted
+from dashred.discovery.faults import fit_fault, predicted
 from dashred.discovery.law import SensorFault
 from dashred.discovery.lawless import faults
 from dashred.discovery.objective import Objective

@@ -5,7 +5,8 @@ from __future__ import annotations
 import torch
 
 from dashred.discovery.driven_shooting import DrivenShooting
-from dashred.discovery.shooting import Shooting, Simulator
+from dashred.discovery.law_simulator import Simulator
+from dashred.discovery.shooting import Shooting
 from dashred.discovery.starts import LinearStart
 from dashred.physics.pulses import Pulses
 from tests.waves import TIMES, Waves

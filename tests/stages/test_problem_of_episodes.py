@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from dashred.config import load_config
-from dashred.discovery.episodes import EpisodesSimulator
+from dashred.discovery.episodes_simulator import EpisodesSimulator
 from dashred.discovery.law import SensorFault
 from dashred.errors import InputError
 from dashred.sensing.episodes import Episode, Episodes

@@ -1,0 +1,47 @@
+"""A sensor's fault that was found, in the user's units and with its error."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from dashred.discovery.faults import Fault, TestedFault
+from dashred.discovery.faulty_shooting import columns_of
+from dashred.discovery.law import SensorFault
+from dashred.discovery.objective import Objective
+
+
+def describe_fitted(objective: Objective, tested: TestedFault) -> SensorFault:
+    """Return what was found to be wrong with the sensor of a fitted fault, in the user's units."""
+    first = objective.modes + len(objective.prior_std)
+    normal = tested.objective.linearise(tested.fitted.phi, tested.fitted.readings)
+    stds = normal.covariance(range(len(tested.fitted.phi))).diagonal().sqrt()
+    return describe(objective, tested.fault, tested.fitted.phi[first:], stds[first:])
+
+
+def describe(objective: Objective, fault: Fault, own: Tensor, stds: Tensor) -> SensorFault:
+    """Return what is wrong with a sensor, in the user's units.
+
+    Args:
+        objective: F of the law.
+        fault: what it is.
+        own: the numbers that describe it, ``(number,)``.
+        stds: their standard deviations.
+    """
+    times = objective.shooting.times
+    sensors = objective.shooting.operator.sensors
+    name = sensors[fault.sensor].name
+    if not len(own):
+        columns = columns_of(sensors, fault.sensor)
+        index = columns.index(fault.sensor)
+        episode = index if len(columns) > 1 else None
+        if fault.kind == "spikes":
+            count = float(fault.samples.sum())
+            return SensorFault(fault.kind, name, count, None, None, episode)
+        tail = objective.recorded[fault.samples, fault.sensor]
+        first = int(torch.nonzero(fault.samples)[0])
+        begin = float(times.reshape(len(times), -1)[first, index])
+        return SensorFault(fault.kind, name, float(tail.nanmean()), None, begin, episode)
+    length = float((times - times[0]).max()) if fault.kind == "drift" else 1.0
+    value = float(own[0]) if len(own) == 1 else float(own.norm())
+    return SensorFault(fault.kind, name, value / length, float(stds.norm()) / length, None)

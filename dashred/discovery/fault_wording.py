@@ -1,0 +1,41 @@
+"""What is wrong with a sensor, in one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from dashred.discovery.law import SensorFault
+from dashred.typeset import number, rounded
+from dashred.units import NONE, TIME, measured, shown
+
+
+def fault_in_words(
+    fault: SensorFault,
+    reads: str | None = None,
+    units: Mapping[str, str] = NONE,
+    place: str | None = None,
+) -> str:
+    """Return what is wrong with the sensor in one sentence.
+
+    Args:
+        fault: the fault.
+        reads: the field or let that the sensor reads.
+        units: by name.
+        place: the axis along which it may be misplaced.
+    """
+    value, std = rounded(fault.value, fault.std) if fault.std else (number(fault.value), None)
+    told, unit, time = value + (f" ± {std}" if std else ""), units.get(reads or ""), units.get(TIME)
+    reading = measured(told, unit)
+    match fault.kind:
+        case "bias":
+            return f"sensor {fault.sensor} reads {reading} too much"
+        case "drift":
+            per = f"per {shown(time) if time else 'unit time'}"
+            return f"sensor {fault.sensor} drifts by {reading} {per}"
+        case "stuck":
+            begin = measured(f"{fault.begin:.4g}", time)
+            return f"sensor {fault.sensor} is stuck at {reading} from t = {begin} on"
+        case "spikes":
+            return f"sensor {fault.sensor} has {fault.value:.0f} samples that are no readings"
+    away = measured(told, units.get(place or ""))
+    return f"sensor {fault.sensor} stands {away} from where it is said to"

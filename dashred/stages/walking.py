@@ -1,0 +1,96 @@
+"""Walk the horizon: from which seed, how far, and farther with the law that was found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import torch
+
+from dashred.discovery.candidates import Candidate
+from dashred.discovery.first_window import first_samples
+from dashred.discovery.horizon import Walk, walk
+from dashred.discovery.law_simulator import Simulator
+from dashred.discovery.objective import Objective
+from dashred.discovery.selection import Selection, select
+from dashred.progress import Report
+from dashred.stages.objectives import pose_objective
+from dashred.stages.problem import Problem
+from dashred.stages.seeding import Seed
+
+# Of the laws that were tried, those that are tried again over more of the record.
+KEPT = 6
+
+
+def walk_from_seeds(
+    problem: Problem,
+    simulator: Simulator,
+    candidates: Sequence[Candidate],
+    seeds: Sequence[Seed],
+    report: Report,
+) -> tuple[Seed, Walk]:
+    """Walk from the best seed; where it gets lost, from the next; keep who came farthest.
+
+    Args:
+        problem: the recording.
+        simulator: with all candidates in reach, as fine as walking needs.
+        candidates: of the model error.
+        seeds: of the start, the best first.
+        report: progress.
+    """
+    settings = problem.config.discovery
+    limits = torch.tensor([c.limit for c in candidates], dtype=torch.float64)
+    best: tuple[Seed, Walk] | None = None
+    for seed in seeds:
+        objective = pose_objective(problem, simulator, seed.start, candidates, settings.tight)
+        tight = torch.minimum(objective.prior_std, limits)
+        objective = replace(objective, prior_std=tight)
+        begin, samples = objective.embed(seed.z, []), first_samples(objective)
+        walked = walk(objective, begin, samples, settings.walking, report)
+        if best is None or walked.samples > best[1].samples:
+            best = seed, walked
+        if walked.reached:
+            break
+    assert best is not None
+    return best
+
+
+def with_noise_after(objective: Objective, walked: Walk) -> Objective:
+    """Return F with the noise that the residuals of the walk speak for."""
+    part = objective.until(walked.samples)
+    found = part.noise_left(walked.readings, objective.modes + len(walked.members))
+    return replace(objective, noise=replace(found, seen=objective.noise.seen))
+
+
+def walk_on(
+    objective: Objective,
+    walked: Walk,
+    selection: Selection,
+    proposals: list[tuple[int, ...]],
+    report: Report,
+) -> tuple[Walk, Selection]:
+    """Walk on with the law that was found so far, and select once more where that leads.
+
+    All candidates together may have lost a trajectory that the right few can follow.
+
+    Args:
+        objective: F of all candidates over the whole record.
+        walked: how far they came together.
+        selection: the laws of so much of the record.
+        proposals: sets of candidates that are tried in any case.
+        report: progress.
+    """
+    best = selection.tried[0]
+    mine = objective.only(best.members)
+    begin = best.phi[objective.places(best.members)]
+    further = walk(mine, begin, walked.samples, len(best.members), report)
+    if further.samples == walked.samples:
+        return walked, selection
+    further = replace(
+        further,
+        phi=objective.embed(further.phi, best.members),
+        members=best.members,
+        levels=[*walked.levels, *further.levels[1:]],
+    )
+    sets = [*proposals, *(tried.members for tried in selection.tried[:KEPT])]
+    return further, select(objective.until(further.samples), further.phi, sets, report)
