@@ -18,7 +18,7 @@ from dashred.sensing.driving import under
 from dashred.sensing.reader import read_recording
 
 
-def full_field(
+def pde_find_on_full_field(
     findings: Mapping[str, Any],
     folder: Path,
     fields: Sequence[str],

@@ -13,20 +13,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dashred.baselines.analyse import (
-    FIELDS,
-    LAWS,
-    METHODS,
-    NOT_FOR_SYSTEM,
-    OF_LAWS,
-)
-from dashred.comparison.compared import (
-    COMPARED,
-    OTHERS_FAILED,
-    UNRESOLVED,
-    Compared,
-    Comparison,
-)
+from dashred.baselines.analyse import FIELDS, LAWS, METHODS, NOT_FOR_SYSTEM, OF_LAWS
+from dashred.comparison.compared import COMPARED, OTHERS_FAILED, UNRESOLVED, Compared, Comparison
 from dashred.errors import DONE, InputError, run_entry
 from dashred.findings import check_freeze, sha256_of, write_json_atomic
 
@@ -107,7 +95,7 @@ def _methods(
     noise: float,
     seed: int,
 ) -> dict[str, Compared]:
-    from dashred.comparison.full_field import full_field
+    from dashred.comparison.full_field import pde_find_on_full_field
     from dashred.score import load_fields, true_states
     from dashred.scoring import law_of_truth, rmse, scaled_errors
 
@@ -118,7 +106,9 @@ def _methods(
             real = true_states(estimates, truth, fields, folder / "sealed.nc")
             errors |= {m: rmse(e) for m, e in scaled_errors(estimates, real, fields).items()}
     # Of both files the times are those of the fit window.
-    full = full_field(findings, folder, fields, estimates["time"].values, real, noise, seed)
+    full = pde_find_on_full_field(
+        findings, folder, fields, estimates["time"].values, real, noise, seed
+    )
     ended = {**_of_the_analysis(folder, findings, errors), **others, "pde_find": full}
     law = law_of_truth(findings, truth.terms, truth.concealed.parameters)
     return {name: _compared(findings, law, errors, name, one) for name, one in ended.items()}

@@ -13,6 +13,8 @@ from dashred.discovery.local_shooting import found_by
 from dashred.discovery.objective import Normal, Objective
 
 STEPS, TOLERANCE = 10, 1e-4
+# A score this much worse than the best is out of the question.
+HOPELESS = 60.0
 # What is settled is fitted on until a step, or a round of them, gains next to nothing: also from so
 # much of the record, and from under so many times the noise.
 SETTLING_STEPS, SETTLED, WORTH, SHARES, LOOSER = 20, 1e-5, 1.0, (0.17, 0.25, 0.5), (2.0, 4.0)

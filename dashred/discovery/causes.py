@@ -14,7 +14,7 @@ from torch import Tensor
 
 from dashred.discovery.beyond import laws_beyond
 from dashred.discovery.candidates import Candidate
-from dashred.discovery.cause import Cause, by_score
+from dashred.discovery.cause import HOPELESS, Cause, by_score
 from dashred.discovery.discovered import AMBIGUOUS, MISSING
 from dashred.discovery.forcing_map import ForcingMap
 from dashred.discovery.free_forcing import FreeForcing, force
@@ -25,11 +25,11 @@ from dashred.discovery.local_laws import local_laws
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.on_top import screened_on_top
-from dashred.discovery.own_noise import HOPELESS, under_its_own_noise
+from dashred.discovery.own_noise import refitted_under_own_noise
 from dashred.discovery.periodic import periodic_laws
-from dashred.discovery.question import SIMPLE, Question, question
 from dashred.discovery.simpler import simpler_from_the_best
 from dashred.discovery.threshold_profile import with_profile
+from dashred.discovery.unexplained import SIMPLE, Unexplained, look_for_unexplained
 from dashred.progress import Report
 
 # χ²/n, under the noise that a free forcing leaves, of what needs no further explanation.
@@ -37,7 +37,7 @@ EXPLAINED = 1.1
 
 
 @dataclass(frozen=True)
-class Reach:
+class Additions:
     """What may be added to the simulator.
 
     Attributes:
@@ -79,7 +79,7 @@ def weigh(
     best: Cause,
     null: Cause,
     contested: bool,
-    reach: Reach,
+    additions: Additions,
     report: Report,
 ) -> Weighed:
     """Weigh the best law that acts everywhere against other explanations.
@@ -89,79 +89,85 @@ def weigh(
         best: the best law that acts everywhere.
         null: the simulator as it is.
         contested: whether another law that acts everywhere does as well as the best.
-        reach: what may be added.
+        additions: what may be added.
         report: progress.
     """
-    asked = question(everything, best, null, contested, reach.size, report)
-    found, gain = _without_places(asked.best, asked.null), asked.gain
-    bases = asked.bases()
-    if asked.fault is not None:
-        found += asked.with_fault(bases)
-    waves = _periodic(asked, bases, reach)
+    left = look_for_unexplained(everything, best, null, contested, additions.size, report)
+    found, gain = _without_places(left.best, left.null), left.gain
+    bases = left.bases()
+    if left.fault is not None:
+        found += left.with_fault(bases)
+    waves = _periodic(left, bases, additions)
     found += waves
     explained = min(found, key=by_score)
     simple = len(explained.law.candidates) <= SIMPLE
     if explained is not found[0] and simple and explained.law.chi2 < EXPLAINED:
         gain = 0.0
-    elif asked.unclear:
-        somewhere, gain = _somewhere(asked, reach, waves, report)
+    elif left.unclear:
+        somewhere, gain = _somewhere(left, additions, waves, report)
         found += somewhere
-    elif len(asked.best.law.candidates) >= SIMPLE:
+    elif len(left.best.law.candidates) >= SIMPLE:
         report(0.4, "asking whether one term in a window, or beyond the library, does as well")
-        found += _as_good(asked, reach)
+        found += _as_good(left, additions)
     found += simpler_from_the_best(found)
-    if asked.unclear:
-        found = under_its_own_noise(found)
+    if left.unclear:
+        found = refitted_under_own_noise(found)
     nothing = min((cause for cause in found if not cause.law.parts), key=by_score)
     first = min(found, key=by_score)
     laws = unlike([with_profile(cause) if cause is first else cause.law for cause in found])
-    return Weighed(laws, nothing.law, nothing.objective.noise, gain, asked.forcing)
+    return Weighed(laws, nothing.law, nothing.objective.noise, gain, left.forcing)
 
 
-def _periodic(asked: Question, bases: Sequence[Cause], reach: Reach) -> list[Cause]:
+def _periodic(left: Unexplained, bases: Sequence[Cause], additions: Additions) -> list[Cause]:
     """Return laws with a drive that is periodic in time."""
     bound = min(base.law.score for base in bases) + HOPELESS
     waves = [
-        wave for base in bases for wave in periodic_laws(base, reach.size, reach.everywhere, bound)
+        wave
+        for base in bases
+        for wave in periodic_laws(base, additions.size, additions.everywhere, bound)
     ]
-    return asked.with_fault(waves)
+    return left.with_fault(waves)
 
 
 def _somewhere(
-    asked: Question, reach: Reach, waves: Sequence[Cause], report: Report
+    left: Unexplained, additions: Additions, waves: Sequence[Cause], report: Report
 ) -> tuple[list[Cause], float]:
     """Return laws in windows, and beyond the library, and what a forcing gains on the best."""
     report(0.4, "screening terms by place, time and state")
-    every, null = range(len(asked.everything.prior_std)), asked.null.law.score
-    whole = _through(asked.everything, reach.compiled())
+    every, null = range(len(left.everything.prior_std)), left.null.law.score
+    whole = _through(left.everything, additions.compiled())
 
     def screened(carried: FreeForcing, bound: float) -> list[Cause]:
-        local = local_laws(whole, reach.everywhere, every, carried, null, bound)
-        return asked.with_fault(local)
+        local = local_laws(whole, additions.everywhere, every, carried, null, bound)
+        return left.with_fault(local)
 
-    begin = min([asked.best, *waves], key=by_score)
-    found, first, nearest, gain = screened_on_top(begin, screened, asked.forced, reach.size, report)
+    begin = min([left.best, *waves], key=by_score)
+    found, first, nearest, gain = screened_on_top(
+        begin, screened, left.forced, additions.size, report
+    )
     if gain > MISSING or len(first.law.candidates) >= SIMPLE:
         report(0.8, "screening terms beyond the library")
-        further = asked.with_fault(_beyond(asked, reach, nearest, math.inf))
-        gain = _gain_of(further, first, gain, reach.size)
+        further = left.with_fault(_beyond(left, additions, nearest, math.inf))
+        gain = _gain_of(further, first, gain, additions.size)
         found += further
     return found, gain
 
 
-def _as_good(asked: Question, reach: Reach) -> list[Cause]:
+def _as_good(left: Unexplained, additions: Additions) -> list[Cause]:
     """Return laws of one term, in a window or beyond the library, that may do as well."""
-    whole, best = _through(asked.everything, reach.compiled()), asked.best
-    bound, null = best.law.score + HOPELESS, asked.null.law.score
-    alike = _alike(asked.everything, best)
-    local = local_laws(whole, 0, alike, asked.forced, null, bound)
-    return [*local, *_beyond(asked, reach, asked.forced, bound)]
+    whole, best = _through(left.everything, additions.compiled()), left.best
+    bound, null = best.law.score + HOPELESS, left.null.law.score
+    alike = _alike(left.everything, best)
+    local = local_laws(whole, 0, alike, left.forced, null, bound)
+    return [*local, *_beyond(left, additions, left.forced, bound)]
 
 
-def _beyond(asked: Question, reach: Reach, carried: FreeForcing, bound: float) -> list[Cause]:
+def _beyond(
+    left: Unexplained, additions: Additions, carried: FreeForcing, bound: float
+) -> list[Cause]:
     """Return laws with terms that the library does not have, found about a trajectory."""
-    further = reach.beyond(carried.objective.shooting.candidates)
-    return laws_beyond(_of(asked.everything, *further), carried, reach.everywhere, bound)
+    further = additions.beyond(carried.objective.shooting.candidates)
+    return laws_beyond(_of(left.everything, *further), carried, additions.everywhere, bound)
 
 
 def _without_places(best: Cause, null: Cause) -> list[Cause]:

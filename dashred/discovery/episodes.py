@@ -1,4 +1,4 @@
-"""Shooting over several episodes at once: a start and a clock of its own for each, one law for all.
+"""Several episodes at once: starts, clocks and readings side by side, one law for all.
 
 Sample k of every episode stands beside sample k of the others, so a horizon grows in all at once::
 
@@ -7,7 +7,8 @@ Sample k of every episode stands beside sample k of the others, so a horizon gro
     readings  (batch, time, episode·sensor)
 
 An episode that has ended stands still, its clock and its state, and nothing is recorded there. Of
-one episode alone everything is as it is without this module: it has no such dimension.
+one episode alone everything is as it is without this module: it has no such dimension. Their
+simulator is in ``episodes_simulator.py``.
 """
 
 from __future__ import annotations

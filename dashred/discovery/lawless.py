@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.cause import Cause
-from dashred.discovery.fault_found import describe_fitted
+from dashred.discovery.fault_in_units import fitted_fault_in_units
 from dashred.discovery.faults import TestedFault, fit_fault, predicted_faults
 from dashred.discovery.free_forcing import evidence
 from dashred.discovery.gauss_newton import Fitted, grow, minimise
@@ -49,7 +49,7 @@ def faults(cause: Cause, bound: float) -> list[Cause]:
     for tested in [*(_fitted_on(t, cause.law) for t in tests[:FURTHER]), *tests[FURTHER:]]:
         candidates = objective.shooting.candidates
         law = law_of(tested.objective, tested.fitted, candidates, tested.score + freedom)
-        law = replace(law, fault=describe_fitted(objective, tested))
+        law = replace(law, fault=fitted_fault_in_units(objective, tested))
         found.append(Cause(law, tested.objective, tested.fitted.phi))
     return found
 

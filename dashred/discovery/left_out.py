@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from dashred.discovery.cause import Cause, refitted
-from dashred.discovery.fault_found import describe
+from dashred.discovery.fault_in_units import fault_in_units
 from dashred.discovery.faults import Fault, predicted_faults
 from dashred.discovery.faulty_shooting import columns_of
 from dashred.discovery.free_forcing import FreeForcing
@@ -93,7 +93,7 @@ def beside_the_fault(bare: Cause, sensor: int) -> Beside:
     best, fault = min(found, key=lambda pair: pair[0].score)
     [cost], _ = bare.objective.values(phi[None])
     score = bare.law.score - float(cost) + best.score
-    law = replace(bare.law, score=score, fault=describe(whole, fault, best.own, best.stds))
+    law = replace(bare.law, score=score, fault=fault_in_units(whole, fault, best.own, best.stds))
     return Beside(law, bare.objective, phi, bare, sensor, normal.least() - best.score)
 
 

@@ -1,4 +1,4 @@
-"""The noise under which explanations are compared: what the best of them leaves unexplained."""
+"""The noise under which explanations are compared: what a forcing, or the best of them, leaves."""
 
 from __future__ import annotations
 
@@ -7,16 +7,13 @@ from dataclasses import replace
 
 import torch
 
-from dashred.discovery.cause import Cause, by_score, refitted, settled
+from dashred.discovery.cause import HOPELESS, Cause, by_score, refitted, settled
 from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.left_out import Beside, beside_the_fault
 from dashred.discovery.noise_model import NoiseModel
 
-# A score this much worse than the best is out of the question.
-HOPELESS = 60.0
 
-
-def noise_under(forced: FreeForcing) -> NoiseModel:
+def noise_left_by(forced: FreeForcing) -> NoiseModel:
     """Return the noise that is left under a free forcing: no wrong law has a part in it."""
     objective, phi = forced.objective, forced.phi
     [readings] = objective.shooting.readings(*objective.split(phi[None]))
@@ -26,7 +23,7 @@ def noise_under(forced: FreeForcing) -> NoiseModel:
     return replace(objective.noise_left(readings, round(spent)), seen=objective.noise.seen)
 
 
-def under_its_own_noise(found: Sequence[Cause]) -> list[Cause]:
+def refitted_under_own_noise(found: Sequence[Cause]) -> list[Cause]:
     """Fit all that may still be right again, under the noise that the best of them leaves.
 
     A free forcing takes less from the residuals than it spends: what it leaves is too large, and
@@ -37,15 +34,15 @@ def under_its_own_noise(found: Sequence[Cause]) -> list[Cause]:
     noise = best.objective.noise_left(readings, len(best.phi))
     bound = best.law.score + HOPELESS
     kept = [cause for cause in found if cause.law.score < bound or not cause.law.parts]
-    again = [again_under(cause, noise) for cause in kept]
+    again = [refitted_under(cause, noise) for cause in kept]
     best = min(again, key=by_score)
     lawful = best.law.candidates and best.law.fault is None
     return [settled(cause) if cause is best and lawful else cause for cause in again]
 
 
-def again_under(cause: Cause, noise: NoiseModel) -> Cause:
+def refitted_under(cause: Cause, noise: NoiseModel) -> Cause:
     """Return an explanation fitted under another noise; the samples that it sees stay its own."""
     if isinstance(cause, Beside):
-        return beside_the_fault(again_under(cause.bare, noise), cause.sensor)
+        return beside_the_fault(refitted_under(cause.bare, noise), cause.sensor)
     before = cause.objective
     return refitted(cause, replace(before, noise=replace(noise, seen=before.noise.seen)))

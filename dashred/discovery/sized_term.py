@@ -3,14 +3,7 @@
 from __future__ import annotations
 
 from dashred.physics import algebra
-from dashred.physics.algebra import (
-    ONE,
-    Expr,
-    Name,
-    Number,
-    Power,
-    Product,
-)
+from dashred.physics.algebra import ONE, Expr, Name, Number, Power, Product
 from dashred.physics.system import System
 from dashred.physics.term_units import coefficient_unit
 from dashred.typeset import MINUS, pretty, with_error

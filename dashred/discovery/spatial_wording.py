@@ -8,7 +8,7 @@ from dashred.physics import algebra
 from dashred.physics.algebra import ONE, Call, Derivative, Expr, Name, Number, Power
 
 
-def steep(term: SizedTerm) -> str | None:
+def steep_words(term: SizedTerm) -> str | None:
     """Words of what acts where a field is steep: ``(∂u/∂x)²``, ``|∇u|²``; None of other terms."""
     match term.expr:
         case Power(Derivative(Name(id), _, 1), Number(2.0)) | Call("grad2", Name(id)):
@@ -18,7 +18,7 @@ def steep(term: SizedTerm) -> str | None:
     return None
 
 
-def spatial(term: SizedTerm) -> str | None:
+def spatial_words(term: SizedTerm) -> str | None:
     """Words of what spreads, drifts or carries: one derivative of a field, times anything flat."""
     derived = [f for f in term.factors if is_spatial(f)]
     if len(derived) != 1 or (read := read_derivative(derived[0])) is None:

@@ -10,14 +10,8 @@ import math
 from collections.abc import Mapping
 
 from dashred.discovery.sized_term import SizedTerm, meaning
-from dashred.discovery.spatial_wording import spatial, steep
-from dashred.physics.algebra import (
-    ONE,
-    Call,
-    Expr,
-    Name,
-    split_coefficient,
-)
+from dashred.discovery.spatial_wording import spatial_words, steep_words
+from dashred.physics.algebra import ONE, Call, Expr, Name, split_coefficient
 from dashred.physics.system import System
 from dashred.units import TIME, measured
 
@@ -35,7 +29,7 @@ def words(system: System, equation: str, expr: Expr, value: float, std: float) -
         std: standard deviation of that.
     """
     term = SizedTerm(system, equation, expr, value, std)
-    for rule in (_constant, _periodic, steep, spatial, _drag, _restoring, _monomial):
+    for rule in (_constant, _periodic, steep_words, spatial_words, _drag, _restoring, _monomial):
         if found := rule(term):
             return found
     return f"a change of {term.what} by {term.amount}"

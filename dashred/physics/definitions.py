@@ -2,28 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from dashred.errors import InputError
 from dashred.physics.algebra import Expr, Number, names, substitute, to_text
 from dashred.physics.expression_size import DEEPEST, MOST_PARTS, Size, size_of
 
 
-def in_order(lets: Mapping[str, Expr], where: Callable[[str], str]) -> dict[str, Expr]:
-    """Return lets of which each reads none but those before it.
+def check_order(
+    name: str, expr: Expr, before: Iterable[str], lets: Iterable[str], where: Callable[[str], str]
+) -> None:
+    """Check that a let reads none but those before it.
+
+    Args:
+        name: of the let.
+        expr: what it stands for.
+        before: the lets before it.
+        lets: all of them.
+        where: tells the place of a key in the config.
 
     Raises:
-        InputError: one reads a later one, or itself.
+        InputError: it reads a later one, or itself.
     """
-    known: dict[str, Expr] = {}
-    for name, expr in lets.items():
-        if later := (names(expr) & set(lets)) - set(known):
-            raise InputError(
-                f"let {name!r} reads {min(later)!r}, which is not defined before it",
-                where=where(f"system.let.{name}"),
-            )
-        known[name] = expr
-    return known
+    if later := (names(expr) & set(lets)) - set(before):
+        raise InputError(
+            f"let {name!r} reads {min(later)!r}, which is not defined before it",
+            where=where(f"system.let.{name}"),
+        )
 
 
 class Definitions:

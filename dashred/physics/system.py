@@ -14,7 +14,7 @@ from dashred import config as schema
 from dashred.errors import InputError
 from dashred.physics import algebra
 from dashred.physics.algebra import Expr
-from dashred.physics.definitions import Definitions, in_order
+from dashred.physics.definitions import Definitions, check_order
 from dashred.physics.expression import Vocabulary, number, parse
 from dashred.physics.grid import Axis, Grid
 from dashred.physics.integrators import METHODS
@@ -67,8 +67,11 @@ class System:
         self.spectral = bool(config.axes) and config.integrator.space == "spectral"
         self.dt = _number(_step(config.integrator), where("system.integrator.dt"))
         self.method = config.integrator.method or self._default_method()
-        lets = {name: self.parse(text, f"system.let.{name}") for name, text in config.let.items()}
-        self.lets = in_order(lets, where)
+        self.lets: dict[str, Expr] = {}
+        for name, text in config.let.items():
+            expr = self.parse(text, f"system.let.{name}")
+            check_order(name, expr, self.lets, config.let, where)
+            self.lets[name] = expr
         self.equations = {
             field: self.parse(text, f"system.equations.{field}", equation=field)
             for field, text in config.equations.items()

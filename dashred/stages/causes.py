@@ -11,7 +11,7 @@ from torch import Tensor
 from dashred.discovery.beyond import candidates_beyond
 from dashred.discovery.candidates import Candidate, replaced_terms
 from dashred.discovery.cause import Cause
-from dashred.discovery.causes import Reach, Weighed, weigh
+from dashred.discovery.causes import Additions, Weighed, weigh
 from dashred.discovery.discovered import AMBIGUOUS
 from dashred.discovery.gauss_newton import grow, minimise
 from dashred.discovery.inner_constants import slopes_of
@@ -91,13 +91,13 @@ def weigh_causes(
     contested = (
         len(best.members) > 1 and len(laws) > 1 and laws[1].score < laws[0].score + AMBIGUOUS
     )
-    reach = Reach(
-        len(known),
-        _tendency_size(problem.system, nominal.states, begin),
-        lambda: _with_windows(problem, [*known, *local]),
-        lambda carried: _beyond(problem, nominal, carried),
+    additions = Additions(
+        everywhere=len(known),
+        size=_tendency_size(problem.system, nominal.states, begin),
+        compiled=lambda: _with_windows(problem, [*known, *local]),
+        beyond=lambda carried: _beyond(problem, nominal, carried),
     )
-    weighed = weigh(everything, found, empty, contested, reach, report)
+    weighed = weigh(everything, found, empty, contested, additions, report)
     if not reached or null.shooting.start is not objective.shooting.start:
         return weighed
     return _beside(weighed, laws, objective) if weighed.laws[0].parts == laws[0].parts else weighed

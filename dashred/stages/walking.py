@@ -19,7 +19,7 @@ from dashred.stages.problem import Problem
 from dashred.stages.seeding import Seed
 
 # Of the laws that were tried, those that are tried again over more of the record.
-KEPT = 6
+TRIED_AGAIN = 6
 
 
 def walk_from_seeds(
@@ -32,7 +32,7 @@ def walk_from_seeds(
     """Walk from the best seed; where it gets lost, from the next; keep who came farthest.
 
     Args:
-        problem: the recording.
+        problem: the recording, and how far to walk.
         simulator: with all candidates in reach, as fine as walking needs.
         candidates: of the model error.
         seeds: of the start, the best first.
@@ -56,7 +56,12 @@ def walk_from_seeds(
 
 
 def with_noise_after(objective: Objective, walked: Walk) -> Objective:
-    """Return F with the noise that the residuals of the walk speak for."""
+    """Return F with the noise that the residuals of the walk speak for.
+
+    Args:
+        objective: F of all candidates over the whole record.
+        walked: how far, and with which of them.
+    """
     part = objective.until(walked.samples)
     found = part.noise_left(walked.readings, objective.modes + len(walked.members))
     return replace(objective, noise=replace(found, seen=objective.noise.seen))
@@ -92,5 +97,5 @@ def walk_on(
         members=best.members,
         levels=[*walked.levels, *further.levels[1:]],
     )
-    sets = [*proposals, *(tried.members for tried in selection.tried[:KEPT])]
+    sets = [*proposals, *(tried.members for tried in selection.tried[:TRIED_AGAIN])]
     return further, select(objective.until(further.samples), further.phi, sets, report)

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.cause import Cause
-from dashred.discovery.causes import Reach, Weighed, weigh
+from dashred.discovery.causes import Additions, Weighed, weigh
 from dashred.discovery.discovered import MISSING
 from dashred.discovery.free_forcing import force
 from dashred.discovery.gauss_newton import minimise
@@ -41,13 +41,13 @@ def explained(waves: Waves, recorded: Tensor) -> Weighed:
     null = waves.objective(recorded, SIGMA)
     found = minimise(null, fitted(null), 6, 1e-4)
     empty = Cause(law_of(null, found, (), found.cost), null, found.phi)
-    reach = Reach(
-        len(waves.everything),
-        waves.size,
-        lambda: waves.simulator,
-        lambda carried: (waves.simulator_beyond(carried), waves.beyond),
+    additions = Additions(
+        everywhere=len(waves.everything),
+        size=waves.size,
+        compiled=lambda: waves.simulator,
+        beyond=lambda carried: (waves.simulator_beyond(carried), waves.beyond),
     )
-    return weigh(everything, empty, empty, False, reach, lambda *_: None)
+    return weigh(everything, empty, empty, False, additions, lambda *_: None)
 
 
 def term(law: Law) -> str:

@@ -15,7 +15,7 @@ from dashred.discovery.episodes import (
     starts_of,
 )
 from dashred.discovery.episodes_simulator import simulator_of
-from dashred.discovery.fault_found import describe
+from dashred.discovery.fault_in_units import fault_in_units
 from dashred.discovery.faults import Fault, fit_fault
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.law import law_of
@@ -180,7 +180,7 @@ def test_a_fault_of_one_episode_is_looked_at_among_those_of_its_sensor(swing, z)
     assert ("stuck", 2) in kinds
     assert {sensor for kind, sensor in kinds if kind == "bias"} == {0, 1}
     [stuck] = [fault for fault in found if fault.kind == "stuck"]
-    told = describe(posed, stuck, torch.zeros(0), torch.zeros(0))
+    told = fault_in_units(posed, stuck, torch.zeros(0), torch.zeros(0))
     assert told.sensor == "place" and told.begin == pytest.approx(63.0, abs=0.2)
     assert told.episode == 1
     law = law_of(posed, minimise(posed, phi, 3, 1e-3), posed.shooting.candidates, 0.0)

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.cause import Cause
-from dashred.discovery.fault_found import describe_fitted
+from dashred.discovery.fault_in_units import fitted_fault_in_units
 from dashred.discovery.faults import fit_fault, predicted
 from dashred.discovery.law import SensorFault
 from dashred.discovery.lawless import faults
@@ -119,4 +119,4 @@ def test_the_prediction_is_the_fit_where_the_readings_are_nearly_linear(waves: W
     found = predicted(objective, normal, right, states)
     tested = fit_fault(objective, right, phi, found.own)
     assert found.score == pytest.approx(tested.score, abs=15)
-    assert describe_fitted(objective, tested).sensor == "s2"
+    assert fitted_fault_in_units(objective, tested).sensor == "s2"

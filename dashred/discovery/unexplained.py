@@ -1,4 +1,4 @@
-"""What is weighed: the best law that acts everywhere, and what speaks for something else."""
+"""What the best law that acts everywhere leaves unexplained, and how clearly."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from dashred.discovery.left_out import (
     nothing_without,
 )
 from dashred.discovery.objective import Objective
-from dashred.discovery.own_noise import again_under, noise_under
+from dashred.discovery.own_noise import noise_left_by, refitted_under
 from dashred.progress import Report
 
 # A law of more candidates may imitate one that acts somewhere only, or is beyond the library; of so
@@ -33,8 +33,8 @@ ASTRAY = 1.2
 
 
 @dataclass(frozen=True)
-class Question:
-    """The best law that acts everywhere, and a free forcing on top of it.
+class Unexplained:
+    """The best law that acts everywhere, and what a free forcing says of it.
 
     Attributes:
         everything: F of all candidates over the whole record.
@@ -44,8 +44,9 @@ class Question:
         gain: evidence for a free forcing on top of the law.
         unclear: whether anything is left to explain, the law contested, or perhaps an imitation;
             then all fits are under the noise that a free forcing leaves.
-        forcing: the map of one on top of the simulator as it is, of an unclear law.
-        fault: of a sensor, beneath the mismatch; what is forced is without this sensor.
+        forcing: the map of one on top of the simulator as it is; None where all is clear, or one
+            alone goes astray.
+        fault: of a sensor, beneath the mismatch: what is forced is without it; None where none is.
     """
 
     everything: Objective
@@ -62,16 +63,19 @@ class Question:
         return laws if self.fault is None else faulty_or_not(laws, self.fault.sensor)
 
     def bases(self) -> list[Cause]:
-        """Return what may be added to: the law, and nothing."""
+        """Return what terms may be added to: the law, if there is one, and the simulator as it is.
+
+        Where a sensor is at fault, the simulator alone, fitted without that sensor.
+        """
         if self.fault is not None:
             return [nothing_without(self.null, self.forced, self.everything.noise)]
         return [self.best, self.null] if self.best.law.candidates else [self.null]
 
 
-def question(
+def look_for_unexplained(
     everything: Objective, best: Cause, null: Cause, contested: bool, size: Tensor, report: Report
-) -> Question:
-    """Ask what a free forcing on top of a law explains, and look on where that is not clear.
+) -> Unexplained:
+    """Return what a free forcing on top of a law explains; look into it where that is not clear.
 
     Args:
         everything: F of all candidates over the whole record.
@@ -84,23 +88,23 @@ def question(
     forced, gain = force(best.objective, best.phi, size)
     report(0.2, f"a free forcing gains {gain:.0f}")
     unclear = gain > MISSING or contested or _may_imitate(best.law)
-    asked = Question(everything, best, null, forced, gain, unclear)
-    return _looked_into(asked, size, report) if unclear else asked
+    left = Unexplained(everything, best, null, forced, gain, unclear)
+    return _looked_into(left, size, report) if unclear else left
 
 
-def _looked_into(asked: Question, size: Tensor, report: Report) -> Question:
+def _looked_into(left: Unexplained, size: Tensor, report: Report) -> Unexplained:
     """Return a question about what is unclear: the noise, a fault beneath, and where to look on."""
-    forced, forcing = _carried(asked.forced, asked.gain, asked.best, asked.null, size)
+    forced, forcing = _carried(left.forced, left.gain, left.best, left.null, size)
     fault = fault_beneath(forced)
     if fault is not None:
         report(0.3, f"a {fault.kind} beneath the mismatch: looking on without that sensor")
         forced = forced_without(forced, fault.sensor)
-    noise = noise_under(forced)
+    noise = noise_left_by(forced)
     return replace(
-        asked,
-        everything=replace(asked.everything, noise=noise),
-        best=again_under(asked.best, noise),
-        null=again_under(asked.null, noise),
+        left,
+        everything=replace(left.everything, noise=noise),
+        best=refitted_under(left.best, noise),
+        null=refitted_under(left.null, noise),
         forced=forced,
         forcing=forcing,
         fault=fault,
@@ -118,7 +122,7 @@ def _carried(
     and there is no map.
     """
     alone, missing = (on_best, gain) if best is null else force(null.objective, null.phi, size)
-    ratio = float((noise_under(alone).std / noise_under(on_best).std).median())
+    ratio = float((noise_left_by(alone).std / noise_left_by(on_best).std).median())
     if ratio > ASTRAY:
         return on_best, None
     nearer = gain <= MISSING and (len(best.law.candidates) <= SIMPLE or ratio > 1)

@@ -11,15 +11,20 @@ from dashred.discovery.law import SensorFault
 from dashred.discovery.objective import Objective
 
 
-def describe_fitted(objective: Objective, tested: TestedFault) -> SensorFault:
-    """Return what was found to be wrong with the sensor of a fitted fault, in the user's units."""
+def fitted_fault_in_units(objective: Objective, tested: TestedFault) -> SensorFault:
+    """Return what was found to be wrong with the sensor of a fitted fault, in the user's units.
+
+    Args:
+        objective: F of the law, without the fault.
+        tested: the fault, with F of both.
+    """
     first = objective.modes + len(objective.prior_std)
     normal = tested.objective.linearise(tested.fitted.phi, tested.fitted.readings)
     stds = normal.covariance(range(len(tested.fitted.phi))).diagonal().sqrt()
-    return describe(objective, tested.fault, tested.fitted.phi[first:], stds[first:])
+    return fault_in_units(objective, tested.fault, tested.fitted.phi[first:], stds[first:])
 
 
-def describe(objective: Objective, fault: Fault, own: Tensor, stds: Tensor) -> SensorFault:
+def fault_in_units(objective: Objective, fault: Fault, own: Tensor, stds: Tensor) -> SensorFault:
     """Return what is wrong with a sensor, in the user's units.
 
     Args:
