@@ -15,7 +15,7 @@ from dashred.checkup.to_do import still
 from dashred.errors import InputError
 from dashred.physics.library import refuse_collinear
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
-from dashred.physics.resolution import Readings, doubling_error
+from dashred.physics.resolution import Readings, doubling_error, least_scale
 from dashred.physics.simulate import check_finite, simulate
 from dashred.physics.system import System
 from dashred.sensing.observation import ObservationOperator
@@ -114,7 +114,9 @@ def _resolution(situation: Situation, simulated: Simulated, traces: Tensor) -> R
     count = simulated.affordable(DOUBLED, dearer)
     times, start = simulated.times[:count], simulated.states[:1]
     readings = _readings(situation)
-    error, _ = doubling_error(system, start, times, readings, traces[None, :count])
+    reads = [sensor.reads for sensor in situation.sensors]
+    least = least_scale(traces, situation.sigma(simulated.states), reads, limit)
+    error, _ = doubling_error(system, start, times, readings, traces[None, :count], least)
     span = f", over the first {count} samples" if count < len(situation.times) else ""
     moves = f"twice its resolution moves a sensor's trace by {error:.2g} of its std{span}"
     if error <= limit:

@@ -14,7 +14,7 @@ from dashred.discovery.starts import StartModel
 from dashred.physics.ensemble import Discrepancies, Ensemble, draw_ensemble
 from dashred.physics.library import refuse_collinear
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
-from dashred.physics.resolution import Resolution, check_resolution
+from dashred.physics.resolution import Resolution, check_resolution, least_scale
 from dashred.physics.simulate import check_finite, simulate
 from dashred.physics.system import System
 from dashred.progress import stage
@@ -78,21 +78,19 @@ def check(problem: Problem, nominal: Nominal, seconds: dict[str, float]) -> Reso
     def readings(system: System, states: Tensor) -> Tensor:
         return ObservationOperator(sensors, system)(states)
 
+    noise, limit = problem.noise_of(tuple(s.name for s in sensors)), problem.config.resolution_limit
+    reads = [sensor.reads for sensor in sensors]
+
+    def checked(episode: Problem, path: Tensor) -> Resolution:
+        coarse = readings(episode.system, path[None])
+        least = least_scale(coarse[0], noise, reads, limit)
+        base = episode.system, path[:1], episode.times, coarse, readings, least, limit
+        return check_resolution(*base, lambda done: report(done, ""))
+
     episodes = problem.episodes if problem.system.inputs else (problem,)
     paths = (nominal.states, *nominal.others)
     with stage("check the resolution", seconds) as report:
-        found = [
-            check_resolution(
-                episode.system,
-                path[:1],
-                episode.times,
-                readings(episode.system, path[None]),
-                readings,
-                problem.config.resolution_limit,
-                lambda done: report(done, ""),
-            )
-            for episode, path in zip(episodes, paths, strict=False)
-        ]
+        found = [checked(*pair) for pair in zip(episodes, paths, strict=False)]
         worst = max(found, key=lambda resolution: resolution.error)
         report(1.0, f"doubling moves a trace by {worst.error:.2%} of its std")
     return worst

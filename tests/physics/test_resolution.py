@@ -1,0 +1,85 @@
+"""The error of a simulator is measured by doubling its resolution, and refused where it is seen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import torch
+from torch import Tensor
+
+from dashred.physics.resolution import check_resolution, doubling_error, least_scale
+from dashred.physics.simulate import simulate
+from dashred.physics.system import System
+from tests import laws
+
+# q turns once in 2π, r four times as fast; of r next to nothing is there.
+TWO = """
+system:
+  title: two oscillators
+  fields: {{q: place, v: velocity, r: place, w: velocity}}
+  parameters: {{k: 16.0}}
+  equations: {{q: v, v: -q, r: w, w: -k*r}}
+  start: {{q: 1, v: 0, r: {size}, w: 0}}
+  integrator: {{method: rk4, dt: {dt}}}
+recording: {{twin: a, sensors: 1, noise: 0, duration: 10, every: 0.5}}
+"""
+TIMES = torch.linspace(0, 10, 21, dtype=torch.float64)
+NO_NOISE = torch.zeros(2, dtype=torch.float64)
+LIMIT = 0.01
+
+
+def places(system: System, states: Tensor) -> Tensor:
+    return states[..., [0, 2]]
+
+
+def two(tmp_path: Path, dt: float, size: float) -> tuple[System, Tensor, Tensor]:
+    """Return the system, its start, and the readings of both places."""
+    system = laws.declared(tmp_path, TWO.format(dt=dt, size=size))
+    start = torch.tensor([[1.0, 0.0, size, 0.0]], dtype=torch.float64)
+    return system, start, places(system, simulate(system, start, TIMES))
+
+
+def error(tmp_path: Path, dt: float) -> float:
+    system, start, coarse = two(tmp_path, dt, 1.0)
+    return doubling_error(system, start, TIMES, places, coarse, NO_NOISE)[0]
+
+
+def test_the_error_falls_with_the_order_of_the_scheme(tmp_path: Path) -> None:
+    assert error(tmp_path, 0.05) / error(tmp_path, 0.025) == pytest.approx(16, rel=0.1)
+
+
+def test_the_error_is_nearly_that_to_the_analytic_solution(tmp_path: Path) -> None:
+    system, start, coarse = two(tmp_path, 0.05, 1.0)
+    found, _ = doubling_error(system, start, TIMES, places, coarse, NO_NOISE)
+    exact = torch.stack([torch.cos(TIMES), torch.cos(4 * TIMES)], dim=1)
+    off = (coarse[0] - exact).square().mean(dim=0).sqrt() / exact.std(dim=0)
+    # Halving the step leaves a sixteenth of it.
+    assert found == pytest.approx(float(off.max()) * 15 / 16, rel=0.02)
+
+
+@pytest.mark.parametrize(("dt", "enough"), [(0.05, 1), (0.125, 2), (0.5, None)])
+def test_what_resolution_would_do_is_told(tmp_path: Path, dt: float, enough: int | None) -> None:
+    system, start, coarse = two(tmp_path, dt, 1.0)
+    found = check_resolution(system, start, TIMES, coarse, places, NO_NOISE, LIMIT)
+    assert (found.resolved, found.enough) == (enough == 1, enough)
+
+
+@pytest.mark.parametrize(("noise", "resolved"), [(1e-3, False), (1e-1, True)])
+def test_an_error_that_noise_hides_is_none(tmp_path: Path, noise: float, resolved: bool) -> None:
+    system, start, coarse = two(tmp_path, 0.125, 0.1)
+    sigma = torch.full((2,), noise, dtype=torch.float64)
+    least = least_scale(coarse[0], sigma, ["place", "place"], LIMIT)
+    found = check_resolution(system, start, TIMES, coarse, places, least, LIMIT)
+    assert found.resolved is resolved
+
+
+def test_noise_that_is_overstated_hides_no_more_than_a_typical_trace_would() -> None:
+    generator = torch.Generator().manual_seed(0)
+    sizes = torch.tensor([1e-3, 1.0, 2.0, 7.0], dtype=torch.float64)
+    traces = sizes * torch.randn((40, 4), generator=generator, dtype=torch.float64)
+    reads, std = ["u", "u", "u", "v"], traces.std(dim=0)
+    huge = torch.full((4,), 1e6, dtype=torch.float64)
+    assert least_scale(traces, huge, reads, LIMIT).tolist() == std[[1, 1, 1, 3]].tolist()
+    slight = torch.full((4,), 1e-3, dtype=torch.float64)
+    assert least_scale(traces, slight, reads, LIMIT).tolist() == pytest.approx([1e-2] * 4)
