@@ -17,9 +17,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.discovery.localisation import distances, gaspari_cohn, sensor_distances
-from dashred.physics.forcing import Forcing
 from dashred.physics.library import resolve
-from dashred.physics.simulate import simulate
+from dashred.physics.simulator import compiled_if_long
 from dashred.physics.system import System, Term
 from dashred.sensing.observation import ObservationOperator
 
@@ -113,15 +112,14 @@ def ensemble_filter(
     """
     if coefficients is None:
         terms, coefficients = (), members.new_zeros((len(members), 0))
-    resolved = resolve(system, terms)
+    run = compiled_if_long(system, resolve(system, terms), members, float(times[-1] - times[0]))
     tapers = _Tapers(system, operator, settings, coefficients.shape[1])
     states, starts = members, members
     innovations, stds = torch.full_like(values, torch.nan), torch.full_like(values, torch.nan)
     means = members.new_empty((len(times), *members.shape[1:]))
     for i in range(len(times)):
         if i:
-            forcing = Forcing(resolved, coefficients)
-            states = simulate(system, states, times[i - 1 : i + 1], forcing)[:, -1]
+            states = run(states, times[i - 1 : i + 1], coefficients)[:, -1]
             whole = _whole(states)
             _check_left(whole, len(members), float(times[i]))
             states, starts, coefficients = states[whole], starts[whole], coefficients[whole]

@@ -104,7 +104,7 @@ def evidence(normal: Normal, index: Sequence[int]) -> float:
 
 def fit_free_forcing(
     objective: Objective, phi: Tensor, pulses: Pulses, size: Tensor, equations: Sequence[int]
-) -> FreeForcing:
+) -> tuple[FreeForcing, float]:
     """Fit a forcing of some equations, its size in each by the evidence.
 
     Args:
@@ -113,51 +113,69 @@ def fit_free_forcing(
         pulses: the forcing.
         size: rms of each equation's own tendency, ``(equation,)``.
         equations: those that are forced; of the others the forcing is none.
+
+    Returns:
+        the forcing, and the evidence without one.
     """
     driven = DrivenShooting.on(objective.shooting, pulses, size)
     stds = _stds(pulses, size, LEVELS[-1:] * len(size))
     largest = torch.cat([objective.prior_std, stds])
     whole = replace(objective, shooting=driven, prior_std=largest)
     begin = torch.cat([phi, torch.zeros(pulses.count, dtype=torch.float64)])
-    found = _forced(whole, begin, equations)
-    if not _lost(found):
-        return found
-    begin[: objective.modes] = 0.0
+    first = whole.linearise(begin)
+    without = evidence(first, range(len(phi)))
+    found = _forced(whole, begin, equations, first)
+    return (found if not _lost(found) else _grown(whole, begin, found)), without
+
+
+def _grown(whole: Objective, begin: Tensor, lost: FreeForcing) -> FreeForcing:
+    """Return a forcing that was fitted anew from the first samples, if that leaves less."""
+    driven, found = whole.shooting, lost
+    assert isinstance(driven, DrivenShooting)
+    pulses, size = driven.pulses, driven.size
+    begin = begin.clone()
+    begin[: whole.modes] = 0.0
     for level in GROWN:
         stds = _stds(pulses, size, (level,) * len(size))
-        small = replace(whole, prior_std=torch.cat([objective.prior_std, stds]))
+        small = replace(whole, prior_std=torch.cat([whole.prior_std[: -pulses.count], stds]))
         loose = replace(small, noise=whole.noise.scaled(COARSE))
-        grown = _forced(whole, grow(loose, begin, BEGIN, GROWTH, GROWING_STEPS), equations)
+        phi = grow(loose, begin, BEGIN, GROWTH, GROWING_STEPS)
+        grown = _forced(whole, phi, lost.equations, whole.linearise(phi))
         found = min(found, grown, key=lambda forced: forced.cost)
         if not _lost(found):
             break
     return found
 
 
-def _forced(objective: Objective, phi: Tensor, equations: Sequence[int]) -> FreeForcing:
-    """Fit start, law and forcing from where they are, the forcing's size by the evidence."""
+def _forced(
+    objective: Objective, phi: Tensor, equations: Sequence[int], normal: Normal
+) -> FreeForcing:
+    """Fit start, law and forcing from where they are, the forcing's size by the evidence.
+
+    Its Jacobian is the dearest of all: none is made twice.
+
+    Args:
+        objective: F, in all of them.
+        phi: where they are.
+        equations: those that are forced.
+        normal: F linearised there.
+    """
     driven = objective.shooting
     assert isinstance(driven, DrivenShooting)
     pulses, size = driven.pulses, driven.size
     law = objective.prior_std[: -pulses.count]
-    [readings] = driven.readings(*objective.split(phi[None]))
     levels: tuple[float, ...] = ()
     for _ in range(ROUNDS):
-        normal = objective.linearise(phi, readings)
         before, levels = levels, _best_levels(normal, pulses, size, equations)
         objective = replace(objective, prior_std=torch.cat([law, _stds(pulses, size, levels)]))
         if not any(levels):
             break
-        fitted = minimise(objective, phi, STEPS, TOLERANCE)
-        phi, readings = fitted.phi, fitted.readings
+        fitted = minimise(objective, phi, STEPS, TOLERANCE, normal)
+        phi = fitted.phi
+        normal = objective.linearise(phi, fitted.readings)
         if levels == before and fitted.converged:
             break
-    if any(levels):
-        normal = objective.linearise(phi, readings)
-    else:
-        # Nothing has moved but the prior: the Jacobian, the dearest of all, is still right.
-        start = normal.precision[: objective.modes]
-        normal = replace(normal, precision=torch.cat([start, objective.prior_std**-2]))
+    normal = replace(normal, precision=objective.precision)
     [cost], _ = objective.values(phi[None])
     return FreeForcing(objective, phi, float(cost), normal, levels, tuple(equations))
 
@@ -188,9 +206,8 @@ def force(objective: Objective, phi: Tensor, size: Tensor) -> tuple[FreeForcing,
     shooting = objective.shooting
     system = shooting.simulator.system
     pulses = Pulses.over(system, shooting.times, CELLS[len(system.axes)], KNOTS)
-    forced = fit_free_forcing(objective, phi, pulses, size, range(len(size)))
-    before = evidence(objective.linearise(phi), range(len(phi)))
-    return forced, before - forced.evidence
+    forced, without = fit_free_forcing(objective, phi, pulses, size, range(len(size)))
+    return forced, without - forced.evidence
 
 
 def _best_levels(

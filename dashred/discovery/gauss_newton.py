@@ -49,7 +49,11 @@ class Fitted:
 
 
 def minimise(
-    objective: Objective, phi: Float[Tensor, " unknown"], steps: int, tolerance: float
+    objective: Objective,
+    phi: Float[Tensor, " unknown"],
+    steps: int,
+    tolerance: float,
+    known: Normal | None = None,
 ) -> Fitted:
     """Minimise F with a fresh Jacobian at every step.
 
@@ -58,11 +62,15 @@ def minimise(
         phi: where to begin.
         steps: Jacobians at most.
         tolerance: a step that lowers F by less than this, relatively, is the last.
+        known: F linearised about the beginning, under any prior, where that is known already.
     """
     [cost], (readings, [residuals]) = objective.values(phi[None])
     fitted = Fitted(phi, float(cost), float(residuals.square().sum()), readings[0], False, 0)
     while fitted.jacobians < steps and not fitted.converged:
-        normal = objective.linearise(fitted.phi, fitted.readings)
+        if known is None or fitted.jacobians:
+            normal = objective.linearise(fitted.phi, fitted.readings)
+        else:
+            normal = replace(known, precision=objective.precision)
         if not normal.finite:
             break
         lower = _step(objective, normal, fitted, LADDER)

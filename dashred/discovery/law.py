@@ -172,6 +172,7 @@ def law_of(
     candidates: Sequence[Candidate],
     score: float,
     edges: int = 0,
+    known: Normal | None = None,
 ) -> Law:
     """Return the law at a minimum of an F whose coefficients are those of some candidates first.
 
@@ -182,10 +183,11 @@ def law_of(
         candidates: what the law says is missing.
         score: of the law.
         edges: how many unknowns belong to the window; they come last.
+        known: F linearised there, where it is known already.
     """
     count, modes = len(candidates), objective.modes
     z, xi = objective.split(fitted.phi)
-    normal = objective.linearise(fitted.phi, fitted.readings)
+    normal = known or objective.linearise(fitted.phi, fitted.readings)
     covariance = normal.covariance(range(len(fitted.phi)))
     stds = covariance.diagonal().clamp(min=0).sqrt().tolist()
     return Law(

@@ -94,7 +94,7 @@ def wider_starts(null: Cause) -> list[Cause]:
     plain = replace(there, precision=there.precision * before**2)
     cost = _volume(_over_all(there, before), there) - _volume(_widened(plain, 1.0), plain)
     score = fitted.cost + cost + math.log(objective.noise.effective_count)
-    law = replace(law_of(mine, fitted, (), score), widened=before)
+    law = replace(law_of(mine, fitted, (), score, known=there), widened=before)
     return [Cause(law, mine, fitted.phi)]
 
 
@@ -104,10 +104,17 @@ def _anywhere(objective: Objective, z: Tensor) -> Fitted:
     What was fitted under a prior that keeps it away may have no way to where it belongs.
     """
     fitted = minimise(objective, z, STEPS, ROUGH)
-    if fitted.chi2 < FAR * objective.noise.count:
+    if not _far(objective, fitted):
         return minimise(objective, fitted.phi, STEPS, TOLERANCE)
-    grown = minimise(objective, grow(objective, torch.zeros_like(z), FIRST), STEPS, TOLERANCE)
+    grown = minimise(objective, grow(objective, torch.zeros_like(z), FIRST), STEPS, ROUGH)
+    if not _far(objective, grown):
+        grown = minimise(objective, grown.phi, STEPS, TOLERANCE)
     return min(fitted, grown, key=lambda found: found.cost)
+
+
+def _far(objective: Objective, fitted: Fitted) -> bool:
+    """Tell whether a fit leaves more than noise."""
+    return not fitted.chi2 < FAR * objective.noise.count
 
 
 def _over_all(normal: Normal, factor: float) -> float:

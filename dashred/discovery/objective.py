@@ -53,6 +53,12 @@ class Objective:
         """Unknowns of the start."""
         return self.shooting.start.size
 
+    @property
+    def precision(self) -> Tensor:
+        """Diagonal of P, the prior's precision, ``(unknown,)``."""
+        ones = torch.ones(self.modes, dtype=torch.float64)
+        return torch.cat([ones, self.prior_std.double() ** -2])
+
     def only(self, members: Sequence[int]) -> Objective:
         """Return F with some of the candidates alone."""
         candidates = [self.shooting.candidates[j] for j in members]
@@ -111,11 +117,9 @@ class Objective:
         point = self.shooting.linearise(*self.split(phi), readings)
         columns = torch.cat([point.by_start, point.by_error], dim=-1).movedim(-1, 0)
         jacobian = self.noise.whiten(columns).flatten(1).T
-        ones = torch.ones(self.modes, dtype=torch.float64)
-        precision = torch.cat([ones, self.prior_std.double() ** -2])
         residuals = self.residuals(point.readings)
         finite = bool(torch.isfinite(jacobian).all() and torch.isfinite(residuals).all())
-        return Normal(_or_zero(jacobian), precision, phi, _or_zero(residuals), finite)
+        return Normal(_or_zero(jacobian), self.precision, phi, _or_zero(residuals), finite)
 
     def values(self, phi: Float[Tensor, "batch unknown"]) -> tuple[Tensor, Trials]:
         """Return F ``(batch,)``, infinite where a trajectory blows up, and what it is made of."""

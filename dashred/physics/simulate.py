@@ -71,14 +71,28 @@ def simulate(
 
 def _long(system: System, start: Tensor, times: Tensor, forcing: Forcing | None) -> bool:
     """Tell whether a run is so long that compiling it pays."""
+    if forcing is not None and forcing.coefficients.requires_grad:
+        return False
+    span = float(times[-1] - times[0])
+    return is_long(system, start, span, 0 if forcing is None else len(forcing.terms))
+
+
+def is_long(system: System, start: Tensor, span: float, terms: int) -> bool:
+    """Tell whether runs are so long, all together, that compiling the system pays.
+
+    Args:
+        system: the simulator.
+        start: ``(batch, field, *grid)``.
+        span: time that is run through.
+        terms: how many further terms trajectories may carry.
+    """
     if start.device.type != "cpu" or not (system.spectral or system.method == "rk4"):
         return False
-    if start.requires_grad or (forcing is not None and forcing.coefficients.requires_grad):
+    if start.requires_grad:
         return False
-    steps = float(times[-1] - times[0]) / system.dt
+    steps = span / system.dt
     if not system.axes:
         return steps > MANY_STEPS
-    terms = 0 if forcing is None else len(forcing.terms)
     if len(start) <= FEW and terms <= FEW:
         return steps > MANY_STEPS and start.numel() * steps > WORK_A_SECOND / 8
     return start.numel() * steps > WORK_A_SECOND * (SECONDS + SECONDS_A_TERM * terms)

@@ -15,7 +15,7 @@ from dashred.physics.compiled_ode import CompiledOde
 from dashred.physics.forcing import Forcing
 from dashred.physics.linearisation import NotSeparableError
 from dashred.physics.pulses import Drive
-from dashred.physics.simulate import simulate
+from dashred.physics.simulate import is_long, simulate
 from dashred.physics.system import System, Term
 from dashred.physics.weights import Columns
 from dashred.physics.window import Shape
@@ -88,3 +88,16 @@ def compiled(system: System, terms: Sequence[Term], shapes: tuple[Shape, ...] = 
         except (NotSeparableError, ArithmeticError):
             pass
     return Interpreted(system, tuple(terms), shapes)
+
+
+def compiled_if_long(system: System, terms: Sequence[Term], start: Tensor, span: float) -> Run:
+    """Return the system compiled where running it so long pays for that, else interpreted.
+
+    Args:
+        system: the simulator.
+        terms: whatever a trajectory may carry, lets and parameters resolved.
+        start: ``(batch, field, *grid)``.
+        span: time that is run through, all runs together.
+    """
+    pays = is_long(system, start, span, len(terms))
+    return compiled(system, terms) if pays else Interpreted(system, tuple(terms))

@@ -31,8 +31,8 @@ from dashred.stages.seeding import Seed
 from dashred.stages.simulation import Nominal
 
 STEPS, TOLERANCE = 10, 1e-4
-# On the last percents of so many times the noise's squares hangs nothing.
-HOPELESS, ROUGH = 100.0, 0.02
+# On the last share of so many times the noise's squares hangs nothing.
+HOPELESS, ROUGH = 5.0, 0.005
 # Noise that is this many times the stated one is not noise.
 INFLATED = 1.3
 # Samples from which the simulator as it is grows, where nothing that was fitted is trusted.

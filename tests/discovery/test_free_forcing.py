@@ -52,7 +52,7 @@ def test_it_brings_the_trajectory_to_the_recording_and_says_in_which_equation(wa
     assert gain > 100 and forced.cost < 1.2 * recorded.numel() < 0.3 * float(before)
     pulses = Pulses.over(waves.system, TIMES, 6, 7)
     alone = {
-        equation: fit_free_forcing(objective, phi, pulses, waves.size, [equation]).evidence
+        equation: fit_free_forcing(objective, phi, pulses, waves.size, [equation])[0].evidence
         for equation in range(2)
     }
     assert alone[1] < alone[0]
@@ -71,7 +71,7 @@ def test_one_that_is_lost_grows_anew_from_the_mean_of_the_start(
     astray = torch.full((objective.modes,), 6.0, dtype=torch.float64)
 
     def cost() -> float:
-        return fit_free_forcing(objective, astray, pulses, waves.size, [0, 1]).cost
+        return fit_free_forcing(objective, astray, pulses, waves.size, [0, 1])[0].cost
 
     assert cost() < 1.2 * recorded.numel()
     monkeypatch.setattr(free_forcing, "LOST", math.inf)

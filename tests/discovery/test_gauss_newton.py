@@ -57,6 +57,17 @@ def refits(
     return chord_refits(objective, equations, begin, free, steps, 1e-6, hopeless)
 
 
+def test_a_jacobian_that_is_known_is_not_made_again(linear: Objective) -> None:
+    begin = nothing(linear)
+    wide = replace(linear, prior_std=3 * linear.prior_std)
+    again = minimise(linear, begin, 1, 1e-6)
+    known = minimise(linear, begin, 1, 1e-6, normal(wide, begin))
+    torch.testing.assert_close(known.phi, again.phi, rtol=0, atol=0)
+
+    astray = replace(normal(linear, begin), finite=False)
+    assert minimise(linear, begin, 1, 1e-6, astray).jacobians == 0
+
+
 def test_one_step_reaches_the_exact_solution(linear: Objective) -> None:
     phi, cost, _ = ridge(linear, range(4))
     found = minimise(linear, nothing(linear), 1, 1e-6)
