@@ -6,6 +6,7 @@ how far k is off, ``k + ξ_k/ξ``: Gauss-Newton in k, of which every step is a f
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -26,6 +27,8 @@ K = "_k"
 # Of the constant, how far one step may move it, what is close enough, and how a reader is told.
 FARTHEST, CLOSE, DIGITS = 0.4, 2e-3, 4
 ROUNDS, STEPS, TOLERANCE = 6, 4, 1e-3
+# A constant with which F rises by more is none.
+ASTRAY = 1.0
 
 
 @dataclass(frozen=True)
@@ -106,10 +109,14 @@ def tune(objective: Objective, begin: Tunable, phi: Tensor) -> tuple[Candidate, 
     Returns:
         the candidate with its constant, F of it alone, and its minimum.
     """
-    modes, tuned = objective.modes, begin
+    modes, tuned, known, least = objective.modes, begin, begin, math.inf
     for _ in range(ROUNDS):
         pair = _of(objective, [tuned.candidate, tuned.slope])
         fitted = minimise(pair, torch.cat([phi, phi.new_zeros(1)]), STEPS, TOLERANCE)
+        if fitted.cost > least + ASTRAY:
+            tuned = known
+            break
+        known, least = tuned, fitted.cost
         xi, by_constant = fitted.phi[modes:].tolist()
         constant = moved(tuned, xi, by_constant)
         close = abs(constant - tuned.constant) <= CLOSE * abs(tuned.constant)

@@ -25,8 +25,9 @@ from dashred.stages.objectives import pose_objective, trace_std
 from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal
 
-# How many standard errors a seed must validate better than the prior to go before it.
-CHANCE = 2.0
+# A seed goes before the prior where the prior's error is this many times as large: what the simulator
+# leaves out is in the errors of all, and a front at another phase is far more than that.
+ELSEWHERE = 3.0
 
 
 @dataclass(frozen=True)
@@ -100,14 +101,12 @@ def _made(
 
 
 def ranked(seeds: Sequence[Seed]) -> list[Seed]:
-    """Return the best on validation first; the prior, where chance may have put others before it.
+    """Return the best on validation first; the prior, unless others are far better.
 
-    The rms of n values is uncertain by ``1/√(2n)``, and of all seeds the prior alone uses no data
-    twice.
+    Of all seeds the prior alone uses no data twice, and laws are weighed about it in the end.
     """
-    best = min(seeds, key=lambda seed: seed.error)
-    bound = best.error * (1 + CHANCE / math.sqrt(2 * best.count))
     ordered = sorted(seeds, key=lambda seed: seed.error)
+    bound = ELSEWHERE * ordered[0].error
     return sorted(ordered, key=lambda seed: not (seed.name == "prior" and seed.error <= bound))
 
 
