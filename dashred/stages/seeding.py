@@ -25,7 +25,7 @@ from dashred.stages.objectives import pose_objective, trace_std
 from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal
 
-# A seed goes before the prior where the prior's error is this many times as large: what the simulator
+# A seed goes before the prior where the prior's error is this many times as large: what a simulator
 # leaves out is in the errors of all, and a front at another phase is far more than that.
 ELSEWHERE = 3.0
 
