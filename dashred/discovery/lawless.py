@@ -103,13 +103,19 @@ def _anywhere(objective: Objective, z: Tensor) -> Fitted:
 
     What was fitted under a prior that keeps it away may have no way to where it belongs.
     """
-    fitted = minimise(objective, z, STEPS, ROUGH)
+    fitted = _fitted(objective, z)
     if not _far(objective, fitted):
-        return minimise(objective, fitted.phi, STEPS, TOLERANCE)
-    grown = minimise(objective, grow(objective, torch.zeros_like(z), FIRST), STEPS, ROUGH)
-    if not _far(objective, grown):
-        grown = minimise(objective, grown.phi, STEPS, TOLERANCE)
+        return fitted
+    grown = _fitted(objective, grow(objective, torch.zeros_like(z), FIRST))
     return min(fitted, grown, key=lambda found: found.cost)
+
+
+def _fitted(objective: Objective, z: Tensor) -> Fitted:
+    """Fit roughly, and to the end if that leaves no more than noise."""
+    fitted = minimise(objective, z, STEPS, ROUGH)
+    if _far(objective, fitted):
+        return fitted
+    return minimise(objective, fitted.phi, STEPS, TOLERANCE)
 
 
 def _far(objective: Objective, fitted: Fitted) -> bool:

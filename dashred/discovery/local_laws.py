@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from torch import Tensor
 
-from dashred.discovery.cause import Cause, by_score, settled
+from dashred.discovery.cause import HOPELESS, Cause, by_score, settled
 from dashred.discovery.discovered import AMBIGUOUS
 from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.gauss_newton import grow, minimise_on
@@ -31,8 +31,6 @@ LAST_STEPS, LAST_TOLERANCE = 10, 1e-4
 # How many are fitted first; where all get lost, how many grow, from what share of the record, and
 # by how much at once: a front that is out of step by its own width has lost its way back.
 PROBES, AGAIN, BEGIN, GROWTH = 4, 6, 0.25, 1.15
-# Those whose score is farther than this from the best after the first steps are given up.
-HOPELESS = 60.0
 
 
 def local_laws(

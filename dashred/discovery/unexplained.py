@@ -93,7 +93,7 @@ def look_for_unexplained(
 
 
 def _looked_into(left: Unexplained, size: Tensor, report: Report) -> Unexplained:
-    """Return a question about what is unclear: the noise, a fault beneath, and where to look on."""
+    """Return what is unclear with its noise, a fault beneath it, and where to look on."""
     forced, forcing = _carried(left.forced, left.gain, left.best, left.null, size)
     fault = fault_beneath(forced)
     if fault is not None:

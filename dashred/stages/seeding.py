@@ -40,14 +40,12 @@ class Seed:
         z: its fit, ``(mode,)``.
         error: RMSE in σ over the first window, on the validation sensors or on the fit sensors,
             whichever is worse: what cannot be fitted, a few quiet sensors may not notice.
-        count: how many values that is over.
     """
 
     name: str
     start: StartModel
     z: Tensor
     error: float
-    count: int
 
 
 def fit_seeds(
@@ -115,8 +113,7 @@ def fit_seed(problem: Problem, simulator: Simulator, name: str, model: StartMode
     objective = pose_objective(problem, simulator, model, [], 1.0)
     fitted = fit_first_window(objective, trace_std(problem))
     errors = [_rmse(problem, objective, fitted.phi, part) for part in _judges(problem)]
-    error, count = max(errors)
-    return Seed(name, model, fitted.phi, error, count)
+    return Seed(name, model, fitted.phi, max(errors))
 
 
 def _judges(problem: Problem) -> list[list[Recording]]:
@@ -126,10 +123,8 @@ def _judges(problem: Problem) -> list[list[Recording]]:
     return [fitted, [split.validation for split in splits]] if splits[0].validate else [fitted]
 
 
-def _rmse(
-    problem: Problem, objective: Objective, z: Tensor, judges: list[Recording]
-) -> tuple[float, int]:
-    """Return the RMSE in σ over the first window, infinite for none, and of how many values."""
+def _rmse(problem: Problem, objective: Objective, z: Tensor, judges: list[Recording]) -> float:
+    """Return the RMSE in σ over the first window, infinite for none."""
     samples = first_samples(objective)
     operator = operator_of(problem.operator(judges[0]), len(judges))
     shooting = replace(objective.shooting.until(samples), operator=operator)
@@ -141,4 +136,4 @@ def _rmse(
     # Where a run blows up, nothing is missing: the seed is lost.
     scaled = ((readings - recorded) / noise)[seen]
     rmse = float(scaled.square().mean().sqrt()) if len(scaled) else math.inf
-    return rmse if math.isfinite(rmse) else math.inf, max(len(scaled), 1)
+    return rmse if math.isfinite(rmse) else math.inf

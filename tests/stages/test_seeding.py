@@ -12,8 +12,8 @@ from dashred.stages.seeding import Seed, ranked
 MODEL = LinearStart(torch.zeros(2).double(), torch.eye(2).double())
 
 
-def seed(name: str, error: float, count: int = 50) -> Seed:
-    return Seed(name, MODEL, torch.zeros(2).double(), error, count)
+def seed(name: str, error: float) -> Seed:
+    return Seed(name, MODEL, torch.zeros(2).double(), error)
 
 
 def names(*seeds: Seed) -> list[str]:
