@@ -14,10 +14,11 @@ from dashred.discovery.cause import Cause
 from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.hypothesis import Hypothesis
-from dashred.discovery.inner_constants import Tunable, moved, slopes_of, tunable, tune
+from dashred.discovery.inner_constants import Tunable, moved, slopes_of, tunable, tune, within_reach
 from dashred.discovery.law import law_of
 from dashred.discovery.objective import Objective
 from dashred.discovery.screening import eliminated
+from dashred.discovery.subsets import Eliminated
 from dashred.errors import InputError
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
@@ -73,6 +74,13 @@ class _Form:
             return Hypothesis(self.members).penalty(samples, candidates, 1)
         return Hypothesis(self.members[:1]).penalty(samples, candidates, 1) + math.log(samples)
 
+    def screened(self, problem: Eliminated) -> tuple[float, Tensor]:
+        """Return F of the linearised problem, and the coefficients there."""
+        if self.tuned is not None:
+            return within_reach(problem, self.members, self.tuned.constant)
+        [cost] = problem.costs([self.members]).tolist()
+        return cost, problem.coefficients(self.members)
+
 
 def laws_beyond(
     objective: Objective, forced: FreeForcing, library: int, bound: float = math.inf
@@ -95,23 +103,22 @@ def laws_beyond(
     problem = eliminated(objective, forced, [*columns, *slopes], stds)
     samples, count = objective.noise.effective_count, library + len(columns)
     ranked = []
-    for forms in _forms(columns):
-        costs = problem.costs([form.members for form in forms]).tolist() if forms else []
-        for form, cost in zip(forms, costs, strict=True):
-            penalty = form.penalty(samples, count)
-            if cost + penalty < bound:
-                ranked.append((cost + penalty, penalty, form))
-    kept: dict[object, tuple[float, _Form]] = {}
-    for _, penalty, form in sorted(ranked, key=lambda each: each[0]):
-        kept.setdefault(form.family, (penalty, form))
+    for form in _forms(columns):
+        cost, coefficients = form.screened(problem)
+        penalty = form.penalty(samples, count)
+        if cost + penalty < bound:
+            ranked.append((cost + penalty, penalty, form, coefficients))
+    kept: dict[object, tuple[float, _Form, Tensor]] = {}
+    for _, penalty, form, coefficients in sorted(ranked, key=lambda each: each[0]):
+        kept.setdefault(form.family, (penalty, form, coefficients))
     return [
-        _fit(objective, forced, form, problem.coefficients(form.members), penalty)
-        for penalty, form in list(kept.values())[:TRIED]
+        _fit(objective, forced, form, coefficients, penalty)
+        for penalty, form, coefficients in list(kept.values())[:TRIED]
     ]
 
 
-def _forms(columns: Sequence[Candidate]) -> tuple[list[_Form], list[_Form]]:
-    """Return the laws of one column, and those of two: waves, and terms with their slopes."""
+def _forms(columns: Sequence[Candidate]) -> list[_Form]:
+    """Return the laws of one column, of a wave's two, and of a term and its slope."""
     inner = [tunable(candidate) for candidate in columns]
     family = [found.family if found else j for j, found in enumerate(inner)]
     place = {candidate.key: j for j, candidate in enumerate([*columns, *slopes_of(columns)])}
@@ -121,7 +128,7 @@ def _forms(columns: Sequence[Candidate]) -> tuple[list[_Form], list[_Form]]:
         if found
     ]
     waves = [_Form(pair, pair) for pair in _waves(columns)]
-    return [_Form((j,), family[j]) for j in range(len(columns))], [*waves, *curved]
+    return [*(_Form((j,), family[j]) for j in range(len(columns))), *waves, *curved]
 
 
 def _fit(
@@ -133,9 +140,9 @@ def _fit(
         begin = form.tuned.at(moved(form.tuned, xi, by_constant))
         term, mine, fitted = tune(objective, begin, torch.cat([start, coefficients[:1]]))
         return Cause(law_of(mine, fitted, (term,), fitted.cost + penalty), mine, fitted.phi)
-    mine = objective.only(form.members)
-    fitted = minimise(mine, torch.cat([start, coefficients]), STEPS, TOLERANCE)
     terms = tuple(objective.shooting.candidates[j] for j in form.members)
+    mine = objective.of(terms)
+    fitted = minimise(mine, torch.cat([start, coefficients]), STEPS, TOLERANCE)
     return Cause(law_of(mine, fitted, terms, fitted.cost + penalty), mine, fitted.phi)
 
 

@@ -176,7 +176,7 @@ def _without_places(best: Cause, null: Cause) -> list[Cause]:
     found += faults(null, best.law.score + AMBIGUOUS)
     if best.law.candidates:
         found += faults(best, best.law.score)
-    return found + wider_starts(null)
+    return found + wider_starts(null, best.law.score + HOPELESS)
 
 
 def _through(everything: Objective, simulator: Simulator) -> Objective:

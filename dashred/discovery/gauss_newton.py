@@ -6,7 +6,7 @@ dampings at once, and the fits of many sets of candidates share one Jacobian (ch
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -112,20 +112,34 @@ def grow(
     growth: float = GROWTH,
     steps: int = GROWING_STEPS,
 ) -> Tensor:
-    """Return a fit of the whole record, however bad, grown from one of its first samples.
+    """Return a fit of the whole record, however bad, grown from one of its first samples."""
+    for fitted in growing(objective, phi, samples, growth, steps):
+        phi = fitted.phi
+    return phi
+
+
+def growing(
+    objective: Objective,
+    phi: Tensor,
+    samples: int,
+    growth: float = GROWTH,
+    steps: int = GROWING_STEPS,
+) -> Iterator[Fitted]:
+    """Yield fits over longer and longer horizons, the last of them the whole record.
 
     Args:
         objective: F over the whole record.
         phi: where to begin.
-        samples: how many are fitted first.
+        samples: the horizon before the first.
         growth: of the horizon at once.
         steps: Jacobians at each.
     """
     total = len(objective.recorded)
     while samples < total:
         samples = min(total, max(samples + 1, round(samples * growth)))
-        phi = minimise(objective.until(samples), phi, steps, GROWING_TOLERANCE).phi
-    return phi
+        fitted = minimise(objective.until(samples), phi, steps, GROWING_TOLERANCE)
+        phi = fitted.phi
+        yield fitted
 
 
 def _chord_steps(objective: Objective, normal: Normal, fitted: Fitted, tolerance: float) -> Fitted:

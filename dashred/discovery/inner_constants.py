@@ -16,6 +16,7 @@ from torch import Tensor
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.gauss_newton import Fitted, minimise
 from dashred.discovery.objective import Objective
+from dashred.discovery.subsets import Eliminated
 from dashred.physics.algebra import Call, Expr, Name, Number, call, multiply, split_coefficient
 from dashred.physics.algebra import substitute as put_in
 from dashred.physics.differentiate import differentiate
@@ -27,6 +28,8 @@ K = "_k"
 # Of the constant, how far one step may move it, what is close enough, and how a reader is told.
 FARTHEST, CLOSE, DIGITS = 0.4, 2e-3, 4
 ROUNDS, STEPS, TOLERANCE = 6, 4, 1e-3
+# Factors between which a constant is looked for: beyond, one function mimics another by its tail.
+REACH = (0.2, 5.0)
 # A constant with which F rises by more is none.
 ASTRAY = 1.0
 
@@ -98,6 +101,31 @@ def moved(tuned: Tunable, xi: float, by_constant: float) -> float:
     return float(f"{tuned.constant + min(max(shift, -bound), bound):.{DIGITS}g}")
 
 
+def within_reach(
+    problem: Eliminated, places: tuple[int, ...], constant: float
+) -> tuple[float, Tensor]:
+    """Return F and ξ, ξ_k of the linearised problem, the constant within reach.
+
+    With ``ξ_k = r ξ`` and ξ at its best ``F(r) = c - (a + b r)²/(d + 2 e r + f r²)``, which has one
+    minimum; where that is out of reach, one end is best.
+
+    Args:
+        problem: the linearised problem.
+        places: of the candidate and of its slope.
+        constant: the present one.
+    """
+    index = list(places)
+    a, b = problem.target[index].tolist()
+    (d, e), (_, f) = (problem.gram[index][:, index] + torch.diag(problem.precision[index])).tolist()
+    least, most = sorted((factor - 1) * constant for factor in REACH)
+    at_best = (b * d - a * e) / (a * f - b * e) if a * f != b * e else math.inf
+    shifts = [at_best] if least <= at_best <= most else [least, most]
+    gains = [(a + b * r) ** 2 / (d + 2 * e * r + f * r * r) for r in shifts]
+    gain, r = max(zip(gains, shifts, strict=True))
+    xi = (a + b * r) / (d + 2 * e * r + f * r * r)
+    return problem.constant - gain, torch.tensor([xi, r * xi], dtype=torch.float64)
+
+
 def tune(objective: Objective, begin: Tunable, phi: Tensor) -> tuple[Candidate, Objective, Fitted]:
     """Fit a law of one candidate, its constant and the start.
 
@@ -111,7 +139,7 @@ def tune(objective: Objective, begin: Tunable, phi: Tensor) -> tuple[Candidate, 
     """
     modes, tuned, known, least = objective.modes, begin, begin, math.inf
     for _ in range(ROUNDS):
-        pair = _of(objective, [tuned.candidate, tuned.slope])
+        pair = objective.of([tuned.candidate, tuned.slope])
         fitted = minimise(pair, torch.cat([phi, phi.new_zeros(1)]), STEPS, TOLERANCE)
         if fitted.cost > least + ASTRAY:
             tuned = known
@@ -123,17 +151,9 @@ def tune(objective: Objective, begin: Tunable, phi: Tensor) -> tuple[Candidate, 
         phi, tuned = fitted.phi[: modes + 1], tuned.at(constant)
         if close:
             break
-    alone = _of(objective, [tuned.candidate])
+    alone = objective.of([tuned.candidate])
     return tuned.candidate, alone, minimise(alone, phi, STEPS, TOLERANCE)
 
 
 def _inside(function: str, constant: float, operand: Expr) -> Expr:
     return call(function, multiply((Number(constant), operand)))
-
-
-def _of(objective: Objective, candidates: Sequence[Candidate]) -> Objective:
-    """Return F of other candidates, and the simulator with them in reach."""
-    before = objective.shooting.simulator
-    shooting = replace(objective.shooting, simulator=before.of(candidates), candidates=candidates)
-    scales = torch.tensor([c.scale for c in candidates], dtype=torch.float64)
-    return replace(objective, shooting=shooting, prior_std=scales)

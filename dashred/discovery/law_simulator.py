@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -20,7 +21,9 @@ from dashred.physics.window import Shape, Window
 
 
 class Simulator:
-    """The simulator with every candidate in reach, compiled once for all fits.
+    """The simulator with every candidate in reach, compiled once for all fits, by the first run.
+
+    What is only linearised need not be compiled.
 
     Attributes:
         system: the simulator.
@@ -51,8 +54,11 @@ class Simulator:
             self._columns[candidate.key] = [*range(first, first + len(candidate.terms))]
             first += len(candidate.terms)
         self._layout = Columns(len(self.terms), shapes)
-        self._run: Run = compiled(system, self.terms, shapes)
         self.has_tangents = supports(system, self.terms) or supports_ode(system, self.terms)
+
+    @cached_property
+    def _run(self) -> Run:
+        return compiled(self.system, self.terms, self.shapes)
 
     def coarse(self) -> Simulator:
         """Return the simulator that takes the derivative's steps itself."""

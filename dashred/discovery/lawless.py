@@ -12,7 +12,7 @@ from dashred.discovery.cause import Cause
 from dashred.discovery.fault_in_units import fitted_fault_in_units
 from dashred.discovery.faults import TestedFault, fit_fault, predicted_faults
 from dashred.discovery.free_forcing import evidence
-from dashred.discovery.gauss_newton import Fitted, grow, minimise
+from dashred.discovery.gauss_newton import Fitted, growing, minimise
 from dashred.discovery.law import Law, law_of
 from dashred.discovery.objective import Normal, Objective
 from dashred.discovery.starts import ScaledStart
@@ -62,11 +62,11 @@ def _fitted_on(tested: TestedFault, without: Law) -> TestedFault:
     before, count = tested.fitted, tested.objective.noise.count
     if not FAR < before.chi2 / count < MOST * without.chi2:
         return tested
-    fitted = _anywhere(tested.objective, before.phi)
+    fitted = _anywhere(tested.objective, before.phi, math.inf)
     return replace(tested, fitted=fitted, score=tested.score + fitted.cost - before.cost)
 
 
-def wider_starts(null: Cause) -> list[Cause]:
+def wider_starts(null: Cause, bound: float = math.inf) -> list[Cause]:
     """Return what a start outside of its prior explains, by Laplace's evidence; or nothing.
 
     A wider prior lets F fall in any case: what it may move more is held against it, and that one
@@ -75,6 +75,7 @@ def wider_starts(null: Cause) -> list[Cause]:
 
     Args:
         null: the simulator as it is.
+        bound: what scores worse is not looked for anew.
     """
     objective, phi, normal = null.objective, null.phi, null.normal
     factor = _likeliest(normal, 1.0)
@@ -85,7 +86,7 @@ def wider_starts(null: Cause) -> list[Cause]:
         mine = replace(
             objective, shooting=replace(shooting, start=ScaledStart(shooting.start, factor))
         )
-        fitted = _anywhere(mine, z)
+        fitted = _anywhere(mine, z, bound)
         there = mine.linearise(fitted.phi, fitted.readings)
         before, factor = factor, _likeliest(there, factor)
         if factor == before:
@@ -98,16 +99,21 @@ def wider_starts(null: Cause) -> list[Cause]:
     return [Cause(law, mine, fitted.phi)]
 
 
-def _anywhere(objective: Objective, z: Tensor) -> Fitted:
+def _anywhere(objective: Objective, z: Tensor, bound: float) -> Fitted:
     """Fit from where it is, and where that leaves more than noise, from the first samples.
 
-    What was fitted under a prior that keeps it away may have no way to where it belongs.
+    What was fitted under a prior that keeps it away may have no way to where it belongs. Over more
+    samples F is larger: what is beyond the bound over the first stays there.
     """
     fitted = _fitted(objective, z)
     if not _far(objective, fitted):
         return fitted
-    grown = _fitted(objective, grow(objective, torch.zeros_like(z), FIRST))
-    return min(fitted, grown, key=lambda found: found.cost)
+    begin = torch.zeros_like(z)
+    for found in growing(objective, begin, FIRST):
+        if found.cost > bound:
+            return fitted
+        begin = found.phi
+    return min(fitted, _fitted(objective, begin), key=lambda found: found.cost)
 
 
 def _fitted(objective: Objective, z: Tensor) -> Fitted:

@@ -16,6 +16,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from dashred.discovery.candidates import Candidate
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.shooting import Shooting
 
@@ -64,6 +65,13 @@ class Objective:
         candidates = [self.shooting.candidates[j] for j in members]
         shooting = replace(self.shooting, candidates=candidates)
         return replace(self, shooting=shooting, prior_std=self.prior_std[list(members)])
+
+    def of(self, candidates: Sequence[Candidate]) -> Objective:
+        """Return F of others, alone in the simulator's reach; their prior is their scale."""
+        simulator = self.shooting.simulator.of(candidates)
+        shooting = replace(self.shooting, simulator=simulator, candidates=candidates)
+        scales = torch.tensor([c.scale for c in candidates], dtype=torch.float64)
+        return replace(self, shooting=shooting, prior_std=scales)
 
     def until(self, samples: int) -> Objective:
         """Return F over the first samples alone."""

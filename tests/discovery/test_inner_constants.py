@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 import torch
+from torch import Tensor
 
 from dashred.discovery.candidates import Candidate
-from dashred.discovery.inner_constants import moved, tunable, tune
+from dashred.discovery.inner_constants import moved, tunable, tune, within_reach
+from dashred.discovery.subsets import Eliminated
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from tests import laws
@@ -53,6 +55,35 @@ def test_a_step_goes_where_the_coefficients_say_but_not_too_far(system: System) 
     assert moved(found, 0.5, 0.05) == pytest.approx(2.1)
     assert moved(found, 0.01, -5.0) == pytest.approx(1.2)
     assert moved(found, 0.0, 1.0) == pytest.approx(2.0)
+
+
+def linearised(shift: float) -> Eliminated:
+    """Return a problem of two columns whose target is the first and so much of the second."""
+    generator = torch.Generator().manual_seed(1)
+    columns = torch.randn((40, 2), generator=generator, dtype=torch.float64)
+    goal = columns @ torch.tensor([2.0, 2.0 * shift], dtype=torch.float64)
+    precision = torch.tensor([1e-3, 1e-2], dtype=torch.float64)
+    return Eliminated(columns.T @ columns, columns.T @ goal, float(goal @ goal), precision)
+
+
+@pytest.mark.parametrize("constant", [1.5, -1.5])
+@pytest.mark.parametrize("shift", [0.4, -0.7, 20.0, -20.0])
+def test_a_constant_is_the_best_one_within_reach(constant: float, shift: float) -> None:
+    problem = linearised(shift)
+    cost, found = within_reach(problem, (0, 1), constant)
+    gram = problem.gram + torch.diag(problem.precision)
+
+    def left(xi: Tensor) -> float:
+        return problem.constant - 2 * float(problem.target @ xi) + float(xi @ gram @ xi)
+
+    assert left(found) == pytest.approx(cost, rel=1e-9)
+    ratio = float(found[1] / found[0])
+    assert 0.2 - 1e-9 <= 1 + ratio / constant <= 5.0 + 1e-9
+    least, most = sorted(factor * constant - constant for factor in (0.2, 5.0))
+    for r in torch.linspace(least, most, 400, dtype=torch.float64).tolist():
+        along = torch.tensor([1.0, r], dtype=torch.float64)
+        best = float(problem.target @ along) / float(along @ gram @ along)
+        assert left(best * along) >= cost - 1e-9 * problem.constant
 
 
 def test_the_constant_is_found_through_the_simulator(tmp_path: Path) -> None:
