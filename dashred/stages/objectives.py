@@ -47,7 +47,7 @@ def rough_simulator(problem: Problem, simulator: Simulator, resolution: Resoluti
 
     With the derivative's longer steps, if their error, of fourth order, stays far below the noise.
     """
-    std = _for_each(problem, problem.noise_of(problem.split.fit.names))
+    std = for_each_episode(problem, problem.noise_of(problem.split.fit.names))
     noise = float((std / trace_std(problem).clamp(min=1e-300)).median())
     longer = simulator.tangent.dt / simulator.system.dt
     return simulator.coarse() if resolution.error * longer**4 < noise / 3 else simulator
@@ -63,7 +63,7 @@ def fit_noise(problem: Problem) -> NoiseModel:
     names = problem.split.fit.names
     # A sensor is as noisy in one episode as in the others.
     largest = trace_std(problem).reshape(-1, len(names)).amax(dim=0)
-    std = _for_each(problem, torch.maximum(problem.noise_of(names), FLOOR * largest))
+    std = for_each_episode(problem, torch.maximum(problem.noise_of(names), FLOOR * largest))
     return NoiseModel(std, torch.zeros_like(std), ~torch.isnan(_recorded(problem)))
 
 
@@ -78,7 +78,7 @@ def sound_noise(problem: Problem, law: Law) -> NoiseModel:
     return noise
 
 
-def _for_each(problem: Problem, values: Tensor) -> Tensor:
+def for_each_episode(problem: Problem, values: Tensor) -> Tensor:
     """Return values of the sensors ``(sensor,)`` once for every episode."""
     return values.repeat(len(problem.episodes))
 

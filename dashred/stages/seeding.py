@@ -21,13 +21,14 @@ from dashred.progress import Report
 from dashred.sensing.recording import Recording
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.learning import Learned
-from dashred.stages.objectives import pose_objective, trace_std
+from dashred.stages.objectives import for_each_episode, pose_objective, trace_std
 from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal
 
 # A seed goes before the prior where the prior's error is this many times as large: what a simulator
-# leaves out is in the errors of all, and a front at another phase is far more than that.
-ELSEWHERE = 3.0
+# leaves out is in the errors of all, and a front at another phase is far more than that. Where it
+# is less than such a share of a trace's std the prior has found its way, however little the noise.
+ELSEWHERE, NEAR = 3.0, 0.1
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,9 @@ def fit_seeds(
     for i, (name, model) in enumerate(models.items(), start=1):
         fitted.append(fit_seed(problem, simulator, name, model))
         report(i / len(models), f"{name} {fitted[-1].error:.2f} σ")
-    return ranked(fitted)
+    noise = for_each_episode(problem, problem.noise_of(problem.split.fit.names))
+    near = NEAR * float((trace_std(problem) / noise).median())
+    return ranked(fitted, near)
 
 
 def _made(
@@ -98,13 +101,17 @@ def _made(
     )
 
 
-def ranked(seeds: Sequence[Seed]) -> list[Seed]:
+def ranked(seeds: Sequence[Seed], near: float) -> list[Seed]:
     """Return the best on validation first; the prior, unless others are far better.
 
     Of all seeds the prior alone uses no data twice, and laws are weighed about it in the end.
+
+    Args:
+        seeds: in any order.
+        near: error of a prior that has found its way, in σ.
     """
     ordered = sorted(seeds, key=lambda seed: seed.error)
-    bound = ELSEWHERE * ordered[0].error
+    bound = max(ELSEWHERE * ordered[0].error, near)
     return sorted(ordered, key=lambda seed: not (seed.name == "prior" and seed.error <= bound))
 
 
@@ -131,7 +138,7 @@ def _rmse(problem: Problem, objective: Objective, z: Tensor, judges: list[Record
     [readings] = shooting.readings(z[None], z.new_zeros((1, 0)))
     recorded = side_by_side([torch.from_numpy(part.values[:samples]) for part in judges])
     recorded = recorded[: len(readings)]
-    noise = problem.noise_of(judges[0].names).repeat(len(judges))
+    noise = for_each_episode(problem, problem.noise_of(judges[0].names))
     seen = ~torch.isnan(recorded)
     # Where a run blows up, nothing is missing: the seed is lost.
     scaled = ((readings - recorded) / noise)[seen]

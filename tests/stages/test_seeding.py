@@ -16,8 +16,8 @@ def seed(name: str, error: float) -> Seed:
     return Seed(name, MODEL, torch.zeros(2).double(), error)
 
 
-def names(*seeds: Seed) -> list[str]:
-    return [found.name for found in ranked(seeds)]
+def names(*seeds: Seed, near: float = 1.0) -> list[str]:
+    return [found.name for found in ranked(seeds, near)]
 
 
 def test_the_best_on_validation_comes_first() -> None:
@@ -31,6 +31,11 @@ def test_the_best_on_validation_comes_first() -> None:
 def test_the_prior_goes_before_seeds_that_are_not_far_better() -> None:
     assert names(seed("filter", 1.0), seed("prior", 2.9)) == ["prior", "filter"]
     assert names(seed("filter", 1.0), seed("prior", 3.1)) == ["filter", "prior"]
+
+
+def test_the_prior_that_is_near_goes_first_however_little_the_noise() -> None:
+    assert names(seed("filter", 1.0), seed("prior", 4.3), near=10.0) == ["prior", "filter"]
+    assert names(seed("filter", 1.0), seed("prior", 40.0), near=10.0) == ["filter", "prior"]
 
 
 def test_a_seed_that_was_lost_comes_last() -> None:
