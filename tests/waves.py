@@ -16,7 +16,6 @@ from dashred.discovery.candidates import Candidate, build_candidates, forcing_of
 from dashred.discovery.cause import Cause
 from dashred.discovery.gauss_newton import grow, minimise
 from dashred.discovery.hypothesis import Guess, Hypothesis, first_unknowns, pose
-from dashred.discovery.inner_constants import slopes_of
 from dashred.discovery.law import law_of
 from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.local_shooting import found_by, localised
@@ -80,11 +79,6 @@ class Waves:
         states = self.simulated()
         library = [Term(e, self.system.parse(t, "library", equation=e)) for e, t in TERMS]
         return candidates_beyond(self.system, library, states, 0.0)
-
-    def simulator_beyond(self, carried: Sequence[Candidate]) -> Simulator:
-        """Return the simulator with these in reach, and with some of the library."""
-        reach = [*self.beyond, *slopes_of(self.beyond), *carried]
-        return Simulator(self.system, self.system.dt, reach)
 
     @cached_property
     def operator(self) -> ObservationOperator:

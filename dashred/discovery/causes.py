@@ -9,7 +9,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import torch
 from torch import Tensor
 
 from dashred.discovery.beyond import laws_beyond
@@ -18,6 +17,7 @@ from dashred.discovery.cause import HOPELESS, Cause, by_score
 from dashred.discovery.discovered import AMBIGUOUS, MISSING
 from dashred.discovery.forcing_map import ForcingMap
 from dashred.discovery.free_forcing import FreeForcing, force
+from dashred.discovery.inner_constants import slopes_of
 from dashred.discovery.law import Law, unlike
 from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.lawless import faults, wider_starts
@@ -44,14 +44,13 @@ class Additions:
         everywhere: how many of the candidates, the first, may act everywhere.
         size: rms of each equation's own tendency, ``(equation,)``.
         compiled: the simulator with windows in reach: worth its seconds only if they are needed.
-        beyond: terms that the library does not have, and the simulator with them in reach, and
-            with some that it has.
+        beyond: terms that the library does not have.
     """
 
     everywhere: int
     size: Tensor
     compiled: Callable[[], Simulator]
-    beyond: Callable[[Sequence[Candidate]], tuple[Simulator, Sequence[Candidate]]]
+    beyond: Callable[[], Sequence[Candidate]]
 
 
 @dataclass(frozen=True)
@@ -166,8 +165,10 @@ def _beyond(
     left: Unexplained, additions: Additions, carried: FreeForcing, bound: float
 ) -> list[Cause]:
     """Return laws with terms that the library does not have, found about a trajectory."""
-    further = additions.beyond(carried.objective.shooting.candidates)
-    return laws_beyond(_of(left.everything, *further), carried, additions.everywhere, bound)
+    further = additions.beyond()
+    borne = carried.objective.shooting.candidates
+    reach = left.everything.of([*further, *slopes_of(further), *borne])
+    return laws_beyond(reach.only(range(len(further))), carried, additions.everywhere, bound)
 
 
 def _without_places(best: Cause, null: Cause) -> list[Cause]:
@@ -197,11 +198,3 @@ def _gain_of(further: Sequence[Cause], first: Cause, gain: float, size: Tensor) 
     if nearest.law.score >= first.law.score:
         return gain
     return force(nearest.objective, nearest.phi, size)[1]
-
-
-def _of(objective: Objective, simulator: Simulator, candidates: Sequence[Candidate]) -> Objective:
-    """Return F of other candidates; their prior is their natural scale."""
-    scales = torch.tensor([c.scale for c in candidates], dtype=torch.float64)
-    other = _through(objective, simulator)
-    shooting = replace(other.shooting, candidates=candidates)
-    return replace(other, shooting=shooting, prior_std=scales)

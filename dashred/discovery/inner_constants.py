@@ -120,9 +120,8 @@ def within_reach(
     least, most = sorted((factor - 1) * constant for factor in REACH)
     at_best = (b * d - a * e) / (a * f - b * e) if a * f != b * e else math.inf
     shifts = [at_best] if least <= at_best <= most else [least, most]
-    gains = [(a + b * r) ** 2 / (d + 2 * e * r + f * r * r) for r in shifts]
-    gain, r = max(zip(gains, shifts, strict=True))
-    xi = (a + b * r) / (d + 2 * e * r + f * r * r)
+    best = [((a + b * r) / (d + 2 * e * r + f * r * r), r) for r in shifts]
+    gain, xi, r = max((xi * (a + b * r), xi, r) for xi, r in best)
     return problem.constant - gain, torch.tensor([xi, r * xi], dtype=torch.float64)
 
 

@@ -202,9 +202,7 @@ def _candidates(
 def _with(base: Cause, further: Sequence[Candidate]) -> Objective:
     """Return F of the base's law and further candidates, their prior their natural scale."""
     objective = base.objective
-    before = objective.shooting.simulator
-    candidates = [*base.law.candidates, *further]
-    shooting = replace(objective.shooting, simulator=before.of(candidates), candidates=candidates)
-    scales = torch.tensor([candidate.scale for candidate in further], dtype=torch.float64)
-    prior = torch.cat([objective.prior_std, scales])
-    return replace(objective, shooting=shooting, prior_std=prior)
+    carried = base.law.candidates
+    whole = objective.of([*carried, *further])
+    prior = torch.cat([objective.prior_std, whole.prior_std[len(carried) :]])
+    return replace(whole, prior_std=prior)

@@ -14,7 +14,6 @@ from dashred.discovery.cause import Cause
 from dashred.discovery.causes import Additions, Weighed, weigh
 from dashred.discovery.discovered import AMBIGUOUS
 from dashred.discovery.gauss_newton import grow, minimise
-from dashred.discovery.inner_constants import slopes_of
 from dashred.discovery.law import Law, law_of
 from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.noise_model import NoiseModel
@@ -95,7 +94,7 @@ def weigh_causes(
         everywhere=len(known),
         size=_tendency_size(problem.system, nominal.states, begin),
         compiled=lambda: _with_windows(problem, [*known, *local]),
-        beyond=lambda carried: _beyond(problem, nominal, carried),
+        beyond=lambda: candidates_beyond(problem.system, problem.library, nominal.states, begin),
     )
     weighed = weigh(everything, found, empty, contested, additions, report)
     if not reached or null.shooting.start is not objective.shooting.start:
@@ -137,16 +136,6 @@ def _with(objective: Objective, local: Sequence[Candidate], weak: float) -> Obje
 
 def _with_windows(problem: Problem, candidates: Sequence[Candidate]) -> Simulator:
     return simulator_with(problem, candidates, shapes_of(problem.system))
-
-
-def _beyond(
-    problem: Problem, nominal: Nominal, carried: Sequence[Candidate]
-) -> tuple[Simulator, list[Candidate]]:
-    """Return the simulator with terms in reach that the library does not have, and these."""
-    system, begin = problem.system, float(problem.times[0])
-    further = candidates_beyond(system, problem.library, nominal.states, begin)
-    reach = [*further, *slopes_of(further), *carried]
-    return simulator_with(problem, reach), further
 
 
 def _tendency_size(system: System, states: Tensor, t: float) -> Tensor:

@@ -47,8 +47,7 @@ def rough_simulator(problem: Problem, simulator: Simulator, resolution: Resoluti
 
     With the derivative's longer steps, if their error, of fourth order, stays far below the noise.
     """
-    std = for_each_episode(problem, problem.noise_of(problem.split.fit.names))
-    noise = float((std / trace_std(problem).clamp(min=1e-300)).median())
+    noise = float(noise_share(problem).median())
     longer = simulator.tangent.dt / simulator.system.dt
     return simulator.coarse() if resolution.error * longer**4 < noise / 3 else simulator
 
@@ -56,6 +55,12 @@ def rough_simulator(problem: Problem, simulator: Simulator, resolution: Resoluti
 def trace_std(problem: Problem) -> Tensor:
     """Return the std of each fit sensor's trace, ``(episode·sensor,)``."""
     return torch.cat([torch.from_numpy(e.split.fit.trace_std()) for e in problem.episodes])
+
+
+def noise_share(problem: Problem) -> Tensor:
+    """Return σ of each fit sensor as a share of its trace's std, ``(episode·sensor,)``."""
+    std = for_each_episode(problem, problem.noise_of(problem.split.fit.names))
+    return std / trace_std(problem).clamp(min=1e-300)
 
 
 def fit_noise(problem: Problem) -> NoiseModel:

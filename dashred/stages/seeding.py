@@ -21,7 +21,12 @@ from dashred.progress import Report
 from dashred.sensing.recording import Recording
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.learning import Learned
-from dashred.stages.objectives import for_each_episode, pose_objective, trace_std
+from dashred.stages.objectives import (
+    for_each_episode,
+    noise_share,
+    pose_objective,
+    trace_std,
+)
 from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal
 
@@ -74,9 +79,7 @@ def fit_seeds(
     for i, (name, model) in enumerate(models.items(), start=1):
         fitted.append(fit_seed(problem, simulator, name, model))
         report(i / len(models), f"{name} {fitted[-1].error:.2f} σ")
-    noise = for_each_episode(problem, problem.noise_of(problem.split.fit.names))
-    near = NEAR * float((trace_std(problem) / noise).median())
-    return ranked(fitted, near)
+    return ranked(fitted, NEAR * float((1 / noise_share(problem)).median()))
 
 
 def _made(

@@ -45,7 +45,7 @@ def explained(waves: Waves, recorded: Tensor) -> Weighed:
         everywhere=len(waves.everything),
         size=waves.size,
         compiled=lambda: waves.simulator,
-        beyond=lambda carried: (waves.simulator_beyond(carried), waves.beyond),
+        beyond=lambda: waves.beyond,
     )
     return weigh(everything, empty, empty, False, additions, lambda *_: None)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 import torch
@@ -13,6 +12,7 @@ from dashred.discovery.cause import Cause
 from dashred.discovery.free_forcing import FreeForcing, force
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.hypothesis import Guess, Hypothesis, first_unknowns, pose
+from dashred.discovery.inner_constants import slopes_of
 from dashred.discovery.law import law_of
 from dashred.discovery.local_laws import local_laws
 from dashred.discovery.local_shooting import found_by, localised
@@ -159,13 +159,9 @@ def test_a_term_beyond_the_library_is_found_about_a_law_of_it(waves: Waves) -> N
     forced = carried_by(waves, recorded, ["u: u", "u: u**2"])
     inside = everything(waves, recorded)
     carried = forced.objective.shooting.candidates
-    shooting = replace(
-        inside.shooting, simulator=waves.simulator_beyond(carried), candidates=waves.beyond
-    )
-    scales = torch.tensor([c.scale for c in waves.beyond], dtype=torch.float64)
-    found = laws_beyond(
-        replace(inside, shooting=shooting, prior_std=scales), forced, len(waves.everything)
-    )
+    reach = inside.of([*waves.beyond, *slopes_of(waves.beyond), *carried])
+    mine = reach.only(range(len(waves.beyond)))
+    found = laws_beyond(mine, forced, len(waves.everything))
     best = min(found, key=lambda cause: cause.law.score).law
     assert [candidate.key for candidate in best.candidates] == ["u: sin(2*u)"]
     assert float(best.coefficients[0]) == pytest.approx(0.3, rel=0.15)
