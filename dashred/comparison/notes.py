@@ -20,8 +20,9 @@ PAPER_NOTE = (
     "falls: the field's RMSE of the simulator as it is over that of the corrected one, the median "
     "over twins that hide a law. Seconds: of the analysis from its first simulation to its report, "
     "learning and figures included, each stage once where an attempt was cut short and gone on "
-    "with; starting Python, recording the twin and opening its seal are not. Step: of the "
-    "corrected SHRED, from a window of readings to the whole field, on one core."
+    "with; starting Python, recording the twin and opening its seal are not. Rows that ran side by "
+    "side (jobs=2) took longer than alone. Step: of the corrected SHRED, from a window of readings "
+    "to the whole field, on one core."
 )
 FIELD_NOTE = (
     f"RMSE of the whole field over the fit window, over that of the {FIELDS[REFERENCE]} (the "
