@@ -83,24 +83,28 @@ class _Form:
 
 
 def laws_beyond(
-    objective: Objective, forced: FreeForcing, library: int, bound: float = math.inf
+    everything: Objective,
+    further: Sequence[Candidate],
+    forced: FreeForcing,
+    library: int,
+    bound: float = math.inf,
 ) -> list[Cause]:
     """Return laws of one term from beyond the library, or of a wave whose phase is free.
 
     Where a function has a constant, it may be fitted.
 
     Args:
-        objective: F of these terms, over the whole record; the slopes of their constants are in its
-            simulator's reach.
-        forced: a free forcing that explains the recording without a law.
+        everything: F over the whole record, of any terms.
+        further: the terms from beyond the library.
+        forced: a free forcing that explains the recording.
         library: how many candidates the library has: each more that is asked makes chance likelier.
         bound: what screens worse is not fitted.
     """
-    columns = list(objective.shooting.candidates)
-    slopes = slopes_of(columns)
-    stds = torch.tensor([slope.scale for slope in slopes], dtype=torch.float64)
-    stds = torch.cat([objective.prior_std, stds])
-    problem = eliminated(objective, forced, [*columns, *slopes], stds)
+    columns, asked = list(further), [*further, *slopes_of(further)]
+    # In reach: what is fitted, and what the forcing's trajectory is run with.
+    reach = everything.of([*asked, *forced.objective.shooting.candidates])
+    objective = reach.only(range(len(columns)))
+    problem = eliminated(objective, forced, asked, reach.prior_std[: len(asked)])
     samples, count = objective.noise.effective_count, library + len(columns)
     ranked = []
     for form in _forms(columns):

@@ -17,7 +17,6 @@ from dashred.discovery.cause import HOPELESS, Cause, by_score
 from dashred.discovery.discovered import AMBIGUOUS, MISSING
 from dashred.discovery.forcing_map import ForcingMap
 from dashred.discovery.free_forcing import FreeForcing, force
-from dashred.discovery.inner_constants import slopes_of
 from dashred.discovery.law import Law, unlike
 from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.lawless import faults, wider_starts
@@ -165,10 +164,8 @@ def _beyond(
     left: Unexplained, additions: Additions, carried: FreeForcing, bound: float
 ) -> list[Cause]:
     """Return laws with terms that the library does not have, found about a trajectory."""
-    further = additions.beyond()
-    borne = carried.objective.shooting.candidates
-    reach = left.everything.of([*further, *slopes_of(further), *borne])
-    return laws_beyond(reach.only(range(len(further))), carried, additions.everywhere, bound)
+    further, library = additions.beyond(), additions.everywhere
+    return laws_beyond(left.everything, further, carried, library, bound)
 
 
 def _without_places(best: Cause, null: Cause) -> list[Cause]:

@@ -12,7 +12,6 @@ from dashred.discovery.cause import Cause
 from dashred.discovery.free_forcing import FreeForcing, force
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.hypothesis import Guess, Hypothesis, first_unknowns, pose
-from dashred.discovery.inner_constants import slopes_of
 from dashred.discovery.law import law_of
 from dashred.discovery.local_laws import local_laws
 from dashred.discovery.local_shooting import found_by, localised
@@ -158,10 +157,7 @@ def test_a_term_beyond_the_library_is_found_about_a_law_of_it(waves: Waves) -> N
     recorded = waves.recorded(SIGMA, 1, [(hidden, 0.3)])
     forced = carried_by(waves, recorded, ["u: u", "u: u**2"])
     inside = everything(waves, recorded)
-    carried = forced.objective.shooting.candidates
-    reach = inside.of([*waves.beyond, *slopes_of(waves.beyond), *carried])
-    mine = reach.only(range(len(waves.beyond)))
-    found = laws_beyond(mine, forced, len(waves.everything))
+    found = laws_beyond(inside, waves.beyond, forced, len(waves.everything))
     best = min(found, key=lambda cause: cause.law.score).law
     assert [candidate.key for candidate in best.candidates] == ["u: sin(2*u)"]
     assert float(best.coefficients[0]) == pytest.approx(0.3, rel=0.15)
