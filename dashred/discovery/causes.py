@@ -141,7 +141,7 @@ def _somewhere(
 
     begin = min([left.best, *waves], key=by_score)
     found, first, nearest, gain = screened_on_top(
-        begin, screened, left.forced, additions.size, report
+        begin, screened, left.carriers, additions.size, report
     )
     if gain > MISSING or len(first.law.candidates) >= SIMPLE:
         report(0.8, "screening terms beyond the library")

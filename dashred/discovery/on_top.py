@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from torch import Tensor
 
@@ -19,7 +19,7 @@ ROUNDS = 3
 def screened_on_top(
     best: Cause,
     screened: Callable[[FreeForcing, float], list[Cause]],
-    forced: FreeForcing,
+    carriers: Sequence[FreeForcing],
     size: Tensor,
     report: Report,
 ) -> tuple[list[Cause], Cause, FreeForcing, float]:
@@ -32,7 +32,7 @@ def screened_on_top(
     Args:
         best: the best law so far.
         screened: laws found about a trajectory, of those whose linearised score is below a bound.
-        forced: the first trajectory.
+        carriers: of the first trajectories: the next is asked where one has led to nothing better.
         size: rms of each equation's own tendency, ``(equation,)``.
         report: progress.
 
@@ -40,7 +40,11 @@ def screened_on_top(
         the laws, the best law now, the forcing that came nearest to the recording, and what one
         gains on top of the best law.
     """
-    found = screened(forced, math.inf)
+    found: list[Cause] = []
+    for carrier in carriers:
+        found += screened(carrier, math.inf)
+        if min([best, *found], key=by_score) is not best:
+            break
     first = min([best, *found], key=by_score)
     on_first, gain = force(first.objective, first.phi, size)
     for turn in range(ROUNDS):
@@ -54,5 +58,5 @@ def screened_on_top(
             break
         first = nearest
         on_first, gain = force(first.objective, first.phi, size)
-    nearest_forced = min(forced, on_first, key=lambda each: each.cost)
+    nearest_forced = min(*carriers, on_first, key=lambda each: each.cost)
     return found, first, nearest_forced, gain

@@ -30,6 +30,8 @@ CERTAIN = 30.0
 # Noise this many times as large as under the best law says that a forcing alone has gone astray: it
 # cannot steer chaos over a long record.
 ASTRAY = 1.2
+# And so many times, that nothing found about its trajectory can be trusted.
+LOST = 2.0
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,8 @@ class Unexplained:
         everything: F of all candidates over the whole record.
         best: the law.
         null: the simulator as it is.
-        forced: about whose trajectory further terms are looked for.
+        carriers: forcings about whose trajectories further terms are looked for, in this order; the
+            last leaves least.
         gain: evidence for a free forcing on top of the law.
         unclear: whether anything is left to explain, the law contested, or perhaps an imitation;
             then all fits are under the noise that a free forcing leaves.
@@ -52,11 +55,16 @@ class Unexplained:
     everything: Objective
     best: Cause
     null: Cause
-    forced: FreeForcing
+    carriers: tuple[FreeForcing, ...]
     gain: float
     unclear: bool
     forcing: ForcingMap | None = None
     fault: Fault | None = None
+
+    @property
+    def forced(self) -> FreeForcing:
+        """The forcing that leaves least."""
+        return self.carriers[-1]
 
     def with_fault(self, laws: list[Cause]) -> list[Cause]:
         """Return laws that were found without a sensor at fault with what is wrong with it."""
@@ -88,24 +96,24 @@ def look_for_unexplained(
     forced, gain = force(best.objective, best.phi, size)
     report(0.2, f"a free forcing gains {gain:.0f}")
     unclear = gain > MISSING or contested or _may_imitate(best.law)
-    left = Unexplained(everything, best, null, forced, gain, unclear)
+    left = Unexplained(everything, best, null, (forced,), gain, unclear)
     return _looked_into(left, size, report) if unclear else left
 
 
 def _looked_into(left: Unexplained, size: Tensor, report: Report) -> Unexplained:
     """Return what is unclear with its noise, a fault beneath it, and where to look on."""
-    forced, forcing = _carried(left.forced, left.gain, left.best, left.null, size)
-    fault = fault_beneath(forced)
+    carriers, forcing = _carried(left.forced, left.gain, left.best, left.null, size)
+    fault = fault_beneath(carriers[-1])
     if fault is not None:
         report(0.3, f"a {fault.kind} beneath the mismatch: looking on without that sensor")
-        forced = forced_without(forced, fault.sensor)
-    noise = noise_left_by(forced)
+        carriers = tuple(forced_without(forced, fault.sensor) for forced in carriers)
+    noise = noise_left_by(carriers[-1])
     return replace(
         left,
         everything=replace(left.everything, noise=noise),
         best=refitted_under(left.best, noise),
         null=refitted_under(left.null, noise),
-        forced=forced,
+        carriers=carriers,
         forcing=forcing,
         fault=fault,
     )
@@ -113,20 +121,21 @@ def _looked_into(left: Unexplained, size: Tensor, report: Report) -> Unexplained
 
 def _carried(
     on_best: FreeForcing, gain: float, best: Cause, null: Cause, size: Tensor
-) -> tuple[FreeForcing, ForcingMap | None]:
-    """Return a free forcing about whose trajectory to look on, and the map of one.
+) -> tuple[tuple[FreeForcing, ...], ForcingMap | None]:
+    """Return the forcings about whose trajectories to look on, and the map of one.
 
     That is one on the simulator as it is. Where the best law leaves nothing unexplained, it comes
-    nearer to the truth than a forcing, which is as coarse as its cells: unless it is a law of many
-    terms, and the forcing leaves less. Where a forcing alone goes astray, the best law carries it,
-    and there is no map.
+    nearer to the truth than a forcing, which is as coarse as its cells; and where a forcing alone
+    goes astray, the best law carries it, and there is no map. But a law of many terms may come
+    near to the sensors and take a hidden field far from the truth: then both are asked.
     """
     alone, missing = (on_best, gain) if best is null else force(null.objective, null.phi, size)
     ratio = float((noise_left_by(alone).std / noise_left_by(on_best).std).median())
-    if ratio > ASTRAY:
-        return on_best, None
-    nearer = gain <= MISSING and (len(best.law.candidates) <= SIMPLE or ratio > 1)
-    return on_best if nearer else alone, map_of(alone, missing)
+    forcing = map_of(alone, missing) if ratio <= ASTRAY else None
+    many = len(best.law.candidates) > SIMPLE
+    if ratio <= ASTRAY and (gain > MISSING or (many and ratio <= 1)):
+        return (alone,), forcing
+    return ((alone, on_best) if many and ratio < LOST else (on_best,)), forcing
 
 
 def _may_imitate(law: Law) -> bool:

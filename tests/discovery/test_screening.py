@@ -18,6 +18,7 @@ from dashred.discovery.local_shooting import found_by, localised
 from dashred.discovery.objective import Objective
 from dashred.discovery.on_top import screened_on_top
 from dashred.discovery.screening import eliminated, screen
+from dashred.discovery.unexplained import look_for_unexplained
 from dashred.physics.window import box, gate
 from tests.waves import Waves, fitted
 
@@ -95,7 +96,7 @@ def test_screening_goes_on_about_a_better_law_while_a_forcing_gains(waves: Waves
             return [wrong]
         return local_laws(whole, count, range(count), forced, math.inf, bound)
 
-    found, best, nearest, gain = screened_on_top(wrong, screened, begin, waves.size, silent)
+    found, best, nearest, gain = screened_on_top(wrong, screened, [begin], waves.size, silent)
     assert asked[:2] == [math.inf, wrong.law.score]
     [candidate] = best.law.candidates
     assert candidate.key == "u: u**3" and candidate.window is not None
@@ -114,9 +115,52 @@ def test_screening_ends_where_it_finds_nothing_better(waves: Waves) -> None:
         asked.append(bound)
         return []
 
-    found, best, _, gain = screened_on_top(wrong, screened, begin, waves.size, silent)
+    found, best, _, gain = screened_on_top(wrong, screened, [begin], waves.size, silent)
     assert (found, best, asked) == ([], wrong, [math.inf, wrong.law.score])
     assert gain > 4
+
+
+@pytest.mark.parametrize("better", [True, False])
+def test_the_next_trajectory_is_asked_where_one_leads_to_nothing(
+    waves: Waves, better: bool
+) -> None:
+    recorded = waves.recorded(SIGMA, 1, [(waves.everything["u: u**2"], -0.15)])
+    alone, on_law = carried_by(waves, recorded, []), carried_by(waves, recorded, ["u: u"])
+    wrong, right = everywhere(waves, recorded, "u: u"), everywhere(waves, recorded, "u: u**2")
+    asked: list[FreeForcing] = []
+
+    def screened(forced: FreeForcing, bound: float) -> list[Cause]:
+        asked.append(forced)
+        return [right] if forced is on_law or better else []
+
+    _, best, *_ = screened_on_top(wrong, screened, [alone, on_law], waves.size, silent)
+    assert best is right
+    assert asked == ([alone] if better else [alone, on_law])
+
+
+def everywhere(waves: Waves, recorded: torch.Tensor, *names: str) -> Cause:
+    """Return the fit of a law that acts everywhere."""
+    law = waves.objective(recorded, SIGMA, names)
+    z = fitted(waves.objective(recorded, SIGMA))
+    found = minimise(law, torch.cat([z, torch.zeros(len(names), dtype=torch.float64)]), 10, 1e-4)
+    return Cause(law_of(law, found, law.shooting.candidates, found.cost), law, found.phi)
+
+
+@pytest.mark.parametrize(
+    ("names", "carried"),
+    [(["u: u**2"], ["u: u**2"]), (["u: u"], [""]), (["u: u", "u: u**2", "v: 1"], ["", "all"])],
+)
+def test_a_law_of_many_terms_does_not_carry_alone(
+    waves: Waves, names: list[str], carried: list[str]
+) -> None:
+    recorded = waves.recorded(SIGMA, 1, [(waves.everything["u: u**2"], -0.15)])
+    best, null = everywhere(waves, recorded, *names), everywhere(waves, recorded)
+    whole = everything(waves, recorded)
+    left = look_for_unexplained(whole, best, null, True, waves.size, silent)
+    laws = [[str(c) for c in each.objective.shooting.candidates] for each in left.carriers]
+    told = {"": [], "all": names}
+    assert laws == [told.get(each, [each]) for each in carried]
+    assert left.forced is min(left.carriers, key=lambda each: each.cost)
 
 
 def silent(share: float, message: str) -> None:
