@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from tempfile import TemporaryFile
 
+from dashred.attempt import POINTER
 from dashred.config import Config
 from dashred.errors import InputError
 from dashred.reporting.figure_names import drawn_by_us
@@ -32,9 +33,14 @@ def named_output(config: Config) -> Path | None:
     """Make the folder of `output=DIR`; None where the user has named none.
 
     Raises:
-        InputError: it cannot be made or written to.
+        InputError: it cannot be made or written to, or holds what a run would take away and dashred
+            has not written.
     """
-    return make_output(config.output) if config.output else None
+    if not config.output:
+        return None
+    folder = make_output(config.output)
+    _check_ours(folder, config)
+    return folder
 
 
 def check_output(config: Config) -> None:
@@ -51,6 +57,28 @@ def check_output(config: Config) -> None:
         what = f"this folder cannot be made: {there} is no folder"
         raise InputError(what, where=config.output, hint=ANOTHER)
     _check_writable(there, config.output)
+    if there == folder:
+        _check_ours(folder, config)
+
+
+def _check_ours(folder: Path, config: Config) -> None:
+    """Refuse a folder of which a run would take away files that no run has left there.
+
+    Every run leaves what it has frozen; one that was cut short, the name of its run.
+
+    Raises:
+        InputError: there are such files, or the run's own input is among its results.
+    """
+    taken = [folder / name for name in (*RESULTS, SCORE) if (folder / name).exists()]
+    named = (config.source, config.recording.path, config.recording.sensors)
+    inputs = [Path(path) for path in named if isinstance(path, str | Path)]
+    for path in taken:
+        if any(path.samefile(given) for given in inputs if given.exists()):
+            what = f"a run would write its {path.name} over the one that it is to read"
+            raise InputError(what, where=config.output, hint=ANOTHER)
+    if taken and not any((folder / mark).is_file() for mark in (FREEZE, POINTER)):
+        what = f"{taken[0].name} is there, not from a run of dashred, and a run would replace it"
+        raise InputError(what, where=config.output, hint=ANOTHER)
 
 
 def make_output(path: str) -> Path:

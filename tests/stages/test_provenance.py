@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from dashred.config import load_config
+from dashred.config import Config, load_config
 from dashred.errors import InputError
-from dashred.output import clear_output, make_output, named_output
+from dashred.output import check_output, clear_output, make_output, named_output
 from dashred.physics.side_by_side import use_threads
 from dashred.reporting.style import new_figure, save_figure
 from dashred.stages import provenance
@@ -84,6 +84,38 @@ def test_figures_of_an_earlier_run_are_cleared_and_nobody_elses(tmp_path) -> Non
     (tmp_path / "freeze.json").touch()
     clear_output(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == theirs
+
+
+def of_a_run(output: Path) -> Config:
+    return load_config(["conf=rde", f"output={output}"], entry="train")
+
+
+@pytest.mark.parametrize("name", ["summary.txt", "report.html", "run.json", "score.json"])
+def test_a_folder_with_such_files_of_somebody_else_is_left_alone(tmp_path: Path, name: str) -> None:
+    config = of_a_run(tmp_path)
+    (tmp_path / name).write_text("mine")
+    for checked in (named_output, check_output):
+        with pytest.raises(InputError, match=f"{name} is there, not from a run of dashred"):
+            checked(config)
+    assert (tmp_path / name).read_text() == "mine"
+
+
+@pytest.mark.parametrize("mark", ["freeze.json", ".run"])
+def test_a_folder_that_a_run_has_left_is_used_again(tmp_path: Path, mark: str) -> None:
+    for name in (mark, "summary.txt"):
+        (tmp_path / name).touch()
+    assert named_output(of_a_run(tmp_path)) == tmp_path
+    check_output(of_a_run(tmp_path))
+
+
+def test_a_run_does_not_take_away_what_it_is_to_read(tmp_path: Path) -> None:
+    for name in ("freeze.json", "findings.json"):
+        (tmp_path / name).touch()
+    corrected = tmp_path / "corrected.yaml"
+    corrected.write_text(Path("conf/rde.yaml").read_text())
+    config = load_config([f"conf={corrected}", f"output={tmp_path}"], entry="train")
+    with pytest.raises(InputError, match=r"write its corrected\.yaml over the one"):
+        named_output(config)
 
 
 def test_an_output_may_hold_the_store_of_which_it_keeps_no_copy(tmp_path: Path) -> None:
