@@ -11,6 +11,7 @@ from pathlib import Path
 
 from dashred.errors import DONE, InputError, run_entry
 from dashred.findings import sha256_of
+from dashred.given_path import given_path
 from dashred.path_words import read_path_words
 from dashred.published_recording import PENDULUM, fetched
 from dashred.whole_files import write_text_atomic
@@ -39,7 +40,7 @@ def main(argv: list[str]) -> int:
         print(USAGE)
         return DONE
     words = read_path_words(argv, KEYS, "where to?", EXAMPLE)
-    path = Path(words["path"]).expanduser()
+    path = given_path(words["path"], "path=")
     if _already_there(path):
         print(f"already there: {path} (sha256 {PENDULUM.sha256[:12]}… as it should be)")
         return DONE

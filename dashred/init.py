@@ -8,6 +8,7 @@ import tempfile
 from pathlib import Path
 
 from dashred.errors import DONE, InputError, run_entry
+from dashred.given_path import given_path
 from dashred.path_words import read_path_words
 
 KEYS = ("path", "sensors", "output")
@@ -34,9 +35,9 @@ def main(argv: list[str]) -> int:
         print(USAGE, end="")
         return DONE
     words = _read_words(argv)
-    path = str(Path(words["path"]).expanduser())
-    table = str(Path(words["sensors"]).expanduser()) if "sensors" in words else None
-    output = Path(words.get("output") or f"{Path(path).stem}.yaml").expanduser()
+    path = str(given_path(words["path"], "path="))
+    table = str(given_path(words["sensors"], "sensors=")) if "sensors" in words else None
+    output = given_path(words.get("output") or f"{Path(path).stem}.yaml", "output=")
     _check_output(output)
 
     from dashred.starter.columns import MANY_FIELDS, read_own

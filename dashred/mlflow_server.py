@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+from http.client import HTTPException
 from typing import TYPE_CHECKING
 from urllib.error import HTTPError
 from urllib.request import urlopen
 
 from dashred.errors import InputError
+from dashred.given_path import is_server
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -17,11 +19,6 @@ os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "4")
 os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", "30")
 
 ANSWER_SECONDS = 10
-
-
-def is_server(root: str) -> bool:
-    """Whether `tracking.root` is the URL of a tracking server, and no folder."""
-    return root.startswith(("http://", "https://"))
 
 
 def open_server(url: str) -> MlflowClient:
@@ -49,9 +46,10 @@ def check_server(root: str) -> None:
             pass
     except HTTPError:
         pass  # It answers; what it wants, such as a password, MLflow itself will tell.
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, HTTPException) as error:
+        reason = getattr(error, "reason", error) or type(error).__name__
         raise InputError(
-            f"no MLflow server answers: {getattr(error, 'reason', error)}",
+            f"no MLflow server answers: {reason}",
             where=root,
             hint="start it (mlflow server), or keep runs on this disk with tracking.root=DIR",
         ) from None

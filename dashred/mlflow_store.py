@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING
 from filelock import FileLock, Timeout
 
 from dashred.errors import InputError
+from dashred.given_path import is_server
 from dashred.local_state import state_folder
 from dashred.machine_failures import RefusedError
-from dashred.mlflow_server import is_server, open_server
+from dashred.mlflow_server import open_server
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -89,7 +90,7 @@ def store_of_run(root: str, run_id: str) -> tuple[Store, str]:
     """
     from mlflow.exceptions import MlflowException
 
-    place = root if is_server(root) else str(Path(root).expanduser() / "mlflow.db")
+    place = root if is_server(root) else str(Path(root) / "mlflow.db")
     if not is_server(root) and not Path(place).is_file():
         hint = "say where it is: tracking.root=DIR, or tracking.root=http://SERVER"
         raise InputError("there is no MLflow store here", where=place, hint=hint)
@@ -200,7 +201,7 @@ def _made(folder: Path) -> Path:
 
 
 def _folder(root: str) -> Path:
-    folder = Path(root).expanduser().resolve()
+    folder = Path(root).resolve()
     hint = "choose another folder with tracking.root=DIR"
     # MLflow takes the path for a URI: it would cut it at the one and decode the other.
     if {"?", "%"} & set(str(folder)):

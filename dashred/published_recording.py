@@ -11,13 +11,13 @@ import math
 import time
 from dataclasses import dataclass
 from http.client import HTTPException
-from pathlib import Path
 from typing import Any
 from urllib.error import HTTPError, URLError
 from urllib.parse import quote, urlsplit
 from urllib.request import Request, urlopen
 
 from dashred.errors import InputError
+from dashred.given_path import given_path
 
 MATLAB = b"MATLAB 5.0 MAT-file"
 LARGEST = 64 * 2**20
@@ -86,7 +86,7 @@ def fetched(recording: Published, source: str) -> str:
 
 def _read(path: str) -> bytes:
     try:
-        return Path(path).expanduser().read_bytes()
+        return given_path(path, "source=").read_bytes()
     except OSError as error:
         raise InputError(f"cannot read the file: {error.strerror}", where=path) from None
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 
 from dashred.config.reference import page
 from dashred.errors import DONE, InputError, run_entry
+from dashred.given_path import given_path
 from dashred.whole_files import write_text_atomic
 
 USAGE = """\
@@ -30,7 +30,7 @@ def main(argv: list[str]) -> int:
         hint = "python -m dashred.reference path=docs/config.md"
         raise InputError("expected path=FILE.md alone", where="command line", hint=hint)
     try:
-        write_text_atomic(Path(path).expanduser(), page())
+        write_text_atomic(given_path(path, "path="), page())
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", where=path) from None
     print(f"{path} is written")

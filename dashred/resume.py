@@ -10,12 +10,12 @@ from pathlib import Path
 
 from dashred.attempt import FROZEN, differences, end, present, read_began, words_of
 from dashred.config.commandline import BASE, PLACE
-from dashred.config.layers import absolute
+from dashred.config.layers import absolute, store_root
 from dashred.config.source import read_file
 from dashred.errors import DONE, InputError, nearest
+from dashred.given_path import is_server
 from dashred.kept_seal import kept_seal
 from dashred.long_run import alone_in
-from dashred.mlflow_server import is_server
 from dashred.mlflow_store import INTERRUPTED, Store, status_of, store_of_run, tags_of
 from dashred.output import make_output
 from dashred.tracking import Tracker
@@ -88,7 +88,7 @@ def _root(words: dict[str, str]) -> str:
     if "tracking.root" not in words:
         default = str(read_file(BASE, label="conf/base.yaml").values["tracking"]["root"])
         return str((BASE.parent / default).resolve())
-    root = absolute(words["tracking.root"], folder=Path.cwd(), where=PLACE)
+    root = store_root(words["tracking.root"], folder=Path.cwd(), where=PLACE)
     return root if is_server(root) else str(Path(root).resolve())
 
 

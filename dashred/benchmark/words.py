@@ -8,6 +8,7 @@ from pathlib import Path
 
 from dashred.config import Settings, bundled
 from dashred.errors import InputError, nearest
+from dashred.given_path import given_path
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 PLACE = "command line"
@@ -106,7 +107,7 @@ def read_words(argv: list[str], folder: str = "bench", usage: str = USAGE) -> Re
         sensors=_numbers("sensors", given.get("sensors")),
         extra=_numbers("extra", given.get("extra")),
         jobs=_jobs(given.get("jobs", "1")),
-        output=Path(given.get("output") or default).expanduser().resolve(),
+        output=given_path(given.get("output") or str(default), "output=").resolve(),
         overrides=overrides,
     )
 

@@ -9,6 +9,7 @@ from typing import Any
 from dashred.config.kinds import kind_at, nearest, optional, required
 from dashred.config.source import Source, plain, read_text
 from dashred.errors import InputError
+from dashred.given_path import given_path
 
 CONF = Path(__file__).resolve().parents[2] / "conf"
 BASE = CONF / "base.yaml"
@@ -51,7 +52,7 @@ def find_system(word: str) -> tuple[Path, str]:
     """
     if word in bundled():
         return CONF / f"{word}.yaml", f"conf/{word}.yaml"
-    path = Path(word).expanduser()
+    path = given_path(word, PLACE)
     if path.suffix not in (".yaml", ".yml"):
         what = f"unknown conf {word!r}" if word else "conf= is empty"
         raise InputError(what, where=PLACE, hint=_systems(word))

@@ -15,6 +15,7 @@ from dashred.config.kinds import Where, child, in_words, kind_at, optional, requ
 from dashred.config.schema import Settings
 from dashred.config.source import Source
 from dashred.errors import InputError
+from dashred.given_path import check_address, given_path, is_server
 
 PATHS = ("recording.path", "recording.sensors", "system.snapshots", "output", "tracking.root")
 # What a system needs that is declared by its equations.
@@ -43,22 +44,31 @@ def prepare(source: Source, *, folder: Path) -> Source:
     where = where_in(source.lines)
     values = _fit(_name_the_null_twin(source.values), Settings, "", where)
     for key in PATHS:
-        _edit(values, key, partial(absolute, folder=folder, where=where(key)))
+        settled = store_root if key == "tracking.root" else absolute
+        _edit(values, key, partial(settled, folder=folder, where=where(key)))
     return Source(values, source.lines)
 
 
 def absolute(text: str, *, folder: Path, where: str) -> str:
-    """Return a path as it is from anywhere; the address of a server is one already.
+    """Return a path as it is from anywhere.
 
     Raises:
-        InputError: it begins with the home folder of nobody here.
+        InputError: no path can be so.
     """
-    if text.startswith(("http://", "https://")):
-        return text
-    try:
-        return abspath(folder / Path(text).expanduser())
-    except RuntimeError:
-        raise InputError(f"there is no home folder for {text!r}", where=where) from None
+    if "://" in text:
+        what, hint = "this is an address, and no file or folder here", "fetch it first"
+        raise InputError(what, where=where, hint=hint)
+    return abspath(folder / given_path(text, where))
+
+
+def store_root(text: str, *, folder: Path, where: str) -> str:
+    """Return where runs are kept as it is from anywhere: a folder, or the address of a server.
+
+    Raises:
+        InputError: no path can be so, or no address.
+    """
+    check_address(text, where)
+    return text if is_server(text) else absolute(text, folder=folder, where=where)
 
 
 def merge(defaults: Source, system: Source, overrides: Source) -> Settings:

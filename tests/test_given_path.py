@@ -1,0 +1,97 @@
+"""Whatever place a user names is taken, or refused in a sentence."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from dashred import fetch, init, reference, train
+from dashred.config import load_config
+from dashred.errors import InputError
+from dashred.given_path import check_address, given_path
+from dashred.mlflow_server import check_server
+
+LONG = "x" * 300
+NOBODY = "~nobody-of-that-name/a"
+
+
+def test_home_is_the_home_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert given_path("~/a.csv", "path=") == tmp_path / "a.csv"
+
+
+@pytest.mark.parametrize("name", [LONG, NOBODY, "a\0b"])
+@pytest.mark.parametrize(
+    ("main", "word"),
+    [
+        (train.main, "conf={}.yaml"),
+        (init.main, "path={}.csv"),
+        (init.main, "sensors={}.csv"),
+        (init.main, "output={}.yaml"),
+        (fetch.main, "path={}.csv"),
+        (reference.main, "path={}.md"),
+        (train.main, "recording.path={}.csv"),
+        (train.main, "output={}"),
+        (train.main, "tracking.root={}"),
+    ],
+)
+def test_a_name_that_no_file_can_have(
+    main: Callable[[list[str]], int], word: str, name: str
+) -> None:
+    words = [word.format(name)]
+    if main is init.main and not word.startswith("path"):
+        words.append("path=my.csv")
+    if main is train.main and not word.startswith("conf"):
+        words.append("conf=rde")
+    with pytest.raises(InputError) as refused:
+        main(words)
+    assert "Errno" not in str(refused.value) and len(str(refused.value)) < 400
+
+
+@pytest.mark.parametrize(
+    ("root", "said"),
+    [
+        ("sqlite:////tmp/mlflow.db", "not where runs are kept"),
+        ("sqlite:mlflow.db", "not where runs are kept"),
+        ("s3://bucket/runs", "not where runs are kept"),
+        ("http://localhost:abc", "no address of a server"),
+        ("http://", "no address of a server"),
+        ("http://me:secret@host:5000", "may not hold a password"),
+    ],
+)
+def test_what_is_no_address_of_a_server(root: str, said: str) -> None:
+    with pytest.raises(InputError, match=said) as refused:
+        load_config(["conf=rde", f"tracking.root={root}"], entry="train")
+    assert "secret" not in str(refused.value) and "command line" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "root", ["http://localhost:5000", "https://host/mlflow", "runs", "/tmp/a:b"]
+)
+def test_what_is_one_or_a_folder(root: str) -> None:
+    check_address(root, "tracking.root")
+
+
+def test_a_recording_is_no_address() -> None:
+    with pytest.raises(InputError, match="an address, and no file"):
+        load_config(["conf=rde", "recording.path=https://a.example/b.csv"], entry="train")
+
+
+def test_a_port_that_speaks_otherwise_is_no_server() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+
+        def answer() -> None:
+            with other.accept()[0] as asked:
+                asked.recv(4096)
+                asked.sendall(b"220 mail.example ESMTP\r\n")
+
+        thread = threading.Thread(target=answer)
+        thread.start()
+        with pytest.raises(InputError, match="no MLflow server answers"):
+            check_server(f"http://127.0.0.1:{port}")
+        thread.join()
