@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import pytest
 from dashred.attempt import begin, words_of
 from dashred.config import Config, frozen_input, load_config
 from dashred.errors import InputError
+from tests.conftest import CHECKOUT
 
 PENDULUM = """\
 import pathlib
@@ -84,6 +87,17 @@ def test_no_line_of_it_runs_without_the_users_word(folder: Path) -> None:
         assert f"add trust={NAME}" in str(error.value)
     assert not (folder / "ran").exists()
     load(folder, f"trust={NAME}")
+    assert (folder / "ran").exists()
+
+
+def test_a_command_finds_it_in_the_folder_that_the_user_is_in(folder: Path) -> None:
+    words = ["conf=mine.yaml", "recording.path=none.csv", f"trust={NAME}"]
+    subprocess.run(
+        [sys.executable, "-m", "dashred.check", *words],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(CHECKOUT)},
+        capture_output=True,
+    )
     assert (folder / "ran").exists()
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 import json
 import os
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 from typing import cast
@@ -219,6 +221,20 @@ def test_a_dollar_in_a_name_is_no_mathematics(tmp_path) -> None:
         warnings.simplefilter("error")
         save_figure(figure, tmp_path / "a.png")
     assert os.listdir(tmp_path) == ["a.png"]
+
+
+@pytest.mark.parametrize("entry", ["train", "check", "init", "standby"])
+def test_a_module_in_the_folder_that_the_user_is_in_does_not_run(tmp_path: Path, entry) -> None:
+    for name in ("yaml", "numpy", "torch", "typing_extensions", "mlflow", "sitecustomize"):
+        (tmp_path / f"{name}.py").write_text("open('ran', 'w').close()\n")
+    words = ["dashred.check"] if entry == "standby" else ["conf=rde", "recording.path=none.csv"]
+    command = [sys.executable, "-m", f"dashred.{entry}", *words]
+    environment = os.environ | {"PYTHONPATH": str(CHECKOUT)}
+    done = subprocess.run(
+        command, cwd=tmp_path, env=environment, input="", capture_output=True, text=True
+    )
+    assert "Traceback" not in done.stderr, done.stderr
+    assert not (tmp_path / "ran").exists()
 
 
 def test_nothing_else_in_the_output_folder_is_sent_to_mlflow(quick, train, tmp_path) -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+import sys
 import traceback
 from dataclasses import replace
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from dashred.config.kinds import Where
@@ -100,6 +102,10 @@ def _other_way() -> str:
 
 def _made(name: str, place: str) -> Any:
     module, _, attribute = name.rpartition(".")
+    here = str(Path.cwd())
+    if here not in sys.path:
+        # Last: of what else lies there, nothing is asked for by name.
+        sys.path.append(here)
     try:
         simulator = getattr(import_module(module), attribute)()
     except Exception as error:  # a stranger's code fails in any way
