@@ -42,14 +42,14 @@ def main(argv: list[str]) -> int:
 
     from dashred.starter.columns import MANY_FIELDS, read_own
     from dashred.starter.document import TO_DO, document
-    from dashred.starter.guess import guess
+    from dashred.starter.guess import guess, longest
     from dashred.whole_files import write_text_atomic
 
-    guessed, recording = read_own(path, table)
+    guessed, episodes = read_own(path, table)
     seen = [None if file is None else _seen_from(output, file) for file in (path, table)]
     assert seen[0] is not None
-    found = guess(guessed, recording)
-    text = document(guessed, recording, found, seen[0], seen[1], str(output))
+    found = guess(guessed, episodes)
+    text = document(guessed, longest(episodes), found, seen[0], seen[1], str(output))
     _check_loads(text, output)
     try:
         write_text_atomic(output, text)

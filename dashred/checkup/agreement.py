@@ -13,6 +13,7 @@ from dashred.checkup.simulator import Simulated
 from dashred.checkup.situation import Situation
 from dashred.checkup.to_do import still
 from dashred.sensing.observation import ObservationOperator
+from dashred.sensing.splits import Split
 
 # Factors by which what is read and what is simulated may differ in size.
 OTHER_SIZE = 5.0
@@ -63,32 +64,43 @@ def sizes_compared(
 
 
 def _beginning(situation: Situation, simulated: Simulated, seen: Seen) -> Iterator[Remark]:
-    """Hold the first sample against the start's prior: ``y₀ − Hm`` over ``√(σ² + HBBᵀHᵀ)``."""
+    """Hold first samples against the start's prior: ``y₀ − Hm`` over ``√(σ² + HBBᵀHᵀ)``."""
+    assert situation.problem is not None
     sensors = situation.sensors
-    parts = (situation.split.fit, situation.split.validation)
-    first = {
-        name: value
-        for part in parts
-        if part.times[0] == situation.split.fit.times[0]
-        for name, value in zip(part.names, part.values[0].tolist(), strict=True)
-        if value == value
-    }
     read = ObservationOperator(sensors, situation.system)(simulated.states[0])
     sigma = situation.sigma(simulated.states)
     spread = (seen.sensitivity[: len(sensors)].square().sum(dim=1) + 1).sqrt() * sigma
-    far = [
-        sensor.name
-        for sensor, was, size in zip(sensors, read.tolist(), spread.tolist(), strict=True)
-        if sensor.name in first and abs(first[sensor.name] - was) > FAR * size
-    ]
-    if far:
-        yield doubtful(
-            f"The first sample lies more than {FAR:g} standard deviations from the simulator's "
-            f"start: {some(far)}",
-            "give the start that it has, or more system.spread",
-        )
-    elif first:
-        yield Remark("The first sample lies where the start may be")
+    episodes = situation.problem.episodes
+    fits = True
+    for episode in episodes:
+        first = _first_sample(episode.split)
+        far = [
+            sensor.name
+            for sensor, was, size in zip(sensors, read.tolist(), spread.tolist(), strict=True)
+            if sensor.name in first and abs(first[sensor.name] - was) > FAR * size
+        ]
+        fits = fits and bool(first) and not far
+        if far:
+            which = f" of episode {episode.name!r}" if len(episodes) > 1 else ""
+            yield doubtful(
+                f"The first sample{which} lies more than {FAR:g} standard deviations from the "
+                f"simulator's start: {some(far)}",
+                "give the start that it has, or more system.spread",
+            )
+    if fits:
+        each = "The first sample lies" if len(episodes) == 1 else "Every first sample lies"
+        yield Remark(f"{each} where the start may be")
+
+
+def _first_sample(split: Split) -> dict[str, float]:
+    """Return what the sensors that a fit may look at read first, by name."""
+    return {
+        name: value
+        for part in (split.fit, split.validation)
+        if part.times[0] == split.fit.times[0]
+        for name, value in zip(part.names, part.values[0].tolist(), strict=True)
+        if value == value
+    }
 
 
 def _std(column: Tensor) -> float:

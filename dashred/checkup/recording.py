@@ -40,7 +40,8 @@ def about_recording(situation: Situation) -> Iterator[Remark]:
     yield Remark(f"{span}, t from {times[0]:.6g} to {times[-1]:.6g}")
     if situation.episodes > 1:
         yield Remark(
-            f"That is the longest of {situation.episodes} episodes; the others are not looked at"
+            f"That is the longest of {situation.episodes} episodes; of the others, the starts "
+            "alone are looked at"
         )
     yield from _clock(recording, situation.config.recording.every)
     yield from _missing(recording)

@@ -76,8 +76,8 @@ class Guessed:
         return lambda key: key
 
 
-def read_own(path: str, sensors_table: str | None) -> tuple[Guessed, Recording]:
-    """Read a recording, the first of its episodes, before anything is said about its system.
+def read_own(path: str, sensors_table: str | None) -> tuple[Guessed, list[Recording]]:
+    """Read a recording, episode by episode, before anything is said about its system.
 
     Raises:
         InputError: a reader refuses it, a name cannot stand in an equation, or the table of
@@ -90,7 +90,8 @@ def read_own(path: str, sensors_table: str | None) -> tuple[Guessed, Recording]:
     guessed = _of_columns(table) if places is None else _of_places(places)
     # It is read once more, and may be large.
     del table
-    return guessed, read_episodes(path, sensors_table, guessed).episodes[0].recording
+    episodes = read_episodes(path, sensors_table, guessed).episodes
+    return guessed, [episode.recording for episode in episodes]
 
 
 def _of_columns(table: Table) -> Guessed:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,8 +41,13 @@ class Guess:
     rates: dict[str, Rate]
 
 
-def guess(guessed: Guessed, recording: Recording) -> Guess:
-    """Guess what the recording lets one guess."""
+def guess(guessed: Guessed, episodes: Sequence[Recording]) -> Guess:
+    """Guess what the recording lets one guess: its steps from the longest episode.
+
+    A law has one prior of the start, whatever the episode: about the mean of what they begin with,
+    as wide as that differs.
+    """
+    recording = longest(episodes)
     noise = _noise(recording)
     every = fuller_step(recording)
     if every is None:
@@ -52,9 +58,11 @@ def guess(guessed: Guessed, recording: Recording) -> Guess:
         mine = [sensor.reads == field for sensor in recording.sensors]
         values = recording.values[:, mine]
         places = np.array([s.position for s in recording.sensors if s.reads == field])
-        start[field] = start_expression(guessed.axes, places, _firsts(values))
+        firsts = np.stack([_firsts(each.values[:, mine]) for each in episodes])
+        start[field] = start_expression(guessed.axes, places, np.nanmean(firsts, axis=0))
         varies = float(np.nanstd(values))
         known = SHARE * varies if not guessed.axes else varies
+        known = max(known, float(np.nanmax(np.nanstd(firsts, axis=0))))
         spread[field] = _rounded(max(STARTS * float(noise[mine].max()), known)) or 1.0
     return Guess(
         every,
@@ -63,6 +71,11 @@ def guess(guessed: Guessed, recording: Recording) -> Guess:
         spread,
         {} if guessed.axes else find_rates(recording),
     )
+
+
+def longest(episodes: Sequence[Recording]) -> Recording:
+    """Return the episode of most samples."""
+    return max(episodes, key=lambda each: len(each.times))
 
 
 def _noise(recording: Recording) -> NDArray[np.float64]:

@@ -88,6 +88,19 @@ SPOILT: dict[str, Callable[[list[str]], list[str]]] = {
 }
 
 
+def test_a_start_that_does_not_fit_the_shorter_episode_is_doubtful(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = rows_of(swing(tmp_path).parent)
+    other = [row.split(",") for row in rows[:150]]
+    far = [f"far,{t},{-3 * float(x):.6f},{-3 * float(v):.6f}" for t, x, v in other]
+    path = swing(tmp_path, [*(f"near,{row}" for row in rows), *far], "episode,time,x,v")
+    found = said(capsys, f"conf={path}")
+    assert "The first sample of episode 'far' lies more than 4 standard deviations" in found
+    assert "of the others, the starts alone are looked at" in found
+    assert "episode 'near' lies" not in found
+
+
 @pytest.mark.parametrize("says", SPOILT)
 def test_what_is_doubtful_about_a_recording_is_said(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], says: str

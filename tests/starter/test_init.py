@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,19 @@ def test_a_kilohertz_recording_of_a_slow_swing_is_thinned(tmp_path: Path) -> Non
     config, _ = written(tmp_path, f"path={swing_csv(tmp_path)}")
     assert config.recording.every == pytest.approx(0.05)
     assert config.system.integrator.dt == pytest.approx(0.01)
+
+
+def test_a_start_is_as_wide_as_episodes_begin_apart(tmp_path: Path) -> None:
+    times = [0.1 * i for i in range(60)]
+    rows = [
+        f"{name},{t:.3f},{x * math.cos(t):.4f},{-x * math.sin(t):.4f}\n"
+        for name, x in (("first", 1.0), ("second", -3.0))
+        for t in times
+    ]
+    (tmp_path / "two.csv").write_text("episode,time,x,v\n" + "".join(rows))
+    config, _ = written(tmp_path, f"path={tmp_path / 'two.csv'}")
+    assert config.system.start["x"] == pytest.approx(-1)
+    assert config.system.spread["x"] == pytest.approx(2)
 
 
 def test_two_clocks_in_one_table_get_the_step_of_either(tmp_path: Path) -> None:
