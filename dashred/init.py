@@ -50,7 +50,7 @@ def main(argv: list[str]) -> int:
     assert seen[0] is not None
     found = guess(guessed, episodes)
     text = document(guessed, longest(episodes), found, seen[0], seen[1], str(output))
-    _check_loads(text, output)
+    _check_loads(text, output, path)
     try:
         write_text_atomic(output, text)
     except OSError as error:
@@ -98,18 +98,22 @@ def _seen_from(output: Path, file: str) -> str:
     return Path(os.path.relpath(Path(file).resolve(), output.parent.resolve())).as_posix()
 
 
-def _check_loads(text: str, output: Path) -> None:
+def _check_loads(text: str, output: Path, recording: str) -> None:
     """Hold the text against the loader that will read it.
 
     Raises:
-        InputError: a name in the recording is one that configurations cannot hold.
+        InputError: something in the recording is what no configuration can hold.
     """
     from dashred.config import load_config
 
     with tempfile.TemporaryDirectory() as folder:
         draft = Path(folder) / output.name
         draft.write_text(text, encoding="utf-8")
-        load_config([f"conf={draft}"], entry="init")
+        try:
+            load_config([f"conf={draft}"], entry="init")
+        except InputError as error:
+            what = f"no configuration can hold what is in it: {error.what}"
+            raise InputError(what, where=recording, hint=error.hint) from None
 
 
 if __name__ == "__main__":

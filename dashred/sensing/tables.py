@@ -74,7 +74,7 @@ class Table:
         if _is_plain("".join(cells)):
             with contextlib.suppress(ValueError):
                 return np.array([float(cell or "nan") for cell in cells], dtype=np.float64)
-        row = next(row for row, cell in enumerate(cells) if not _is_number(cell))
+        row = next(row for row, cell in enumerate(cells) if not is_number(cell))
         hint = "write numbers as 1.5e-3; leave the cell empty where a value is missing"
         if DATE.match(cells[row]):
             hint = "write times as numbers: seconds (or another unit) since the start, as 0.25"
@@ -206,7 +206,8 @@ def _is_plain(text: str) -> bool:
     return text.isascii() and "_" not in text
 
 
-def _is_number(cell: str) -> bool:
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number, or empty."""
     try:
         float(cell or "nan")
     except ValueError:

@@ -15,12 +15,14 @@ from dashred.physics.expression import RESERVED as LANGUAGE
 from dashred.sensing.reader import read_episodes
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import RESERVED
-from dashred.sensing.tables import Table, read_table, separated_otherwise
+from dashred.sensing.tables import Table, is_number, read_table, separated_otherwise
 
 OF_A_SENSOR = ("name", "field", "std", "unit")
 POINTS = {1: 64, 2: 32}
-# More columns than this are hardly the fields of an ODE.
-MANY_FIELDS = 8
+# More columns than this are hardly the fields of an ODE; and than that, certainly not.
+MANY_FIELDS, MOST_FIELDS = 8, 64
+# Where a field in space has its spread, this is how far the start is smooth.
+SMOOTH = "length"
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,10 @@ def _of_columns(table: Table) -> Guessed:
     fields = tuple(column for column in table.columns if column not in RESERVED)
     if not fields:
         raise InputError("there is no column beside the time", where=table.path)
+    if len(fields) > MOST_FIELDS:
+        what = f"{len(fields)} columns beside the time: so many are not the fields of an ODE"
+        hint = "if they are sensors of a field in space, say where they are: sensors=TABLE.csv"
+        raise InputError(what, where=f"{table.path}:{table.header}", hint=f"{hint} (see --help)")
     _check_names(fields, "column", f"{table.path}:{table.header}")
     return Guessed((), fields)
 
@@ -109,6 +115,11 @@ def _of_places(table: Table) -> Guessed:
             problem = f"the table of sensors has no column {column!r}"
             raise InputError(problem, where=table.path, hint=hint)
     coordinates = tuple(column for column in table.columns if column not in OF_A_SENSOR)
+    for column in coordinates:
+        if not any(is_number(cell) for cell in table.texts(column) if cell):
+            hint = f"coordinates are numbers; its other columns may be {', '.join(OF_A_SENSOR)}"
+            what = f"the column {column!r} is no coordinate"
+            raise InputError(what, where=table.header_place(column), hint=f"{hint}: take it out")
     if len(coordinates) > 2:
         problem = f"{len(coordinates)} coordinates, {', '.join(coordinates)}: 2 are the most"
         raise InputError(problem, where=table.path)
@@ -116,6 +127,12 @@ def _of_places(table: Table) -> Guessed:
         raise InputError("the table names no sensor", where=table.path)
     fields = tuple(dict.fromkeys(table.texts("field")))
     _check_names((*coordinates, *fields), "name", table.path)
+    for field in fields:
+        if field in (*coordinates, SMOOTH):
+            means = "a coordinate" if field in coordinates else "how smooth the start is"
+            what = f"the field {field!r} has the name of {means}"
+            hint = f"call it {field}_0 in the column 'field', for example"
+            raise InputError(what, where=table.path, hint=hint)
     return Guessed(tuple(_axis(table, name, len(coordinates)) for name in coordinates), fields)
 
 

@@ -116,6 +116,38 @@ def test_wrong_words_say_what_to_do(words: list[str], says: str) -> None:
     assert says in str(told.value)
 
 
+@pytest.mark.parametrize(
+    ("fields", "more", "says"),
+    [
+        ("length", "", "the field 'length' has the name of how smooth the start is"),
+        ("x", "", "the field 'x' has the name of a coordinate"),
+        ("u", "north wall", "table.csv:1, column 'note': the column 'note' is no coordinate"),
+    ],
+)
+def test_a_table_that_no_configuration_can_hold_is_refused(
+    tmp_path: Path, fields: str, more: str, says: str
+) -> None:
+    rows = [f"{0.1 * i:.1f},{i},{-i}\n" for i in range(40)]
+    (tmp_path / "my.csv").write_text("time,a,b\n" + "".join(rows))
+    note = (",note", f",{more}") if more else ("", "")
+    table = f"name,field,x{note[0]}\na,{fields},1{note[1]}\nb,{fields},2{note[1]}\n"
+    (tmp_path / "table.csv").write_text(table)
+    places = [f"path={tmp_path / 'my.csv'}", f"sensors={tmp_path / 'table.csv'}"]
+    with pytest.raises(InputError) as told:
+        init.main([*places, f"output={tmp_path / 'mine.yaml'}"])
+    assert says in str(told.value)
+    assert not (tmp_path / "mine.yaml").exists()
+
+
+def test_hundreds_of_columns_are_no_ode(tmp_path: Path) -> None:
+    names = ",".join(f"s{i}" for i in range(300))
+    rows = [f"{t}," + ",".join(["1.0"] * 300) + "\n" for t in range(30)]
+    (tmp_path / "wide.csv").write_text(f"time,{names}\n" + "".join(rows))
+    with pytest.raises(InputError, match="300 columns beside the time") as told:
+        init.main([f"path={tmp_path / 'wide.csv'}", f"output={tmp_path / 'mine.yaml'}"])
+    assert "sensors=TABLE.csv" in str(told.value)
+
+
 def test_names_that_yaml_reads_as_something_else_are_quoted(tmp_path: Path) -> None:
     config, _ = written(tmp_path, f"path={swing_csv(tmp_path, 'time,null,true')}")
     assert list(config.system.fields) == ["null", "true"]
