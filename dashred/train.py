@@ -13,6 +13,7 @@ import time
 from pathlib import Path
 
 from dashred.config import Config, config_sha256, load_config
+from dashred.config.open_lines import refuse_open_lines
 from dashred.errors import InputError, run_entry
 from dashred.mlflow_server import check_server
 
@@ -24,6 +25,7 @@ def main(argv: list[str]) -> int:
 
         return resume(argv)
     config = load_config(argv, entry="train")
+    refuse_open_lines(config)
     check_server(config.tracking.root)
     if config.recording.twin is not None:
         from dashred.twin_experiment import run_twin

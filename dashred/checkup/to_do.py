@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 from dashred.checkup.remark import Remark
 from dashred.config import Config
-from dashred.starter.document import TO_DO
+from dashred.config.open_lines import open_lines
 
 
 def left_to_do(config: Config) -> Iterator[Remark]:
     """Tell the lines of the system's file that are marked, and equations that are 0."""
-    marked = dict(_marked(config))
+    marked = open_lines(config)
     for line, says in marked.items():
         yield Remark(f"{line}: {says}", "to do")
     for field, text in config.system.equations.items():
@@ -29,12 +29,3 @@ def still(config: Config) -> list[str]:
 def is_zero(text: str) -> bool:
     """Whether an equation is nothing but a zero."""
     return text.strip() in ("0", "0.0", "-0")
-
-
-def _marked(config: Config) -> Iterator[tuple[str, str]]:
-    """Yield ``FILE:LINE`` and what stands behind the mark."""
-    label = config.where("")
-    for number, line in enumerate(config.source.read_text(encoding="utf-8-sig").splitlines(), 1):
-        written, mark, comment = line.partition(f"# {TO_DO}:")
-        if mark and written.strip():
-            yield f"{label}:{number}", comment.strip()

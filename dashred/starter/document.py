@@ -6,14 +6,13 @@ import json
 import re
 
 from dashred.config.kinds import NAME
+from dashred.config.open_lines import TO_DO
 from dashred.config.source import SCALARS
 from dashred.sensing.clock import fuller_step, own_step
 from dashred.sensing.recording import Recording
 from dashred.starter.columns import Guessed
 from dashred.starter.guess import Guess
 
-# What marks a line that the user has to see to; the check lists the lines that still have it.
-TO_DO = "TO DO"
 PLAIN = re.compile(r"[A-Za-z0-9_./~][A-Za-z0-9_./~ ()+-]*\Z")
 WHERE_COMMENTS_STAND = 30
 

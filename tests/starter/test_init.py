@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from dashred import init
+from dashred import init, train
 from dashred.config import Config, load_config
+from dashred.config.open_lines import refuse_open_lines
 from dashred.errors import InputError
 from tests.starter.strangers import bar_csv, swing_csv
 
@@ -17,6 +18,18 @@ def written(tmp_path: Path, *words: str) -> tuple[Config, str]:
     output = tmp_path / "mine.yaml"
     assert init.main([*words, f"output={output}"]) == 0
     return load_config([f"conf={output}"], entry="train"), output.read_text(encoding="utf-8")
+
+
+def test_what_is_still_to_do_is_not_analysed(tmp_path: Path) -> None:
+    written(tmp_path, f"path={swing_csv(tmp_path)}")
+    with pytest.raises(InputError, match="this line is still to do") as told:
+        train.main([f"conf={tmp_path / 'mine.yaml'}", f"output={tmp_path / 'out'}"])
+    assert "mine.yaml:" in str(told.value)
+    assert not (tmp_path / "out").exists()
+    given = load_config(
+        [f"conf={tmp_path / 'mine.yaml'}", "system.equations.speed=-angle"], entry="train"
+    )
+    refuse_open_lines(given)
 
 
 def test_columns_of_an_ode_are_its_fields_and_one_is_the_other_s_rate(tmp_path: Path) -> None:
