@@ -45,11 +45,13 @@ def check(config: Config) -> Page:
     from dashred.checkup.snapshots import about_snapshots
     from dashred.checkup.splits import about_splits
     from dashred.device import check_device
+    from dashred.mlflow_server import check_server
     from dashred.output import check_output
     from dashred.physics.side_by_side import use_threads
 
     check_device(config)
     check_output(config)
+    check_server(config.tracking.root)
     torch.set_num_threads(1)
     use_threads(config.threads)
     situation = situation_of(config)

@@ -16,6 +16,7 @@ from types import TracebackType
 OURS = frozenset({"dashred", "datamodules", "callbacks"})
 SPACE = "make room there, or write elsewhere: output=DIR tracking.root=DIR"
 RIGHTS = "give yourself the right to write there, or write elsewhere: output=DIR tracking.root=DIR"
+READING = "give yourself the right to read it"
 MEMORY = "close other programs, or ask for less: axes' points, simulation.members, threads"
 LOCKED = "end what else is using the MLflow store, or choose another: tracking.root=DIR"
 INSTALL = "`make setup` installs what is needed; run it as .venv/bin/python -m dashred.train"
@@ -99,7 +100,13 @@ def _system(error: BaseException) -> str | None:
         return None
     place = f"{error.filename}: " if error.filename else ""
     # HDF5 writes a page where the system has a phrase.
-    return f"{place}{os.strerror(error.errno)}\n  {HINTS[error.errno]}"
+    return f"{place}{os.strerror(error.errno)}\n  {_hint(error)}"
+
+
+def _hint(error: OSError) -> str:
+    hint, place = HINTS[error.errno or 0], error.filename
+    unread = hint == RIGHTS and os.path.exists(place or "") and not os.access(place, os.R_OK)
+    return READING if unread else hint
 
 
 def _database(error: BaseException) -> str | None:

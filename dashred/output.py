@@ -9,6 +9,7 @@ from tempfile import TemporaryFile
 from dashred.attempt import POINTER
 from dashred.config import Config
 from dashred.errors import InputError
+from dashred.given_path import is_server
 from dashred.reporting.figure_names import drawn_by_us
 from dashred.whole_files import clear_partial
 
@@ -44,21 +45,25 @@ def named_output(config: Config) -> Path | None:
 
 
 def check_output(config: Config) -> None:
-    """Make sure that the folder of `output=DIR` could be made and written to; leave nothing.
+    """Make sure that what a run writes to could be made and written to; leave nothing.
 
     Raises:
-        InputError: as :func:`named_output`.
+        InputError: as :func:`named_output`, or as the store of `tracking.root` would be refused.
     """
-    if not config.output:
-        return
-    folder = Path(config.output).absolute()
-    there = next(path for path in (folder, *folder.parents) if os.path.lexists(path))
+    if not is_server(config.tracking.root):
+        _check_possible(config.tracking.root, "choose another: tracking.root=DIR")
+    if config.output:
+        _check_possible(config.output, ANOTHER)
+        _check_ours(Path(config.output), config)
+
+
+def _check_possible(path: str, hint: str) -> None:
+    folder = Path(path).absolute()
+    there = next(each for each in (folder, *folder.parents) if os.path.lexists(each))
     if not there.is_dir():
         what = f"this folder cannot be made: {there} is no folder"
-        raise InputError(what, where=config.output, hint=ANOTHER)
-    _check_writable(there, config.output)
-    if there == folder:
-        _check_ours(folder, config)
+        raise InputError(what, where=path, hint=hint)
+    _check_writable(there, path, hint)
 
 
 def _check_ours(folder: Path, config: Config) -> None:
@@ -97,14 +102,14 @@ def make_output(path: str) -> Path:
     return folder
 
 
-def _check_writable(folder: Path, path: str) -> None:
+def _check_writable(folder: Path, path: str, hint: str = ANOTHER) -> None:
     try:
         # Rights alone do not tell: a disk may be mounted for reading only.
         with TemporaryFile(dir=folder):
             return
     except OSError as error:
         what = f"this folder cannot be written to: {error.strerror}"
-        raise InputError(what, where=path, hint=ANOTHER) from None
+        raise InputError(what, where=path, hint=hint) from None
 
 
 def clear_output(folder: Path) -> None:

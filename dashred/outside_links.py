@@ -10,14 +10,20 @@ from dashred.errors import InputError
 
 HINT = "write the values themselves into the file, as xarray's to_netcdf and to_zarr do"
 
+NEWER = 'convert it: nccopy -k nc4 OLD NEW, or xarray\'s to_netcdf(NEW, engine="h5netcdf")'
+
 
 def check_hdf5(path: str) -> None:
     """Look through the links and variables of an HDF5 file; none of its values is read.
 
     Raises:
-        InputError: a link leads to another file, or a variable's values lie in one.
+        InputError: a link leads to another file, or a variable's values lie in one; or the file is
+            of the kind before HDF5.
         OSError: it is no HDF5 file.
     """
+    with open(path, "rb") as classic:
+        if classic.read(3) == b"CDF":
+            raise InputError("this is NetCDF of the classic kind", where=path, hint=NEWER)
     # Imported late: a second, which reading a CSV need not wait for.
     import h5py  # type: ignore[import-untyped]
 

@@ -20,7 +20,8 @@ from dashred.mlflow_server import check_server
 
 def main(argv: list[str]) -> int:
     """Run the analysis, or the twin experiment around it."""
-    if any(word.startswith("resume=") for word in argv):
+    helping = {"--help", "-h"} & set(argv)
+    if not helping and any(word.startswith("resume=") for word in argv):
         from dashred.resume import resume
 
         return resume(argv)

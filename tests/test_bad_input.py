@@ -278,6 +278,7 @@ def command(*words: str) -> tuple[subprocess.CompletedProcess[str], float]:
     ("words", "code", "says"),
     [
         (["--help"], 0, "usage: python -m dashred.train conf=SYSTEM"),
+        (["resume=abc", "--help"], 0, "resume=RUN_ID"),
         (["conf=rde", "shred.lag=3"], 2, "shred.lags"),
         (["conf=rdee"], 2, "conf=rde"),
     ],

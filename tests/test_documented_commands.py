@@ -145,7 +145,7 @@ CHEAP: dict[str, Check] = {
     r"make [a-z-]+": make,
     r"source .*": activate,
     r"python -m dashred\.\w+ --help": run,
-    r"python -m dashred\.reference path=.*": run,
+    r"python -m dashred\.reference( path=.*)?": run,
     r"python -m dashred\.fetch path=.*": fetch,
     r"python -m dashred\.init path=.*": run,
 }

@@ -101,6 +101,16 @@ def test_what_was_there_stays_until_the_new_file_is_whole(tmp_path, monkeypatch)
     assert os.listdir(tmp_path) == ["findings.json"]
 
 
+def test_what_may_not_be_read_is_no_matter_of_writing(tmp_path: Path, monkeypatch) -> None:
+    path = tmp_path / "mine.yaml"
+    path.touch()
+    monkeypatch.setattr("os.access", lambda *_: False)
+    said = told(PermissionError(errno.EACCES, "Permission denied", str(path)))
+    assert said is not None and "the right to read it" in said
+    elsewhere = told(PermissionError(errno.EACCES, "Permission denied", "/mlruns/new"))
+    assert elsewhere is not None and "the right to write there" in elsewhere
+
+
 def test_an_interruption_leaves_no_half_of_a_file(tmp_path) -> None:
     with pytest.raises(KeyboardInterrupt), whole_file(tmp_path / "a.txt") as partial:
         partial.write_text("half")

@@ -199,6 +199,12 @@ def test_a_data_file_does_not_have_us_read_another(read, kind, tmp_path, monkeyp
     check_hdf5("own.nc")
 
 
+def test_netcdf_of_the_classic_kind_is_told_how_to_become_new(tmp_path) -> None:
+    (tmp_path / "old.nc").write_bytes(b"CDF\x01" + bytes(60))
+    with pytest.raises(InputError, match="nccopy -k nc4"):
+        check_hdf5(str(tmp_path / "old.nc"))
+
+
 def test_a_zarr_folder_does_not_have_us_read_another(tmp_path) -> None:
     (tmp_path / "runs" / "u").mkdir(parents=True)
     (tmp_path / "runs" / "u" / "0").write_bytes(b"their own")

@@ -16,6 +16,7 @@ from dashred.sensing.clock import GAP, own_step
 from dashred.sensing.noise import noise_std
 from dashred.sensing.recording import Recording
 from dashred.sensing.time_scale import A_PERIOD, samples_a_change, suggested_step
+from dashred.units import measured
 
 # Steps that differ from the mean by more than this share make a clock irregular.
 IRREGULAR = 0.05
@@ -37,7 +38,8 @@ def about_recording(situation: Situation) -> Iterator[Remark]:
         return
     times = recording.times
     span = f"{len(times)} samples of {counted(len(recording.sensors), 'sensor')}"
-    yield Remark(f"{span}, t from {times[0]:.6g} to {times[-1]:.6g}")
+    end = measured(f"{times[-1]:.6g}", situation.system.units.get("t"))
+    yield Remark(f"{span}, t from {times[0]:.6g} to {end}")
     if situation.episodes > 1:
         yield Remark(
             f"That is the longest of {situation.episodes} episodes; of the others, the starts "

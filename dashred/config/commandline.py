@@ -28,7 +28,8 @@ usage: python -m dashred.{entry} conf=SYSTEM [key=value ...]
 A twin experiment, whose truth is hidden:  recording.twin=NAME
 Your own recording:                        recording.path=FILE [recording.sensors=TABLE.csv]
 Run the code of a system's Python class:   trust=MODULE.CLASS
-A system's own keys are described in dashred/config/schema.py. All others, with their defaults:
+Go on with a run that was cut short:       python -m dashred.train resume=RUN_ID
+Every key with its meaning, a system's own among them: python -m dashred.reference. The defaults:
 
 {defaults}"""
 

@@ -23,7 +23,7 @@ HEAD = """\
 # are guesses from the recording, or defaults, which you may change. Then
 #   python -m dashred.check conf={name}    says within seconds what is wrong, doubtful or left to do
 #   python -m dashred.train conf={name}    finds what the simulator leaves out
-# Every other key, with its default: python -m dashred.train --help
+# Every other key, with its meaning and default: python -m dashred.reference
 
 system:                       # the simulator: your equations, as far as you know them
   title: {title}
@@ -59,6 +59,11 @@ AFTER_FIELDS = """\
 UNITS = """
   # As the recording states them; t is the time. Nothing is converted: equations are to be in them.
   units:
+"""
+
+UNITS_UNKNOWN = """
+  # Stated here, units go into findings and figures; nothing is converted, equations are in them.
+  # units: {t: s}
 """
 
 START = """
@@ -156,7 +161,7 @@ def _fields(guessed: Guessed) -> str:
 def _units(recording: Recording) -> str:
     """State the units that the files do: the whole configuration is to be in them."""
     if not recording.units:
-        return ""
+        return UNITS_UNKNOWN
     lines = [f"    {_key(name)}: {quoted(unit)}\n" for name, unit in recording.units.items()]
     return "".join([UNITS, *lines])
 

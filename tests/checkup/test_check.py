@@ -200,8 +200,16 @@ def test_what_this_machine_does_not_have_is_told_at_once(
     conf = f"conf={swing(tmp_path)}"
     with pytest.raises(InputError, match="0 CUDA devices, not 'cuda'"):
         check.main([conf, "device=cuda"])
-    with pytest.raises(InputError, match=r"cannot be made: .*swing\.csv is no folder"):
-        check.main([conf, f"output={tmp_path / 'swing.csv' / 'new'}"])
+    for key in ("output", "tracking.root"):
+        with pytest.raises(InputError, match=r"cannot be made: .*swing\.csv is no folder"):
+            check.main([conf, f"{key}={tmp_path / 'swing.csv' / 'new'}"])
+    with pytest.raises(InputError, match="no MLflow server answers"):
+        check.main([conf, "tracking.root=http://127.0.0.1:9"])
+
+
+def test_the_unit_of_the_clock_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = said(capsys, f"conf={swing(tmp_path)}", "system.units={t: h}")
+    assert "t from 0 to 39.8 h" in found
 
 
 def test_a_folder_that_could_be_made_is_not_made(
