@@ -79,7 +79,7 @@ def tree_of(module: str) -> ast.Module:
 
 
 TWIN_BRANCH = "config.recording.twin is not None"
-RESUME_BRANCH = "any((word.startswith('resume=') for word in argv))"
+RESUME_BRANCH = "not helping and any((word.startswith('resume=') for word in argv))"
 
 
 def train_without_its_branches() -> ast.Module:
@@ -91,7 +91,7 @@ def train_without_its_branches() -> ast.Module:
             assert isinstance(node.body[-1], ast.Return) and not node.orelse
             seen.append(ast.unparse(node.test))
             node.body = [ast.Pass()]
-    assert sorted(seen) == [RESUME_BRANCH, TWIN_BRANCH]
+    assert sorted(seen) == [TWIN_BRANCH, RESUME_BRANCH]
     return tree
 
 
