@@ -18,6 +18,8 @@ HOPELESS = 60.0
 # What is settled is fitted on until a step, or a round of them, gains next to nothing: also from so
 # much of the record, and from under so many times the noise.
 SETTLING_STEPS, SETTLED, WORTH, SHARES, LOOSER = 20, 1e-5, 1.0, (0.17, 0.25, 0.5), (2.0, 4.0)
+# What leaves so many times the noise's squares has lost the recording: no minimum nearby is right.
+LOST = 30.0
 
 
 @dataclass(frozen=True)
@@ -59,8 +61,11 @@ def settled(cause: Cause) -> Cause:
     """Return an explanation fitted until nothing is gained, from several beginnings.
 
     Over a long record of chaos the lowest minimum has many others around it. Some are none under
-    larger noise, others over a shorter stretch.
+    larger noise, others over a shorter stretch. What has lost the recording stays as it is: so
+    many fits of it took most of a run that had too few sensors to find a law.
     """
+    if cause.law.chi2 > LOST:
+        return cause
     objective, total = cause.objective, len(cause.objective.recorded)
     grown = [grow(objective, cause.phi, round(share * total)) for share in SHARES]
     loose = [replace(objective, noise=objective.noise.scaled(factor)) for factor in LOOSER]
