@@ -131,7 +131,11 @@ class Splits(TypedDict):
 
 
 class Input(TypedDict):
-    """Everything that determines the findings; the snapshots' hash, where there are any."""
+    """Everything that determines the findings; the snapshots' hash, where there are any.
+
+    `library_left_out` has the default terms that are proportional to another on the simulation,
+    `equation: term`, with that other.
+    """
 
     config: dict[str, Any]
     config_sha256: str
@@ -140,6 +144,7 @@ class Input(TypedDict):
     seed: int
     versions: dict[str, str]
     library_size: dict[str, int] | None
+    library_left_out: NotRequired[dict[str, str]]
     splits: Splits | None
 
 

@@ -72,6 +72,7 @@ def analyse(config: Config) -> Path:
     from dashred.stages.analysis import Analysis
     from dashred.stages.checkpoints import Checkpoints
     from dashred.stages.structure import check_structure
+    from dashred.stages.told_apart import told_apart
 
     provenance.prepare_torch(config)
     posed = problem.pose(config)
@@ -79,6 +80,7 @@ def analyse(config: Config) -> Path:
     seconds: dict[str, float] = {}
     clock = time.perf_counter()
     nominal = simulation.simulate_nominal(posed, seconds)
+    posed = told_apart(posed, nominal.states)
     check_structure(posed.system, posed.times, nominal.states)
     resolution = simulation.check(posed, nominal, seconds)
     ensemble = None

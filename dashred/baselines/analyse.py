@@ -67,6 +67,7 @@ def analyse(config: Config) -> None:
     from dashred.baselines.plain_shred import plain_shred
     from dashred.output import make_output
     from dashred.stages import problem, provenance, simulation
+    from dashred.stages.told_apart import told_apart
     from dashred.tracking import Tracker
 
     assert config.output is not None
@@ -75,8 +76,9 @@ def analyse(config: Config) -> None:
     if posed.others:
         fault = "the baselines read one episode, and the recording has several"
         raise InputError(fault, where=config.recording.path)
-    as_it_is = replace(posed, config=_plain(config))
     nominal = simulation.simulate_nominal(posed, {})
+    posed = told_apart(posed, nominal.states)
+    as_it_is = replace(posed, config=_plain(config))
     of_plain: dict[str, float] = {}
     plain = simulation.simulate_ensemble(as_it_is, nominal, of_plain)
     keep = config.tracking

@@ -13,11 +13,11 @@ from dashred.checkup.remark import Remark, doubtful
 from dashred.checkup.situation import Situation
 from dashred.checkup.to_do import still
 from dashred.errors import InputError
-from dashred.physics.library import refuse_collinear
+from dashred.physics.library import proportional_terms, refuse_collinear
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
 from dashred.physics.resolution import Readings, doubling_error, least_scale
 from dashred.physics.simulate import check_finite, simulate
-from dashred.physics.system import System
+from dashred.physics.system import System, Term
 from dashred.sensing.observation import ObservationOperator
 
 # Seconds for the nominal run, and for the run at doubled resolution.
@@ -94,17 +94,28 @@ def about_simulator(situation: Situation, simulated: Simulated) -> Iterator[Rema
 
 
 def _library(situation: Situation, simulated: Simulated) -> Iterator[Remark]:
-    """Tell of terms that a run would refuse."""
+    """Tell of terms that a run would refuse, or leave out of the default library."""
     # Those that a part of the record cannot tell apart the whole of it may.
     if len(simulated.times) < len(situation.times) or still(situation.config):
         return
+    own, begin = situation.config.library is not None, float(simulated.times[0])
+    terms = situation.system, situation.library, simulated.states, begin
     try:
-        begin = float(simulated.times[0])
-        refuse_collinear(situation.system, situation.library, simulated.states, begin)
+        if own:
+            refuse_collinear(*terms)
+        else:
+            yield from map(_left_out, proportional_terms(*terms).items())
     except InputError as error:
-        own = situation.config.library is not None
         hint = error.hint if own else "list the candidate terms yourself (library:), without one"
         yield Remark(f"{error.what}: no data could tell their coefficients", "wrong", hint)
+
+
+def _left_out(same: tuple[Term, Term]) -> Remark:
+    term, other = same
+    return Remark(
+        f"Of the default terms of {term.equation}, {term} is left out: it is {other} here, up to a "
+        "number"
+    )
 
 
 @torch.no_grad()

@@ -133,11 +133,15 @@ def evaluate_terms(system: System, library: Sequence[Term], states: Tensor, t: f
     return torch.stack([torch.as_tensor(f, dtype=torch.float64).expand(shape) for f in found])
 
 
-def refuse_collinear(system: System, library: Sequence[Term], states: Tensor, t: float) -> None:
-    """Refuse columns that are proportional on the simulation: no data could tell them apart.
+def proportional_terms(
+    system: System, library: Sequence[Term], states: Tensor, t: float
+) -> dict[Term, Term]:
+    """Return the terms whose columns are proportional to an earlier one's, with that term.
+
+    No data like the simulation, states ``(batch, field, *grid)``, could tell two such apart.
 
     Raises:
-        InputError: names both terms; or the one whose column is zero or not finite.
+        InputError: names the term whose column is zero or not finite.
     """
     columns = evaluate_terms(system, library, states, t).flatten(1)
     for term, column in zip(library, columns, strict=True):
@@ -149,14 +153,25 @@ def refuse_collinear(system: System, library: Sequence[Term], states: Tensor, t:
                 hint="leave it out",
             )
     unit = columns / columns.norm(dim=1, keepdim=True).clamp(min=1e-300)
-    for equation in dict.fromkeys(term.equation for term in library):
-        index = [j for j, term in enumerate(library) if term.equation == equation]
-        cosines = (unit[index] @ unit[index].T).abs() - torch.eye(len(index), device=unit.device)
-        worst = int(cosines.argmax())
-        first, second = (library[index[i]] for i in divmod(worst, len(index)))
-        if cosines.flatten()[worst] > 1 - COLLINEAR:
-            raise InputError(
-                f"the terms {str(first)!r} and {str(second)!r} are proportional on this system",
-                where=system.where(f"library.{equation}"),
-                hint="leave one of them out",
-            )
+    alike = (unit @ unit.T).abs() > 1 - COLLINEAR
+    same: dict[Term, Term] = {}
+    for later, term in enumerate(library):
+        for earlier, other in enumerate(library[:later]):
+            if alike[later, earlier] and other.equation == term.equation and other not in same:
+                same[term] = other
+                break
+    return same
+
+
+def refuse_collinear(system: System, library: Sequence[Term], states: Tensor, t: float) -> None:
+    """Refuse columns that are proportional on the simulation: no data could tell them apart.
+
+    Raises:
+        InputError: names both terms; or the one whose column is zero or not finite.
+    """
+    for second, first in proportional_terms(system, library, states, t).items():
+        raise InputError(
+            f"the terms {str(first)!r} and {str(second)!r} are proportional on this system",
+            where=system.where(f"library.{second.equation}"),
+            hint="leave one of them out",
+        )

@@ -35,6 +35,7 @@ from dashred.recorder import expression_of
 from dashred.stages.objectives import exact_simulator, pose_objective
 from dashred.stages.problem import Problem, pose
 from dashred.stages.simulation import simulate_nominal
+from dashred.stages.told_apart import told_apart
 from dashred.window_kinds import kind_found, kind_in_text, kind_of
 
 # What a true form has to beat others by for a case to be decidable.
@@ -203,7 +204,7 @@ def known(name: str, problem: Problem) -> tuple[StartModel, list[Candidate]]:
     """Return a system's start prior and its candidates: the same for all of its cases."""
     if name not in KEPT:
         nominal = simulate_nominal(problem, {})
-        begin = float(problem.times[0])
-        library = build_candidates(problem.system, problem.library, nominal.states, begin)
+        apart, begin = told_apart(problem, nominal.states), float(problem.times[0])
+        library = build_candidates(problem.system, apart.library, nominal.states, begin)
         KEPT[name] = nominal.prior, library
     return KEPT[name]

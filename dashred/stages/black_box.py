@@ -27,6 +27,7 @@ from dashred.stages import assimilation, learning, mismatch, problem, provenance
 from dashred.stages.checkpoints import Checkpoints
 from dashred.stages.problem import Problem
 from dashred.stages.snapshot_runs import SnapshotRuns
+from dashred.stages.told_apart import told_apart
 from dashred.tracking import Tracker
 
 # The longest step that is learnt is such a part of the fit window: drift shows over long ones.
@@ -69,6 +70,7 @@ def analyse_snapshots(config: Config) -> Path:
     seconds: dict[str, float] = {}
     clock = time.perf_counter()
     runs = snapshot_runs.read_runs(posed, seconds)
+    posed = told_apart(posed, runs.some)
 
     began = began_with(config, posed.recording_sha256) | {SNAPSHOTS: runs.sha256}
     with open_parent(config, named, began) as (run, folder):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
@@ -40,6 +40,8 @@ class Problem:
     Attributes:
         system: the simulator, under this episode's inputs.
         library: candidate terms.
+        same: default terms that are left out, each with the one that it is proportional to on the
+            simulation; known when that has run.
         recording_sha256: hash of the recording as it was read.
         times: analysis clock over the whole episode, ``(time,)``.
         clock: one sentence on how the clock came about.
@@ -61,6 +63,7 @@ class Problem:
     split: Split
     noise: dict[str, float]
     name: str = ""
+    same: Mapping[Term, Term] = field(default_factory=dict)
     others: tuple[Problem, ...] = ()
     whole: tuple[Problem, ...] = ()
     snapshots: Snapshots | None = None

@@ -12,7 +12,6 @@ from torch import Tensor
 from dashred.discovery.episodes import starts_of
 from dashred.discovery.starts import StartModel
 from dashred.physics.ensemble import Discrepancies, Ensemble, draw_ensemble
-from dashred.physics.library import refuse_collinear
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
 from dashred.physics.resolution import Resolution, check_resolution, least_scale
 from dashred.physics.simulate import check_finite, simulate
@@ -49,14 +48,13 @@ def simulate_nominal(problem: Problem, seconds: dict[str, float]) -> Nominal:
     """Run the simulator from its own established start.
 
     Raises:
-        InputError: it blows up, or two terms of the library cannot be told apart on it.
+        InputError: it blows up.
     """
     system, times = problem.system, problem.times
     with stage("spin up and simulate", seconds) as report:
         start = nominal_start(system, lambda done: report(0.8 * done, ""))
         path = simulate(system, start, times, progress=lambda done: report(0.8 + 0.2 * done, ""))
         check_finite(path, times, system)
-        refuse_collinear(system, problem.library, path[0], float(times[0]))
     modes = system.config.spread.get("modes")
     prior = StartPrior(system, start[0], field_rms(path[0]), None if modes is None else int(modes))
     further = [

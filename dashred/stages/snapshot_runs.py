@@ -11,7 +11,6 @@ from dashred.config import Config
 from dashred.discovery.analogs import window_misfits
 from dashred.errors import InputError
 from dashred.physics.ensemble import Ensemble
-from dashred.physics.library import refuse_collinear
 from dashred.progress import stage
 from dashred.stages.problem import Problem
 
@@ -39,6 +38,12 @@ class SnapshotRuns:
     held_out: int
     sha256: str
 
+    @property
+    def some(self) -> Tensor:
+        """States on which the library's columns are compared, ``(state, field, *grid)``."""
+        states = self.ensemble.states.flatten(0, 1)
+        return states[:: max(1, len(states) // COMPARED)]
+
     def configured(self, config: Config) -> Config:
         """Return the settings with the number of trajectories that there are."""
         members, settings = len(self.ensemble.states), config.simulation
@@ -51,8 +56,7 @@ def read_runs(problem: Problem, seconds: dict[str, float]) -> SnapshotRuns:
     """Read the runs and cut them into stretches no longer than the fit window.
 
     Raises:
-        InputError: a value is not finite, the runs are too few or too short, or two terms of the
-            library cannot be told apart on them.
+        InputError: a value is not finite, or the runs are too few or too short.
     """
     snapshots, settings = problem.snapshots, problem.config.simulation
     assert snapshots is not None
@@ -63,9 +67,6 @@ def read_runs(problem: Problem, seconds: dict[str, float]) -> SnapshotRuns:
         length = stretch_length(problem, members, samples)
         each = samples // length
         cut = states[:, : each * length].unflatten(1, (each, length)).flatten(0, 1)
-        some = cut.flatten(0, 1)
-        some = some[:: max(1, len(some) // COMPARED)]
-        refuse_collinear(problem.system, problem.library, some, float(problem.times[0]))
         ensemble = Ensemble(problem.times[:length], cut, torch.zeros((len(cut), 0)).double())
         share = settings.held_out / settings.members
         held_out = _held_out(members, each, share)

@@ -170,7 +170,7 @@ def source_of(problem: Problem) -> Input:
     )
     if problem.others:
         splits["episodes"] = _episodes(problem)
-    return Input(
+    source = Input(
         config=json.loads(json.dumps(frozen_input(config))),
         config_sha256=config_sha256(config),
         recording_sha256=problem.recording_sha256,
@@ -179,6 +179,11 @@ def source_of(problem: Problem) -> Input:
         library_size=sizes,
         splits=splits,
     )
+    if problem.same:
+        source["library_left_out"] = {
+            f"{term.equation}: {term}": str(other) for term, other in problem.same.items()
+        }
+    return source
 
 
 def _episodes(problem: Problem) -> list[EpisodeSplit]:

@@ -8,7 +8,13 @@ import pytest
 import torch
 
 from dashred.errors import InputError
-from dashred.physics.library import build_library, default_terms, evaluate_terms, refuse_collinear
+from dashred.physics.library import (
+    build_library,
+    default_terms,
+    evaluate_terms,
+    proportional_terms,
+    refuse_collinear,
+)
 
 AXES = [
     "{}",
@@ -93,6 +99,19 @@ def test_columns_that_data_cannot_tell_apart_are_refused(make_system, terms, sta
     with pytest.raises(InputError) as caught:
         refuse_collinear(system, library, state + 2 if states else state, 1.0)
     assert all(word in caught.value.what for word in says)
+
+
+def test_of_terms_that_are_the_same_the_earlier_stays(make_system):
+    system = declare(make_system, AXES[1], "uv")
+    state = 2 + torch.sin(2 * torch.pi * system.grid.coordinates["x"] / 3).expand(1, 2, -1)
+    texts = ["1", "u", "abs(u)", "sign(u)", "u*v", "v*abs(v)", "v**2"]
+    library = build_library(system, {"u": texts, "v": ["abs(u)"]})
+    same = proportional_terms(system, library, state, 0.0)
+    # u and v have the same values here.
+    told = {(term.equation, str(term)): str(other) for term, other in same.items()}
+    assert set(told) == {("u", "abs(u)"), ("u", "sign(u)"), ("u", "v*abs(v)"), ("u", "v**2")}
+    assert told["u", "abs(u)"] == "u" and told["u", "sign(u)"] == "1"
+    assert told["u", "v**2"] == told["u", "v*abs(v)"] == "u*v"
 
 
 def test_one_column_in_two_equations_is_not_collinear(make_system):

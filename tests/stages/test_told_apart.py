@@ -1,0 +1,66 @@
+"""Of the default library what no data could tell apart is left out; a list of one's own is kept."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dashred.config import load_config
+from dashred.errors import InputError
+from dashred.stages.problem import Problem, pose
+from dashred.stages.simulation import simulate_nominal
+from dashred.stages.told_apart import told_apart
+from dashred.stages.verification import source_of
+
+TEXT = """
+system:
+  title: hares and lynxes
+  fields: {a: prey, b: predators}
+  equations: {a: a - a*b, b: a*b - b}
+  start: {a: 1.5, b: 1}
+  spread: {a: 0.1, b: 0.1}
+  integrator: {dt: 0.05}
+"""
+
+
+def posed(folder: Path, *words: str) -> Problem:
+    """Return two populations, never negative, as three episodes."""
+    (folder / "hares.yaml").write_text(TEXT)
+    t = 0.1 * np.arange(30)
+    rows = np.stack([t, 1 + 0.5 * np.cos(t), 1 + 0.4 * np.sin(t)], axis=1)
+    with (folder / "hares.csv").open("w") as file:
+        file.write("episode,time,a,b\n")
+        for name in "xyz":
+            file.writelines(f"{name},{at:.1f},{a:.4f},{b:.4f}\n" for at, a, b in rows)
+    return pose(
+        load_config(
+            [f"conf={folder / 'hares.yaml'}", f"recording.path={folder / 'hares.csv'}", *words],
+            entry="train",
+        )
+    )
+
+
+def test_a_field_that_is_never_negative_is_its_own_magnitude(tmp_path: Path) -> None:
+    problem = posed(tmp_path)
+    apart = told_apart(problem, simulate_nominal(problem, {}).states)
+    names = {(term.equation, str(term)) for term in apart.library}
+    assert {("a", "1"), ("a", "a"), ("a", "a**2"), ("b", "a*b")} <= names
+    assert not {("a", "sign(a)"), ("b", "a*abs(a)"), ("a", "b*abs(b)")} & names
+    assert len(apart.library) == len(problem.library) - 8
+    assert all(part.library == apart.library for part in (*apart.others, *apart.whole))
+    left_out = source_of(apart)["library_left_out"]
+    assert left_out["a: sign(a)"] == "1" and len(left_out) == 8
+    assert "library_left_out" not in source_of(problem)
+
+
+def test_a_list_of_ones_own_is_refused_with_both_named(tmp_path: Path) -> None:
+    problem = posed(tmp_path, "library={a: [a, abs(a)]}")
+    with pytest.raises(InputError, match=r"'a' and 'abs\(a\)' are proportional"):
+        told_apart(problem, simulate_nominal(problem, {}).states)
+
+
+def test_a_list_that_can_be_told_apart_is_kept(tmp_path: Path) -> None:
+    problem = posed(tmp_path, "library={a: [a, a**2]}")
+    assert told_apart(problem, simulate_nominal(problem, {}).states) is problem
