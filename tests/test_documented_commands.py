@@ -1,8 +1,9 @@
 """Every command that the documents show works.
 
 The cheap ones are run as a reader would, one after the other, in a folder of their own. Of the dear
-ones the words are read by the entry point's own reader; the tutorial's analysis is run when there
-is time. A command of no category fails, so that none stands there unchecked.
+ones the words are read by the entry point's own reader; the analyses of the tutorial and of the
+reader's own systems are run when there is time. A command of no category fails, so that none stands
+there unchecked.
 """
 
 from __future__ import annotations
@@ -23,11 +24,12 @@ from threading import Thread
 
 import pytest
 
+from tests.documents import blocks, snippets
+
 CHECKOUT = Path(__file__).resolve().parents[1]
 SHARED = CHECKOUT.parent / "shared" / "data"
 RECORDING = SHARED / "pendulum_single" / "recording.csv"
 DOCUMENTS = [CHECKOUT / "README.md", *sorted((CHECKOUT / "docs").glob("*.md"))]
-FENCE = re.compile(r"^( *)```(\w*)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"(python -m|make|pip|mlflow) ")
 MODULE = ["python", "-m"]
 SECONDS = 300
@@ -40,7 +42,7 @@ def commands(document: Path) -> list[list[str]]:
     In a block of ```sh every line is one; in others those that look like one.
     """
     found = []
-    for _, language, body in FENCE.findall(document.read_text(encoding="utf-8")):
+    for language, body in blocks(document):
         for line in body.replace("\\\n", " ").splitlines():
             if language == "sh" or COMMAND.match(line.strip()):
                 found.append(shlex.split(line, comments=True))
@@ -98,13 +100,6 @@ def train_words(words: list[str], folder: Path) -> None:
     load_config([word for word in words[3:] if not word.startswith("trust=")], entry="train")
 
 
-def check_words(words: list[str], folder: Path) -> None:
-    """Read the words of a check."""
-    from dashred.config import load_config
-
-    load_config(words[3:], entry="check")
-
-
 def resume_words(words: list[str], folder: Path) -> None:
     """Ask for a run that is not there: the words are right, the run is not."""
     command = [sys.executable, *words[1:], f"tracking.root={folder / 'mlruns'}"]
@@ -148,17 +143,21 @@ CHEAP: dict[str, Check] = {
     r"python -m dashred\.reference( path=.*)?": run,
     r"python -m dashred\.fetch path=.*": fetch,
     r"python -m dashred\.init path=.*": run,
+    r"python -m dashred\.check conf=.*": run,
 }
 WORDS: dict[str, Check] = {
     r"python -m dashred\.train conf=.*": train_words,
     r"python -m dashred\.train resume=RUN_ID.*": resume_words,
-    r"python -m dashred\.check conf=.*": check_words,
     r"mlflow (ui|server) .*": mlflow_words,
     r"python -m dashred\.(bench|compare) systems=.*": bench_words,
     r"python -m dashred\.prove cases=.*": proof_words,
 }
-# What `make test-all` runs to the end, in minutes. Benches and proofs take hours.
-RUN = r"python -m dashred\.train conf=pendulum recording\.path=pendulum\.csv output=pendulum-run"
+# What `make test-all` runs to the end, by where it leaves its findings; each takes minutes. Benches
+# and proofs take hours.
+RUNS = {
+    "tutorial.md": ["pendulum-run"],
+    "own-system.md": ["my_findings", "my_waves"],
+}
 
 
 def check_of(words: list[str]) -> Check:
@@ -176,10 +175,11 @@ def names(documents: list[Path]) -> Iterator[str]:
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return a folder as a reader's may be: with `conf/`, and with what is called the reader's own.
 
-    `my.csv` is a swing that dies away; `mine.yaml` is a simulation of it.
+    `my.csv` is a swing that dies away; `mine.yaml` is a simulation of it; `swing.nc` is written as
+    the page on the reader's own system says.
     """
     (tmp_path / "docs").mkdir()
     (tmp_path / "conf").symlink_to(CHECKOUT / "conf")
@@ -188,6 +188,10 @@ def folder(tmp_path: Path) -> Path:
         rows.append(f"{t:.2f},{exp(-t / 40) * cos(8 * t):.4f},{-8 * exp(-t / 40) * sin(8 * t):.4f}")
     (tmp_path / "my.csv").write_text("\n".join([*rows, ""]))
     shutil.copy(CHECKOUT / "conf" / "pendulum.yaml", tmp_path / "mine.yaml")
+    [program] = snippets(CHECKOUT / "docs" / "own-system.md", "python")
+    with monkeypatch.context() as there:
+        there.chdir(tmp_path)
+        exec(program, {})
     return tmp_path
 
 
@@ -199,25 +203,6 @@ def test_every_command_works_or_its_words_are_read(
     checks = [(check_of(words), words) for words in commands(document)]
     for check, words in checks:
         check(words, folder)
-
-
-def test_the_netcdf_that_is_described_is_read(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from dashred.config import load_config
-    from dashred.physics.system import System
-    from dashred.sensing.reader import read_recording
-
-    monkeypatch.chdir(folder)
-    text = (CHECKOUT / "docs" / "own-system.md").read_text(encoding="utf-8")
-    [body] = [body for _, language, body in FENCE.findall(text) if language == "python"]
-    exec(body, {})
-    config = load_config(["conf=pendulum"], entry="test")
-    recording = read_recording("swing.nc", None, System(config.system, config.where))
-    assert [(s.name, s.reads, s.std) for s in recording.sensors] == [
-        ("angle", "theta", 0.01),
-        ("speed", "omega", None),
-    ]
 
 
 def test_a_command_of_no_category_fails() -> None:
@@ -232,18 +217,29 @@ def test_a_word_that_does_not_exist_fails(folder: Path) -> None:
         train_words([*MODULE, "dashred.train", "conf=rde", "recording.twni=b"], folder)
 
 
-def test_the_tutorial_has_commands_to_run_to_the_end() -> None:
-    lines = [" ".join(words) for words in commands(CHECKOUT / "docs" / "tutorial.md")]
-    assert any(re.fullmatch(RUN, line) for line in lines)
+def folder_of(words: list[str]) -> str | None:
+    """Return where a command leaves its findings, if it says so."""
+    return next(
+        (word.removeprefix("output=") for word in words if word.startswith("output=")), None
+    )
 
 
 @pytest.mark.slow
-def test_the_tutorial_ends_in_a_verdict(folder: Path) -> None:
-    for words in commands(CHECKOUT / "docs" / "tutorial.md"):
-        if words[:3] == [*MODULE, "dashred.fetch"]:
-            fetch(words, folder)
-        elif re.fullmatch(RUN, " ".join(words)):
+@pytest.mark.parametrize("name", RUNS)
+def test_a_document_ends_in_verdicts(
+    name: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    ended = []
+    for words in commands(CHECKOUT / "docs" / name):
+        if words[2:3] != ["dashred.train"]:
+            check_of(words)(words, folder)
+        elif folder_of(words) in RUNS[name]:
             run([*words, f"tracking.root={folder / 'mlruns'}"], folder)
-    summary = (folder / "pendulum-run" / "summary.txt").read_text(encoding="utf-8")
-    assert summary.startswith("Verdict: ")
-    assert (folder / "pendulum-run" / "report.html").is_file()
+            ended.append(folder_of(words))
+    assert ended == RUNS[name]
+    for output in RUNS[name]:
+        summary = (folder / output / "summary.txt").read_text(encoding="utf-8")
+        assert summary.startswith("Verdict: ")
+        assert (folder / output / "report.html").is_file()
+        assert (folder / output / "corrected.yaml").is_file()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +13,7 @@ from dashred.attempt import begin, words_of
 from dashred.config import Config, frozen_input, load_config
 from dashred.errors import InputError
 from tests.conftest import CHECKOUT
+from tests.documents import snippets
 
 PENDULUM = """\
 import pathlib
@@ -165,10 +165,8 @@ def test_trust_without_a_class_is_refused() -> None:
 def test_the_documents_example_is_taken_as_it_is_printed(tmp_path, monkeypatch) -> None:
     from dashred.physics.system import System
 
-    page = (Path(__file__).parents[1] / "docs" / "black-box.md").read_text()
-    section = page.partition("## A simulator in Python")[2]
-    [code] = re.findall(r"```python\n(.*?)```", section, re.DOTALL)
-    [text] = re.findall(r"```yaml\n(.*?)```", section, re.DOTALL)
+    page = Path(__file__).parents[1] / "docs" / "black-box.md"
+    code, text = snippets(page, "python")[-1], snippets(page, "yaml")[-1]
     (tmp_path / "mypkg.py").write_text(code)
     (tmp_path / "mine.yaml").write_text(text)
     monkeypatch.syspath_prepend(tmp_path)
