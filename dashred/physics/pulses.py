@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -95,6 +95,18 @@ class Drive:
 
     knots: Tensor
     values: Tensor
+
+    def at(self, t: float) -> Tensor:
+        """Return the forcing of every trajectory at one time, ``(row, equation, *grid)``."""
+        last = len(self.knots) - 2
+        k = min(max(int(torch.searchsorted(self.knots, t, right=True)) - 1, 0), last)
+        begin, end = float(self.knots[k]), float(self.knots[k + 1])
+        share = min(max((t - begin) / (end - begin), 0.0), 1.0)
+        return (1 - share) * self.values[:, k] + share * self.values[:, k + 1]
+
+    def row(self, i: int) -> Drive:
+        """Return the forcing of one trajectory."""
+        return replace(self, values=self.values[i : i + 1])
 
 
 def _bump(axis: Axis, x: Tensor, cell: int, cells: int) -> Tensor:

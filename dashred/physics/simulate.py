@@ -20,6 +20,7 @@ from dashred.physics.integrators.ode import (
 )
 from dashred.physics.integrators.schedule import schedule
 from dashred.physics.integrators.ssprk3 import SSPRK3
+from dashred.physics.pulses import Drive
 from dashred.physics.system import System
 from dashred.physics.tendency import GridTendency, SpectralTendency
 
@@ -37,8 +38,9 @@ def simulate(
     times: Tensor,
     forcing: Forcing | None = None,
     progress: Progress | None = None,
+    drive: Drive | None = None,
 ) -> Tensor:
-    """Integrate ``∂u/∂t = N(u, t) + Σ ξ θ(u)`` from ``times[0]`` on.
+    """Integrate ``∂u/∂t = N(u, t) + Σ ξ θ(u) + f(x, t)`` from ``times[0]`` on.
 
     Args:
         system: the equations, their grid and integrator.
@@ -46,23 +48,24 @@ def simulate(
         times: output times ``(time,)``, increasing, on the recording's clock.
         forcing: further terms with coefficients per trajectory.
         progress: called with the fraction done after every output time.
+        drive: a free forcing f of every trajectory.
 
     Returns:
         ``(batch, time, field, *grid)``. A trajectory that blows up is not finite from then on.
         Trajectories do not touch each other, up to rounding; adaptive methods (ODEs) choose
         their steps for the whole batch, so there up to the tolerance.
     """
-    if _long(system, start, times, forcing):
+    if drive is None and _long(system, start, times, forcing):
         from dashred.physics.compiled_march import march_compiled
         from dashred.physics.compiled_ode import integrate_compiled
 
         run = march_compiled if system.axes else integrate_compiled
         return run(system, start, times, forcing, progress)
     if not system.axes:
-        return _integrate_ode(system, start, times, forcing)
+        return _integrate_ode(system, start, times, forcing, drive)
     march = _spectral_march if system.spectral else _grid_march
     saved = []
-    for index, state in enumerate(march(system, start, times.tolist(), forcing)):
+    for index, state in enumerate(march(system, start, times.tolist(), forcing, drive)):
         saved.append(state)
         if progress is not None:
             progress(index / max(1, len(times) - 1))
@@ -121,10 +124,14 @@ def check_finite(trajectories: Tensor, times: Tensor, system: System) -> None:
 
 
 def _spectral_march(
-    system: System, start: Tensor, times: list[float], forcing: Forcing | None
+    system: System,
+    start: Tensor,
+    times: list[float],
+    forcing: Forcing | None,
+    drive: Drive | None,
 ) -> Iterator[Tensor]:
     grid = system.grid
-    tendency = SpectralTendency(system, forcing, start.device)
+    tendency = SpectralTendency(system, forcing, start.device, drive)
     steppers = Steppers(tendency.linear, tendency)
     state, modes = start, start
     yield state
@@ -140,9 +147,13 @@ def _spectral_march(
 
 
 def _grid_march(
-    system: System, start: Tensor, times: list[float], forcing: Forcing | None
+    system: System,
+    start: Tensor,
+    times: list[float],
+    forcing: Forcing | None,
+    drive: Drive | None,
 ) -> Iterator[Tensor]:
-    tendency = GridTendency(system, forcing)
+    tendency = GridTendency(system, forcing, drive)
     state = start
     yield state
     for begin, end in pairwise(times):
@@ -153,46 +164,59 @@ def _grid_march(
         yield state
 
 
-def _integrate_ode(system: System, start: Tensor, times: Tensor, forcing: Forcing | None) -> Tensor:
+def _integrate_ode(
+    system: System, start: Tensor, times: Tensor, forcing: Forcing | None, drive: Drive | None
+) -> Tensor:
     if len(times) == 1:
         return start[:, None]
     if system.method in FIXED:
-        tendency = GridTendency(system, forcing)
+        tendency = GridTendency(system, forcing, drive)
         steps = substeps(times, system.dt)
         return integrate_fixed(tendency, start, times, system.method, steps).transpose(0, 1)
     try:
-        return _adaptive(system, start, times, forcing)
+        return _adaptive(system, start, times, forcing, drive)
     except FloatingPointError:
         # One member that leaves every bound must not take the others with it.
-        rows = range(len(start))
-        alone = [_until_blow_up(system, start[i : i + 1], times, _row(forcing, i)) for i in rows]
+        alone = [
+            _until_blow_up(
+                system, start[i : i + 1], times, _row(forcing, i), drive and drive.row(i)
+            )
+            for i in range(len(start))
+        ]
         return torch.cat(alone)
 
 
-def _adaptive(system: System, start: Tensor, times: Tensor, forcing: Forcing | None) -> Tensor:
+def _adaptive(
+    system: System, start: Tensor, times: Tensor, forcing: Forcing | None, drive: Drive | None
+) -> Tensor:
     integrator = system.config.integrator
     tolerances = integrator.rtol, integrator.atol
-    tendency = GridTendency(system, forcing)
+    tendency = GridTendency(system, forcing, drive)
     path = integrate_adaptive(tendency, start, times, system.method, *tolerances)
     return path.transpose(0, 1)
 
 
-def _until_blow_up(system: System, start: Tensor, times: Tensor, forcing: Forcing | None) -> Tensor:
+def _until_blow_up(
+    system: System, start: Tensor, times: Tensor, forcing: Forcing | None, drive: Drive | None
+) -> Tensor:
     path = [start]
     for window in times.unfold(0, 2, 1):
         try:
-            path.append(_adaptive(system, path[-1], window, forcing)[:, -1])
+            path.append(_adaptive(system, path[-1], window, forcing, drive)[:, -1])
         except FloatingPointError:
-            path.append(_overrun(system, path[-1], window, forcing))
+            path.append(_overrun(system, path[-1], window, forcing, drive))
             break
     lost = torch.full_like(start, torch.nan)
     return torch.stack(path + [lost] * (len(times) - len(path)), dim=1)
 
 
-def _overrun(system: System, state: Tensor, window: Tensor, forcing: Forcing | None) -> Tensor:
+def _overrun(
+    system: System, state: Tensor, window: Tensor, forcing: Forcing | None, drive: Drive | None
+) -> Tensor:
     """Run into the infinity that adaptive steps stop short of, to see whose field it is."""
     steps = substeps(window, float(window[1] - window[0]) / OVERRUN_STEPS)
-    end = integrate_fixed(GridTendency(system, forcing), state, window, "rk4", steps)[-1]
+    tendency = GridTendency(system, forcing, drive)
+    end = integrate_fixed(tendency, state, window, "rk4", steps)[-1]
     return torch.full_like(end, torch.nan) if torch.isfinite(end).all() else end
 
 

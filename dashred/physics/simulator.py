@@ -48,24 +48,24 @@ class Interpreted:
     def __call__(
         self, start: Tensor, times: Tensor, weights: Tensor, drive: Drive | None = None
     ) -> Tensor:
-        """Return ``(batch, time, field, *grid)`` for the weights of each trajectory.
-
-        Raises:
-            ValueError: there is a drive, which compiled systems alone can have.
-        """
-        if drive is not None:
-            raise ValueError("a drive is for compiled systems")
+        """Return ``(batch, time, field, *grid)`` for the weights and forcing of each trajectory."""
         columns = Columns(len(self.terms), self.shapes)
         if not self.shapes:
-            return simulate(self.system, start, times, Forcing(self.terms, weights))
-        rows = zip(start, weights, strict=True)
-        return torch.cat([self._one(mine[None], times, columns, row) for mine, row in rows])
+            forcing = Forcing(self.terms, weights)
+            return simulate(self.system, start, times, forcing, drive=drive)
+        alone = [
+            self._one(start[i : i + 1], times, columns, row, drive and drive.row(i))
+            for i, row in enumerate(weights)
+        ]
+        return torch.cat(alone)
 
-    def _one(self, start: Tensor, times: Tensor, columns: Columns, weights: Tensor) -> Tensor:
+    def _one(
+        self, start: Tensor, times: Tensor, columns: Columns, weights: Tensor, drive: Drive | None
+    ) -> Tensor:
         window = columns.window(weights)
         inside = [Term(t.equation, multiply((t.expression, window))) for t in self.terms]
         forcing = Forcing((*self.terms, *inside), weights[None, : 2 * columns.terms])
-        return simulate(self.system, start, times, forcing)
+        return simulate(self.system, start, times, forcing, drive=drive)
 
     def with_step(self, dt: float) -> Interpreted:
         """Return the same with another time step."""

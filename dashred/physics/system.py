@@ -66,7 +66,7 @@ class System:
         self.grid = Grid(tuple(_axis(n, a, where) for n, a in config.axes.items()))
         self.spectral = bool(config.axes) and config.integrator.space == "spectral"
         self.dt = _number(_step(config.integrator), where("system.integrator.dt"))
-        self.method = config.integrator.method or self._default_method()
+        self.method = self._method()
         self.lets: dict[str, Expr] = {}
         for name, text in config.let.items():
             expr = self.parse(text, f"system.let.{name}")
@@ -81,7 +81,6 @@ class System:
             field: self.ready(expr, field, f"system.equations.{field}")
             for field, expr in self.equations.items()
         }
-        self._check_method()
         self._check_energy()
 
     @cached_property
@@ -217,19 +216,21 @@ class System:
         odd = self.reflection.fields[equation]
         return self.reflection.extended(self.resolve(expr, key), odd)
 
-    def _default_method(self) -> str:
-        if not self.config.axes:
-            return "dopri5"
-        return "etdrk4" if self.spectral else "ssprk3"
+    def _method(self) -> str:
+        """Return the integrator: that which is named, or the first of its kind.
 
-    def _check_method(self) -> None:
-        allowed = METHODS["ode" if not self.axes else self.config.integrator.space]
-        if self.method not in allowed:
+        Raises:
+            InputError: it is of another kind.
+        """
+        allowed = METHODS[self.config.integrator.space if self.config.axes else "ode"]
+        method = self.config.integrator.method or allowed[0]
+        if method not in allowed:
             raise InputError(
-                f"integrator {self.method!r} does not fit this system",
+                f"integrator {method!r} does not fit this system",
                 where=self.where("system.integrator.method"),
                 hint=f"choose from: {', '.join(allowed)}",
             )
+        return method
 
     def _check_energy(self) -> None:
         text, key = self.config.energy, "system.energy"

@@ -10,6 +10,7 @@ from dashred.physics.dense_forcing import TermwiseForcing, forcing_evaluator
 from dashred.physics.forcing import Forcing
 from dashred.physics.linear import split_linear, symbols
 from dashred.physics.program import Program
+from dashred.physics.pulses import Drive
 from dashred.physics.spectral import Spectral
 from dashred.physics.system import System, Term
 from dashred.physics.value import Value, total
@@ -18,8 +19,10 @@ from dashred.physics.value import Value, total
 class GridTendency:
     """``N`` on the grid: ``(state, t)`` → ``(batch, field, *grid)``; also for ODE systems."""
 
-    def __init__(self, system: System, forcing: Forcing | None = None) -> None:
-        self.system, self.operators = system, system.operators
+    def __init__(
+        self, system: System, forcing: Forcing | None = None, drive: Drive | None = None
+    ) -> None:
+        self.system, self.operators, self.drive = system, system.operators, drive
         self.program = Program(list(system.resolved.values()))
         self.forcing = None
         if forcing is not None:
@@ -33,7 +36,8 @@ class GridTendency:
             tendencies = _summed(tendencies, self.forcing(values))
         found = [torch.as_tensor(self.operators.on_grid(value)) for value in tendencies]
         shape = (len(state), *self.system.grid.shape)
-        return torch.stack([f.to(state).expand(shape) for f in found], dim=1)
+        rates = torch.stack([f.to(state).expand(shape) for f in found], dim=1)
+        return rates if self.drive is None else rates + self.drive.at(t)
 
 
 class SpectralTendency:
@@ -44,10 +48,16 @@ class SpectralTendency:
             equation in its own field, the forcing's own such terms included.
     """
 
-    def __init__(self, system: System, forcing: Forcing | None, device: torch.device) -> None:
+    def __init__(
+        self,
+        system: System,
+        forcing: Forcing | None,
+        device: torch.device,
+        drive: Drive | None = None,
+    ) -> None:
         operators = system.operators
         assert isinstance(operators, Spectral)
-        self.system, self.operators = system, operators
+        self.system, self.operators, self.drive = system, operators, drive
         parts = [split_linear(expr, field) for field, expr in system.resolved.items()]
         self.program = Program([rest for _, rest in parts])
         self.linear = symbols([linear for linear, _ in parts], operators, device)[None]
@@ -68,7 +78,10 @@ class SpectralTendency:
         tendencies = self.program(values, self.operators)
         if self.forcing is not None:
             tendencies = _summed(tendencies, self.forcing(values))
-        return self.kept(self.operators.stacked_modes(tendencies, like=modes[:, 0]))
+        rates = self.operators.stacked_modes(tendencies, like=modes[:, 0])
+        if self.drive is not None:
+            rates = rates + torch.fft.rfftn(self.drive.at(t), dim=grid.dims)
+        return self.kept(rates)
 
     def kept(self, modes: Tensor) -> Tensor:
         """Return the modes that the 2/3 rule keeps: all of them unless it was asked for."""

@@ -114,8 +114,51 @@ def test_tangents_are_the_derivative_of_driven_runs(wave: System) -> None:
     assert float((columns[:, 0] - expected).norm()) < 1e-6 * float(expected.norm())
 
 
-def test_what_is_interpreted_cannot_be_driven(wave: System) -> None:
-    run = Interpreted(wave, ())
-    drive = Drive(TIMES, torch.zeros((1, len(TIMES), 2, 32), dtype=torch.float64))
-    with pytest.raises(ValueError, match="compiled"):
-        run(nominal_start(wave), TIMES, torch.zeros((1, 0)).double(), drive)
+@pytest.mark.parametrize("text", [WAVE, SWING])
+def test_what_is_interpreted_is_driven_as_what_is_compiled(tmp_path: Path, text: str) -> None:
+    system = laws.declared(tmp_path, text + REST)
+    terms = laws.term(system, system.fields[-1], "t").terms
+    start, drive = driven(system)
+    weights = torch.tensor([[0.1], [-0.2]], dtype=torch.float64)
+    runs = (made(start, TIMES, weights, drive) for made in (
+        Interpreted(system, terms), compiled(system, terms)))  # fmt: skip
+    torch.testing.assert_close(*runs, rtol=1e-9, atol=1e-9)
+
+
+def test_adaptive_steps_are_driven_as_fixed_ones(tmp_path: Path) -> None:
+    fixed = laws.declared(tmp_path, SWING + REST)
+    adaptive = laws.declared(tmp_path, SWING.replace("rk4", "dopri5") + REST)
+    start, drive = driven(fixed)
+    found = simulate(adaptive, start, TIMES, drive=drive)
+    torch.testing.assert_close(found, simulate(fixed, start, TIMES, drive=drive), rtol=0, atol=1e-6)
+    assert float((found - simulate(fixed, start, TIMES)).abs().max()) > 0.05
+
+
+def test_finite_differences_are_driven_as_by_a_force_of_time(tmp_path: Path) -> None:
+    text = WAVE.replace("{dt: 0.02}", "{dt: 0.02, space: finite-difference}")
+    system = laws.declared(tmp_path, text + REST)
+    start = nominal_start(system)
+    pulses = Pulses.over(system, TIMES, cells=4, knots=5)
+    amplitudes = torch.zeros((1, *pulses.shape), dtype=torch.float64)
+    amplitudes[0, 0] = 0.3 - 0.1 * pulses.knots
+    listed = tuple(laws.term(system, "u", text).terms[0] for text in ("1", "t"))
+    forcing = Forcing(listed, torch.tensor([[0.3, -0.1]], dtype=torch.float64))
+    found = simulate(system, start, TIMES, drive=pulses.drive(amplitudes))
+    torch.testing.assert_close(found, simulate(system, start, TIMES, forcing), rtol=0, atol=1e-10)
+
+
+def test_before_the_first_knot_and_after_the_last_a_drive_stays_what_it_is(wave: System) -> None:
+    values = torch.arange(3.0).double().reshape(1, 3, 1).expand(2, 3, 2)
+    drive = Drive(torch.tensor([1.0, 2.0, 4.0]).double(), values)
+    for t, expected in ((0.0, 0.0), (1.0, 0.0), (1.25, 0.25), (2.0, 1.0), (3.0, 1.5), (9.0, 2.0)):
+        torch.testing.assert_close(drive.at(t), torch.full((2, 2), expected).double())
+    assert len(drive.row(1).values) == 1
+
+
+def driven(system: System) -> tuple[torch.Tensor, Drive]:
+    """Return two starts, and a forcing of each."""
+    pulses = Pulses.over(system, TIMES, cells=4 if system.axes else 1, knots=5)
+    generator = torch.Generator().manual_seed(1)
+    amplitudes = 0.5 * torch.randn((2, *pulses.shape), generator=generator).double()
+    start = nominal_start(system)
+    return start.expand(2, *start.shape[1:]).contiguous(), pulses.drive(amplitudes)

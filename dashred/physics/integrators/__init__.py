@@ -3,6 +3,6 @@
 METHODS = {
     "spectral": ("etdrk4",),
     "finite-difference": ("ssprk3",),
-    "ode": ("dopri5", "dopri8", "bosh3", "rk4", "midpoint", "euler"),
+    "ode": ("rk4", "dopri5", "dopri8", "bosh3", "midpoint", "euler"),
 }
 """Methods that fit each kind of space; the first is the default."""
