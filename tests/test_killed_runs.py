@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from queue import SimpleQueue
 
 import pytest
 
+from dashred.attempt import pointed_to
 from tests.conftest import CHECKOUT, Ended, run_command
 
 # What the run prints when a stage ends, or the file that it has begun to write.
@@ -81,22 +85,44 @@ def test_the_same_command_after_a_kill_gives_the_same_findings(
     point: str, quick: Path, twin_run: Ended, tmp_path: Path
 ) -> None:
     words = [f"conf={quick}", f"recording.path={twin_run.output / 'recording.nc'}"]
-    output = tmp_path / "output"
+    killed_at(point, tmp_path, words)
+    again = run_command(tmp_path, *words)
+    assert again.code == 0, again.err
+    assert again.read("findings.json") == twin_run.read("findings.json")
+    assert not list(again.output.glob(".*.partial"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("point", [*PRINTED[1:], *WRITTEN])
+def test_a_killed_run_is_resumed_by_its_name_to_the_same_findings(
+    point: str, quick: Path, twin_run: Ended, tmp_path: Path
+) -> None:
+    """Which also logs the surrogate, once, whatever the attempts."""
+    words = [f"conf={quick}", f"recording.path={twin_run.output / 'recording.nc'}"]
+    killed_at(point, tmp_path, [*words, "tracking.model=true"])
+    run_id = pointed_to(tmp_path / "output")
+    again = run_command(tmp_path, f"resume={run_id}")
+    assert again.code == 0, again.err
+    assert again.read("findings.json") == twin_run.read("findings.json")
+    assert json.loads(again.read("run.json"))["mlflow_run"] == run_id
+    with closing(sqlite3.connect(again.root / "mlflow.db")) as database:
+        [models] = database.execute("select count(*) from logged_models where status = 2")
+    assert models == (1,)
+
+
+def killed_at(point: str, folder: Path, words: list[str]) -> None:
+    """Begin a run with its output in a folder, and kill it when it has got so far."""
+    output = folder / "output"
 
     def reached(printed: list[str]) -> bool:
         if point in PRINTED:
             return any(point in line for line in printed)
         return any(output.glob(point))
 
-    process = start(tmp_path, words)
+    process = start(folder, words)
     printed, left = kill_when(process, reached)
     assert process.returncode == -signal.SIGKILL and not left, "".join(printed)
     assert not (output / "run.json").exists()
-
-    again = run_command(tmp_path, *words)
-    assert again.code == 0, again.err
-    assert again.read("findings.json") == twin_run.read("findings.json")
-    assert not list(output.glob(".*.partial"))
 
 
 @pytest.mark.slow

@@ -36,6 +36,10 @@ def fault_in_words(
             begin = measured(f"{fault.begin:.4g}", time)
             return f"sensor {fault.sensor} is stuck at {reading} from t = {begin} on"
         case "spikes":
-            return f"sensor {fault.sensor} has {fault.value:.0f} samples that are no readings"
+            count = round(fault.value)
+            samples = "1 sample that is no reading"
+            if count != 1:
+                samples = f"{count} samples that are no readings"
+            return f"sensor {fault.sensor} has {samples}"
     away = measured(told, units.get(place or ""))
     return f"sensor {fault.sensor} stands {away} from where it is said to"
