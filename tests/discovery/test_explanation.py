@@ -76,6 +76,10 @@ def test_a_term_in_a_window_says_where_it_acts(flow: System, shape, values, regi
             "sensor s1 has 3 samples that are no readings",
         ),
         (
+            SensorFault("spikes", "s1", 1.0, None, None),
+            "sensor s1 has 1 sample that is no reading",
+        ),
+        (
             SensorFault("misplaced", "s1", -0.12, 0.02, None),
             "sensor s1 stands −0.12 ± 0.02 from where it is said to",
         ),
