@@ -133,8 +133,8 @@ class Splits(TypedDict):
 class Input(TypedDict):
     """Everything that determines the findings; the snapshots' hash, where there are any.
 
-    `library_left_out` has the default terms that are proportional to another on the simulation,
-    `equation: term`, with that other.
+    `library_left_out` has the default terms, `equation: term`, of which data like the simulation
+    would tell nothing, and why.
     """
 
     config: dict[str, Any]

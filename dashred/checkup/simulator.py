@@ -13,7 +13,7 @@ from dashred.checkup.remark import Remark, doubtful
 from dashred.checkup.situation import Situation
 from dashred.checkup.to_do import still
 from dashred.errors import InputError
-from dashred.physics.library import proportional_terms, refuse_collinear
+from dashred.physics.library import refuse_collinear, uninformative_terms
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
 from dashred.physics.resolution import Readings, doubling_error, least_scale
 from dashred.physics.simulate import check_finite, simulate
@@ -104,18 +104,15 @@ def _library(situation: Situation, simulated: Simulated) -> Iterator[Remark]:
         if own:
             refuse_collinear(*terms)
         else:
-            yield from map(_left_out, proportional_terms(*terms).items())
+            yield from map(_left_out, uninformative_terms(*terms).items())
     except InputError as error:
-        hint = error.hint if own else "list the candidate terms yourself (library:), without one"
-        yield Remark(f"{error.what}: no data could tell their coefficients", "wrong", hint)
+        yield Remark(f"{error.what}: no data could tell their coefficients", "wrong", error.hint)
 
 
-def _left_out(same: tuple[Term, Term]) -> Remark:
-    term, other = same
-    return Remark(
-        f"Of the default terms of {term.equation}, {term} is left out: it is {other} here, up to a "
-        "number"
-    )
+def _left_out(term_and_why: tuple[Term, str | Term]) -> Remark:
+    term, why = term_and_why
+    told = f"it {why} here" if isinstance(why, str) else f"it is {why} here, up to a number"
+    return Remark(f"Of the default terms of {term.equation}, {term} is left out: {told}")
 
 
 @torch.no_grad()

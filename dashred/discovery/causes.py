@@ -13,7 +13,7 @@ from torch import Tensor
 
 from dashred.discovery.beyond import laws_beyond
 from dashred.discovery.candidates import Candidate
-from dashred.discovery.cause import HOPELESS, Cause, by_score
+from dashred.discovery.cause import HOPELESS, Cause, by_score, refitted
 from dashred.discovery.discovered import AMBIGUOUS, MISSING
 from dashred.discovery.forcing_map import ForcingMap
 from dashred.discovery.free_forcing import FreeForcing, force
@@ -24,7 +24,7 @@ from dashred.discovery.local_laws import local_laws
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.on_top import screened_on_top
-from dashred.discovery.own_noise import refitted_under_own_noise
+from dashred.discovery.own_noise import refitted_under, refitted_under_own_noise
 from dashred.discovery.periodic import periodic_laws
 from dashred.discovery.simpler import simpler_from_the_best
 from dashred.discovery.threshold_profile import with_profile
@@ -76,7 +76,7 @@ def weigh(
     everything: Objective,
     best: Cause,
     null: Cause,
-    contested: bool,
+    rivals: Sequence[Cause],
     additions: Additions,
     report: Report,
 ) -> Weighed:
@@ -86,10 +86,11 @@ def weigh(
         everything: F of all candidates over the whole record.
         best: the best law that acts everywhere.
         null: the simulator as it is.
-        contested: whether another law that acts everywhere does as well as the best.
+        rivals: other laws that act everywhere and do about as well as the best.
         additions: what may be added.
         report: progress.
     """
+    contested = len(best.law.candidates) > 1 and bool(rivals)
     left = look_for_unexplained(everything, best, null, contested, additions.size, report)
     found, gain = _without_places(left.best, left.null), left.gain
     bases = left.bases()
@@ -108,6 +109,7 @@ def weigh(
         report(0.4, "asking whether one term in a window, or beyond the library, does as well")
         found += _as_good(left, additions)
     found += simpler_from_the_best(found)
+    found += _rivals_of_the_faulty(left, found, rivals)
     if left.unclear:
         found = refitted_under_own_noise(found)
     nothing = min((cause for cause in found if not cause.law.parts), key=by_score)
@@ -175,6 +177,28 @@ def _without_places(best: Cause, null: Cause) -> list[Cause]:
     if best.law.candidates:
         found += faults(best, best.law.score)
     return found + wider_starts(null, best.law.score + HOPELESS)
+
+
+def _rivals_of_the_faulty(
+    left: Unexplained, found: Sequence[Cause], rivals: Sequence[Cause]
+) -> list[Cause]:
+    """Return the best law's rivals, with and without a fault, where it has won beside one itself.
+
+    Each of them alone stands farther from it than from the best law alone.
+    """
+    first, noise = min(found, key=by_score), left.everything.noise
+    if first.law.fault is None or _keys(first.law) != _keys(left.best.law):
+        return []
+    if left.fault is not None:
+        without = [refitted(rival, replace(rival.objective, noise=noise)) for rival in rivals]
+        return left.with_fault(without)
+    bound = first.law.score + AMBIGUOUS
+    mine = [refitted_under(rival, noise) for rival in rivals]
+    return [*mine, *(beside for rival in mine for beside in faults(rival, bound))]
+
+
+def _keys(law: Law) -> set[str]:
+    return {candidate.key for candidate in law.candidates}
 
 
 def _through(everything: Objective, simulator: Simulator) -> Objective:

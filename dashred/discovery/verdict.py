@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from torch import Tensor
@@ -84,7 +84,8 @@ def _not_converged(discovered: Discovered) -> str | None:
 def _causes(discovered: Discovered, tell: FaultTold) -> list[dict[str, Any]]:
     probabilities: dict[Verdict, float] = {}
     best: dict[Verdict, Law] = {}
-    for law, p in sorted(plausibility(discovered), key=lambda pair: pair[0].score):
+    plausible = plausibility(discovered)
+    for law, p in sorted(plausible, key=lambda pair: pair[0].score):
         kind = _kind(law)
         best.setdefault(kind, law)
         probabilities[kind] = probabilities.get(kind, 0.0) + p
@@ -94,8 +95,19 @@ def _causes(discovered: Discovered, tell: FaultTold) -> list[dict[str, Any]]:
         causes.append({"kind": kind} | probability | _details(law, tell))
         # More than one cause may be true: of a law and a fault the law stands first.
         if law.fault is not None and law.candidates:
-            causes.append({"kind": "sensor-fault"} | probability | _fault(law.fault, tell))
+            of_fault = {"probability": _of_fault(law.fault, plausible)}
+            causes.append({"kind": "sensor-fault"} | of_fault | _fault(law.fault, tell))
     return causes
+
+
+def _of_fault(fault: SensorFault, plausible: Sequence[tuple[Law, float]]) -> float:
+    """Return the share of the laws with a fault of this kind and sensor."""
+    found = [
+        p
+        for law, p in plausible
+        if law.fault and (law.fault.kind, law.fault.sensor) == (fault.kind, fault.sensor)
+    ]
+    return min(1.0, math.fsum(found))
 
 
 def _outside(discovered: Discovered) -> dict[str, Any]:

@@ -133,34 +133,29 @@ def evaluate_terms(system: System, library: Sequence[Term], states: Tensor, t: f
     return torch.stack([torch.as_tensor(f, dtype=torch.float64).expand(shape) for f in found])
 
 
-def proportional_terms(
+def uninformative_terms(
     system: System, library: Sequence[Term], states: Tensor, t: float
-) -> dict[Term, Term]:
-    """Return the terms whose columns are proportional to an earlier one's, with that term.
+) -> dict[Term, str | Term]:
+    """Return the terms of which data like the simulation could tell nothing, each with why.
 
-    No data like the simulation, states ``(batch, field, *grid)``, could tell two such apart.
-
-    Raises:
-        InputError: names the term whose column is zero or not finite.
+    Its column on the states ``(batch, field, *grid)`` vanishes, is not finite, or is proportional
+    to that of an earlier term of its equation, which then is the reason.
     """
     columns = evaluate_terms(system, library, states, t).flatten(1)
-    for term, column in zip(library, columns, strict=True):
-        if not torch.isfinite(column).all() or not column.any():
-            fault = "vanishes" if torch.isfinite(column).all() else "is not finite"
-            raise InputError(
-                f"the term {str(term)!r} {fault} on the simulation",
-                where=system.where(f"library.{term.equation}"),
-                hint="leave it out",
-            )
+    why: dict[Term, str | Term] = {}
+    for j, term in enumerate(library):
+        if not torch.isfinite(columns[j]).all():
+            why[term], columns[j] = "is not finite", 0.0
+        elif not columns[j].any():
+            why[term] = "vanishes"
     unit = columns / columns.norm(dim=1, keepdim=True).clamp(min=1e-300)
     alike = (unit @ unit.T).abs() > 1 - COLLINEAR
-    same: dict[Term, Term] = {}
     for later, term in enumerate(library):
         for earlier, other in enumerate(library[:later]):
-            if alike[later, earlier] and other.equation == term.equation and other not in same:
-                same[term] = other
+            if alike[later, earlier] and other.equation == term.equation and other not in why:
+                why[term] = other
                 break
-    return same
+    return why
 
 
 def refuse_collinear(system: System, library: Sequence[Term], states: Tensor, t: float) -> None:
@@ -169,9 +164,11 @@ def refuse_collinear(system: System, library: Sequence[Term], states: Tensor, t:
     Raises:
         InputError: names both terms; or the one whose column is zero or not finite.
     """
-    for second, first in proportional_terms(system, library, states, t).items():
-        raise InputError(
-            f"the terms {str(first)!r} and {str(second)!r} are proportional on this system",
-            where=system.where(f"library.{second.equation}"),
-            hint="leave one of them out",
-        )
+    for term, why in uninformative_terms(system, library, states, t).items():
+        where = system.where(f"library.{term.equation}")
+        if isinstance(why, str):
+            fault, hint = f"the term {str(term)!r} {why} on the simulation", "leave it out"
+        else:
+            fault = f"the terms {str(why)!r} and {str(term)!r} are proportional on this system"
+            hint = "leave one of them out"
+        raise InputError(fault, where=where, hint=hint)

@@ -97,9 +97,9 @@ def _set_up(findings: Mapping[str, Any]) -> list[list[str]]:
         rows += [[role, ", ".join(splits[key])] for key, role in roles.items() if splits[key]]
     if sizes := source["library_size"]:
         rows.append(["library", ", ".join(f"{n} terms for {f}" for f, n in sizes.items())])
-    if same := source.get("library_left_out"):
-        told = ", ".join(f"{term} (as {other} on the simulation)" for term, other in same.items())
-        rows.append(["left out of it", told])
+    if left_out := source.get("library_left_out"):
+        told = ", ".join(f"{term} {why}" for term, why in left_out.items())
+        rows.append(["left out of it, for on the simulation", told])
     if noise := fit["noise_std"]:
         rows.append(["noise of the sensors, std", _noise(noise)])
     if fit["chi2"] is not None:

@@ -44,7 +44,7 @@ def weigh_causes(
     objective: Objective,
     samples: int,
     laws: Sequence[Law],
-    best: Tried,
+    ranked: Sequence[Tried],
     nothing: Tried,
     seed: Seed,
     report: Report,
@@ -57,13 +57,13 @@ def weigh_causes(
         objective: F of all candidates over the whole record, under the noise found so far.
         samples: how many of the record the laws were fitted to.
         laws: that act everywhere, the best first.
-        best: the best of them.
+        ranked: their fits.
         nothing: the simulator as it is.
         seed: the best of the start; where no law could be followed to the end of the record, the
             one from which most were says nothing.
         report: progress.
     """
-    begin = float(problem.times[0])
+    best, begin = ranked[0], float(problem.times[0])
     reached = samples == len(objective.recorded)
     if inflated(problem, objective.noise):
         # A sensor at fault can do that, and laws that were fitted under such noise say nothing.
@@ -85,18 +85,19 @@ def weigh_causes(
         if again is not None:
             everything, (null, fitted) = about(everything, nominal.start), again
     empty = Cause(law_of(null, fitted, (), fitted.cost), null, fitted.phi)
-    law = objective.only(best.members)
-    found = Cause(laws[0], law, best.phi[objective.places(best.members)]) if reached else empty
-    contested = (
-        len(best.members) > 1 and len(laws) > 1 and laws[1].score < laws[0].score + AMBIGUOUS
-    )
+    fits = [
+        Cause(law, objective.only(fit.members), fit.phi[objective.places(fit.members)])
+        for law, fit in zip(laws, ranked, strict=True)
+    ]
+    found = fits[0] if reached else empty
+    near = [fit for fit in fits[1:] if fit.law.score < laws[0].score + AMBIGUOUS]
     additions = Additions(
         everywhere=len(known),
         size=_tendency_size(problem.system, nominal.states, begin),
         compiled=lambda: _with_windows(problem, [*known, *local]),
         beyond=lambda: candidates_beyond(problem.system, problem.library, nominal.states, begin),
     )
-    weighed = weigh(everything, found, empty, contested, additions, report)
+    weighed = weigh(everything, found, empty, near if reached else [], additions, report)
     if not reached or null.shooting.start is not objective.shooting.start:
         return weighed
     return _beside(weighed, laws, objective) if weighed.laws[0].parts == laws[0].parts else weighed

@@ -75,13 +75,13 @@ def discover(
             objective = about(objective, selection.objective.shooting.start)
             report(1.0, f"{len(selection.tried)} sets refitted")
         with stage("fit the law to the end", seconds) as report:
-            laws, best, nothing = _finish(selection)
+            laws, ranked, nothing = _finish(selection)
             report(1.0, str(laws[0]))
         with stage("weigh other causes", seconds) as report:
             seen = replace(selection.objective.noise, seen=objective.noise.seen)
             whole, reach = replace(objective, noise=seen), walked.samples
             weighed = weigh_causes(
-                problem, nominal, whole, reach, laws, best, nothing, seeds[0], report
+                problem, nominal, whole, reach, laws, ranked, nothing, seeds[0], report
             )
             report(1.0, str(weighed.laws[0]))
         path = _path(selection, nothing)
@@ -142,11 +142,11 @@ def _proposals(
     return [members for members in sets if members]
 
 
-def _finish(selection: Selection) -> tuple[list[Law], Tried, Tried]:
+def _finish(selection: Selection) -> tuple[list[Law], list[Tried], Tried]:
     """Fit the best law and the empty one to the end; rivals stay as the search left them.
 
     Returns:
-        The laws, the best first; the fits of the best and of the empty one.
+        The laws, the best first; their fits; that of the empty one.
     """
     objective = selection.objective
     best = polish(objective, selection.tried[0], POLISHED)
@@ -162,7 +162,7 @@ def _finish(selection: Selection) -> tuple[list[Law], Tried, Tried]:
         return posterior(objective, normal, tried.phi, tried.members, readings, tried.score)
 
     ranked = sorted([best, *near], key=lambda tried: tried.score)
-    return [law(tried) for tried in ranked], ranked[0], nothing
+    return [law(tried) for tried in ranked], ranked, nothing
 
 
 def _empty(selection: Selection, best: Tried) -> Tried:

@@ -40,8 +40,8 @@ class Problem:
     Attributes:
         system: the simulator, under this episode's inputs.
         library: candidate terms.
-        same: default terms that are left out, each with the one that it is proportional to on the
-            simulation; known when that has run.
+        left_out: default terms of which the simulation says that data would tell nothing, with why:
+            the term that each is proportional to, or a word; known when that has run.
         recording_sha256: hash of the recording as it was read.
         times: analysis clock over the whole episode, ``(time,)``.
         clock: one sentence on how the clock came about.
@@ -63,7 +63,7 @@ class Problem:
     split: Split
     noise: dict[str, float]
     name: str = ""
-    same: Mapping[Term, Term] = field(default_factory=dict)
+    left_out: Mapping[Term, str | Term] = field(default_factory=dict)
     others: tuple[Problem, ...] = ()
     whole: tuple[Problem, ...] = ()
     snapshots: Snapshots | None = None

@@ -179,9 +179,10 @@ def source_of(problem: Problem) -> Input:
         library_size=sizes,
         splits=splits,
     )
-    if problem.same:
+    if problem.left_out:
         source["library_left_out"] = {
-            f"{term.equation}: {term}": str(other) for term, other in problem.same.items()
+            f"{term.equation}: {term}": why if isinstance(why, str) else f"is {why} times a number"
+            for term, why in problem.left_out.items()
         }
     return source
 

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from dashred.discovery.cause import Cause
 from dashred.discovery.causes import Additions, Weighed, weigh
-from dashred.discovery.discovered import MISSING
+from dashred.discovery.discovered import AMBIGUOUS, MISSING
 from dashred.discovery.free_forcing import force
 from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.inner_constants import tunable
@@ -47,7 +47,7 @@ def explained(waves: Waves, recorded: Tensor) -> Weighed:
         compiled=lambda: waves.simulator,
         beyond=lambda: waves.beyond,
     )
-    return weigh(everything, empty, empty, False, additions, lambda *_: None)
+    return weigh(everything, empty, empty, [], additions, lambda *_: None)
 
 
 def term(law: Law) -> str:
@@ -153,6 +153,36 @@ def test_a_faulty_sensor_beneath_a_law_is_named_and_left_out(waves: Waves) -> No
     assert fault is not None and fault.std is not None
     assert (fault.kind, fault.sensor) == ("bias", "s2")
     assert abs(fault.value - 0.4) < 4 * fault.std < 0.1
+
+
+def test_the_rivals_of_a_law_beside_a_fault_are_weighed_beside_it_too(waves: Waves) -> None:
+    """Else the law that wins beside the fault would pass for the only one."""
+    recorded = waves.recorded(SIGMA, 1, [(waves.everything["u: u"], -0.25)])
+    recorded[:, 2] += 0.2
+    # A term more costs nothing here: the data cannot tell the two apart.
+    best = fitted_law(waves, recorded, ["u: u"])
+    rival = fitted_law(waves, recorded, ["u: u", "v: 1"])
+    everything = waves.objective(recorded, SIGMA, list(waves.everything))
+    additions = Additions(len(waves.everything), waves.size, lambda: waves.simulator, list)
+    null = fitted_law(waves, recorded, [])
+    found = weigh(everything, best, null, [rival], additions, lambda *_: None)
+    first, second = found.laws[:2]
+    assert all(law.fault and law.fault.sensor == "s2" for law in (first, second))
+    assert second.score - first.score < AMBIGUOUS
+    keys = [{candidate.key for candidate in law.candidates} for law in (first, second)]
+    assert {"u: u"} in keys and {"u: u", "v: 1"} in keys
+    alone = weigh(everything, best, null, [], additions, lambda *_: None)
+    assert not any("v: 1" in {c.key for c in law.candidates} for law in alone.laws)
+
+
+def fitted_law(waves: Waves, recorded: Tensor, names: list[str]) -> Cause:
+    """Return a law that acts everywhere, fitted."""
+    objective = waves.objective(recorded, SIGMA, names)
+    begin = torch.zeros(objective.modes + len(names), dtype=torch.float64)
+    found = minimise(objective, begin, 20, 1e-6)
+    return Cause(
+        law_of(objective, found, waves.candidates(names), found.cost), objective, found.phi
+    )
 
 
 @pytest.mark.parametrize("bias", [0.0, 0.4])

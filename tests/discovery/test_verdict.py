@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -51,6 +52,12 @@ def test_a_sensor_and_the_start_may_be_the_cause(flow: System) -> None:
     assert [cause["kind"] for cause in causes[:2]] == ["missing-term", "sensor-fault"]
     assert found == "missing-term" and causes[1]["sensor"] == "s03"
     assert causes[0]["probability"] == causes[1]["probability"]
+    # A law is sure, and the fault beside it is not, where it does nearly as well without.
+    alone = laws.law([laws.term(flow, "u", "u")], [1.0], score=1.0)
+    _, [law, doubtful, *_] = verdict(laws.discovery(both, alone, laws.law(score=50.0)))
+    assert law["probability"] == pytest.approx(1.0)
+    assert doubtful["kind"] == "sensor-fault"
+    assert doubtful["probability"] == pytest.approx(1 / (1 + math.exp(-0.5)))
     # Either of two causes of different kinds may be the right one.
     other = laws.law([laws.term(flow, "u", "u")], [1.0], score=3.0)
     assert verdict(laws.discovery(laws.law(fault=fault), other))[0] == "ambiguous"

@@ -12,8 +12,8 @@ from dashred.physics.library import (
     build_library,
     default_terms,
     evaluate_terms,
-    proportional_terms,
     refuse_collinear,
+    uninformative_terms,
 )
 
 AXES = [
@@ -106,12 +106,26 @@ def test_of_terms_that_are_the_same_the_earlier_stays(make_system):
     state = 2 + torch.sin(2 * torch.pi * system.grid.coordinates["x"] / 3).expand(1, 2, -1)
     texts = ["1", "u", "abs(u)", "sign(u)", "u*v", "v*abs(v)", "v**2"]
     library = build_library(system, {"u": texts, "v": ["abs(u)"]})
-    same = proportional_terms(system, library, state, 0.0)
+    same = uninformative_terms(system, library, state, 0.0)
     # u and v have the same values here.
     told = {(term.equation, str(term)): str(other) for term, other in same.items()}
     assert set(told) == {("u", "abs(u)"), ("u", "sign(u)"), ("u", "v*abs(v)"), ("u", "v**2")}
     assert told["u", "abs(u)"] == "u" and told["u", "sign(u)"] == "1"
     assert told["u", "v**2"] == told["u", "v*abs(v)"] == "u*v"
+
+
+def test_what_vanishes_or_is_not_finite_is_told(make_system):
+    system = declare(make_system, AXES[1], "uv")
+    library = build_library(system, {"u": ["u", "exp(-u**2)", "exp(u)", "step(-u)", "abs(u)"]})
+    state = 1e5 * (2 + torch.rand((3, 2, *system.grid.shape), dtype=torch.float64))
+    why = uninformative_terms(system, library, state, 0.0)
+    told = {str(term): str(reason) for term, reason in why.items()}
+    assert told == {
+        "exp(-u**2)": "vanishes",
+        "exp(u)": "is not finite",
+        "step(-u)": "vanishes",
+        "abs(u)": "u",
+    }
 
 
 def test_one_column_in_two_equations_is_not_collinear(make_system):

@@ -51,7 +51,7 @@ def test_a_field_that_is_never_negative_is_its_own_magnitude(tmp_path: Path) -> 
     assert len(apart.library) == len(problem.library) - 8
     assert all(part.library == apart.library for part in (*apart.others, *apart.whole))
     left_out = source_of(apart)["library_left_out"]
-    assert left_out["a: sign(a)"] == "1" and len(left_out) == 8
+    assert left_out["a: sign(a)"] == "is 1 times a number" and len(left_out) == 8
     assert "library_left_out" not in source_of(problem)
 
 
@@ -64,3 +64,11 @@ def test_a_list_of_ones_own_is_refused_with_both_named(tmp_path: Path) -> None:
 def test_a_list_that_can_be_told_apart_is_kept(tmp_path: Path) -> None:
     problem = posed(tmp_path, "library={a: [a, a**2]}")
     assert told_apart(problem, simulate_nominal(problem, {}).states) is problem
+
+
+def test_where_nothing_moves_the_user_is_told(tmp_path: Path) -> None:
+    still = ["system.start.a=0", "system.start.b=0", "system.equations={a: -a, b: -b}"]
+    problem = posed(tmp_path, *still)
+    apart = told_apart(problem, simulate_nominal(problem, {}).states)
+    assert {str(term) for term in apart.library} == {"1"}
+    assert source_of(apart)["library_left_out"]["a: a"] == "vanishes"
