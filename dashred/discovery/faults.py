@@ -16,6 +16,7 @@ from torch import Tensor
 
 from dashred.discovery.faulty_shooting import MovedShooting, OffsetShooting, columns_of
 from dashred.discovery.gauss_newton import Fitted, minimise
+from dashred.discovery.normal_equations import solve
 from dashred.discovery.objective import Normal, Objective
 from dashred.physics.grid import Axis
 
@@ -106,11 +107,11 @@ def predicted(objective: Objective, normal: Normal, fault: Fault, states: Tensor
         precision = torch.cat([precision, mine.prior_std[-extra:] ** -2])
     goal = jacobian.T @ target
     hessian = jacobian.T @ jacobian + torch.diag(precision)
-    phi = torch.linalg.solve(hessian, goal)
+    phi = solve(hessian, goal[:, None])[:, 0]
     score = float(target.square().sum() - goal @ phi) + fault.constant
     first = len(phi) - extra
     own = torch.eye(len(phi), dtype=hessian.dtype)[:, first:]
-    stds = torch.linalg.solve(hessian, own)[first:].diagonal().sqrt()
+    stds = solve(hessian, own)[first:].diagonal().sqrt()
     return Predicted(score + _penalty(objective, fault), phi[first:], stds)
 
 

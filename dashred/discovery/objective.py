@@ -18,6 +18,7 @@ from torch import Tensor
 
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.noise_model import NoiseModel
+from dashred.discovery.normal_equations import solve
 from dashred.discovery.shooting import Shooting
 
 
@@ -168,7 +169,7 @@ class Normal:
     def solution(self, index: Sequence[int]) -> Tensor:
         """Return the minimum over some of the unknowns, the others zero: ``(len(index),)``."""
         chosen = list(index)
-        return torch.linalg.solve(self.hessian[chosen][:, chosen], self._goal[chosen])
+        return solve(self.hessian[chosen][:, chosen], self._goal[chosen, None])[:, 0]
 
     def least(self) -> float:
         """Return the minimum of F, were the model linear."""
@@ -180,7 +181,8 @@ class Normal:
         chosen = list(index)
         hessian = self.hessian[chosen][:, chosen]
         size = hessian.diagonal().sqrt()
-        return torch.linalg.inv(hessian / size[:, None] / size) / size[:, None] / size
+        eye = torch.eye(len(size), dtype=hessian.dtype)
+        return solve(hessian / size[:, None] / size, eye) / size[:, None] / size
 
     def steps(
         self,
@@ -205,7 +207,7 @@ class Normal:
         system = scaled * moved[:, :, None] * moved[:, None, :]
         system = system + eye * ((1 - moved) + damping[:, None])[:, None, :]
         right = -(gradient / size * moved)
-        return torch.linalg.solve(system, right[..., None])[..., 0] / size
+        return solve(system, right[..., None])[..., 0] / size
 
     @cached_property
     def _goal(self) -> Tensor:

@@ -11,6 +11,7 @@ from dashred.discovery.cause import HOPELESS, Cause, by_score, refitted, settled
 from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.left_out import Beside, beside_the_fault
 from dashred.discovery.noise_model import NoiseModel
+from dashred.discovery.normal_equations import solve
 
 
 def noise_left_by(forced: FreeForcing) -> NoiseModel:
@@ -19,7 +20,7 @@ def noise_left_by(forced: FreeForcing) -> NoiseModel:
     [readings] = objective.shooting.readings(*objective.split(phi[None]))
     normal = forced.normal
     information = normal.hessian - torch.diag(normal.precision)
-    spent = float(torch.linalg.solve(normal.hessian, information).trace())
+    spent = float(solve(normal.hessian, information).trace())
     return replace(objective.noise_left(readings, round(spent)), seen=objective.noise.seen)
 
 

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from scipy.linalg import qr
 from torch import Tensor
 
+from dashred.discovery.normal_equations import solve
 from dashred.discovery.objective import Normal
 
 CHUNK = 20000
@@ -80,7 +81,7 @@ class Eliminated:
         """Return the best ξ of one set, ``(len(chosen),)``."""
         index = list(chosen)
         matrix = (self.gram + torch.diag(self.precision))[index][:, index]
-        return torch.linalg.solve(matrix, self.target[index])
+        return solve(matrix, self.target[index, None])[:, 0]
 
     def most_telling(self, count: int) -> tuple[int, ...]:
         """Return the candidates whose effects, per prior std, span the most: QR with pivoting.

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from dashred.discovery.faults import Fault
 from dashred.discovery.faulty_shooting import columns_of
+from dashred.discovery.normal_equations import solve
 from dashred.discovery.objective import Normal, Objective
 
 # A sample this many σ off what the other sensors and neighbours say is a spike.
@@ -60,7 +61,7 @@ def _without(objective: Objective, normal: Normal, sensor: int) -> Tensor:
     others = [s for s in range(shape[1]) if s not in own]
     rows, goal = jacobian[:, others].flatten(0, 1), target[:, others].flatten()
     matrix = rows.T @ rows + torch.diag(normal.precision)
-    phi = torch.linalg.solve(matrix, rows.T @ goal)
+    phi = solve(matrix, (rows.T @ goal)[:, None])[:, 0]
     left = target[:, sensor] - jacobian[:, sensor] @ phi
     found: Tensor = left * objective.noise.std[sensor]
     return found
