@@ -28,6 +28,7 @@ from dashred.parent_run import cut_short, experiment_of
 from dashred.reporting.figure_names import OF_THE_TRUTH
 from dashred.run_notes import name_of
 from dashred.tracking import Tracker
+from dashred.twin_file import entry_of
 from dashred.whole_files import copy_atomic
 
 OWN = ("output=", "tracking.run=", "tracking.parent=")
@@ -63,6 +64,8 @@ def run_twin(config: Config, argv: list[str]) -> int:
     if "recording" in (word.partition("=")[0] for word in argv):
         hint = "set its keys one by one: recording.noise=0.03 recording.sensors=12"
         raise InputError("of a twin, recording= as a whole is not taken", where=PLACE, hint=hint)
+    assert config.recording.twin is not None
+    entry_of(config, config.recording.twin)  # refused by name before processes begin
     words = [word for word in argv if not word.startswith(OWN)]
     named = named_output(config)
     with tempfile.TemporaryDirectory(prefix="dashred-seal-") as private:

@@ -93,10 +93,10 @@ def test_the_result_is_plain_python(write: Any) -> None:
 
 
 def test_texts_on_the_command_line_are_taken_as_they_stand(write: Any) -> None:
-    config = write("system.title=a: b # c", "tracking.run=12e45", "system.equations.u=-v*2, x")
+    config = write("system.title=a: b # c", "tracking.run=12e45", "system.equations.u=-2*d(u, x)")
     assert config.system.title == "a: b # c"
     assert config.tracking.run == "12e45"
-    assert config.system.equations["u"] == "-v*2, x"
+    assert config.system.equations["u"] == "-2*d(u, x)"
     assert write('system.title="a b"').system.title == "a b"
     assert write("output=").output is None
 

@@ -19,6 +19,7 @@ from dashred.config.commandline import (
     split_words,
     usage,
 )
+from dashred.config.expressions import check_expressions
 from dashred.config.frozen import config_sha256, frozen_input
 from dashred.config.layers import merge, prepare, where_in
 from dashred.config.python_class import check_trust, take_trust, with_equations
@@ -99,6 +100,7 @@ def load_config(argv: list[str], *, entry: str) -> Config:
     if settings.system.class_ is not None:
         settings.system = with_equations(settings, where)
     check(settings, where)
+    check_expressions(settings, where)
     return Config(**vars(settings), name=path.stem, source=path.resolve(), lines=lines)
 
 

@@ -1,0 +1,136 @@
+"""What a system declares: its names and expressions, of which none needs a grid or a tensor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+
+from dashred.config import system_schema as schema
+from dashred.errors import InputError
+from dashred.physics import algebra
+from dashred.physics.algebra import Expr
+from dashred.physics.definitions import Definitions, check_order
+from dashred.physics.expression import Vocabulary, parse
+from dashred.physics.integrators import METHODS
+from dashred.physics.reflection import Reflection
+
+
+class Declaration:
+    """The equations ``∂u/∂t = N(u, t)`` of every field, as expressions.
+
+    Attributes:
+        fields: names of the fields, in the order of the state's field dimension.
+        lets: named expressions that equations and sensors may read.
+        equations: tendency of each field, in the user's names.
+        resolved: the same with lets and parameters put in, so that only fields,
+            coordinates and ``t`` are left; and on the rings of axes that have ends.
+        method: the time stepper.
+
+    Raises:
+        InputError: an expression is not in the language or reads an unknown name, or the time
+            stepper does not fit.
+    """
+
+    def __init__(self, config: schema.System, where: Callable[[str], str]) -> None:
+        self.config, self.where = config, where
+        self.title, self.fields = config.title, tuple(config.fields)
+        self.spectral = bool(config.axes) and config.integrator.space == "spectral"
+        self.method = self._method()
+        self.lets: dict[str, Expr] = {}
+        for name, text in config.let.items():
+            expr = self.parse(text, f"system.let.{name}")
+            check_order(name, expr, self.lets, config.let, where)
+            self.lets[name] = expr
+        self.equations = {
+            field: self.parse(text, f"system.equations.{field}", equation=field)
+            for field, text in config.equations.items()
+        }
+        self._definitions = Definitions(config.parameters, self.lets, where)
+        self.resolved = {
+            field: self.ready(expr, field, f"system.equations.{field}")
+            for field, expr in self.equations.items()
+        }
+        self._check_energy()
+
+    @cached_property
+    def reflection(self) -> Reflection:
+        """How expressions go on beyond the ends of axes that have ends."""
+        axes = self.config.axes
+        ends = [name for name, axis in axes.items() if axis.ends != "periodic"]
+        odd = frozenset(name for name, axis in axes.items() if axis.ends == "fixed")
+        return Reflection(dict.fromkeys(self.fields, odd), ends)
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Every name that an expression may read."""
+        config = self.config
+        own = (config.fields, config.parameters, config.let, config.axes)
+        return frozenset().union(*own, self.clock)
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        """The recording's column of every measured input, by its name in the equations."""
+        return self.config.inputs
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The unit of each name that has one, that of time as ``t``."""
+        return self.config.units
+
+    @property
+    def clock(self) -> frozenset[str]:
+        """The names whose values change by themselves as time goes on."""
+        return frozenset({"t", *self.config.inputs})
+
+    def parse(
+        self, text: str, key: str, *, equation: str = "", extra: frozenset[str] = frozenset()
+    ) -> Expr:
+        """Parse an expression over the system's names; ``key`` locates it in the config.
+
+        Raises:
+            InputError: see :func:`dashred.physics.expression.parse`.
+        """
+        vocabulary = Vocabulary(self.names | extra, tuple(self.config.axes), equation)
+        return parse(str(text), vocabulary, where=self.where(key))
+
+    def resolve(self, expr: Expr, key: str) -> Expr:
+        """Put lets and parameters into an expression; ``key`` locates it in the config.
+
+        Raises:
+            InputError: see :meth:`dashred.physics.definitions.Definitions.put_into`.
+        """
+        return self._definitions.put_into(expr, key)
+
+    def ready(self, expr: Expr, equation: str, key: str) -> Expr:
+        """Resolve an expression that stands in an equation, and let it go on beyond the ends.
+
+        Raises:
+            InputError: see :meth:`resolve`.
+        """
+        odd = self.reflection.fields[equation]
+        return self.reflection.extended(self.resolve(expr, key), odd)
+
+    def _method(self) -> str:
+        """Return the integrator: that which is named, or the first of its kind.
+
+        Raises:
+            InputError: it is of another kind.
+        """
+        allowed = METHODS[self.config.integrator.space if self.config.axes else "ode"]
+        method = self.config.integrator.method or allowed[0]
+        if method not in allowed:
+            raise InputError(
+                f"integrator {method!r} does not fit this system",
+                where=self.where("system.integrator.method"),
+                hint=f"choose from: {', '.join(allowed)}",
+            )
+        return method
+
+    def _check_energy(self) -> None:
+        text, key = self.config.energy, "system.energy"
+        if text is None:
+            return
+        if read := self.clock & algebra.names(self.resolve(self.parse(text, key), key)):
+            hint = "write it over fields and parameters"
+            problem = f"an energy cannot read {min(read)}"
+            raise InputError(problem, where=self.where(key), hint=hint)
