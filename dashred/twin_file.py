@@ -1,4 +1,4 @@
-"""The file of a system's hidden truths, ``conf/twins/NAME.yaml``: for the recorder, and for names."""
+"""The file of a system's hidden truths, ``conf/twins/NAME.yaml``: for the recorder; and names."""
 
 from __future__ import annotations
 
