@@ -27,6 +27,8 @@ PROBED = 6
 FEWEST = 3
 # Of what it reads, a share below which changes are rounding.
 STILL = 1e-9
+# A mean so many times what a field varies by: its square is a straight line but for a hundredth.
+FAR_FROM_ZERO = 25.0
 # Twice the points along every axis and twice the steps, and a little for what is larger than a
 # cache.
 DEARER = 1.3
@@ -105,8 +107,23 @@ def _library(situation: Situation, simulated: Simulated) -> Iterator[Remark]:
             refuse_collinear(*terms)
         else:
             yield from map(_left_out, uninformative_terms(*terms).items())
+            yield from _far_from_zero(situation, simulated)
     except InputError as error:
         yield Remark(f"{error.what}: no data could tell their coefficients", "wrong", error.hint)
+
+
+def _far_from_zero(situation: Situation, simulated: Simulated) -> Iterator[Remark]:
+    """Tell of fields whose powers and functions are hardly more than straight lines."""
+    fields = simulated.states.unbind(1)
+    for name, values in zip(situation.system.fields, fields, strict=True):
+        mean, std = float(values.mean()), float(values.std())
+        if abs(mean) > FAR_FROM_ZERO * std > 0:
+            yield doubtful(
+                f"{name} varies by {std:.2g} about {mean:.4g}: powers and functions of it are hard "
+                "to tell apart",
+                "list the candidate terms yourself (library:), or write the equations in what it "
+                "differs by from there",
+            )
 
 
 def _left_out(term_and_why: tuple[Term, str | Term]) -> Remark:

@@ -221,6 +221,23 @@ def test_a_folder_that_could_be_made_is_not_made(
     assert sorted(tmp_path.iterdir()) == before
 
 
+def test_a_field_far_from_zero_is_doubtful(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A temperature in kelvins, a pressure in pascals: all functions of it are straight lines."""
+    (tmp_path / "room.csv").write_text(
+        "time,T\n" + "".join(f"{t},{290 + 5 * np.exp(-t / 20):.3f}\n" for t in range(100))
+    )
+    room = SWING.replace("{x: place, v: speed}", "{T: temperature}").replace("x: 1, v: 0", "T: 295")
+    room = room.replace("{x: v, v: -x}", "{T: 0.05*(290 - T)}").replace("x: 0.1, v: 0.1", "T: 1")
+    (tmp_path / "room.yaml").write_text(room.replace("swing.csv", "room.csv"))
+    found = said(capsys, f"conf={tmp_path / 'room.yaml'}")
+    assert "T varies by 1.3 about 291: powers and functions of it are hard to tell apart" in found
+    assert "exp(-T**2) is left out: it vanishes here" in found
+    own = said(capsys, f"conf={tmp_path / 'room.yaml'}", "library={T: [T]}")
+    assert "hard to tell apart" not in own
+
+
 def test_terms_that_no_data_can_tell_apart_are_wrong(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
