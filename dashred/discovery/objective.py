@@ -34,6 +34,10 @@ class Trials(NamedTuple):
     residuals: Tensor
 
 
+# What is larger, in noise's σ, comes of a trajectory that is about to blow up: squares overflow.
+LARGEST = 1e140
+
+
 @dataclass(frozen=True)
 class Objective:
     """What a fit minimises.
@@ -127,7 +131,7 @@ class Objective:
         columns = torch.cat([point.by_start, point.by_error], dim=-1).movedim(-1, 0)
         jacobian = self.noise.whiten(columns).flatten(1).T
         residuals = self.residuals(point.readings)
-        finite = bool(torch.isfinite(jacobian).all() and torch.isfinite(residuals).all())
+        finite = bool(_in_bounds(jacobian).all() and _in_bounds(residuals).all())
         return Normal(_or_zero(jacobian), self.precision, phi, _or_zero(residuals), finite)
 
     def values(self, phi: Float[Tensor, "batch unknown"]) -> tuple[Tensor, Trials]:
@@ -214,5 +218,10 @@ class Normal:
         return self.jacobian.T @ self.target
 
 
+def _in_bounds(values: Tensor) -> Tensor:
+    """Tell what is finite, its square as well."""
+    return values.abs() < LARGEST
+
+
 def _or_zero(values: Tensor) -> Tensor:
-    return torch.nan_to_num(values, 0.0, 0.0, 0.0)
+    return torch.where(_in_bounds(values), values, 0.0)

@@ -234,7 +234,7 @@ def test_a_field_far_from_zero_is_doubtful(
     found = said(capsys, f"conf={tmp_path / 'room.yaml'}")
     assert "T varies by 1.3 about 291: powers and functions of it are hard to tell apart" in found
     assert "exp(-T**2) is left out: it vanishes here" in found
-    own = said(capsys, f"conf={tmp_path / 'room.yaml'}", "library={T: [T]}")
+    own = said(capsys, f"conf={tmp_path / 'room.yaml'}", "library={T: [T, T**2]}")
     assert "hard to tell apart" not in own
 
 

@@ -68,6 +68,14 @@ def test_a_jacobian_that_is_known_is_not_made_again(linear: Objective) -> None:
     assert minimise(linear, begin, 1, 1e-6, astray).jacobians == 0
 
 
+def test_what_overflows_when_it_is_squared_is_not_finite(linear: Objective) -> None:
+    """A trajectory that is about to blow up: its readings are numbers still."""
+    far = replace(linear, noise=linear.noise.scaled(1e-200))
+    found = normal(far, nothing(linear))
+    assert not found.finite and bool(torch.isfinite(found.hessian).all())
+    assert normal(linear, nothing(linear)).finite
+
+
 def test_one_step_reaches_the_exact_solution(linear: Objective) -> None:
     phi, cost, _ = ridge(linear, range(4))
     found = minimise(linear, nothing(linear), 1, 1e-6)

@@ -81,9 +81,8 @@ def test_refusals_of_equations_name_the_line(declare, declared, says):
     ],
 )
 def test_refusals_of_starts(declare, start, says):
-    system = declare(start=start)
     with pytest.raises(InputError) as caught:
-        nominal_start(system)
+        nominal_start(declare(start=start))
     assert says in caught.value.what
 
 
