@@ -187,7 +187,7 @@ def _rivals_of_the_faulty(
     Each of them alone stands farther from it than from the best law alone.
     """
     first, noise = min(found, key=by_score), left.everything.noise
-    if first.law.fault is None or _keys(first.law) != _keys(left.best.law):
+    if first.law.fault is None or first.law.keys != left.best.law.keys:
         return []
     if left.fault is not None:
         without = [refitted(rival, replace(rival.objective, noise=noise)) for rival in rivals]
@@ -195,10 +195,6 @@ def _rivals_of_the_faulty(
     bound = first.law.score + AMBIGUOUS
     mine = [refitted_under(rival, noise) for rival in rivals]
     return [*mine, *(beside for rival in mine for beside in faults(rival, bound))]
-
-
-def _keys(law: Law) -> set[str]:
-    return {candidate.key for candidate in law.candidates}
 
 
 def _through(everything: Objective, simulator: Simulator) -> Objective:

@@ -80,8 +80,8 @@ class Discovered:
         Another cause may have been weighed against the path's laws, and a law in a window is none
         of them.
         """
-        reported = {candidate.key for candidate in self.best.candidates}
-        sets = [{candidate.key for candidate in of_size.candidates} for of_size in self.path]
+        reported = self.best.keys
+        sets = [frozenset(each.key for each in of_size.candidates) for of_size in self.path]
         return sets.index(reported) if self.best.window is None and reported in sets else None
 
     @property

@@ -77,6 +77,11 @@ class Law:
         return self.covariance.diagonal().clamp(min=0).sqrt()
 
     @property
+    def keys(self) -> frozenset[str]:
+        """Its candidates, whatever acts beside them or limits them."""
+        return frozenset(candidate.key for candidate in self.candidates)
+
+    @property
     def parts(self) -> frozenset[str]:
         """Everything that it says is otherwise than believed; nothing for the empty law.
 

@@ -63,9 +63,13 @@ def simulate(
         return run(system, start, times, forcing, progress)
     if not system.axes:
         return _integrate_ode(system, start, times, forcing, drive)
-    march = _spectral_march if system.spectral else _grid_march
+    if system.spectral:
+        tendency = SpectralTendency(system, forcing, start.device, drive)
+        states = _spectral_march(tendency, start, times.tolist())
+    else:
+        states = _grid_march(GridTendency(system, forcing, drive), start, times.tolist())
     saved = []
-    for index, state in enumerate(march(system, start, times.tolist(), forcing, drive)):
+    for index, state in enumerate(states):
         saved.append(state)
         if progress is not None:
             progress(index / max(1, len(times) - 1))
@@ -124,18 +128,13 @@ def check_finite(trajectories: Tensor, times: Tensor, system: System) -> None:
 
 
 def _spectral_march(
-    system: System,
-    start: Tensor,
-    times: list[float],
-    forcing: Forcing | None,
-    drive: Drive | None,
+    tendency: SpectralTendency, start: Tensor, times: list[float]
 ) -> Iterator[Tensor]:
-    grid = system.grid
-    tendency = SpectralTendency(system, forcing, start.device, drive)
+    grid = tendency.system.grid
     steppers = Steppers(tendency.linear, tendency)
     state, modes = start, start
     yield state
-    for step in schedule(times, system.dt):
+    for step in schedule(times, tendency.system.dt):
         if step.begins:
             # Every interval starts from the grid: rounding makes modes that are no real field's,
             # which the equations cannot see and a linear instability would amplify without end.
@@ -146,18 +145,11 @@ def _spectral_march(
             yield state
 
 
-def _grid_march(
-    system: System,
-    start: Tensor,
-    times: list[float],
-    forcing: Forcing | None,
-    drive: Drive | None,
-) -> Iterator[Tensor]:
-    tendency = GridTendency(system, forcing, drive)
+def _grid_march(tendency: GridTendency, start: Tensor, times: list[float]) -> Iterator[Tensor]:
     state = start
     yield state
     for begin, end in pairwise(times):
-        count = max(1, round_up((end - begin) / system.dt))
+        count = max(1, round_up((end - begin) / tendency.system.dt))
         stepper = SSPRK3(tendency, (end - begin) / count)
         for i in range(count):
             state = stepper.step(state, begin + i * stepper.h)
@@ -169,53 +161,44 @@ def _integrate_ode(
 ) -> Tensor:
     if len(times) == 1:
         return start[:, None]
+    tendency = GridTendency(system, forcing, drive)
     if system.method in FIXED:
-        tendency = GridTendency(system, forcing, drive)
         steps = substeps(times, system.dt)
         return integrate_fixed(tendency, start, times, system.method, steps).transpose(0, 1)
     try:
-        return _adaptive(system, start, times, forcing, drive)
+        return _adaptive(tendency, start, times)
     except FloatingPointError:
         # One member that leaves every bound must not take the others with it.
-        alone = [
-            _until_blow_up(
-                system, start[i : i + 1], times, _row(forcing, i), drive and drive.row(i)
-            )
-            for i in range(len(start))
-        ]
+        alone = []
+        for i in range(len(start)):
+            mine = GridTendency(system, _row(forcing, i), drive and drive.row(i))
+            alone.append(_until_blow_up(mine, start[i : i + 1], times))
         return torch.cat(alone)
 
 
-def _adaptive(
-    system: System, start: Tensor, times: Tensor, forcing: Forcing | None, drive: Drive | None
-) -> Tensor:
+def _adaptive(tendency: GridTendency, start: Tensor, times: Tensor) -> Tensor:
+    system = tendency.system
     integrator = system.config.integrator
     tolerances = integrator.rtol, integrator.atol
-    tendency = GridTendency(system, forcing, drive)
     path = integrate_adaptive(tendency, start, times, system.method, *tolerances)
     return path.transpose(0, 1)
 
 
-def _until_blow_up(
-    system: System, start: Tensor, times: Tensor, forcing: Forcing | None, drive: Drive | None
-) -> Tensor:
+def _until_blow_up(tendency: GridTendency, start: Tensor, times: Tensor) -> Tensor:
     path = [start]
     for window in times.unfold(0, 2, 1):
         try:
-            path.append(_adaptive(system, path[-1], window, forcing, drive)[:, -1])
+            path.append(_adaptive(tendency, path[-1], window)[:, -1])
         except FloatingPointError:
-            path.append(_overrun(system, path[-1], window, forcing, drive))
+            path.append(_overrun(tendency, path[-1], window))
             break
     lost = torch.full_like(start, torch.nan)
     return torch.stack(path + [lost] * (len(times) - len(path)), dim=1)
 
 
-def _overrun(
-    system: System, state: Tensor, window: Tensor, forcing: Forcing | None, drive: Drive | None
-) -> Tensor:
+def _overrun(tendency: GridTendency, state: Tensor, window: Tensor) -> Tensor:
     """Run into the infinity that adaptive steps stop short of, to see whose field it is."""
     steps = substeps(window, float(window[1] - window[0]) / OVERRUN_STEPS)
-    tendency = GridTendency(system, forcing, drive)
     end = integrate_fixed(tendency, state, window, "rk4", steps)[-1]
     return torch.full_like(end, torch.nan) if torch.isfinite(end).all() else end
 
