@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import socket
 import subprocess
@@ -13,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote, urlencode
 from urllib.request import urlopen
 
 import numpy as np
@@ -130,6 +132,33 @@ def test_a_browser_shows_the_run_and_its_artifacts(server: str, sent: str, tmp_p
     assert "quick seed 0: " in runs
     page = seen(f"{server}/#/experiments/{experiment}/runs/{sent}/artifacts", tmp_path / "page")
     assert "report.html" in page and "findings.json" in page
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+def test_a_browser_draws_a_curve_through_every_epoch(
+    server: str, sent: str, tmp_path: Path
+) -> None:
+    client, name = client_of(server), "shred/rmse/field_members"
+    history = client.get_metric_history(sent, name)
+    experiment = client.get_run(sent).info.experiment_id
+    asked = {
+        "runs": json.dumps([sent]),
+        "experiments": json.dumps([experiment]),
+        "metric": json.dumps(name),
+        "plot_metric_keys": json.dumps([name]),
+        "plot_layout": "{}",
+        "x_axis": "step",
+        "y_axis_scale": "linear",
+        "line_smoothness": "1",
+        "deselected_curves": "[]",
+        "last_linear_y_axis_range": "[]",
+    }
+    query = urlencode(asked, quote_via=quote)
+    page = seen(f"{server}/#/metric?{query}", tmp_path / "curve")
+    curves = re.findall(r'<path class="js-line"[^>]* d="M([^"]*)"', page)
+    assert len(history) > 2
+    assert {len(curve.split("L")) for curve in curves} == {len(history)}
 
 
 def seen(url: str, profile: Path) -> str:
