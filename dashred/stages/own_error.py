@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 import torch
+from torch import Tensor
 
 from dashred.discovery.correction import correct
 from dashred.discovery.law import Law
@@ -25,24 +26,30 @@ LARGEST = 1e6
 
 
 @torch.no_grad()
-def own_error(problem: Problem, law: Law) -> float:
+def own_error(problem: Problem, law: Law, noise: Tensor) -> float:
     """Return the largest error of the corrected simulator, in standard deviations of the noise.
 
     It is the rms over the sensors of ``(H x − H x_fine)/σ`` in the sample where that is largest,
     x the corrected run from the start that was fitted, x_fine the same at doubled resolution; of
     the worst episode, in the beginning of the fit.
+
+    Args:
+        problem: the simulator and the episodes.
+        law: what was found.
+        noise: σ under which it was, ``(sensor,)``: all that it leaves, which may be more than the
+            sensors' own noise. What is small beside that is not what the law lacks.
     """
     starts = problem.starts(law.start)
-    return max(_error(e, law, s) for e, s in zip(problem.episodes, starts, strict=True))
+    return max(_error(e, law, s, noise) for e, s in zip(problem.episodes, starts, strict=True))
 
 
-def _error(problem: Problem, law: Law, start: torch.Tensor) -> float:
+def _error(problem: Problem, law: Law, start: Tensor, noise: Tensor) -> float:
     fitted = len(problem.split.fit.times)
     times = problem.times[: max(FEWEST, math.ceil(BEGINNING * fitted))]
     own = correct(problem.system, law)
     runs = ((own, start[None]), refine(own, start[None]))
     sensors = problem.split.fit.sensors
     coarse, fine = (ObservationOperator(sensors, s)(simulate(s, z, times)) for s, z in runs)
-    wrong = (coarse - fine)[0] / problem.noise_of(problem.split.fit.names)
+    wrong = (coarse - fine)[0] / noise
     largest = wrong.square().mean(dim=-1).sqrt().max()
     return float(largest.nan_to_num(nan=LARGEST).clamp(max=LARGEST))

@@ -46,7 +46,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         # Of several episodes the same in each.
         noise_std=problem.noise | dict(zip(names, discovered.noise.std.tolist(), strict=False)),
         noise_correlation=float(discovered.noise.correlation.max()),
-        own_error=own_error(problem, discovered.best),
+        own_error=own_error(problem, discovered.best, discovered.noise.std[: len(names)]),
         chi2=discovered.best.chi2,
         unexplained=unexplained(
             problem.noise_of(names).repeat(len(problem.episodes)), discovered.noise

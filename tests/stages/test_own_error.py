@@ -25,7 +25,7 @@ system:
   integrator: {method: rk4, dt: 0.5}
 recording: {twin: a, sensors: 1, noise: 0, duration: 40, every: 1.0}
 """
-SIGMA, COUNT = 0.01, 41
+SIGMA, COUNT = torch.tensor([0.01], dtype=torch.float64), 41
 
 
 def problem(system: System) -> Any:
@@ -35,7 +35,6 @@ def problem(system: System) -> Any:
         system=system,
         times=times,
         split=SimpleNamespace(fit=fit),
-        noise_of=lambda names: torch.full((len(names),), SIGMA, dtype=torch.float64),
         starts=lambda start: [start],
     )
     posed.episodes = [posed]
@@ -60,20 +59,22 @@ def test_it_is_the_methods_own_in_the_worst_sample_of_the_beginning(tmp_path, st
     rate = added - 1.0
     beginning = range(int(BEGINNING * COUNT) + 1)
     known = [abs(start * (rk4(rate / 2) ** (2 * n) - rk4(rate / 4) ** (4 * n))) for n in beginning]
-    assert own_error(problem(system), law) == pytest.approx(max(known) / SIGMA, rel=1e-6)
+    assert own_error(problem(system), law, SIGMA) == pytest.approx(
+        max(known) / float(SIGMA), rel=1e-6
+    )
 
 
 def test_of_a_run_that_blows_up_it_is_the_largest_number(tmp_path) -> None:
     system = laws.declared(tmp_path, TEXT)
     law = from_start(1e300, torch.tensor([9e3], dtype=torch.float64), system)
-    assert own_error(problem(system), law) == LARGEST
+    assert own_error(problem(system), law, SIGMA) == LARGEST
 
 
 def test_of_several_episodes_the_worst_one_tells(tmp_path) -> None:
     system = laws.declared(tmp_path, TEXT)
     law = from_start(1.0, torch.zeros(1, dtype=torch.float64), system)
     twice = problem(system)
-    alone = own_error(twice, law)
+    alone = own_error(twice, law, SIGMA)
     twice.episodes = [twice, twice]
     twice.starts = lambda start: [start, 3 * start]
-    assert own_error(twice, law) == pytest.approx(3 * alone)
+    assert own_error(twice, law, SIGMA) == pytest.approx(3 * alone)
