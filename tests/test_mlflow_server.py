@@ -22,6 +22,8 @@ import pytest
 
 from dashred.errors import InputError
 from dashred.tracking import Tracker
+from tests.conftest import CHECKOUT
+from tests.documents import snippets
 
 CHROMIUM = shutil.which("chromium")
 QUIET = "no-sandbox disable-gpu disable-quic no-first-run disable-background-networking"
@@ -122,6 +124,22 @@ np.save({str(tmp_path / "shape.npy")!r}, np.array([*field.shape, *shape]))
     batch, fields, points, _, lags, sensors = np.load(tmp_path / "shape.npy")
     assert (batch, fields, points) == (5, 1, 32)
     assert (lags, sensors) == (6, 3)
+
+
+@pytest.mark.slow
+def test_the_documented_program_estimates_a_field(server: str, sent: str) -> None:
+    [text] = snippets(CHECKOUT / "docs/mlflow.md", "python")
+    for shown, here in (
+        ("sqlite:////absolute/DIR/mlflow.db", server),
+        ("RUN_ID", sent),
+        ("25, 8", "6, 3"),
+    ):
+        assert shown in text
+        text = text.replace(shown, here)
+    ended = subprocess.run(
+        [sys.executable, "-c", f"{text}\nprint(tuple(field.shape))"], capture_output=True, text=True
+    )
+    assert ended.stdout.splitlines()[-1:] == ["(1, 1, 32)"], ended.stderr
 
 
 @pytest.mark.slow
