@@ -20,6 +20,8 @@ HOPELESS = 60.0
 SETTLING_STEPS, SETTLED, WORTH, SHARES, LOOSER = 20, 1e-5, 1.0, (0.17, 0.25, 0.5), (2.0, 4.0)
 # What leaves so many times the noise's squares has lost the recording: no minimum nearby is right.
 LOST = 30.0
+# And what still leaves so many after the first round.
+FAR = 3.0
 
 
 @dataclass(frozen=True)
@@ -61,8 +63,10 @@ def settled(cause: Cause) -> Cause:
     """Return an explanation fitted until nothing is gained, from several beginnings.
 
     Over a long record of chaos the lowest minimum has many others around it. Some are none under
-    larger noise, others over a shorter stretch. What has lost the recording stays as it is: so
-    many fits of it took most of a run that had too few sensors to find a law.
+    larger noise, others over a shorter stretch. A round of steps from each tells which is the
+    lowest, and that one alone is fitted on. What has lost the recording stays as it is, and what is
+    far from it after a round ends there: so many fits of such laws took most of a run that had too
+    few sensors to find one.
     """
     if cause.law.chi2 > LOST:
         return cause
@@ -71,8 +75,11 @@ def settled(cause: Cause) -> Cause:
     loose = [replace(objective, noise=objective.noise.scaled(factor)) for factor in LOOSER]
     freed = [minimise(wide, cause.phi, SETTLING_STEPS, SETTLED).phi for wide in loose]
     begun = (cause.phi, *grown, *freed)
-    fits = [minimise_on(objective, phi, SETTLING_STEPS, SETTLED, WORTH) for phi in begun]
-    return ended(cause, objective, min(fits, key=lambda fitted: fitted.cost))
+    fits = [minimise(objective, phi, SETTLING_STEPS, SETTLED) for phi in begun]
+    lowest = min(fits, key=lambda fitted: fitted.cost)
+    if not lowest.converged and lowest.chi2 < FAR * objective.noise.count:
+        lowest = minimise_on(objective, lowest.phi, SETTLING_STEPS, SETTLED, WORTH)
+    return ended(cause, objective, lowest)
 
 
 def ended(cause: Cause, objective: Objective, fitted: Fitted) -> Cause:
