@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 import torch
+from torch import Tensor
 
-from dashred.discovery.cause import LOST, Cause, settled
-from dashred.discovery.gauss_newton import minimise
+from dashred.discovery import cause as settling
+from dashred.discovery.cause import FAR, LOST, Cause, settled
+from dashred.discovery.gauss_newton import Fitted, minimise, minimise_on
 from dashred.discovery.law import law_of
 from tests.waves import Waves
 
 SIGMA, XI = 0.02, -0.25
 
 
-def explained(waves: Waves) -> Cause:
-    """Return a law, fitted to what is recorded under one of its coefficients."""
+def explained(waves: Waves, term: str = "u: u") -> Cause:
+    """Return a term, the right one or another, fitted to what is recorded under ``u: u``."""
     recorded = waves.recorded(SIGMA, 1, [(waves.everything["u: u"], XI)], waves.start)
-    objective = waves.objective(recorded, SIGMA, ["u: u"])
+    objective = waves.objective(recorded, SIGMA, [term])
     found = minimise(objective, torch.zeros(objective.modes + 1, dtype=torch.float64), 20, 1e-6)
     candidates = objective.shooting.candidates
     return Cause(law_of(objective, found, candidates, found.cost), objective, found.phi)
@@ -46,3 +49,39 @@ def test_what_has_lost_the_recording_is_left_as_it_is(waves: Waves) -> None:
     lost = moved(explained(waves), 1.0)
     assert lost.law.chi2 > LOST
     assert settled(lost) is lost
+
+
+def begun_anew(monkeypatch: pytest.MonkeyPatch) -> list[Tensor]:
+    """Make no round enough, and return where the fits that go on after it begin, as they do."""
+    beginnings: list[Tensor] = []
+
+    def unfinished(*given: Any) -> Fitted:
+        return replace(minimise(*given), converged=False)
+
+    def watched(*given: Any) -> Fitted:
+        beginnings.append(given[1])
+        return minimise_on(*given)
+
+    monkeypatch.setattr(settling, "minimise", unfinished)
+    monkeypatch.setattr(settling, "minimise_on", watched)
+    return beginnings
+
+
+def test_of_all_beginnings_one_alone_goes_on(waves: Waves, monkeypatch: pytest.MonkeyPatch) -> None:
+    right = explained(waves)
+    beginnings = begun_anew(monkeypatch)
+    found = settled(moved(right, 0.02))
+    [lowest] = beginnings
+    assert float(lowest[-1]) == pytest.approx(float(right.phi[-1]), abs=1e-3)
+    assert found.law.score == pytest.approx(right.law.score, abs=0.1)
+
+
+def test_what_is_far_after_a_round_ends_there(
+    waves: Waves, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wrong = explained(waves, "u: u**3")
+    assert FAR < wrong.law.chi2 < LOST
+    beginnings = begun_anew(monkeypatch)
+    found = settled(wrong)
+    assert not beginnings
+    assert FAR < found.law.chi2 <= wrong.law.chi2
