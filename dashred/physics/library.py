@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from itertools import combinations_with_replacement
 
 import torch
@@ -49,9 +49,10 @@ def build_library(system: System, listed: Mapping[str, Sequence[str]] | None) ->
 def _open_equations(system: System) -> list[str]:
     """Return the fields whose equations something may be missing from.
 
-    ``θ' = ω`` only says what ω is: a term that were missing there would make another quantity
-    of ω, with which the equations read the same. Readings of θ cannot tell it from the term in
-    ω's own equation that it stands for, and only that one is physics.
+    ``θ' = ω``, or ``q' = p/m``, only says what ω or p is: a term that were missing there would
+    make another quantity of it, with which the equations read the same. Readings of θ cannot tell
+    it from the term in ω's own equation that it stands for, and only that one is physics. Where
+    every equation is of that kind none says what another field is, and all of them are open.
     """
     fields = system.fields
     # Snapshots have no equations: something may be missing from each.
@@ -59,9 +60,13 @@ def _open_equations(system: System) -> list[str]:
     others = {
         field: expr
         for field, expr in named.items()
-        if not (isinstance(expr, algebra.Name) and expr.id in fields and expr.id != field)
+        if not _names_one_of(algebra.split_coefficient(expr)[1], set(fields) - {field})
     }
     return list(others) or list(fields)
+
+
+def _names_one_of(expr: algebra.Expr, fields: Set[str]) -> bool:
+    return isinstance(expr, algebra.Name) and expr.id in fields
 
 
 def default_terms(system: System) -> list[str]:

@@ -34,16 +34,24 @@ def write_corrected(
     path is in it, so it runs from wherever it lies.
     """
     values = _layer(config)
-    corrected = correct(system, law).config
-    values["system"]["equations"] = _Block(corrected.equations)
+    corrected = correct(system, law)
+    values["system"]["equations"] = _Block(corrected.config.equations)
     # They are those of the class, which the corrected system can do without.
     values["system"].pop("class", None)
-    if corrected.parameters:
+    # It is declared of the simulator's equations, and would be refused beside others.
+    if _lost_structure(config, corrected):
+        values["system"].pop("structure", None)
+    if corrected.config.parameters:
         # 0.035 + 0.01 shall not be written 0.045000000000000005.
-        tidy = {name: float(f"{value:.12g}") for name, value in corrected.parameters.items()}
+        tidy = {name: float(f"{value:.12g}") for name, value in corrected.config.parameters.items()}
         values["system"]["parameters"] = _Block(tidy)
     body = yaml.dump(values, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=WIDTH)
     write_text_atomic(path, f"{_header(config, system, law, recording_sha256)}\n{body}")
+
+
+def _lost_structure(config: Config, corrected: System) -> bool:
+    changed = dict(corrected.config.equations) != dict(config.system.equations)
+    return config.system.structure is not None and changed
 
 
 def _layer(config: Config) -> dict[str, Any]:
@@ -78,12 +86,23 @@ def _header(config: Config, system: System, law: Law, recording_sha256: str) -> 
         "The start and its spin-up are the configuration's own, so the spin-up now runs under the "
         "corrected equations; the start that was fitted to the recording is in estimates.nc.",
         "",
+        *_of_structure(config, correct(system, law)),
         "python -m dashred.train conf=OUTPUT/corrected.yaml recording.path=RECORDING",
     ]
     if isinstance(config.recording.sensors, str):
         lines[-1] += " recording.sensors=TABLE"
     wrapped = [part for line in lines for part in wrap(line, WIDTH - 2) or [""]]
     return "\n".join(f"# {line}".rstrip() for line in wrapped)
+
+
+def _of_structure(config: Config, corrected: System) -> list[str]:
+    if not _lost_structure(config, corrected):
+        return []
+    says = (
+        "The structure is left out: it was declared of the equations before the law was put in. "
+        "What the law changes of it, and whether it stays port-Hamiltonian, is in findings.json."
+    )
+    return [says, ""]
 
 
 def _get(values: Any, parts: list[str]) -> Any:

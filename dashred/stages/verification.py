@@ -39,18 +39,17 @@ from dashred.stages.structure import structure_changed
 def verify(problem: Problem, analysis: Analysis) -> Findings:
     """Compare every method with the test sensors and the held-out time, for the first time."""
     discovered = analysis.discovered
-    kind, causes = verdict(discovered, problem.fault_in_words)
     units = problem.system.units
     names = problem.split.fit.names
+    left = unexplained(problem.noise_of(names).repeat(len(problem.episodes)), discovered.noise)
+    kind, causes = verdict(discovered, left, problem.fault_in_words)
     fit = Fit(
         # Of several episodes the same in each.
         noise_std=problem.noise | dict(zip(names, discovered.noise.std.tolist(), strict=False)),
         noise_correlation=float(discovered.noise.correlation.max()),
         own_error=own_error(problem, discovered.best, discovered.noise.std[: len(names)]),
         chi2=discovered.best.chi2,
-        unexplained=unexplained(
-            problem.noise_of(names).repeat(len(problem.episodes)), discovered.noise
-        ),
+        unexplained=left,
         **errors_of_held_out(problem, analysis),
     )
     proposed = {n: proposals(problem, f) for n, f in analysis.found.proposals.items()}

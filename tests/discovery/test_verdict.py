@@ -142,6 +142,22 @@ def test_a_misfit_that_all_candidates_together_would_not_leave_is_no_law(
     assert verdict(laws.discovery(best, free_chi2=1.0))[0] == kind
 
 
+@pytest.mark.parametrize("widened", [1.0, 3.0])
+def test_without_a_law_twice_the_noise_is_no_explanation(flow: System, widened: float) -> None:
+    lawless = laws.law(widened=widened)
+    kind = "nothing-missing" if widened == 1 else "initial-condition"
+    for left in (None, 0.0, 0.74):
+        assert verdict(laws.discovery(lawless), left)[0] == kind
+    found, [cause] = verdict(laws.discovery(lawless), 0.83)
+    assert found == cause["kind"] == "not-converged" and "83%" in cause["says"]
+    # What a law, a fault or a free forcing explains is told, with what is left beside it.
+    law = laws.law([laws.term(flow, "u", "u")], [0.1])
+    assert verdict(laws.discovery(law), 0.83)[0] == "missing-term"
+    fault = laws.law(fault=SensorFault("drift", "s03", 0.0123, 0.0011, None))
+    assert verdict(laws.discovery(fault), 0.83)[0] == "sensor-fault"
+    assert verdict(laws.discovery(lawless, beyond=30.0), 0.83)[0] == "outside-library"
+
+
 def test_unexplained_is_the_share_beyond_the_noise_that_was_stated() -> None:
     seen = torch.ones(10, 2, dtype=torch.bool)
     found = NoiseModel(torch.tensor([0.2, 0.2]).double(), torch.zeros(2).double(), seen)

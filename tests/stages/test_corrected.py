@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
@@ -13,6 +14,7 @@ from dashred.discovery.correction import correct
 from dashred.discovery.law import Law
 from dashred.discovery.parameter_change import is_exact
 from dashred.physics.library import evaluate_terms
+from dashred.physics.measured import Measured
 from dashred.physics.system import System, Term
 from dashred.stages.corrected import write_corrected
 from tests import laws
@@ -34,6 +36,11 @@ def states(system: System) -> Tensor:
     generator = torch.Generator().manual_seed(0)
     shape = (3, len(system.fields), *system.grid.shape)
     return 1 + 0.1 * torch.randn(shape, generator=generator, dtype=torch.float64)
+
+
+def driven(system: System) -> System:
+    inputs = {name: np.array([0.3]) for name in system.config.inputs}
+    return System(system.config, system.where, Measured(np.zeros(1), inputs))
 
 
 def added(system: System, law: Law, where: Tensor) -> Tensor:
@@ -146,3 +153,31 @@ def test_of_a_parameter_inside_an_exponential_the_tangent_is_added(tmp_path: Pat
     corrected, where = correct(system, law), states(system)
     torch.testing.assert_close(tendency(corrected, where), added(system, law, where))
     assert corrected.config.parameters == system.config.parameters | {"q": pytest.approx(1.1)}
+
+
+@pytest.mark.parametrize(
+    ("name", "equation", "term"),
+    [("mass_spring", "p", "p"), ("rlc", "phi", "phi**3"), ("wave", "p", "p")],
+)
+def test_a_port_hamiltonian_system_with_a_term_put_in_loads(
+    name: str, equation: str, term: str, tmp_path: Path
+) -> None:
+    config, system = load(Path("conf") / f"{name}.yaml", "recording.twin=a")
+    law = laws.law([laws.term(system, equation, term)], [-0.1])
+    write_corrected(tmp_path / "corrected.yaml", config, system, law, "abc")
+    again, corrected = load(tmp_path / "corrected.yaml")
+    where = states(system)
+    expected = added(driven(system), law, where)
+    torch.testing.assert_close(tendency(driven(corrected), where), expected)
+    assert config.system.structure is not None and again.system.structure is None
+    assert "structure is left out" in " ".join((tmp_path / "corrected.yaml").read_text().split())
+
+
+def test_a_port_hamiltonian_system_with_another_parameter_keeps_its_structure(
+    tmp_path: Path,
+) -> None:
+    config, system = load(Path("conf/mass_spring.yaml"), "recording.twin=a")
+    law = laws.law([laws.parameter(system, "k")], [0.3])
+    write_corrected(tmp_path / "corrected.yaml", config, system, law, "abc")
+    again, _ = load(tmp_path / "corrected.yaml")
+    assert again.system.structure == config.system.structure
