@@ -144,3 +144,21 @@ def test_columns_are_the_terms_values(make_system):
     torch.testing.assert_close(product, 3 * u * v)
     torch.testing.assert_close(clock, (2 * system.grid.coordinates["y"]).expand(u.shape))
     torch.testing.assert_close(square, u**2)
+
+
+@pytest.mark.parametrize("m", [1.0, 2.0])
+@pytest.mark.parametrize(
+    ("force", "opened"), [("-k*sin(q)", {"p"}), ("-k*q - q**3", {"p"}), ("-k*q", {"q", "p"})]
+)
+def test_an_equation_that_says_what_a_field_is_has_no_terms_whatever_its_parameter(
+    make_system, m, force, opened
+):
+    system = make_system(f"""
+        fields: {{q: place (m), p: momentum (kg m/s)}}
+        parameters: {{m: {m}, k: 3.0}}
+        equations: {{q: p/m, p: "{force}"}}
+        start: {{q: 1, p: 0}}
+        integrator: {{dt: 0.1}}
+    """)
+    assert {term.equation for term in build_library(system, None)} == opened
+    assert {term.equation for term in build_library(system, {"q": ["q"]})} == {"q"}
