@@ -80,7 +80,7 @@ def analyse(config: Config) -> Path:
     seconds: dict[str, float] = {}
     clock = time.perf_counter()
     nominal = simulation.simulate_nominal(posed, seconds)
-    posed = told_apart(posed, nominal.states)
+    posed = told_apart(posed, nominal.states, posed.times)
     check_structure(posed.system, posed.times, nominal.states)
     resolution = simulation.check(posed, nominal, seconds)
     ensemble = None

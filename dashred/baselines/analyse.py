@@ -77,7 +77,7 @@ def analyse(config: Config) -> None:
         fault = "the baselines read one episode, and the recording has several"
         raise InputError(fault, where=config.recording.path)
     nominal = simulation.simulate_nominal(posed, {})
-    posed = told_apart(posed, nominal.states)
+    posed = told_apart(posed, nominal.states, posed.times)
     as_it_is = replace(posed, config=_plain(config))
     of_plain: dict[str, float] = {}
     plain = simulation.simulate_ensemble(as_it_is, nominal, of_plain)

@@ -97,8 +97,8 @@ def _coefficients(problem: Problem, nominal: Tensor, members: int, width: float)
     As for our own fit their std is a share of the equation's tendency, or the largest with which a
     step stays stable.
     """
-    system, begin = problem.ensemble_system, float(problem.times[0])
-    scales = term_scales(system, problem.library, nominal, begin)
+    system = problem.ensemble_system
+    scales = term_scales(system, problem.library, nominal, problem.times[: len(nominal)])
     ready = resolve(system, problem.library)
     limits = torch.tensor([stable_limit(system, [term]) for term in ready], dtype=torch.float64)
     drawn = problem.rng("filter").standard_normal((members, len(ready)))

@@ -100,8 +100,8 @@ def _library(situation: Situation, simulated: Simulated) -> Iterator[Remark]:
     # Those that a part of the record cannot tell apart the whole of it may.
     if len(simulated.times) < len(situation.times) or still(situation.config):
         return
-    own, begin = situation.config.library is not None, float(simulated.times[0])
-    terms = situation.system, situation.library, simulated.states, begin
+    own = situation.config.library is not None
+    terms = situation.system, situation.library, simulated.states, simulated.times
     try:
         if own:
             refuse_collinear(*terms)

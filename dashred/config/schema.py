@@ -176,7 +176,8 @@ class Settings:
     system: System
     library: dict[str, list[str]] | None
     """Candidate terms of each equation; one that is not listed gets none. Null builds them from the
-    fields, except for equations that only name another field (``theta: omega``)."""
+    fields and inputs, except for equations that only say what another field is
+    (``theta: omega``)."""
 
     recording: Recording
     splits: Splits

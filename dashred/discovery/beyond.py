@@ -29,7 +29,7 @@ STEPS, TOLERANCE = 10, 1e-4
 
 
 def candidates_beyond(
-    system: System, library: list[Term], nominal: Tensor, t: float
+    system: System, library: list[Term], nominal: Tensor, t: float | Tensor
 ) -> list[Candidate]:
     """Return terms that are like none of the library's: functions, higher powers, waves.
 
@@ -37,7 +37,7 @@ def candidates_beyond(
         system: the simulator.
         library: the candidate terms of the analysis.
         nominal: states of the simulator, ``(time, field, *grid)``.
-        t: time at which terms that read it are compared.
+        t: time of all of them, or of each, ``(time,)``.
     """
     known = {str(term) for term in library}
     further = []

@@ -56,7 +56,7 @@ class Candidate:
 
 
 def build_candidates(
-    system: System, library: Sequence[Term], nominal: Tensor, t: float
+    system: System, library: Sequence[Term], nominal: Tensor, t: float | Tensor
 ) -> list[Candidate]:
     """Return the simulator's parameters, then the library's terms, none like another.
 
@@ -68,7 +68,7 @@ def build_candidates(
         system: the simulator.
         library: the candidate terms.
         nominal: states of the simulator, ``(time, field, *grid)``.
-        t: time at which terms that read it are compared.
+        t: time of all of them, or of each, ``(time,)``.
     """
     parameters = [_parameter(system, name) for name in system.config.parameters]
     resolved = resolve(system, library)
@@ -113,7 +113,7 @@ def replaced_terms(
     library: Sequence[Term],
     candidates: Sequence[Candidate],
     nominal: Tensor,
-    t: float,
+    t: float | Tensor,
 ) -> list[Candidate]:
     """Return the library's terms that parameters stand for: somewhere only, they are themselves.
 
@@ -122,7 +122,7 @@ def replaced_terms(
         library: the candidate terms.
         candidates: what :func:`build_candidates` made of them.
         nominal: states of the simulator, ``(time, field, *grid)``.
-        t: time at which terms that read it are compared.
+        t: time of all of them, or of each, ``(time,)``.
     """
     replaced = {name for candidate in candidates for name in candidate.replaces}
     found = []
@@ -155,7 +155,7 @@ def _parameter(system: System, name: str) -> Candidate:
     return Candidate(name, None, terms, 1.0)
 
 
-def _column(system: System, candidate: Candidate, states: Tensor, t: float) -> Tensor:
+def _column(system: System, candidate: Candidate, states: Tensor, t: float | Tensor) -> Tensor:
     """Return the candidate's tendency in units of each equation's own rms, over all fields."""
     own = [Term(f, system.equations[f]) for f in system.fields]
     rms = evaluate_terms(system, own, states, t).flatten(1).square().mean(dim=1).sqrt()

@@ -85,10 +85,10 @@ def law_tendency(system: System, law: Law, states: Tensor, times: Tensor) -> Ten
     tendency N: so equations with different units compare.
     """
     own = [Term(field, system.equations[field]) for field in system.fields]
-    rms = _evaluate(system, own, states, times).flatten(1).square().mean(dim=1).sqrt()
+    rms = evaluate_terms(system, own, states, times).flatten(1).square().mean(dim=1).sqrt()
     ratios = torch.zeros_like(states, dtype=torch.float64)
     for candidate, value in zip(law.candidates, law.coefficients.tolist(), strict=True):
-        columns = _evaluate(system, candidate.terms, states, times)
+        columns = evaluate_terms(system, candidate.terms, states, times)
         for term, column in zip(candidate.terms, columns, strict=True):
             index = system.fields.index(term.equation)
             ratios[:, index] += value * column / rms[index].clamp(min=1e-300)
@@ -98,14 +98,6 @@ def law_tendency(system: System, law: Law, states: Tensor, times: Tensor) -> Ten
 def _reads(system: System, law: Law) -> set[str]:
     named = (algebra.names(term.expression) for c in law.candidates for term in c.terms)
     return set().union(*named) & set(system.fields)
-
-
-def _evaluate(system: System, terms: Sequence[Term], states: Tensor, times: Tensor) -> Tensor:
-    """Return the terms along a trajectory, ``(term, time, *grid)``."""
-    if any(system.clock & algebra.names(term.expression) for term in terms):
-        moments = zip(states, times.tolist(), strict=True)
-        return torch.cat([evaluate_terms(system, terms, s[None], t) for s, t in moments], dim=1)
-    return evaluate_terms(system, terms, states, float(times[0]))
 
 
 def _sensors(

@@ -60,8 +60,17 @@ class Discrepancies:
     amplitude: float
 
 
-def term_scales(system: System, library: Sequence[Term], nominal: Tensor, t: float) -> Tensor:
-    """Return ``s_j = rms(tendency)/rms(θ_j)``, ``(term,)``, on states ``(time, field, *grid)``."""
+def term_scales(
+    system: System, library: Sequence[Term], nominal: Tensor, t: float | Tensor
+) -> Tensor:
+    """Return ``s_j = rms(tendency)/rms(θ_j)``, ``(term,)``.
+
+    Args:
+        system: the simulator.
+        library: the terms θ_j.
+        nominal: its states, ``(time, field, *grid)``.
+        t: time of all of them, or of each, ``(time,)``.
+    """
     tendencies = [Term(f, system.equations[f]) for f in system.fields]
     rms = evaluate_terms(system, tendencies, nominal, t).flatten(1).pow(2).mean(1).sqrt()
     columns = evaluate_terms(system, library, nominal, t).flatten(1).pow(2).mean(1).sqrt()
@@ -135,7 +144,7 @@ def draw_round(
     """
     low, high = _bounds(nominal)
     starts = prior.draw(members, rng)
-    forcing = _draw_forcing(system, nominal, discrepancies, members, rng, float(times[0]))
+    forcing = _draw_forcing(system, nominal, discrepancies, members, rng, times)
     found = simulate(system, starts, times, forcing, progress)
     inside = (torch.isfinite(found) & (found >= low) & (found <= high)).flatten(1).all(dim=1)
     return found, forcing.coefficients, inside
@@ -156,7 +165,7 @@ def _draw_forcing(
     discrepancies: Discrepancies | None,
     members: int,
     rng: np.random.Generator,
-    t: float,
+    times: Tensor,
 ) -> Forcing:
     if discrepancies is None:
         return Forcing((), torch.zeros((members, 0), dtype=torch.float64))
@@ -166,7 +175,8 @@ def _draw_forcing(
             f"simulation.terms asks for {discrepancies.terms} terms out of {len(library)}",
             where=system.where("simulation.terms"),
         )
-    scales = term_scales(system, library, nominal, t)
+    known = min(len(nominal), len(times))
+    scales = term_scales(system, library, nominal[:known], times[:known])
     coefficients = np.zeros((members, len(library)))
     for row in coefficients:
         chosen = rng.choice(len(library), size=discrepancies.terms, replace=False)

@@ -70,9 +70,11 @@ def _names_one_of(expr: algebra.Expr, fields: Set[str]) -> bool:
 
 
 def default_terms(system: System) -> list[str]:
-    """Return at least 20 distinct terms: powers and products of the fields, and derivatives."""
+    """Return at least 20 distinct terms: of fields powers, products, derivatives; and inputs."""
     fields = list(system.fields)
     terms = list(_monomials(fields, 3 if len(fields) > 1 else 5))
+    # An input may act more strongly than was said, or on another equation.
+    terms += list(system.inputs)
     if not system.axes:
         return terms + list(_pointwise(fields))
     if len(system.axes) == 1:
@@ -128,23 +130,34 @@ def resolve(system: System, library: Sequence[Term]) -> tuple[Term, ...]:
     )
 
 
-def evaluate_terms(system: System, library: Sequence[Term], states: Tensor, t: float) -> Tensor:
-    """Return the columns θ_j on states ``(batch, field, *grid)``: ``(term, batch, *grid)``."""
+def evaluate_terms(
+    system: System, library: Sequence[Term], states: Tensor, t: float | Tensor
+) -> Tensor:
+    """Return the columns θ_j, ``(term, batch, *grid)``.
+
+    Args:
+        system: whose operators and inputs they read.
+        library: the terms.
+        states: ``(batch, field, *grid)``.
+        t: the time of all states, or of each, ``(batch,)``.
+    """
     program = Program([term.expression for term in resolve(system, library)])
     operators = system.operators
-    values: dict[str, Value] = system.values(states, t)
+    moment = t.reshape(-1, *(1 for _ in system.axes)).numpy() if isinstance(t, Tensor) else t
+    values: dict[str, Value] = system.values(states, moment)
     shape = (len(states), *system.grid.shape)
     found = (operators.on_grid(value) for value in program(values, operators))
     return torch.stack([torch.as_tensor(f, dtype=torch.float64).expand(shape) for f in found])
 
 
 def uninformative_terms(
-    system: System, library: Sequence[Term], states: Tensor, t: float
+    system: System, library: Sequence[Term], states: Tensor, t: float | Tensor
 ) -> dict[Term, str | Term]:
     """Return the terms of which data like the simulation could tell nothing, each with why.
 
     Its column on the states ``(batch, field, *grid)`` vanishes, is not finite, or is proportional
-    to that of an earlier term of its equation, which then is the reason.
+    to that of an earlier term of its equation, which then is the reason. An input is 1 at any one
+    time: ``t`` is that of each state, ``(batch,)``, where terms read what changes by itself.
     """
     columns = evaluate_terms(system, library, states, t).flatten(1)
     why: dict[Term, str | Term] = {}
@@ -163,7 +176,9 @@ def uninformative_terms(
     return why
 
 
-def refuse_collinear(system: System, library: Sequence[Term], states: Tensor, t: float) -> None:
+def refuse_collinear(
+    system: System, library: Sequence[Term], states: Tensor, t: float | Tensor
+) -> None:
     """Refuse columns that are proportional on the simulation: no data could tell them apart.
 
     Raises:

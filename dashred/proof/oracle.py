@@ -204,7 +204,7 @@ def known(name: str, problem: Problem) -> tuple[StartModel, list[Candidate]]:
     """Return a system's start prior and its candidates: the same for all of its cases."""
     if name not in KEPT:
         nominal = simulate_nominal(problem, {})
-        apart, begin = told_apart(problem, nominal.states), float(problem.times[0])
-        library = build_candidates(problem.system, apart.library, nominal.states, begin)
+        apart = told_apart(problem, nominal.states, problem.times)
+        library = build_candidates(problem.system, apart.library, nominal.states, problem.times)
         KEPT[name] = nominal.prior, library
     return KEPT[name]

@@ -133,13 +133,13 @@ def _latent_problem(problem: Problem, nominal: Nominal) -> LatentProblem:
     # Steps must not lead from one episode into another: the longest, which is the first, speaks.
     fit = problem.split.fit
     count = len(fit.times)
-    start = float(problem.times[0])
+    times = problem.times[:count]
     return LatentProblem(
         system=problem.system,
         library=problem.library,
-        scales=term_scales(problem.system, problem.library, nominal.states[:count], start),
+        scales=term_scales(problem.system, problem.library, nominal.states[:count], times),
         operator=problem.operator(fit.select(problem.split.inputs)),
-        times=problem.times[:count],
+        times=times,
         windows=sensor_data(problem).windows[:count],
         settings=problem.config.latent_sindy,
         seed=problem.config.seed,

@@ -70,7 +70,7 @@ def analyse_snapshots(config: Config) -> Path:
     seconds: dict[str, float] = {}
     clock = time.perf_counter()
     runs = snapshot_runs.read_runs(posed, seconds)
-    posed = told_apart(posed, runs.some)
+    posed = told_apart(posed, runs.some, float(posed.times[0]))
 
     began = began_with(config, posed.recording_sha256) | {SNAPSHOTS: runs.sha256}
     with open_parent(config, named, began) as (run, folder):

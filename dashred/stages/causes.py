@@ -63,13 +63,13 @@ def weigh_causes(
             one from which most were says nothing.
         report: progress.
     """
-    best, begin = ranked[0], float(problem.times[0])
+    best, times = ranked[0], problem.times
     reached = samples == len(objective.recorded)
     if inflated(problem, objective.noise):
         # A sensor at fault can do that, and laws that were fitted under such noise say nothing.
         reached, objective = False, replace(objective, noise=fit_noise(problem))
     known = list(objective.shooting.candidates)
-    local = replaced_terms(problem.system, problem.library, known, nominal.states, begin)
+    local = replaced_terms(problem.system, problem.library, known, nominal.states, times)
     everything = _with(objective, local, problem.config.discovery.weak)
     if samples < len(objective.recorded):
         everything = about(everything, seed.start)
@@ -93,9 +93,9 @@ def weigh_causes(
     near = [fit for fit in fits[1:] if fit.law.score < laws[0].score + AMBIGUOUS]
     additions = Additions(
         everywhere=len(known),
-        size=_tendency_size(problem.system, nominal.states, begin),
+        size=_tendency_size(problem.system, nominal.states, times),
         compiled=lambda: _with_windows(problem, [*known, *local]),
-        beyond=lambda: candidates_beyond(problem.system, problem.library, nominal.states, begin),
+        beyond=lambda: candidates_beyond(problem.system, problem.library, nominal.states, times),
     )
     weighed = weigh(everything, found, empty, near if reached else [], additions, report)
     if not reached or null.shooting.start is not objective.shooting.start:
@@ -139,7 +139,7 @@ def _with_windows(problem: Problem, candidates: Sequence[Candidate]) -> Simulato
     return simulator_with(problem, candidates, shapes_of(problem.system))
 
 
-def _tendency_size(system: System, states: Tensor, t: float) -> Tensor:
+def _tendency_size(system: System, states: Tensor, times: Tensor) -> Tensor:
     """Return the rms of each equation's own tendency over a simulation, ``(equation,)``."""
     own = [Term(field, system.equations[field]) for field in system.fields]
-    return evaluate_terms(system, own, states, t).flatten(1).square().mean(dim=1).sqrt()
+    return evaluate_terms(system, own, states, times).flatten(1).square().mean(dim=1).sqrt()

@@ -48,8 +48,7 @@ def discover(
     seconds: dict[str, float],
 ) -> Discovered:
     """Seed, walk the horizon, select, and fit to the end (design §4.2)."""
-    begin = float(problem.times[0])
-    candidates = build_candidates(problem.system, problem.library, nominal.states, begin)
+    candidates = build_candidates(problem.system, problem.library, nominal.states, problem.times)
     proposals = _proposals(problem, candidates, found)
     with run.child("discover") as child:
         with stage("seed the start", seconds) as report:

@@ -10,7 +10,7 @@ from dashred.physics.library import refuse_collinear, uninformative_terms
 from dashred.stages.problem import Problem
 
 
-def told_apart(problem: Problem, states: Tensor) -> Problem:
+def told_apart(problem: Problem, states: Tensor, t: float | Tensor) -> Problem:
     """Return the problem with a library of which no two terms are proportional on the simulation.
 
     Of the default library the later of two is left out: a field that is never negative is its own
@@ -20,16 +20,17 @@ def told_apart(problem: Problem, states: Tensor) -> Problem:
     Args:
         problem: as it was posed.
         states: of the simulation, ``(time, field, *grid)``.
+        t: time of all of them, or of each, ``(time,)``.
 
     Raises:
         InputError: two terms of the user's list are proportional, or one vanishes, or is not
             finite.
     """
-    system, library, begin = problem.system, problem.library, float(problem.times[0])
+    system, library = problem.system, problem.library
     if problem.config.library is not None:
-        refuse_collinear(system, library, states, begin)
+        refuse_collinear(system, library, states, t)
         return problem
-    left_out = uninformative_terms(system, library, states, begin)
+    left_out = uninformative_terms(system, library, states, t)
     kept = [term for term in library if term not in left_out]
     others, whole = (
         tuple(replace(episode, library=kept) for episode in episodes)

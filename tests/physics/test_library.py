@@ -15,6 +15,8 @@ from dashred.physics.library import (
     refuse_collinear,
     uninformative_terms,
 )
+from dashred.physics.measured import Measured
+from dashred.physics.system import System
 
 AXES = [
     "{}",
@@ -162,3 +164,36 @@ def test_an_equation_that_says_what_a_field_is_has_no_terms_whatever_its_paramet
     """)
     assert {term.equation for term in build_library(system, None)} == opened
     assert {term.equation for term in build_library(system, {"q": ["q"]})} == {"q"}
+
+
+DRIVEN = """
+    fields: {q: charge (C), phi: flux linkage (Wb)}
+    parameters: {C: 0.5}
+    equations: {q: phi, phi: -q/C + V}
+    inputs: {V: voltage}
+    start: {q: 1, phi: 0}
+    integrator: {dt: 0.1}
+"""
+
+
+def test_an_input_is_a_candidate_and_is_told_from_a_constant_by_its_own_clock(make_system):
+    times = torch.linspace(0, 3, 6, dtype=torch.float64)
+    undriven = make_system(DRIVEN)
+    drive = Measured(times.numpy(), {"V": torch.sin(times).numpy()})
+    system = System(undriven.config, undriven.where, drive)
+    library, states = build_library(system, None), random_states(system)
+    assert "V" in {str(term) for term in library if term.equation == "phi"}
+    # At the first moment alone, when the drive is 0, nothing could be told of it.
+    assert {str(term) for term in uninformative_terms(system, library, states, 0.0)} == {"V"}
+    assert not uninformative_terms(system, library, states, times)
+    [column] = evaluate_terms(system, build_library(system, {"phi": ["2*V"]}), states, times)
+    torch.testing.assert_close(column, torch.sin(times))
+
+
+def test_each_state_of_a_field_has_its_own_time(make_system):
+    system = declare(make_system, AXES[1], "uv")
+    states, times = random_states(system), torch.arange(6, dtype=torch.float64)
+    library = build_library(system, {"u": ["t*u", "u*v"]})
+    clock, product = evaluate_terms(system, library, states, times)
+    torch.testing.assert_close(clock, times[:, None] * states[:, 0])
+    torch.testing.assert_close(product, states[:, 0] * states[:, 1])
