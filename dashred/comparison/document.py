@@ -16,6 +16,8 @@ from dashred.comparison.notes import (
     LAW_NOTE,
     PAPER_NOTE,
     SECONDS_NOTE,
+    SENSORS_NOTE,
+    unchanged_note,
 )
 from dashred.comparison.outcomes import count_claims
 from dashred.comparison.paper import PAPER
@@ -27,6 +29,7 @@ from dashred.comparison.ratios import (
     count_laws,
     field_ratio,
     groups,
+    left_unchanged,
     median_seconds,
     own_layout,
 )
@@ -39,6 +42,7 @@ FIGURES = {
     "state_truth.png": "truth and methods",
     "front_truth.png": "place and width of the front",
     "rmse_against_time.png": "error against time",
+    "methods_truth.png": "error of every method against time",
     "sparsity.png": "accuracy against sparsity, of latent SINDy and of the law",
 }
 # By themselves, without another before them.
@@ -66,12 +70,15 @@ def _page(rows: Sequence[ComparedRow], path: Path) -> Iterator[str]:
     for noise in noises:
         yield markdown_grid(_fields([row for row in own if row.record["noise"] == noise], noise))
     yield FIELD_NOTE
+    yield unchanged_note(*left_unchanged(own))
     for noise in noises:
         yield markdown_grid(_laws([row for row in own if row.record["noise"] == noise], noise))
     yield LAW_NOTE
     yield markdown_grid(_seconds(own))
     yield SECONDS_NOTE
-    yield from map(markdown_grid, sensors_and_noise(rows))
+    if layouts := list(sensors_and_noise(rows)):
+        yield from map(markdown_grid, layouts)
+        yield SENSORS_NOTE
     yield markdown_grid(rows_grid([row.record for row in rows]))
     yield from _failures(rows)
     yield "## Figures"

@@ -1,4 +1,4 @@
-"""PDE-FIND on what nobody has, the full field of the truth: an upper bound."""
+"""PDE-FIND on what nobody has, the full field of the truth: more than any sensors could tell."""
 
 from __future__ import annotations
 

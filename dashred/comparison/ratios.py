@@ -183,6 +183,17 @@ def median_seconds(rows: Iterable[ComparedRow], method: str) -> float | None:
     return median(known) if known else None
 
 
+def left_unchanged(rows: Iterable[ComparedRow]) -> tuple[int, int]:
+    """Return in how many rows DA-SHRED's field is SHRED's, and how many have both."""
+    both = [
+        (row.methods["shred"]["rmse"], row.methods["dashred"]["rmse"])
+        for row in rows
+        if {"shred", "dashred"} <= row.methods.keys()
+    ]
+    known = [pair for pair in both if None not in pair]
+    return sum(before == after for before, after in known), len(known)
+
+
 def as_metrics(rows: Sequence[ComparedRow]) -> dict[str, float]:
     """Return the median ratios by name: ``rde/noise 0.05/ratio/corrected``."""
     return {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Sequence
 
@@ -9,8 +10,8 @@ from dashred.benchmark.table import Grid
 from dashred.comparison.outcomes import count_claims
 from dashred.comparison.ratios import ComparedRow, FieldRatio, field_ratio
 
-# p, of SHRED's input, and q, that assimilation alone reads.
-LAYOUT = "fit sensors, of them extra"
+METHODS = {"shred": "SHRED", "dashred": "DA-SHRED", "corrected": "corrected"}
+LAYOUT = ("p, read by SHRED", "q, further ones")
 
 
 def sensors_and_noise(rows: Sequence[ComparedRow]) -> Iterator[Grid]:
@@ -20,17 +21,28 @@ def sensors_and_noise(rows: Sequence[ComparedRow]) -> Iterator[Grid]:
         mine = [row for row in varied if row.record["system"] == system]
         noises = list(dict.fromkeys(row.record["noise"] for row in mine))
         lines = []
-        for layout in dict.fromkeys(map(_layout, mine)):
-            alike = [row for row in mine if _layout(row) == layout]
+        layouts = [(_layout(row), row) for row in mine]
+        for layout in sorted({layout for layout, _ in layouts}, key=_by_numbers):
+            alike = [row for one, row in layouts if one == layout]
             cells = [_cell([r for r in alike if r.record["noise"] == noise]) for noise in noises]
-            lines.append([layout, *cells])
-        header = [LAYOUT, *(f"{100 * noise:g} % noise" for noise in noises)]
+            lines.append([*layout, *cells])
+        header = [*LAYOUT, *(f"{100 * noise:g} % noise" for noise in noises)]
         yield Grid(f"{system}: sensors and noise", header, lines)
 
 
-def _layout(row: ComparedRow) -> str:
+def _layout(row: ComparedRow) -> tuple[str, str]:
+    """Return p and q as the analysis split its sensors; of a row without findings as was asked."""
+    findings = row.folder / "findings.json"
+    if findings.is_file():
+        splits = json.loads(findings.read_text(encoding="utf-8"))["input"]["splits"]
+        return str(len(splits["inputs"])), str(len(splits["extra"]))
     sensors, extra = row.record["sensors"], row.record["extra"]
-    return ", ".join(["own" if n is None else str(n) for n in (sensors, extra)])
+    known = sensors is not None and extra is not None
+    return str(sensors - extra) if known else "own", "own" if extra is None else str(extra)
+
+
+def _by_numbers(layout: tuple[str, str]) -> tuple[int, ...]:
+    return tuple(int(n) if n.isdigit() else -1 for n in layout)
 
 
 def _cell(rows: Sequence[ComparedRow]) -> str:
@@ -42,9 +54,12 @@ def _cell(rows: Sequence[ComparedRow]) -> str:
     parts += [f"listed {claims.listed}"] if claims.listed else []
     parts += [f"wrong and unflagged {claims.wrong_unflagged}"] if claims.wrong_unflagged else []
     parts += [f"failed {claims.failed}"] if claims.failed else []
-    for method, name in (("dashred", "DA-SHRED"), ("corrected", "corrected")):
+    for method, name in METHODS.items():
         if ratio := ratio_text(field_ratio(rows, method)):
             parts.append(f"{name} × {ratio}")
+    # Without a law the corrected simulator is the simulation, and a ratio of 1 would be no finding.
+    if not any(row.record["problem"] is None and row.record["terms"] for row in rows):
+        parts = [part for part in parts if not part.startswith("corrected")] + ["corrected –"]
     return "; ".join(parts)
 
 

@@ -203,7 +203,7 @@ def test_sensors_and_noise_have_a_table_of_their_own(tmp_path: Path) -> None:
     few.record.update(sensors=4, extra=0)
     write_results([*ROWS, few], tmp_path / "results.md")
     text = (tmp_path / "results.md").read_text()
-    assert "| 4, 0 | right 0 of 1; wrong and unflagged 1; corrected × 0.8 |" in text
+    assert "| 4 | 0 | right 0 of 1; wrong and unflagged 1; corrected × 0.8 |" in text
 
 
 def test_the_page_tells_the_paper_beside_us(tmp_path: Path) -> None:

@@ -32,3 +32,18 @@ def test_the_median_of_the_steps_after_the_first(
     monkeypatch.setattr("dashred.models.latency.time.perf_counter", lambda: next(clock))
     window = torch.zeros((5, len(SENSORS)), dtype=torch.float64)
     assert seconds_a_step(shred, window) == pytest.approx(0.002)
+
+
+def test_one_core_is_timed_and_the_others_come_back() -> None:
+    before, during = torch.get_num_threads(), []
+    torch.set_num_threads(2)
+
+    def step(window: torch.Tensor) -> torch.Tensor:
+        during.append(torch.get_num_threads())
+        return window
+
+    try:
+        seconds_a_step(step, torch.zeros(3, 2))  # type: ignore[arg-type]
+        assert set(during) == {1} and torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
