@@ -7,10 +7,11 @@ from jaxtyping import Float, Int
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dashred.reporting.method_names import method_name
 from dashred.reporting.style import (
     CYCLE,
+    legend_above,
     method_look,
-    method_name,
     new_figure,
     shade_held_out,
     style,
@@ -28,14 +29,14 @@ def rmse_against_time(
 ) -> Figure:
     """Draw each method's RMSE at each time; the time after `time_end` is shaded."""
     with style():
-        figure = new_figure(6.4, 3.4)
+        figure = new_figure(7.2, 3.6)
         axes = figure.subplots()
         shade_held_out(axes, time_end, float(times[-1]), label=True)
         for index, (method, values) in enumerate(curves.items()):
             axes.plot(times, values, label=method_name(method), **method_look(method, index))
         axes.set(xlabel=clock, ylabel=ylabel, xlim=(times[0], times[-1]))
         _choose_scale(axes, [float(np.nanmedian(values)) for values in curves.values()])
-        _legend_above(figure, axes)
+        legend_above(figure, axes)
     return figure
 
 
@@ -64,7 +65,7 @@ def learning_curves(
         axes.set(xlabel="epoch", ylabel=ylabel)
         axes.margins(y=0.15)
         _choose_scale(axes, [value for _, values in curves.values() for value in values])
-        _legend_above(figure, axes, columns=2)
+        legend_above(figure, axes)
     return figure
 
 
@@ -74,10 +75,3 @@ def _choose_scale(axes: Axes, compared: Iterable[float]) -> None:
         axes.set_yscale("log")
     elif values.size:
         axes.set_ylim(bottom=0)
-
-
-def _legend_above(figure: Figure, axes: Axes, columns: int = 4) -> None:
-    handles, labels = axes.get_legend_handles_labels()
-    if handles:
-        columns = min(len(handles), columns)
-        figure.legend(handles, labels, loc="outside upper left", ncols=columns)

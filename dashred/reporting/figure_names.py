@@ -54,6 +54,7 @@ OF_THE_TRUTH = (
     "space_time_truth.png",
     "snapshots_truth.png",
     "front_truth.png",
+    "methods_truth.png",
 )
 OF_LATER_EPISODES = re.compile(r"sensor_traces_[0-9]+\.png")
 

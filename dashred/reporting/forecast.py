@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from dashred.reporting.style import GREY, new_figure, style
+from dashred.reporting.style import GREY, legend_above, new_figure, style
 from dashred.reporting.traces import draw_sensor
 from dashred.reporting.verification import frame_recorded
 from dashred.units import NONE, in_brackets
@@ -55,6 +55,5 @@ def forecast_figure(
             axes.set(ylabel=label, xlim=(times[begin], times[-1]))
         column[0].set_title("shaded: beyond the recording", loc="right", fontsize=8)
         column[-1].set_xlabel(clock)
-        handles, labels = column[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper left", ncols=len(handles))
+        legend_above(figure, column[0])
     return figure

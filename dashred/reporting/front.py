@@ -7,8 +7,8 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from dashred.physics.front import follow_front
-from dashred.reporting.state_traces import UNDER
-from dashred.reporting.style import method_look, method_name, new_figure, style
+from dashred.reporting.method_names import method_name
+from dashred.reporting.style import legend_above, method_look, new_figure, style
 from dashred.units import NONE, in_brackets, time_label
 
 Field = Float[np.ndarray, "time x"]
@@ -35,7 +35,7 @@ def front_figure(
         left, right = figure.subplots(1, 2)
         for index, (method, values) in enumerate(kinds.items()):
             place, width = follow_front(values, length)
-            look = method_look(method, index) | UNDER.get(method, {})
+            look = method_look(method, index)
             left.plot(times, place, label=method_name(method), **look)
             right.plot(times, width, **look)
         clock, unit = time_label(units), units.get(axis_name)
@@ -43,6 +43,5 @@ def front_figure(
         left.set(xlabel=clock, ylabel=place_label)
         right.set(xlabel=clock, ylabel=in_brackets("width of the front", unit))
         right.set_ylim(bottom=0)
-        handles, labels = left.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper left", ncols=len(handles))
+        legend_above(figure, left)
     return figure

@@ -11,6 +11,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from dashred.reporting.cells import cells_about, frame_points
 from dashred.reporting.space_time import mark_sensors
 from dashred.reporting.style import BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILION, new_figure, style
 from dashred.reporting.verdict_words import acting
@@ -81,17 +82,17 @@ def _draw_map(
     figure: Any, axes: Axes, law: LawMap, where: Mapping[str, Any], units: Mapping[str, str]
 ) -> None:
     axes.grid(False)
-    step = law.x[-1] - law.x[-2]
     image = axes.imshow(
         law.size.T,
         origin="lower",
         aspect="auto",
-        extent=(law.times[0], law.times[-1], law.x[0], law.x[-1] + step),
+        extent=cells_about(law.times, law.x),
         cmap=INTENSITY,
         vmin=0,
         vmax=float(np.nanpercentile(law.size, 99.8)) or 1.0,
         interpolation="nearest",
     )
+    frame_points(axes, law.times, law.x)
     mark_sensors(axes, list(law.sensors.values()))
     label = "law / rms of the simulation's\nown tendency"
     figure.colorbar(image, ax=axes, label=label, pad=0.015, aspect=16)

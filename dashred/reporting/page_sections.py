@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dashred.reporting.equation_html import equations_html
+from dashred.reporting.method_names import method_name
 from dashred.reporting.page_parts import paragraphs, section, table
-from dashred.reporting.summary import METHODS
 from dashred.reporting.verdict_words import (
     alternative_in_words,
     certainty,
@@ -79,7 +79,7 @@ def proof(findings: Mapping[str, Any], figures: str) -> str:
     }
     known = {method: [fit[kind].get(method) for kind in kinds] for method in COMPARED}
     rows = [
-        [METHODS[method], *("–" if value is None else f"{value:.3g}" for value in values)]
+        [method_name(method), *("–" if value is None else f"{value:.3g}" for value in values)]
         for method, values in known.items()
         if any(value is not None for value in values)
     ]

@@ -7,7 +7,9 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dashred.reporting.style import method_name, new_figure, style
+from dashred.reporting.cells import Extent, cells_about, frame_points
+from dashred.reporting.method_names import method_name
+from dashred.reporting.style import new_figure, style
 from dashred.units import NONE, TIME, in_brackets, measured
 
 Field = Float[np.ndarray, "time x y"]
@@ -34,7 +36,7 @@ def snapshot_panels(
     rows = [(field, index) for field in fields for index in shown]
     columns = list(dict.fromkeys(method for kinds in fields.values() for method in kinds))
     (x_name, x), (y_name, y) = coordinates.items()
-    frame = (x[0], 2 * x[-1] - x[-2], y[0], 2 * y[-1] - y[-2])
+    frame = cells_about(x, y)
     with style():
         figure = new_figure(1.3 + 2.05 * len(columns), 0.7 + 2.0 * len(rows))
         grid = figure.subplots(len(rows), len(columns), sharex=True, sharey=True, squeeze=False)
@@ -44,6 +46,7 @@ def snapshot_panels(
             moment = measured(f"{times[index]:.4g}", units.get(TIME))
             line[0].set_ylabel(f"t = {moment}\n{in_brackets(y_name, units.get(y_name))}")
             _mark(line[0], sensors.get(field, ()))
+        frame_points(grid[0, 0], x, y)
         for axes, method in zip(grid[0], columns, strict=True):
             below = axes.get_title(loc="left")
             axes.set_title("\n".join(filter(None, [method_name(method), below])), fontsize=9)
@@ -58,7 +61,7 @@ def _draw_row(
     kinds: Mapping[str, Field],
     columns: Sequence[str],
     index: int,
-    frame: tuple[float, ...],
+    frame: Extent,
     label: str,
 ) -> None:
     # A wild reconstruction must not wash out the others: the reference alone sets the scale.
@@ -71,7 +74,7 @@ def _draw_row(
         image = axes.imshow(
             kinds[method][index].T,
             origin="lower",
-            extent=(frame[0], frame[1], frame[2], frame[3]),
+            extent=frame,
             vmin=middle - half,
             vmax=middle + half,
             interpolation="nearest",

@@ -9,7 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
-from dashred.reporting.style import GREY, method_name, new_figure, style
+from dashred.reporting.cells import Extent, cells_about, frame_points
+from dashred.reporting.method_names import method_name
+from dashred.reporting.style import GREY, new_figure, style
 
 Field = Float[np.ndarray, "time x"]
 
@@ -44,7 +46,7 @@ def space_time_panels(
     with style():
         figure = new_figure(1.2 + 2.35 * len(columns), 0.9 + 1.75 * rows)
         grid = figure.subplots(rows, len(columns), sharex=True, sharey=True, squeeze=False)
-        frame = (times[0], times[-1], x[0], x[-1] + (x[-1] - x[-2]))
+        frame = cells_about(times, x)
         for index, (field, kinds) in enumerate(fields.items()):
             top = index * (2 if with_error else 1)
             named = f"{field}\n{meanings[field]}" if field in meanings else field
@@ -56,6 +58,7 @@ def space_time_panels(
                 _mark_end(axes, time_end, "white")
             for axes in grid[top + 1 : top + 1 + with_error].flat:
                 _mark_end(axes, time_end, GREY)
+        frame_points(grid[0, 0], times, x)
         for axes, method in zip(grid[0], columns, strict=True):
             axes.set_title(method_name(method))
         if with_error and columns[0] == "truth":
@@ -71,7 +74,7 @@ def _draw_values(
     row: np.ndarray,
     kinds: Mapping[str, Field],
     columns: Sequence[str],
-    frame: tuple[float, ...],
+    frame: Extent,
     label: str,
 ) -> None:
     # A wild reconstruction must not wash out the others: the reference alone sets the scale.
@@ -93,7 +96,7 @@ def _draw_errors(
     row: np.ndarray,
     kinds: Mapping[str, Field],
     columns: Sequence[str],
-    frame: tuple[float, ...],
+    frame: Extent,
     field: str,
 ) -> None:
     truth = kinds.get("truth")
@@ -118,14 +121,18 @@ def _draw_errors(
 
 
 def _draw(
-    axes: Axes, values: Field, frame: tuple[float, ...], colours: str, limits: tuple[float, ...]
+    axes: Axes,
+    values: Field,
+    frame: Extent,
+    colours: str,
+    limits: tuple[float, ...],
 ) -> AxesImage:
     axes.grid(False)
     return axes.imshow(
         values.T,
         origin="lower",
         aspect="auto",
-        extent=(frame[0], frame[1], frame[2], frame[3]),
+        extent=frame,
         cmap=colours,
         vmin=limits[0],
         vmax=limits[1],

@@ -6,13 +6,12 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from dashred.reporting.style import method_look, method_name, new_figure, style
+from dashred.reporting.method_names import method_name
+from dashred.reporting.style import legend_above, method_look, new_figure, style
 from dashred.units import NONE, in_brackets, time_label
 
 # Errors below this share of the truth's std are not told apart.
 SMALLEST = 1e-5
-# What is right hides the truth, unless that is wider.
-UNDER = {"truth": {"linewidth": 4.5, "alpha": 0.35}}
 
 Trace = Float[np.ndarray, " time"]
 
@@ -37,15 +36,14 @@ def state_traces(
             values, errors = grid[2 * index], grid[2 * index + 1]
             for place, (method, trace) in enumerate(kinds.items()):
                 look = method_look(method, place)
-                values.plot(times, trace, label=method_name(method), **look | UNDER.get(method, {}))
+                values.plot(times, trace, label=method_name(method), **look)
                 if method != "truth":
                     errors.semilogy(times, np.abs(trace - kinds["truth"]), **look)
             errors.set_ylim(bottom=SMALLEST * (np.std(kinds["truth"]) or 1.0))
             named = in_brackets(field, units.get(field))
             values.set_ylabel(f"{named}\n{meanings[field]}" if field in meanings else named)
             errors.set_ylabel("error")
-        handles, labels = grid[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper left", ncols=len(handles))
+        legend_above(figure, grid[0])
         grid[-1].set_xlabel(time_label(units))
         grid[-1].set_xlim(times[0], times[-1])
     return figure

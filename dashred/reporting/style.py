@@ -1,7 +1,7 @@
 """One look for all figures, and how they are saved.
 
 The colours are those of Okabe and Ito (2008), told apart by colour-blind readers; each method
-keeps its colour and its name in every figure.
+keeps its colour and its dash in every figure.
 """
 
 from collections.abc import Iterator
@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from dashred.reporting.figure_names import SOFTWARE
+from dashred.reporting.method_names import SHRED_UNCHANGED
 from dashred.whole_files import whole_file
 
 BLACK, GREY, LIGHT = "#1a1a1a", "#8a8a8a", "#d9d9d9"
@@ -23,29 +24,44 @@ ORANGE, SKY, GREEN = "#e69f00", "#56b4e9", "#009e73"
 BLUE, VERMILION, PURPLE = "#0072b2", "#d55e00", "#cc79a7"
 CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK, GREY)
 
-METHODS = {
-    "truth": ("truth", BLACK),
-    "recorded": ("recorded", BLACK),
-    "simulation": ("simulation", ORANGE),
-    "simulation_same_start": ("simulation, same start", BLUE),
-    "simulation_refit": ("simulation, best start", GREY),
-    "shred": ("SHRED", SKY),
-    "dashred": ("DA-SHRED", VERMILION),
-    "corrected": ("corrected simulation", GREEN),
-    "corrected_shred": ("corrected SHRED", PURPLE),
-    "before": ("simulation, start fitted with the law", ORANGE),
-    "before_refit": ("simulation, its own best start", GREY),
-    "after": ("corrected simulation", GREEN),
+COLOURS = {
+    "truth": BLACK,
+    "recorded": BLACK,
+    "simulation": ORANGE,
+    "simulation_same_start": BLUE,
+    "simulation_refit": GREY,
+    "optimal_interpolation": BLACK,
+    "closed_form": GREY,
+    "filter_state": PURPLE,
+    "filter_augmented": PURPLE,
+    "shred_plain": SKY,
+    "shred": SKY,
+    SHRED_UNCHANGED: SKY,
+    "dashred": VERMILION,
+    "corrected": GREEN,
+    "corrected_shred": GREEN,
+    "before": ORANGE,
+    "before_refit": GREY,
+    "after": GREEN,
 }
 # Assimilation often changes little: the line below must show beside the one above.
-WIDTHS = {"shred": 3.6}
+WIDTHS = {"shred": 2.4}
+# The truth lies above the lines that meet it, thin and broken, so that they show through.
+TRUTH = {"color": BLACK, "linewidth": 1.0, "linestyle": (0, (3, 3)), "zorder": 3}
 DASHES = {
     "simulation": "--",
     "simulation_same_start": "--",
     "simulation_refit": ":",
+    "closed_form": "-.",
+    "filter_augmented": "--",
+    "shred_plain": ":",
+    "corrected_shred": "--",
     "before": "--",
     "before_refit": ":",
 }
+
+# The longest name in a key, with its line, in inches.
+KEY_WIDTH = 2.3
 
 RC: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
@@ -113,19 +129,23 @@ def _take_names_as_they_are(figure: Figure) -> None:
             text.set_parse_math(False)
 
 
-def method_name(method: str) -> str:
-    """The method as a reader knows it."""
-    return METHODS[method][0] if method in METHODS else method
-
-
 def method_look(method: str, index: int) -> dict[str, Any]:
     """Colour, dash and width of a method's line; an unknown one takes the `index`-th colour."""
-    colour = METHODS[method][1] if method in METHODS else CYCLE[index % len(CYCLE)]
+    if method == "truth":
+        return dict(TRUTH)
     return {
-        "color": colour,
+        "color": COLOURS.get(method, CYCLE[index % len(CYCLE)]),
         "linestyle": DASHES.get(method, "-"),
         "linewidth": WIDTHS.get(method, RC["lines.linewidth"]),
     }
+
+
+def legend_above(figure: Figure, axes: Axes) -> None:
+    """Put the key of some axes above the figure, in as many columns as it has room for."""
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        columns = max(1, min(len(handles), int(figure.get_figwidth() / KEY_WIDTH)))
+        figure.legend(handles, labels, loc="outside upper left", ncols=columns)
 
 
 def shade_held_out(axes: Axes, time_end: float, last: float, *, label: bool) -> None:

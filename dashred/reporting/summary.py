@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from dashred.reporting.method_names import method_name
 from dashred.reporting.verdict_words import sentence, verdict_lines
 from dashred.units import NONE, TIME, measured
 
@@ -10,18 +11,18 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 # In the order in which a reader should meet them.
-METHODS = {
-    "simulation": "simulation alone",
-    "before": "simulation, start fitted with the law",
-    "before_refit": "simulation, its own best start",
-    "shred": "SHRED",
-    "dashred": "DA-SHRED",
-    "after": "corrected simulation",
-    "simulation_same_start": "simulation, same start",
-    "simulation_refit": "simulation, its own best start",
-    "corrected": "corrected simulation",
-    "corrected_shred": "SHRED on the corrected simulation",
-}
+METHODS = (
+    "simulation",
+    "before",
+    "before_refit",
+    "shred",
+    "dashred",
+    "after",
+    "simulation_same_start",
+    "simulation_refit",
+    "corrected",
+    "corrected_shred",
+)
 ALGORITHMS = {"alg1": "Algorithm 1", "alg2": "Algorithm 2"}
 MOST_TERMS = 5
 
@@ -85,7 +86,7 @@ def _episode(episode: Mapping[str, Any], unit: str | None) -> str:
 
 
 def _errors(title: str, errors: Mapping[str, float | None]) -> list[str]:
-    known = [(METHODS[key], errors[key]) for key in METHODS if errors.get(key) is not None]
+    known = [(method_name(key), errors[key]) for key in METHODS if errors.get(key) is not None]
     if not known:
         return []
     width = max(len(name) for name, _ in known)

@@ -7,10 +7,11 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dashred.reporting.method_names import method_name
 from dashred.reporting.style import (
     BLACK,
+    legend_above,
     method_look,
-    method_name,
     new_figure,
     shade_held_out,
     style,
@@ -110,8 +111,7 @@ def _choose(names: Sequence[str], roles: Mapping[str, str]) -> list[int]:
 
 
 def _add_legend(figure: Figure, axes: Axes, shown: int, total: int, held_out: bool) -> None:
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=len(handles))
+    legend_above(figure, axes)
     parts = [f"{shown} of {total} sensors"] if shown < total else []
     if held_out:
         parts.append("shaded: held-out time")

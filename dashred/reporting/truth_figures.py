@@ -16,10 +16,11 @@ from dashred.reporting.figures import (
     state_traces,
 )
 from dashred.reporting.gallery import Gallery
+from dashred.reporting.method_names import SHRED_UNCHANGED
 from dashred.units import in_brackets, time_label
 
 # More than these could not be told apart on one page.
-PANELS = ("simulation", "simulation_refit", "shred", "corrected")
+PANELS = ("simulation", "simulation_refit", "shred", SHRED_UNCHANGED, "dashred", "corrected")
 
 
 def draw_truth(
@@ -46,13 +47,15 @@ def draw_truth(
     times = estimates["time"].values
     label = "field RMSE / standard deviation"
     clock = time_label(units)
-    figure = rmse_against_time(times, errors, float(times[-1]), label, clock)
+    shown = joined(estimates)
+    curves = {name: errors[method] for name, method in shown.items() if method in errors}
+    figure = rmse_against_time(times, curves, float(times[-1]), label, clock)
     gallery.save(figure, "rmse_against_time.png")
     axes = [str(dim) for dim in estimates[fields[0]].dims if dim not in ("method", "time")]
     panels = {
         field: {
             "truth": real[:, i],
-            **{m: estimates[field].sel({"method": m}).values for m in PANELS if m in errors},
+            **{m: estimates[field].sel({"method": shown[m]}).values for m in PANELS if m in curves},
         }
         for i, field in enumerate(fields)
     }
@@ -71,3 +74,21 @@ def draw_truth(
         figure = front_figure(times, panels[field], axes[0], length, units)
         gallery.save(figure, "front_truth.png")
     return gallery.drawn
+
+
+def joined(estimates: xr.Dataset) -> dict[str, str]:
+    """Return the methods to draw by name: SHRED and DA-SHRED as one where their fields are equal.
+
+    The latent transform stays off where no validation sensor confirms it.
+
+    Args:
+        estimates: fields by method.
+    """
+    methods = estimates["method"].values.tolist()
+    if not {"shred", "dashred"} <= set(methods):
+        return {method: method for method in methods}
+    before, after = (estimates.sel({"method": m}, drop=True) for m in ("shred", "dashred"))
+    if not before.equals(after):
+        return {method: method for method in methods}
+    kept = (method for method in methods if method != "dashred")
+    return {SHRED_UNCHANGED if method == "shred" else method: method for method in kept}

@@ -7,9 +7,9 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dashred.reporting.method_names import method_name
 from dashred.reporting.style import (
-    METHODS,
-    method_name,
+    COLOURS,
     new_figure,
     shade_held_out,
     style,
@@ -103,7 +103,7 @@ def _draw_errors(axes: Axes, errors: Mapping[str, Mapping[str, float | None]]) -
                 continue
             at = place + (slot - 1) * 0.27
             label = None if place else method_name(method)
-            axes.bar(at, value, width=0.24, color=METHODS[method][1], label=label)
+            axes.bar(at, value, width=0.24, color=COLOURS[method], label=label)
             axes.text(at, value + 0.015 * largest, f"{value:.2g}", ha="center", fontsize=8)
         ticks.append(WHERE[group])
     axes.set_xticks(range(len(groups)), ticks, fontsize=9)

@@ -172,7 +172,7 @@ def test_every_known_error_is_a_bar_with_its_number() -> None:
 def test_without_test_sensors_the_bars_stand_alone_with_a_legend() -> None:
     figure = verified(sensors=0)
     assert len(figure.axes) == 1
-    assert "corrected simulation" in texts(figure)
+    assert "dashred: corrected simulator" in texts(figure)
 
 
 def test_the_map_of_a_forcing_shows_the_equations_of_which_it_is_sure() -> None:

@@ -20,6 +20,7 @@ from dashred.reporting.figures import (
     save_figure,
     sensor_traces,
     space_time_panels,
+    state_traces,
     verification_figure,
 )
 from dashred.typeset import pretty
@@ -136,9 +137,32 @@ def test_methods_share_the_scale_of_the_truth_and_errors_are_numbered() -> None:
     values, errors = images[:3], images[3:]
     assert len({image.get_clim() for image in values}) == 1
     assert {image.get_clim()[0] for image in errors} == {-errors[0].get_clim()[1]}
-    assert titles(figure) == ["truth", "SHRED", "DA-SHRED", "error 0.5 std", "error 0 std"]
+    assert titles(figure) == [
+        "truth",
+        "SHRED, randomised",
+        "DA-SHRED",
+        "error 0.5 std",
+        "error 0 std",
+    ]
     np.testing.assert_allclose(np.asarray(values[0].get_array()), TRUTH.T)
     assert "u\nenergy" in texts(figure)
+
+
+def test_a_map_ends_where_its_points_do_and_each_cell_has_its_point_in_the_middle() -> None:
+    """Beyond the end of a rod nothing is drawn."""
+    x = np.linspace(0, 10, 33)
+    figure = space_time_panels(TIMES, "x", x, {"u": {"truth": np.zeros((41, 33))}}, {})
+    panel = figure.axes[0]
+    assert panel.get_ylim() == (0, 10) and panel.get_xlim() == (0, 10)
+    assert panel.images[0].get_extent()[2:] == pytest.approx((-10 / 64, 10 + 10 / 64))
+
+
+def test_the_truth_lies_above_the_methods_that_hide_it() -> None:
+    values = np.sin(TIMES)
+    lines = state_traces(TIMES, {"u": {"truth": values, "shred": values + 0.1}}, {}).axes[0].lines
+    truth, shred = lines
+    assert truth.get_zorder() > shred.get_zorder() and truth.get_linestyle() == "--"
+    assert truth.get_linewidth() < shred.get_linewidth() < 3
 
 
 def test_without_a_truth_there_is_no_error_row() -> None:

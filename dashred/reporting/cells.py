@@ -1,0 +1,23 @@
+"""The cells in which a map draws values that stand at points."""
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+
+Extent = tuple[float, float, float, float]
+Points = Float[np.ndarray, " point"]
+
+
+def cells_about(x: Points, y: Points) -> Extent:
+    """Return the extent of an image whose cells have their middles at the points, evenly spaced."""
+    return (*_edges(x), *_edges(y))
+
+
+def frame_points(axes: Axes, x: Points, y: Points) -> None:
+    """Let the axes end where the points do: half a cell beyond the end of a rod there is no rod."""
+    axes.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
+
+
+def _edges(points: Points) -> tuple[float, float]:
+    half = float(points[-1] - points[0]) / (len(points) - 1) / 2
+    return float(points[0]) - half, float(points[-1]) + half
