@@ -19,6 +19,8 @@ from dashred.errors import DONE, InputError, run_entry
 from dashred.findings import check_freeze, sha256_of, write_json_atomic
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from dashred.scoring import Law
     from dashred.sealing import Truth
 
@@ -40,7 +42,7 @@ LOOKING = ("corrected", "pde_find", *OF_LAWS)
 
 
 def main(argv: list[str]) -> int:
-    """Write ``compared.json`` beside the findings."""
+    """Write ``compared.json`` and a figure of every method's error beside the findings."""
     words = dict(word.partition("=")[::2] for word in argv)
     if words.keys() != set(KEYS):
         hint = " ".join(f"{key}=…" for key in KEYS)
@@ -96,15 +98,22 @@ def _methods(
     seed: int,
 ) -> dict[str, Compared]:
     from dashred.comparison.full_field import pde_find_on_full_field
+    from dashred.comparison.methods_figure import draw_methods
+    from dashred.reporting.truth_figures import joined
     from dashred.score import load_fields, true_states
-    from dashred.scoring import law_of_truth, rmse, scaled_errors
+    from dashred.scoring import law_of_truth, rmse, rmse_by_time, scaled_errors
 
     errors: dict[str, float] = {}
+    curves: dict[str, np.ndarray] = {}
     for name in (ESTIMATES, FIELDS):
         if (folder / name).is_file():
             estimates = load_fields(folder / name)
             real = true_states(estimates, truth, fields, folder / "sealed.nc")
-            errors |= {m: rmse(e) for m, e in scaled_errors(estimates, real, fields).items()}
+            scaled = scaled_errors(estimates, real, fields)
+            errors |= {method: rmse(error) for method, error in scaled.items()}
+            shown = joined(estimates)
+            curves |= {name: rmse_by_time(scaled[method]) for name, method in shown.items()}
+    draw_methods(folder, estimates["time"].values, curves, findings.get("units", {}))
     # Of both files the times are those of the fit window.
     full = pde_find_on_full_field(
         findings, folder, fields, estimates["time"].values, real, noise, seed

@@ -1,0 +1,90 @@
+"""The error of every method that has a field, against time: ``methods_truth.png``."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.figure import Figure
+
+from dashred.reporting.method_names import SHRED_UNCHANGED, method_name
+from dashred.reporting.style import method_look, new_figure, save_figure, style
+from dashred.units import time_label
+
+METHODS_FIGURE = "methods_truth.png"
+# In the order of the key; a family has one colour, its members their dashes.
+SHOWN = (
+    "simulation_same_start",
+    "optimal_interpolation",
+    "closed_form",
+    "filter_state",
+    "filter_augmented",
+    "shred_plain",
+    "shred",
+    SHRED_UNCHANGED,
+    "dashred",
+    "corrected",
+    "corrected_shred",
+)
+# A run that is lost must not flatten the others, nor one that is exact for a moment.
+LOWEST, HIGHEST = 1e-5, 30.0
+# So many windows to a record: where a state has few numbers, their error at a time passes zero
+# again and again, and the lines of all methods would cross everywhere.
+WINDOWS = 25
+
+
+def draw_methods(
+    folder: Path,
+    times: Float[np.ndarray, " time"],
+    curves: Mapping[str, Float[np.ndarray, " time"]],
+    units: Mapping[str, str],
+) -> None:
+    """Save the figure in a row's folder.
+
+    Args:
+        folder: of the row.
+        times: of the samples.
+        curves: RMSE at each time by method.
+        units: by name, that of time as `t`.
+    """
+    save_figure(methods_figure(times, curves, time_label(units)), folder / METHODS_FIGURE)
+
+
+def methods_figure(
+    times: Float[np.ndarray, " time"],
+    curves: Mapping[str, Float[np.ndarray, " time"]],
+    clock: str = "time",
+) -> Figure:
+    """Draw each method's RMSE over a moving window, in stds; what is not finite leaves a gap.
+
+    Args:
+        times: of the samples.
+        curves: RMSE at each time by method; one that is missing is not drawn.
+        clock: label of the time's axis.
+    """
+    with style():
+        figure = new_figure(8.6, 3.8)
+        axes = figure.subplots()
+        known = {method: curves[method] for method in SHOWN if method in curves}
+        drawn = {m: moving(v) for m, v in known.items()}
+        seen = np.concatenate([[1.0], *(values[values > 0] for values in drawn.values())])
+        axes.set(
+            xlabel=clock,
+            ylabel=f"field RMSE / standard deviation,\nover 1/{WINDOWS} of the record",
+            xlim=(times[0], times[-1]),
+            yscale="log",
+            ylim=(max(seen.min() / 1.5, LOWEST), min(seen.max() * 1.5, HIGHEST)),
+        )
+        for index, (method, values) in enumerate(drawn.items()):
+            axes.plot(times, values, label=method_name(method), **method_look(method, index))
+        if drawn:
+            figure.legend(loc="outside right upper")
+    return figure
+
+
+def moving(values: Float[np.ndarray, " time"]) -> Float[np.ndarray, " time"]:
+    """Return the root mean square over the window about each time, shorter at the ends."""
+    square = np.where(np.isfinite(values), values, np.nan) ** 2
+    half = len(values) // WINDOWS // 2
+    parts = (square[max(0, at - half) : at + half + 1] for at in range(len(values)))
+    return np.sqrt(np.array([part.mean() for part in parts]))
