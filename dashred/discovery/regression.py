@@ -32,6 +32,7 @@ class SparseFit:
         path: (number of terms, RMSE as a share of the target's rms) along the sparsity path.
         ranking: term indices, the proposed ones first, each group in the order of forward
             selection.
+        blocks: how many were left out and redrawn as a whole.
     """
 
     coefficients: Array
@@ -39,6 +40,7 @@ class SparseFit:
     inclusion: Array
     path: list[tuple[int, float]]
     ranking: list[int]
+    blocks: int
 
 
 def sparse_fit(
@@ -67,7 +69,9 @@ def sparse_fit(
     seen = np.flatnonzero(norms > 1e-12 * max(norms.max(), 1e-300))
     if not len(seen) or not target:
         nothing = np.zeros(len(norms))
-        return SparseFit(nothing, nothing, nothing, [(0, 1.0)], list(range(len(norms))))
+        return SparseFit(
+            nothing, nothing, nothing, [(0, 1.0)], list(range(len(norms))), len(blocks.power)
+        )
     factors = target / norms[seen]
     scaled = blocks.columns(seen, factors)
     order = _forward_order(scaled)
@@ -79,7 +83,8 @@ def sparse_fit(
     place = np.full(len(norms), len(norms))
     place[seen[order]] = np.arange(len(seen))
     ranking = [int(j) for j in np.lexsort((place, share == 0))]
-    return SparseFit(coefficients, share, inclusion, _path(scaled, candidates), ranking)
+    path = _path(scaled, candidates)
+    return SparseFit(coefficients, share, inclusion, path, ranking, len(blocks.power))
 
 
 def _candidates(blocks: Blocks, threshold: float, order: list[int]) -> list[Support]:

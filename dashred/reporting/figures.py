@@ -1,6 +1,6 @@
 """All figures of a run, from one place."""
 
-from dashred.reporting.accuracy import accuracy_against_sparsity
+from dashred.reporting.accuracy import LatentPath, accuracy_against_sparsity
 from dashred.reporting.coefficients import coefficients_against_epoch
 from dashred.reporting.curves import epochs_and_values, learning_curves, rmse_against_time
 from dashred.reporting.evidence import evidence_figure
@@ -16,6 +16,7 @@ from dashred.reporting.traces import sensor_traces
 from dashred.reporting.verification import verification_figure
 
 __all__ = [
+    "LatentPath",
     "LawMap",
     "accuracy_against_sparsity",
     "coefficients_against_epoch",

@@ -23,6 +23,7 @@ from dashred.reporting.figure_names import (
     sensors_of_episode,
 )
 from dashred.reporting.figures import (
+    LatentPath,
     LawMap,
     accuracy_against_sparsity,
     coefficients_against_epoch,
@@ -166,9 +167,10 @@ def _sparsity(analysis: Analysis, gallery: Gallery) -> None:
     gallery.save(figure, "sparsity.png")
 
 
-def _path(fit: SparseFit) -> tuple[np.ndarray, np.ndarray, int]:
+def _path(fit: SparseFit) -> LatentPath:
     sizes, errors = zip(*fit.path, strict=True)
-    return np.array(sizes), np.array(errors), int(np.count_nonzero(fit.coefficients))
+    kept = int(np.count_nonzero(fit.coefficients))
+    return LatentPath(np.array(sizes), np.array(errors), fit.blocks, kept)
 
 
 def _curves(analysis: Analysis, gallery: Gallery) -> None:

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from dashred.reporting.coefficients import spread_out
 from dashred.reporting.figures import (
+    LatentPath,
     accuracy_against_sparsity,
     coefficients_against_epoch,
     forecast_figure,
@@ -70,24 +71,49 @@ def traces(sensors: int = 8, samples: int = 41) -> Figure:
     return sensor_traces(times, recorded, names, roles, {"shred": recorded}, 8.0)
 
 
+def latent_path(rmse: list[float], kept: int) -> LatentPath:
+    return LatentPath(np.arange(len(rmse)), np.array(rmse), 50, kept)
+
+
 def path() -> Figure:
-    latent = {"Algorithm 1": (np.arange(5), 1.0 / (1.0 + np.arange(5)), 2)}
+    latent = {"Algorithm 1": latent_path([1, 1 / 2, 1 / 3, 1 / 4, 1 / 5], 2)}
     law = [(0, 4.0, 900.0), (1, 1.0, 12.0), (2, 1.0, 25.0)]
     return accuracy_against_sparsity(latent, law, 1)
 
 
 def test_the_ring_is_about_the_law_that_is_reported() -> None:
     """Another than the one of the lowest score, where causes were weighed; none where none is."""
-    latent = {"Algorithm 1": (np.arange(2), np.ones(2), 1)}
-    law = [(0, 4.0, 900.0), (1, 1.0, 12.0), (2, 1.5, 25.0)]
-    middle, right = accuracy_against_sparsity(latent, law, 2).axes[1:]
-    for axes, value in ((middle, 1.5), (right, 13.0)):
+    latent = {"Algorithm 1": latent_path([1.0, 1.0], 1)}
+    law = [(0, 4.0, 900.0), (1, 1.0, 12.0), (2, 0.9, 25.0)]
+    error, evidence = accuracy_against_sparsity(latent, law, 2).axes[2:]
+    for axes, value in ((error, 0.9), (evidence, 13.0)):
         _, ring = axes.get_lines()
         np.testing.assert_array_equal(ring.get_xydata(), [[2, value]])
         assert axes.get_xlabel() == "number of terms (ring: reported)"
-    for axes in accuracy_against_sparsity(latent, law, None).axes[1:]:
+    for axes in accuracy_against_sparsity(latent, law, None).axes[2:]:
         assert len(axes.get_lines()) == 1
         assert axes.get_xlabel() == "number of terms (the law reported is none of these)"
+
+
+def test_latent_sindy_has_evidence_of_what_it_keeps() -> None:
+    """A term that explains nothing costs ln n; n are the parts of the record."""
+    assert latent_path([1.0, 1.0], 0).evidence == pytest.approx([0, np.log(50)])
+    rmse = [1.0, 0.1]
+    assert latent_path(rmse, 0).evidence == pytest.approx([100 * np.log(10) - np.log(50), 0])
+    assert np.isfinite(latent_path([1.0, 0.0], 0).evidence).all()
+
+
+def test_a_law_that_errs_more_than_a_smaller_one_is_hollow_and_not_joined() -> None:
+    latent = {"Algorithm 1": latent_path([1.0, 0.5], 1)}
+    law = [(0, 4.0, 900.0), (1, 1.0, 12.0), (2, 3.0, 700.0), (3, 0.99, 30.0)]
+    figure = accuracy_against_sparsity(latent, law, 1)
+    for axes in figure.axes[2:]:
+        joined, hollow, _ = axes.get_lines()
+        np.testing.assert_array_equal(joined.get_xdata(), [0, 1, 3])
+        np.testing.assert_array_equal(hollow.get_xdata(), [2])
+        assert hollow.get_markerfacecolor() == "none"
+    assert "did not converge" in texts(figure)
+    assert "did not converge" not in texts(path())
 
 
 def learning() -> Figure:
