@@ -31,7 +31,7 @@ COLOURS = {
     "simulation_same_start": BLUE,
     "simulation_refit": GREY,
     "optimal_interpolation": BLACK,
-    "closed_form": GREY,
+    "closed_form": BLACK,
     "filter_state": PURPLE,
     "filter_augmented": PURPLE,
     "shred_plain": SKY,
@@ -45,7 +45,8 @@ COLOURS = {
     "after": GREEN,
 }
 # Assimilation often changes little: the line below must show beside the one above.
-WIDTHS = {"shred": 2.4}
+# The closed form meets the corrected simulator where both are right, and lies above it.
+WIDTHS = {"shred": 2.4, "closed_form": 1.0}
 # The truth lies above the lines that meet it, thin and broken, so that they show through.
 TRUTH = {"color": BLACK, "linewidth": 1.0, "linestyle": (0, (3, 3)), "zorder": 3}
 DASHES = {
