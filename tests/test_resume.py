@@ -264,3 +264,10 @@ def test_a_checkpoint_that_was_cut_off_is_made_anew(tmp_path) -> None:
     path.write_bytes(path.read_bytes()[:-40])
     assert Checkpoints(tmp_path, {}).stage("shred", lambda: {"a": 1}) == {"a": 1}
     assert Checkpoints(tmp_path, {}).stage("shred", lambda: pytest.fail("kept")) == {"a": 1}
+
+
+def test_what_other_code_has_found_is_found_again(tmp_path: Path, monkeypatch) -> None:
+    kept = Checkpoints(tmp_path, {})
+    assert kept.stage("count", lambda: 1) == kept.stage("count", lambda: 2) == 1
+    monkeypatch.setattr("dashred.stages.checkpoints.git_commit", lambda: "another")
+    assert kept.stage("count", lambda: 2) == kept.stage("count", lambda: 3) == 2

@@ -1,7 +1,8 @@
 """What the stages of an analysis have found so far, on disk: an attempt that was cut short goes on.
 
 Read back with weights only: tensors, numbers, texts, and the records of findings listed here. A
-file that was tampered with can name no other class, and no function at all.
+file that was tampered with can name no other class, and no function at all. What other code has
+found is found again.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from dashred.physics.window import Shape, Window
 from dashred.progress import CONSOLE
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.learning import KeptNetwork, Learned
+from dashred.stages.provenance import git_commit
 from dashred.whole_files import whole_file
 
 Found = TypeVar("Found")
@@ -68,8 +70,9 @@ class Checkpoints:
     def stage(self, name: str, find: Callable[[], Found]) -> Found:
         """Return what a stage found: in the attempt that was cut short, or else now."""
         path = self.folder / f"{name}.pt"
-        kept = _read(path)
-        if kept is not None:
+        kept, code = _read(path), git_commit()
+        # Records of other code may lack what this one reads, and findings are of one code.
+        if kept is not None and kept.get("code") == code:
             self.seconds |= kept["seconds"]
             self.earlier += kept["took"]
             CONSOLE.print(f"  {name:<28} found before the interruption", highlight=False)
@@ -78,7 +81,8 @@ class Checkpoints:
         found = find()
         took = time.perf_counter() - began
         mine = {title: s for title, s in self.seconds.items() if before.get(title) != s}
-        _write(path, {"found": _plain(found), "seconds": mine, "took": took})
+        kept = {"found": _plain(found), "seconds": mine, "took": took, "code": code}
+        _write(path, kept)
         return found
 
 
