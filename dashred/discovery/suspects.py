@@ -48,8 +48,9 @@ def _in_all_episodes(objective: Objective, sensor: int, none: Tensor) -> Iterato
     """Yield the faults that a sensor has in every episode."""
     yield Fault("bias", sensor, none)
     yield Fault("drift", sensor, none)
-    if objective.shooting.simulator.system.axes:
-        yield Fault("misplaced", sensor, none)
+    axes = objective.shooting.simulator.system.axes
+    if axes:
+        yield Fault("misplaced", sensor, none, parameters=float(len(axes)))
 
 
 def _without(objective: Objective, normal: Normal, sensor: int) -> Tensor:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import torch
@@ -13,14 +14,30 @@ from dashred.discovery.cause import Cause
 from dashred.discovery.fault_in_units import fitted_fault_in_units
 from dashred.discovery.faults import fit_fault, predicted
 from dashred.discovery.law import SensorFault
+from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.lawless import faults
 from dashred.discovery.objective import Objective
+from dashred.discovery.shooting import Shooting
 from dashred.discovery.suspects import suspects
+from dashred.physics.prior import StartPrior, field_rms, nominal_start
+from dashred.physics.simulate import simulate
 from dashred.sensing.observation import ObservationOperator
+from dashred.sensing.sensors import Sensor
 from tests import laws
 from tests.waves import TIMES, Waves, fitted
 
 SIGMA = 0.03
+PLANE = """
+system:
+  title: warmth in a plane
+  axes: {x: {length: 10, points: 12}, y: {length: 8, points: 12}}
+  fields: {u: temperature}
+  equations: {u: 0.1*lap(u) - 0.3*d(u, x)}
+  start: {u: cos(2*pi*x/10)*cos(2*pi*y/8)}
+  spread: {u: 0.2, length: 3}
+  integrator: {dt: 0.1}
+recording: {twin: a, sensors: 3, noise: 0, duration: 4, every: 0.1}
+"""
 
 
 def biased(values: Tensor) -> Tensor:
@@ -106,6 +123,36 @@ def test_sound_sensors_are_not_suspected(waves: Waves) -> None:
     objective = waves.objective(waves.recorded(SIGMA, seed=5), SIGMA)
     _, found, _ = expect(objective)
     assert found == []
+
+
+def unknowns(objective: Objective) -> dict[str, set[tuple[int, float]]]:
+    """Return of each kind how many numbers are fitted, and for how many it is charged."""
+    phi = torch.zeros(objective.modes, dtype=torch.float64)
+    normal = objective.linearise(phi)
+    [states] = objective.shooting.states(*objective.split(phi[None]))
+    found: dict[str, set[tuple[int, float]]] = {}
+    for fault in suspects(objective, normal):
+        own = predicted(objective, normal, fault, states).own
+        if len(own):
+            found.setdefault(fault.kind, set()).add((len(own), fault.parameters))
+    return found
+
+
+def test_a_fault_is_charged_for_every_number_that_is_fitted(waves: Waves, tmp_path: Path) -> None:
+    ring = unknowns(waves.objective(waves.recorded(SIGMA, seed=5), SIGMA))
+    assert ring == {"bias": {(1, 1.0)}, "drift": {(1, 1.0)}, "misplaced": {(1, 1.0)}}
+
+    system = laws.declared(tmp_path, PLANE)
+    nominal = nominal_start(system)
+    sensors = [Sensor(f"s{j}", "u", (1.3 + 3 * j, 0.7 + 2 * j)) for j in range(3)]
+    operator = ObservationOperator(sensors, system)
+    start = StartPrior(system, nominal[0], field_rms(nominal), None)
+    simulator = Simulator(system, system.dt, [], ())
+    recorded = operator(simulate(system, nominal, TIMES))[0]
+    shooting = Shooting(simulator, start, [], operator, TIMES)
+    none = torch.zeros(0, dtype=torch.float64)
+    plane = unknowns(Objective(shooting, recorded, waves.noise(recorded, SIGMA), none))
+    assert plane == ring | {"misplaced": {(2, 2.0)}}
 
 
 def test_the_prediction_is_the_fit_where_the_readings_are_nearly_linear(waves: Waves) -> None:
