@@ -32,7 +32,7 @@ system:
   title: warmth in a plane
   axes: {x: {length: 10, points: 12}, y: {length: 8, points: 12}}
   fields: {u: temperature}
-  equations: {u: 0.1*lap(u) - 0.3*d(u, x)}
+  equations: {u: "0.1*lap(u) - 0.3*d(u, x)"}
   start: {u: cos(2*pi*x/10)*cos(2*pi*y/8)}
   spread: {u: 0.2, length: 3}
   integrator: {dt: 0.1}
