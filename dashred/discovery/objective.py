@@ -105,12 +105,12 @@ class Objective:
         """Return ``W(H S - y)``, ``(…, time·sensor)``."""
         return self.noise.whiten(readings - self.recorded).flatten(-2)
 
-    def noise_left(self, readings: Tensor, spent: int) -> NoiseModel:
+    def noise_left(self, readings: Tensor, spent: float) -> NoiseModel:
         """Return the noise that the residuals of a fit speak for: its size and correlation.
 
         Args:
             readings: of the fit, ``(time, sensor)``.
-            spent: how many unknowns it had.
+            spent: how many numbers it has taken from the recording (:meth:`Normal.spent`).
         """
         groups = [sensor.reads for sensor in self.shooting.operator.sensors]
         return self.noise.estimated(readings - self.recorded, groups, spent)
@@ -187,6 +187,16 @@ class Normal:
         size = hessian.diagonal().sqrt()
         eye = torch.eye(len(size), dtype=hessian.dtype)
         return solve(hessian / size[:, None] / size, eye) / size[:, None] / size
+
+    def spent(self, index: Sequence[int]) -> float:
+        """Return how many numbers a fit of some unknowns takes from the recording.
+
+        ``γ = tr (JᵀJ + P)⁻¹ JᵀJ`` (MacKay, *Bayesian interpolation*, 1992): what the readings say
+        nothing of stays where its prior has it, and is not taken from their residuals. Those of n
+        readings have ``E‖r‖² = n - γ``.
+        """
+        held = self.precision[list(index)] * self.covariance(index).diagonal()
+        return len(index) - float(held.sum())
 
     def steps(
         self,

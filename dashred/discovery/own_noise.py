@@ -5,23 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import torch
-
 from dashred.discovery.cause import HOPELESS, Cause, by_score, refitted, settled
 from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.left_out import Beside, beside_the_fault
 from dashred.discovery.noise_model import NoiseModel
-from dashred.discovery.normal_equations import solve
 
 
 def noise_left_by(forced: FreeForcing) -> NoiseModel:
     """Return the noise that is left under a free forcing: no wrong law has a part in it."""
     objective, phi = forced.objective, forced.phi
     [readings] = objective.shooting.readings(*objective.split(phi[None]))
-    normal = forced.normal
-    information = normal.hessian - torch.diag(normal.precision)
-    spent = float(solve(normal.hessian, information).trace())
-    return replace(objective.noise_left(readings, round(spent)), seen=objective.noise.seen)
+    spent = forced.normal.spent(range(len(phi)))
+    return replace(objective.noise_left(readings, spent), seen=objective.noise.seen)
 
 
 def refitted_under_own_noise(found: Sequence[Cause]) -> list[Cause]:
@@ -32,7 +27,7 @@ def refitted_under_own_noise(found: Sequence[Cause]) -> list[Cause]:
     """
     best = min(found, key=by_score)
     [readings] = best.objective.shooting.readings(*best.objective.split(best.phi[None]))
-    noise = best.objective.noise_left(readings, len(best.phi))
+    noise = best.objective.noise_left(readings, best.normal.spent(range(len(best.phi))))
     bound = best.law.score + HOPELESS
     kept = [cause for cause in found if cause.law.score < bound or not cause.law.parts]
     again = [refitted_under(cause, noise) for cause in kept]

@@ -144,7 +144,8 @@ class _Search:
         """Estimate σ and its correlation from the residuals of the best set; tell if they moved."""
         objective = self.objective
         [readings] = objective.shooting.readings(*objective.split(best.phi[None]))
-        noise = objective.noise_left(readings, objective.modes + len(best.members))
+        spent = self.normal.spent(objective.places(best.members))
+        noise = objective.noise_left(readings, spent)
         resized = float((noise.std / objective.noise.std - 1).abs().max())
         recorrelated = float((noise.correlation - objective.noise.correlation).abs().max())
         if max(resized, recorrelated) < NOTICEABLE:

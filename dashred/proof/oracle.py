@@ -74,7 +74,8 @@ def consult(case: Case, concealed: Concealed, folder: Path, *, exact: bool) -> O
     mine = _objective(simulator, start, candidates, None)
     begin = torch.cat([z, torch.tensor(_coefficients(concealed), dtype=torch.float64)])
     fitted = minimise(mine, begin, STEPS, TOLERANCE)
-    noise = mine.noise_left(fitted.readings, len(begin))
+    normal = mine.linearise(fitted.phi, fitted.readings)
+    noise = mine.noise_left(fitted.readings, normal.spent(range(len(begin))))
     fitted = minimise(replace(mine, noise=noise), fitted.phi, STEPS, TOLERANCE)
     kinds = [kind_of(term.window) for term in truth.terms]
     kinds += [None] * len(truth.concealed.parameters)

@@ -104,6 +104,7 @@ def discover(
         tried=len(selection.tried),
         beyond=weighed.gain,
         forcing=weighed.forcing,
+        lost=weighed.lost,
     )
 
 

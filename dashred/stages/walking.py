@@ -63,7 +63,7 @@ def with_noise_after(objective: Objective, walked: Walk) -> Objective:
         walked: how far, and with which of them.
     """
     part = objective.until(walked.samples)
-    found = part.noise_left(walked.readings, objective.modes + len(walked.members))
+    found = part.noise_left(walked.readings, walked.spent)
     return replace(objective, noise=replace(found, seen=objective.noise.seen))
 
 

@@ -1,0 +1,37 @@
+"""What a fit takes from the readings, and what it leaves of their noise."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from dashred.discovery.objective import Normal
+
+
+def test_residuals_are_as_small_as_the_numbers_that_were_taken_from_them() -> None:
+    """Of 60 readings 50 unknowns are fitted, most of which the prior holds."""
+    generator = torch.Generator().manual_seed(0)
+
+    def normal_draws(*shape: int) -> torch.Tensor:
+        return torch.randn(shape, generator=generator, dtype=torch.float64)
+
+    jacobian = normal_draws(60, 50) * torch.logspace(0.5, -2, 50, dtype=torch.float64)
+    ones, nowhere = torch.ones(50, dtype=torch.float64), torch.zeros(50, dtype=torch.float64)
+    squares = []
+    for _ in range(2000):
+        readings = jacobian @ normal_draws(50) + normal_draws(60)
+        normal = Normal(jacobian, ones, nowhere, -readings)
+        fitted = normal.solution(range(50))
+        squares.append(float((jacobian @ fitted - readings).square().sum()))
+    spent = normal.spent(range(50))
+    assert 20 < spent < 40
+    assert sum(squares) / 2000 == pytest.approx(60 - spent, rel=0.01)
+
+
+def test_what_no_reading_depends_on_takes_nothing_and_what_each_fixes_takes_one() -> None:
+    jacobian = torch.tensor([[1e6, 0.0, 0.0], [0.0, 1e6, 0.0]], dtype=torch.float64)
+    ones, nothing = torch.ones(3, dtype=torch.float64), torch.zeros(2, dtype=torch.float64)
+    normal = Normal(jacobian, ones, torch.zeros(3, dtype=torch.float64), nothing)
+    assert normal.spent(range(3)) == pytest.approx(2.0)
+    assert normal.spent([0, 2]) == pytest.approx(1.0)
+    assert normal.spent([2]) == pytest.approx(0.0, abs=1e-12)
