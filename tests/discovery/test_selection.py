@@ -13,6 +13,7 @@ from dashred.discovery.neighbours import Set
 from dashred.discovery.objective import Objective
 from dashred.discovery.selection import Selection, penalty, polish, select
 from tests.swing import FORCES, Swing, noisy
+from tests.waves import Waves, fitted
 
 SIGMA, WEAK = 0.05, 1.0
 NAMES = ("k", "c", *FORCES)
@@ -146,3 +147,20 @@ def test_a_search_cut_short_is_not_exhausted(swing: Swing, monkeypatch: pytest.M
     monkeypatch.setattr("dashred.discovery.selection.ROUNDS", 1)
     found = searched(problem(swing, "drag and a hardening spring", 0))
     assert found.tried[0].members != () and not found.exhausted
+
+
+def test_the_noise_of_few_readings_is_not_blown_up_by_modes_that_they_say_nothing_of(
+    waves: Waves,
+) -> None:
+    """Of 21 readings a fit of 14 modes takes four or five."""
+    squares = []
+    for seed in range(10):
+        recorded = waves.recorded(SIGMA, seed)
+        recorded[:, 1:] = recorded[1::2] = torch.nan
+        z = fitted(waves.objective(recorded, SIGMA))
+        objective = waves.objective(recorded, SIGMA, ["u: u**2", "v: 1"])
+        noise = select(objective, objective.embed(z, []), [], silent).objective.noise
+        assert (noise.count, objective.modes) == (21, 14)
+        squares.append(float(noise.std[0] / SIGMA) ** 2)
+    # As large as 1 - 5/21 over 1 - 14/21, 2.3, if each mode is charged in full.
+    assert sum(squares) / 10 == pytest.approx(1.0, abs=0.3)
