@@ -1,7 +1,7 @@
 """Say what is wrong or doubtful before a run: ``python -m dashred.check conf=my.yaml``.
 
 Reads what a run would read, never a twin's truth, and writes nothing. It ends with 0 where a run
-could begin, whatever is doubtful, and with 2 where the input is wrong.
+could begin, whatever is doubtful, and with 2 where the input is wrong or a line is left to do.
 """
 
 from __future__ import annotations
@@ -11,13 +11,15 @@ from itertools import chain
 
 from dashred.checkup.page import Page
 from dashred.config import Config, load_config
+from dashred.config.open_lines import open_lines
 from dashred.errors import DONE, WRONG_INPUT, run_entry
 
 
 def main(argv: list[str]) -> int:
     """Check the configuration, then what it names, cheapest first."""
-    page = check(load_config(argv, entry="check"))
-    return WRONG_INPUT if page.wrong else DONE
+    config = load_config(argv, entry="check")
+    page = check(config)
+    return WRONG_INPUT if page.wrong or open_lines(config) else DONE
 
 
 def check(config: Config) -> Page:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from dashred.checkup.remark import Remark, counted, doubtful, some
 from dashred.checkup.situation import Situation
 from dashred.errors import InputError
-from dashred.sensing.clock import GAP, own_step
+from dashred.sensing.clock import GAP, own_step, resample
+from dashred.sensing.missing_marks import missing_marks
 from dashred.sensing.noise import noise_std
 from dashred.sensing.recording import Recording
 from dashred.sensing.time_scale import A_PERIOD, samples_a_change, suggested_step
@@ -40,17 +41,22 @@ def about_recording(situation: Situation) -> Iterator[Remark]:
     span = f"{len(times)} samples of {counted(len(recording.sensors), 'sensor')}"
     end = measured(f"{times[-1]:.6g}", situation.system.units.get("t"))
     yield Remark(f"{span}, t from {times[0]:.6g} to {end}")
-    if situation.episodes > 1:
-        yield Remark(
-            f"That is the longest of {situation.episodes} episodes; of the others, the starts "
-            "alone are looked at"
-        )
+    if situation.others:
+        yield Remark(f"That is the longest of {len(situation.others) + 1} episodes")
     yield from _clock(recording, situation.config.recording.every)
-    yield from _missing(recording)
-    yield from _repeated(recording)
+    yield from _gone_wrong(recording)
     estimated = _estimated_noise(recording)
     yield from _noise(recording, estimated)
     yield from _sampling(situation, recording, estimated)
+    for name, other in situation.others.items():
+        for remark in _gone_wrong(other):
+            yield replace(remark, says=f"Episode {name}: {remark.says}")
+
+
+def _gone_wrong(recording: Recording) -> Iterator[Remark]:
+    yield from _missing(recording)
+    yield from _marks(recording)
+    yield from _repeated(recording)
 
 
 def _about_none(situation: Situation) -> Iterator[Remark]:
@@ -93,6 +99,17 @@ def _missing(recording: Recording) -> Iterator[Remark]:
     if many:
         says = f"More than {MANY_MISSING:.0%} of their values are missing: {some(many)}"
         yield doubtful(says, "take a sensor out that hardly ever reads")
+
+
+def _marks(recording: Recording) -> Iterator[Remark]:
+    for name, values in zip(recording.names, recording.values.T, strict=True):
+        for number, count in missing_marks(values).items():
+            times = recording.times[values == number]
+            yield doubtful(
+                f"{name} reads {number:g} {count} times, first at t = {times[0]:.6g}, and nothing "
+                "else near it: a mark of a missing value?",
+                "leave such cells empty: as a number it is fitted like any other",
+            )
 
 
 def _repeated(recording: Recording) -> Iterator[Remark]:
@@ -166,12 +183,25 @@ def _sampling(
                 f"samples for a {A_PERIOD}th of its period",
                 f"recording.every={step:g} loses little and makes a run faster",
             )
+    yield from _lost(recording, float(situation.times[1] - situation.times[0]))
     count = len(situation.times)
     if count > MANY_SAMPLES:
         yield doubtful(f"{count} samples make a run long", "recording.every=STEP thins them")
     elif count < FEW_SAMPLES:
         yield doubtful(f"{count} samples are few to find a law from", "record longer, or finer")
     yield _correlation(recording, lags)
+
+
+def _lost(recording: Recording, step: float) -> Iterator[Remark]:
+    """Say how much of the recording its clock leaves out, where that is much."""
+    sampled, _ = resample(recording, step)
+    missing = np.isnan(sampled.values).mean()
+    if missing > np.isnan(recording.values).mean() + MANY_MISSING:
+        yield doubtful(
+            f"On that clock {missing:.0%} of the values are missing: the samples stand too "
+            "unevenly to be read in between",
+            f"a longer step bridges more: recording.every={2 * step:.3g}",
+        )
 
 
 def _correlation(recording: Recording, lags: dict[str, int]) -> Remark:

@@ -36,7 +36,7 @@ class Situation:
         split: roles of the sensors. Without a recording it is one of nothing but zeros.
         recording: the user's own, as it was read, or the longest of its episodes that are fitted;
             None while there is none.
-        episodes: how many there are.
+        others: the other episodes by name, one that is held out whole among them.
         clock: how the clock came about.
         noise: σ by sensor; empty while there is no recording.
         problem: what a run would start from; None while there is no recording.
@@ -48,7 +48,7 @@ class Situation:
     times: Tensor
     split: Split
     recording: Recording | None
-    episodes: int
+    others: dict[str, Recording]
     clock: str
     noise: dict[str, float]
     problem: Problem | None = None
@@ -83,14 +83,15 @@ def situation_of(config: Config) -> Situation:
     posed = pose(config)
     table = config.recording.sensors if isinstance(config.recording.sensors, str) else None
     episodes = read_episodes(config.recording.path, table, posed.system).episodes
+    recordings = {episode.name: episode.recording for episode in episodes}
     return Situation(
         config,
         posed.system,
         posed.library,
         posed.times,
         posed.split,
-        next(episode.recording for episode in episodes if episode.name == posed.name),
-        len(episodes),
+        recordings.pop(posed.name),
+        recordings,
         posed.clock,
         posed.noise,
         posed,
@@ -110,4 +111,4 @@ def _without_recording(config: Config) -> Situation:
     silent = Recording(tuple(sensors), times.numpy(), np.zeros((len(times), len(sensors))))
     split = split_recording(silent, config.splits, config.seed)
     clock = f"{len(times)} samples at a step of {every:.6g}"
-    return Situation(config, system, library, times, split, None, 1, clock, {})
+    return Situation(config, system, library, times, split, None, {}, clock, {})

@@ -16,6 +16,8 @@ def about_splits(situation: Situation) -> Iterator[Remark]:
         for role, names in (("validate", split.validate), ("test", split.test)):
             if names:
                 yield Remark(f"To {role}: {some(list(names))}")
+    for whole in situation.problem.whole if situation.problem else ():
+        yield Remark(f"Held out whole: episode {whole.name}, but for a tenth that tells its start")
     if not split.test:
         yield Remark(
             "No sensor is held out: an improvement can be shown in later times alone",

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dashred.damaged_files import reading
 from dashred.errors import InputError, nearest
 from dashred.outside_links import check_folder, check_hdf5
 from dashred.physics.grid import Axis
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 UNEVEN = 1e-3
 # Coordinates may miss the grid's by so much of a spacing.
 OFF_GRID = 1e-3
+FORMATS = "snapshots are one NetCDF-4 file or one Zarr folder, such as xarray writes"
 # Where a unit of a name is stated.
 UNITS_KEY = "system.units.{}"
 
@@ -53,17 +56,13 @@ def _open(path: str) -> xr.Dataset:
     if not Path(path).exists():
         raise InputError("no such file or folder", where=path, hint=f"looked in {Path.cwd()}")
     engine = "zarr" if Path(path).is_dir() else "h5netcdf"
-    try:
+    kind = "Zarr folder" if engine == "zarr" else "NetCDF-4 file"
+    with reading(kind, path, FORMATS):
+        # Of an engine that is not installed xarray says nothing that names it.
+        importlib.import_module(engine)
         (check_folder if engine == "zarr" else check_hdf5)(path)
         # Arrays stay on disk until they are indexed; times stay the numbers they are.
         return xr.open_dataset(path, engine=engine, chunks=None, decode_times=False)
-    except InputError:
-        raise
-    except Exception as error:  # a damaged file fails in as many ways as its format has layers
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        kind = "Zarr folder" if engine == "zarr" else "NetCDF-4 file"
-        hint = "snapshots are one NetCDF-4 file or one Zarr folder, such as xarray writes"
-        raise InputError(f"not a readable {kind}: {reason}", where=path, hint=hint) from error
 
 
 def _check_variable(dataset: xr.Dataset, field: str, system: System, path: str) -> None:

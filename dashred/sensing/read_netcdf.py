@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from dashred.damaged_files import reading
 from dashred.errors import InputError, nearest
 from dashred.outside_links import check_hdf5
 from dashred.physics.measured import Measured
@@ -171,10 +172,12 @@ def _inputs(
 
 
 def _load(path: str) -> xr.Dataset:
-    # It takes a second, which reading a CSV need not wait for.
-    import xarray as xr
+    with reading("NetCDF-4 file", path):
+        # They take a second, which reading a CSV need not wait for. Of an engine that is not
+        # installed xarray says nothing that names it.
+        import h5netcdf  # noqa: F401
+        import xarray as xr
 
-    try:
         # First: h5netcdf leaves a traceback on stderr when a damaged object stops it halfway.
         check_hdf5(path)
         # Times stay the numbers they are: t is the recording's own clock.
@@ -184,11 +187,6 @@ def _load(path: str) -> xr.Dataset:
                 problem = f"{dataset.nbytes} bytes of values are too many: {LARGEST} at most"
                 raise InputError(problem, where=path)
             return dataset.load()
-    except InputError:
-        raise
-    except Exception as error:  # a damaged file fails in as many ways as HDF5 has layers
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"not a readable NetCDF-4 file: {reason}", where=path) from error
 
 
 def _variable(dataset: xr.Dataset, name: str, dims: Sequence[str], path: str) -> xr.DataArray:

@@ -181,11 +181,13 @@ def _equation(field: str, guessed: Guessed, guess: Guess) -> str:
 
 def _start(guessed: Guessed, guess: Guess) -> str:
     lines = [START]
+    of_one = guess.episodes == 1
+    begins = "first value of the recording" if of_one else "mean of the episodes' first values"
     if guessed.axes:
         lines.append("    # waves through the sensors' first values\n")
     for field in guessed.fields:
         text = f"    {_key(field)}: {guess.start[field]}"
-        lines.append(f"{text}\n" if guessed.axes else _line(text, "first value of the recording"))
+        lines.append(f"{text}\n" if guessed.axes else _line(text, begins))
     lines.append(
         "\n  # How far the true start may lie from it: standard deviations, in each field's unit"
     )
@@ -217,7 +219,7 @@ def _every(recording: Recording, guess: Guess) -> str:
     if guess.every is None:
         return _line("  every: null", f"step between samples: the recording's own, {own:.4g}")
     if guess.every == fuller_step(recording):
-        says = "samples of more than one clock are brought to this one"
+        says = "on a shorter one most values would be missing: uneven steps, or several clocks"
         return _line(f"  every: {guess.every:g}", says)
     says = f"its own step is {own:.4g}: with this one 16 samples still draw its fastest period"
     return _line(f"  every: {guess.every:g}", says)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dashred.errors import InputError
 from dashred.sensing.clock import fuller_step, own_step
+from dashred.sensing.missing_marks import without_marks
 from dashred.sensing.noise import noise_std
 from dashred.sensing.recording import Recording
 from dashred.sensing.time_scale import samples_a_change, suggested_step
@@ -32,6 +33,7 @@ class Guess:
         dt: step of the integrator.
         start, spread: of every field, in its own unit.
         rates: columns that are another's rate of change, by field; of an ODE.
+        episodes: how many begin the recording anew.
     """
 
     every: float | None
@@ -39,6 +41,7 @@ class Guess:
     start: dict[str, str]
     spread: dict[str, float]
     rates: dict[str, Rate]
+    episodes: int
 
 
 def guess(guessed: Guessed, episodes: Sequence[Recording]) -> Guess:
@@ -47,6 +50,7 @@ def guess(guessed: Guessed, episodes: Sequence[Recording]) -> Guess:
     A law has one prior of the start, whatever the episode: about the mean of what they begin with,
     as wide as that differs.
     """
+    episodes = [replace(each, values=without_marks(each.values)) for each in episodes]
     recording = longest(episodes)
     noise = _noise(recording)
     every = fuller_step(recording)
@@ -70,6 +74,7 @@ def guess(guessed: Guessed, episodes: Sequence[Recording]) -> Guess:
         start,
         spread,
         {} if guessed.axes else find_rates(recording),
+        len(episodes),
     )
 
 

@@ -42,9 +42,9 @@ def rows_of(folder: Path) -> list[str]:
     return (folder / "swing.csv").read_text().splitlines()[1:]
 
 
-def said(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+def said(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> str:
     """Return what a check prints, its lines joined."""
-    assert check.main(list(words)) == 0
+    assert check.main(list(words)) == code
     return re.sub(r"\s+", " ", capsys.readouterr().out)
 
 
@@ -79,6 +79,12 @@ SPOILT: dict[str, Callable[[list[str]], list[str]]] = {
     "1 gap longer than 2 steps; the longest, 6.2": lambda rows: rows[:80] + rows[110:],
     "values are missing: v": lambda rows: with_v(rows, lambda i, v: v if i // 30 != 2 else ""),
     "the same as the one before: v": lambda rows: with_v(rows, lambda i, _: f"{i // 3}"),
+    "v reads -999 2 times, first at t = 6": lambda rows: with_v(
+        rows, lambda i, v: "-999" if i in (30, 77) else v
+    ),
+    "of the values are missing: the samples stand too unevenly": lambda rows: [
+        row for i, row in enumerate(rows) if i % 7 in (0, 1, 4) and i % 5
+    ],
     "x and v read the very same values": lambda rows: [
         f"{t},{x},{x}" for t, x, _ in map(cells_of, rows)
     ],
@@ -97,8 +103,22 @@ def test_a_start_that_does_not_fit_the_shorter_episode_is_doubtful(
     path = swing(tmp_path, [*(f"near,{row}" for row in rows), *far], "episode,time,x,v")
     found = said(capsys, f"conf={path}")
     assert "The first sample of episode 'far' lies more than 4 standard deviations" in found
-    assert "of the others, the starts alone are looked at" in found
+    assert "That is the longest of 2 episodes" in found
     assert "episode 'near' lies" not in found
+
+
+def test_every_episode_is_looked_at_and_the_one_that_is_held_out_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = rows_of(swing(tmp_path).parent)
+    stuck = [f"second,{t},{x},0.5" for t, x, _ in map(cells_of, rows[:100])]
+    third = [f"third,{row}" for row in rows[:80]]
+    first = [f"first,{row}" for row in rows]
+    path = swing(tmp_path, [*first, *stuck, *third], "episode,time,x,v")
+    found = said(capsys, f"conf={path}")
+    assert "Episode second: Most values are the same as the one before: v" in found
+    assert "Held out whole: episode third" in found
+    assert "Episode third:" not in found
 
 
 @pytest.mark.parametrize("says", SPOILT)
@@ -255,7 +275,7 @@ def test_a_first_configuration_tells_what_is_left_to_do(
     output = tmp_path / "mine.yaml"
     init.main([f"path={swing_csv(tmp_path)}", f"output={output}"])
     marked = [i for i, s in enumerate(output.read_text().splitlines(), 1) if "# TO DO:" in s]
-    found = said(capsys, f"conf={output}")
+    found = said(capsys, f"conf={output}", code=2)
     assert len(marked) == 1
     assert f"! {output}:{marked[0]}: write what you know of d(speed)/dt" in found
     assert "1 left to do (!)" in found
@@ -267,10 +287,10 @@ def test_a_first_configuration_in_space_can_be_checked(
     path, table = bar_csv(tmp_path)
     output = tmp_path / "bar.yaml"
     init.main([f"path={path}", f"sensors={table}", f"output={output}"])
-    found = said(capsys, f"conf={output}")
+    found = said(capsys, f"conf={output}", code=2)
     assert "2 left to do (!)" in found
     assert "In it nothing moves that a sensor reads" in found
-    filled = said(capsys, f"conf={output}", "system.equations.T=0.5*lap(T)")
+    filled = said(capsys, f"conf={output}", "system.equations.T=0.5*lap(T)", code=2)
     assert "8 samples" not in filled and "80 samples of 8 sensors" in filled
     assert "To test:" in filled
 

@@ -49,6 +49,23 @@ def test_jittered_times_are_interpolated_not_snapped():
     np.testing.assert_allclose(thinned.values[:, 0], np.sin(thinned.times), atol=5e-5)
 
 
+@pytest.mark.parametrize(("per", "error"), [(8, 6e-3), (16, 5e-4), (32, 4e-5)])
+def test_what_lies_between_uneven_times_errs_with_the_fourth_power_of_the_step(per, error):
+    """A line would err by 0.04, 0.009 and 0.002, which a fit would take for physics."""
+    times = np.arange(400.0) / per
+    times[1:-1] += np.random.default_rng(0).uniform(-0.3, 0.3, 398) / per
+    sampled, _ = resample(recorded(times, np.cos(2 * np.pi * times)), 1.2 / per)
+    missed = sampled.values[:, 0] - np.cos(2 * np.pi * sampled.times)
+    assert np.sqrt(np.mean(missed**2)) < error
+
+
+def test_two_samples_at_nearly_one_time_do_not_make_noise_steep():
+    times = np.sort(np.r_[0.1 * np.arange(200), 0.1 * np.arange(50, 80) + 1e-6])
+    noise = 0.01 * np.random.default_rng(1).standard_normal(len(times))
+    sampled, _ = resample(recorded(times, np.sin(times) + noise), 0.17)
+    assert np.nanmax(np.abs(sampled.values[:, 0] - np.sin(sampled.times))) < 0.05
+
+
 def test_lost_rows_and_missing_cells_stay_missing_when_decimated():
     times = 0.1 * np.arange(100)
     values = np.sin(times)

@@ -57,9 +57,22 @@ def test_a_start_is_as_wide_as_episodes_begin_apart(tmp_path: Path) -> None:
         for t in times
     ]
     (tmp_path / "two.csv").write_text("episode,time,x,v\n" + "".join(rows))
-    config, _ = written(tmp_path, f"path={tmp_path / 'two.csv'}")
+    config, text = written(tmp_path, f"path={tmp_path / 'two.csv'}")
+    assert "# mean of the episodes' first values" in text
     assert config.system.start["x"] == pytest.approx(-1)
     assert config.system.spread["x"] == pytest.approx(2)
+
+
+def test_marks_of_missing_values_do_not_widen_the_start(tmp_path: Path) -> None:
+    def guessed(*gone: int) -> float:
+        swing = [(i, 0.5 * math.cos(0.1 * i)) for i in range(200)]
+        rows = [f"{0.1 * i:.1f},{-999 if i in gone else x:.4f}\n" for i, x in swing]
+        (tmp_path / "swing.csv").write_text("time,x\n" + "".join(rows))
+        config, _ = written(tmp_path, f"path={tmp_path / 'swing.csv'}")
+        (tmp_path / "mine.yaml").unlink()
+        return float(config.system.spread["x"])
+
+    assert guessed(40, 41, 90) == pytest.approx(guessed(), rel=0.05)
 
 
 def test_two_clocks_in_one_table_get_the_step_of_either(tmp_path: Path) -> None:
@@ -67,7 +80,7 @@ def test_two_clocks_in_one_table_get_the_step_of_either(tmp_path: Path) -> None:
     (tmp_path / "two.csv").write_text("time,u,v\n" + "".join(rows))
     config, text = written(tmp_path, f"path={tmp_path / 'two.csv'}")
     assert config.recording.every == pytest.approx(0.1)
-    assert "more than one clock" in text
+    assert "uneven steps, or several clocks" in text
 
 
 def test_a_table_of_sensors_makes_a_field_in_space(tmp_path: Path) -> None:
