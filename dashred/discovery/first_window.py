@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import torch
@@ -11,8 +10,9 @@ from torch import Tensor
 from dashred.discovery.gauss_newton import Fitted, minimise
 from dashred.discovery.objective import Objective
 
-# Over longer stretches a front that is a little off has many false minima.
-FEWEST = 6
+# Over longer stretches a front that is a little off, or chaos, has many false minima. What so few
+# readings leave open of the start the prior holds until there are more, however many modes it has.
+SAMPLES = 6
 # σ of the first window, in the traces' std, then in the noise's own.
 ANNEALING = (1.0, 0.3, 0.1, 0.03)
 FINAL_ANNEALING = (2.0, 1.0)
@@ -22,9 +22,8 @@ TOLERANCE = 0.02
 
 
 def first_samples(objective: Objective) -> int:
-    """Return how many samples make the first window: a reading for each of the start's modes."""
-    sensors = objective.recorded.shape[1]
-    return min(len(objective.recorded), max(FEWEST, math.ceil(objective.modes / sensors)))
+    """Return how many samples make the first window."""
+    return min(len(objective.recorded), SAMPLES)
 
 
 def fit_first_window(objective: Objective, trace_std: Tensor) -> Fitted:

@@ -27,7 +27,7 @@ from tests.fuzz.examples import fuzzed
 
 @dataclass(frozen=True)
 class Swing:
-    """An ODE system with an input."""
+    """An ODE system, with an input and units or without."""
 
     axes: tuple[Axis, ...] = ()
     fields: tuple[str, ...] = ("u", "v")
@@ -38,6 +38,8 @@ class Swing:
 
 
 RING = Swing((Axis("x", 2.0, 16),))
+DRIVEN = Swing(inputs={"f": "f"}, units={"u": "m", "f": "N"})
+SYSTEMS = st.sampled_from([Swing(), DRIVEN])
 NUMBERS = st.one_of(
     st.floats(width=32).map(repr),
     st.integers(-9, 9).map(str),
@@ -46,7 +48,9 @@ NUMBERS = st.one_of(
     ),
     st.sampled_from(["1,5", "1;5", "'1'", '"1"', "high", "\0", "٣", "1e999", "--1", "+1", "1."]),
 )
-HEADS = st.sampled_from(["time", "u", "v", "speed", "episode", "f", "w", "", "u ", "\0", "u [m]"])
+HEADS = st.sampled_from(
+    ["time", "u", "v", "speed", "episode", "f", "w", "", "u ", "\0", "u [m]", "f [N]"]
+)
 NAMES = st.sampled_from(["p0", "p1", "time", "../p", "", "<b>", "$x$", "p\0", "p\x1b[2J", "a\nb"])
 WRITTEN = st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "latin-1"])
 
@@ -72,7 +76,9 @@ TABLES = st.one_of(
     st.text(max_size=80).map(str.encode),
     st.builds(csv_of, st.lists(HEADS, min_size=3, max_size=3), ROWS | STEADY,
               st.sampled_from(["\n", "\r\n", "\r"]), WRITTEN),
-    st.builds(csv_of, st.just(["time", "u", "v"]), STEADY, st.just("\n"), st.just("utf-8")),
+    st.builds(csv_of, st.sampled_from([["time", "u", "v"], ["time", "f", "u"], ["time", "u", "f"],
+              ["time [s]", "f [N]", "u [m]"], ["time", "u [m]", "v"]]), STEADY, st.just("\n"),
+              st.just("utf-8")),
 )  # fmt: skip
 
 
@@ -84,13 +90,23 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Any:
         yield
 
 
-@fuzzed(200, 20_000, data=TABLES, every=st.none() | st.sampled_from([1e-300, 0.1, 0.2, 7.0, 1e300]))
-def test_any_table_is_refused_or_a_recording(data: bytes, every: float | None) -> None:
+@fuzzed(
+    250,
+    25_000,
+    data=TABLES,
+    system=SYSTEMS,
+    every=st.none() | st.sampled_from([1e-300, 0.1, 0.2, 7.0, 1e300]),
+)
+def test_any_table_is_refused_or_a_recording(
+    data: bytes, system: Swing, every: float | None
+) -> None:
     Path("a.csv").write_bytes(data)
     try:
-        read = read_episodes("a.csv", None, Swing())
+        read = read_episodes("a.csv", None, system)
         for episode in read.episodes:
             assert_sound(episode.recording)
+        if len(read.episodes) == 1:
+            assert_as_written(read.episodes[0].recording, data)
         sampled, says = resample_all(read, every)
         assert says
         for episode in sampled.episodes:
@@ -109,6 +125,28 @@ def assert_sound(recording: Recording) -> None:
     assert len(set(recording.names)) == len(recording.names) > 0
     assert all(name and not unprintable(name) for name in recording.names)
     assert len(recording.sha256()) == 64
+
+
+def assert_as_written(recording: Recording, data: bytes) -> None:
+    """Every value is what its cell says, and none has been made up or left out."""
+    lines = [line.split(",") for line in data.decode(guessed(data)).splitlines() if line.strip()]
+    names = [cell.partition("[")[0].strip() for cell in lines[0]]
+    if "episode" in names or any('"' in cell for line in lines for cell in line):
+        return
+    columns = {
+        name: np.array([float(line[j].strip() or "nan") for line in lines[1:]])
+        for j, name in enumerate(names)
+    }
+    np.testing.assert_array_equal(recording.times, columns["time"])
+    for name, values in zip(recording.names, recording.values.T, strict=True):
+        np.testing.assert_array_equal(values, columns[name])
+    for name, driven in recording.inputs.values.items() if recording.inputs else ():
+        np.testing.assert_array_equal(driven, columns[name])
+
+
+def guessed(data: bytes) -> str:
+    """Return how a table is written: what is not UTF-8 is refused."""
+    return "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
 
 
 SENSOR_ROWS = st.lists(st.tuples(NAMES, HEADS, NUMBERS, NUMBERS).map(list), max_size=5)
