@@ -403,6 +403,16 @@ def test_no_system(words: list[str], what: str) -> None:
     assert what in caught.value.what
 
 
+def test_a_recording_is_no_system_and_init_makes_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("swing.csv").touch()
+    with pytest.raises(InputError, match=r"swing\.csv is a recording, no configuration") as caught:
+        load_config(["conf=swing.csv"], entry="train")
+    assert caught.value.hint == "python -m dashred.init path=swing.csv writes a first one for it"
+
+
 def test_an_unknown_system_gets_the_nearest_and_the_list() -> None:
     with pytest.raises(InputError) as caught:
         load_config(["conf=rdee"], entry="train")

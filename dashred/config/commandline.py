@@ -56,7 +56,11 @@ def find_system(word: str) -> tuple[Path, str]:
     path = given_path(word, PLACE)
     if path.suffix not in (".yaml", ".yml"):
         what = f"unknown conf {word!r}" if word else "conf= is empty"
-        raise InputError(what, where=PLACE, hint=_systems(word))
+        hint = _systems(word)
+        if path.suffix == ".csv" and path.is_file():
+            what = f"{word} is a recording, no configuration"
+            hint = f"python -m dashred.init path={word} writes a first one for it"
+        raise InputError(what, where=PLACE, hint=hint)
     if not path.is_file():
         raise InputError("there is no such file", where=word, hint=_systems(path.stem))
     if CONF / "twins" in path.resolve().parents:

@@ -95,6 +95,9 @@ def _set_up(findings: Mapping[str, Any]) -> list[list[str]]:
             "test": "test sensors",
         }
         rows += [[role, ", ".join(splits[key])] for key, role in roles.items() if splits[key]]
+        if episodes := splits.get("episodes"):
+            unit = findings.get("units", NONE).get(TIME)
+            rows.append(["episodes", "; ".join(_episode(each, unit) for each in episodes)])
     if sizes := source["library_size"]:
         rows.append(["library", ", ".join(f"{n} terms for {f}" for f, n in sizes.items())])
     if left_out := source.get("library_left_out"):
@@ -108,6 +111,15 @@ def _set_up(findings: Mapping[str, Any]) -> list[list[str]]:
         told = ", ".join(f"{name} in {shown(unit)}" for name, unit in units.items())
         rows.append(["units", told])
     return rows
+
+
+def _episode(split: Mapping[str, Any], unit: str | None) -> str:
+    end = measured(number(split["end"]), unit)
+    span = f"{split['name']}, from {number(split['begin'])} to {end}"
+    until = f"its first part, to {number(split['time_end'])}, tells its start"
+    if split["held_out_whole"]:
+        return f"{span}: held out whole; {until}"
+    return f"{span}: fitted until {number(split['time_end'])}"
 
 
 def _noise(noise: Mapping[str, float]) -> str:

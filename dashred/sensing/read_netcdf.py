@@ -224,7 +224,9 @@ def _numbers(dataset: xr.Dataset, name: str, dims: Sequence[str], path: str) -> 
 
 def _sensors(dataset: xr.Dataset, names: list[str], system: Described, path: str) -> list[Sensor]:
     reads = _texts(dataset, "reads", path)
-    stds = _numbers(dataset, "std", ("sensor",), path)
+    stds = np.full(len(names), np.nan)
+    if "std" in dataset.variables:
+        stds = _numbers(dataset, "std", ("sensor",), path)
     places = [_numbers(dataset, axis.name, ("sensor",), path) for axis in system.axes]
     sensors = []
     for index, name in enumerate(names):

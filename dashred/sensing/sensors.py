@@ -127,6 +127,9 @@ def _check_position(sensor: Sensor, system: Described, where: str) -> None:
         problem = f"sensor {sensor.name!r} has {len(sensor.position)} coordinates"
         raise InputError(problem, where=where, hint=f"the system has {axes}")
     for axis, coordinate in zip(system.axes, sensor.position, strict=True):
+        if math.isnan(coordinate):
+            problem = f"sensor {sensor.name!r} has no place along {axis.name}"
+            raise InputError(problem, where=where, hint="write its coordinate")
         if not 0 <= coordinate <= axis.length:
             problem = f"sensor {sensor.name!r} is at {axis.name} = {coordinate:g}, outside the axis"
             hint = f"{axis.name} goes from 0 to {axis.length:g}"

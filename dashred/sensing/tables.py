@@ -198,7 +198,16 @@ def _check_rectangular(
         if len(row) != len(columns):
             named = "1 column" if len(columns) == 1 else f"{len(columns)} columns"
             problem = f"{len(row)} cells, but the first line names {named}"
-            raise InputError(problem, where=f"{path}:{line}", hint=separated_otherwise(columns))
+            raise InputError(problem, where=f"{path}:{line}", hint=_not_so(columns, row))
+
+
+def _not_so(columns: Sequence[str], row: Sequence[str]) -> str | None:
+    """Return a hint why a row has other cells than the first line has names, if one shows."""
+    if columns[0].startswith("#"):
+        return "the first line must name every column: take the lines that begin with # away"
+    if len(row) > len(columns) and all(is_number(cell.strip()) for cell in row):
+        return "are decimals written with a comma? Write them with a point: 0.5"
+    return separated_otherwise(columns)
 
 
 def _is_plain(text: str) -> bool:

@@ -438,3 +438,15 @@ def test_the_part_of_the_structure_that_changes_is_told() -> None:
     assert "R, and less energy is taken away: the corrected system stays" in told(False, True)
     assert "R, and gives energy: the corrected system does not stay" in told(False, False)
     assert "port-Hamiltonian" not in "\n".join(verdict_lines(found()))
+
+
+def test_every_episode_stands_on_the_page(tmp_path: Path) -> None:
+    splits: Any = {"inputs": ["p0"], "extra": [], "validate": [], "test": [], "note": None}
+    kept = {"name": "b", "begin": 20.0, "end": 30.0, "time_end": 21.0, "held_out_whole": True}
+    fitted = {"name": "a", "begin": 0.0, "end": 10.0, "time_end": 8.0, "held_out_whole": False}
+    splits |= {"time_end": 8.0, "episodes": [fitted, kept]}
+    told = found() | {"input": SOURCE | {"splits": splits}, "units": {"t": "s"}}
+    write_html(tmp_path / "report.html", told, {}, "")
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "a, from 0 to 10 s: fitted until 8" in text
+    assert "b, from 20 to 30 s: held out whole; its first part, to 21, tells its start" in text

@@ -141,6 +141,13 @@ FAULTS = {
 }
 
 
+def test_noise_that_nobody_states_may_be_left_out(dataset, ring, tmp_path):
+    path = tmp_path / "quiet.nc"
+    dataset.drop_vars("std").to_netcdf(path, engine="h5netcdf")
+    found = read_recording(str(path), None, ring)
+    assert [sensor.std for sensor in found.sensors] == [None] * 3
+
+
 @pytest.mark.parametrize("case", FAULTS)
 def test_a_bad_recording_is_refused_where_it_is_bad(dataset, ring, tmp_path, case):
     spoil, message = FAULTS[case]
