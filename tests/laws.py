@@ -100,7 +100,6 @@ def discovery(
     seen: torch.Tensor | None = None,
     beyond: float = 0.0,
     path: list[BestOfSize] | None = None,
-    lost: bool = False,
 ) -> Discovered:
     """Return a discovery with these laws, the best first, under noise of σ = 1."""
     everywhere = torch.ones(SAMPLES, SENSORS, dtype=torch.bool)
@@ -122,5 +121,4 @@ def discovery(
         path=path or [BestOfSize((), (), 1000.0, 3.0)],
         tried=50,
         beyond=beyond,
-        lost=lost,
     )

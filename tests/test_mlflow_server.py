@@ -25,7 +25,8 @@ from dashred.tracking import Tracker
 from tests.conftest import CHECKOUT
 from tests.documents import snippets
 
-CHROMIUM = shutil.which("chromium")
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+CHROMIUM = next(filter(None, map(shutil.which, BROWSERS)), None)
 QUIET = "no-sandbox disable-gpu disable-quic no-first-run disable-background-networking"
 FLAGS = [f"--{flag}" for flag in (*QUIET.split(), "headless", "disable-component-update")]
 START_SECONDS = 90

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dashred.checkup.remark import Remark, counted, doubtful, some
 from dashred.checkup.situation import Situation
 from dashred.errors import InputError
-from dashred.sensing.clock import GAP, own_step, resample
+from dashred.sensing.clock import GAP, own_step
 from dashred.sensing.missing_marks import missing_marks
 from dashred.sensing.noise import noise_std
 from dashred.sensing.recording import Recording
@@ -21,6 +21,8 @@ from dashred.units import measured
 
 # Steps that differ from the mean by more than this share make a clock irregular.
 IRREGULAR = 0.05
+# So many gaps are no interruptions, but samples that stand unevenly.
+MANY_GAPS = 5
 # Of a trace: a share of values that is missing, or is the same as the one before.
 MANY_MISSING, MANY_REPEATED = 0.1, 0.5
 # So many times as much noise as is stated, or as little.
@@ -43,17 +45,19 @@ def about_recording(situation: Situation) -> Iterator[Remark]:
     yield Remark(f"{span}, t from {times[0]:.6g} to {end}")
     if situation.others:
         yield Remark(f"That is the longest of {len(situation.others) + 1} episodes")
-    yield from _clock(recording, situation.config.recording.every)
-    yield from _gone_wrong(recording)
+    every = situation.config.recording.every
+    yield from _uneven(recording)
+    yield from _gone_wrong(recording, every)
     estimated = _estimated_noise(recording)
     yield from _noise(recording, estimated)
     yield from _sampling(situation, recording, estimated)
     for name, other in situation.others.items():
-        for remark in _gone_wrong(other):
+        for remark in _gone_wrong(other, every):
             yield replace(remark, says=f"Episode {name}: {remark.says}")
 
 
-def _gone_wrong(recording: Recording) -> Iterator[Remark]:
+def _gone_wrong(recording: Recording, every: float | None) -> Iterator[Remark]:
+    yield from _gaps(recording, every)
     yield from _missing(recording)
     yield from _marks(recording)
     yield from _repeated(recording)
@@ -70,9 +74,8 @@ def _about_none(situation: Situation) -> Iterator[Remark]:
     )
 
 
-def _clock(recording: Recording, every: float | None) -> Iterator[Remark]:
+def _uneven(recording: Recording) -> Iterator[Remark]:
     step, steps = own_step(recording.times), np.diff(recording.times)
-    gaps = np.flatnonzero(steps > GAP * max(step, every or 0.0))
     usual = steps[steps <= GAP * step]
     if usual.size and np.abs(usual / step - 1).max() > IRREGULAR:
         shortest, longest = f"{usual.min():.4g}", f"{usual.max():.4g}"
@@ -80,14 +83,22 @@ def _clock(recording: Recording, every: float | None) -> Iterator[Remark]:
             f"The steps differ, from {shortest} to {longest}: values are interpolated in between",
             "recording.every=STEP sets the clock that they are brought to",
         )
-    if gaps.size:
-        worst = int(gaps[steps[gaps].argmax()])
-        yield doubtful(
-            f"{counted(gaps.size, 'gap')} longer than {GAP:g} steps; the longest, "
-            f"{steps[worst]:.4g}, begins at t = {recording.times[worst]:.6g}",
-            "nothing is read into a gap; if the system was started anew in it, its parts are "
-            "episodes",
-        )
+
+
+def _gaps(recording: Recording, every: float | None) -> Iterator[Remark]:
+    step, steps = own_step(recording.times), np.diff(recording.times)
+    step = max(step, every or 0.0)
+    gaps = np.flatnonzero(steps > GAP * step)
+    if not gaps.size:
+        return
+    worst = int(gaps[steps[gaps].argmax()])
+    anew = "if the system was started anew in it, its parts are episodes"
+    bridged = f"a longer step bridges short ones: recording.every={GAP * step:.3g}"
+    yield doubtful(
+        f"{counted(gaps.size, 'gap')} longer than {GAP:g} steps; the longest, "
+        f"{steps[worst]:.4g}, begins at t = {recording.times[worst]:.6g}",
+        f"nothing is read into a gap; {anew if gaps.size < MANY_GAPS else bridged}",
+    )
 
 
 def _missing(recording: Recording) -> Iterator[Remark]:
@@ -183,25 +194,12 @@ def _sampling(
                 f"samples for a {A_PERIOD}th of its period",
                 f"recording.every={step:g} loses little and makes a run faster",
             )
-    yield from _lost(recording, float(situation.times[1] - situation.times[0]))
     count = len(situation.times)
     if count > MANY_SAMPLES:
         yield doubtful(f"{count} samples make a run long", "recording.every=STEP thins them")
     elif count < FEW_SAMPLES:
         yield doubtful(f"{count} samples are few to find a law from", "record longer, or finer")
     yield _correlation(recording, lags)
-
-
-def _lost(recording: Recording, step: float) -> Iterator[Remark]:
-    """Say how much of the recording its clock leaves out, where that is much."""
-    sampled, _ = resample(recording, step)
-    missing = np.isnan(sampled.values).mean()
-    if missing > np.isnan(recording.values).mean() + MANY_MISSING:
-        yield doubtful(
-            f"On that clock {missing:.0%} of the values are missing: the samples stand too "
-            "unevenly to be read in between",
-            f"a longer step bridges more: recording.every={2 * step:.3g}",
-        )
 
 
 def _correlation(recording: Recording, lags: dict[str, int]) -> Remark:

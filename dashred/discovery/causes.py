@@ -63,8 +63,6 @@ class Weighed:
         gain: evidence for a free forcing on top of the best.
         forcing: the map of one on top of the simulator as it is; None where the best law leaves
             no question, nothing is missing, or no forcing can be fitted.
-        lost: whether nothing explains the recording, and no forcing comes near enough to it for
-            further laws to be looked for.
     """
 
     laws: list[Law]
@@ -72,7 +70,6 @@ class Weighed:
     noise: NoiseModel
     gain: float
     forcing: ForcingMap | None
-    lost: bool = False
 
 
 def weigh(
@@ -103,12 +100,8 @@ def weigh(
     found += waves
     explained = min(found, key=by_score)
     simple = len(explained.law.candidates) <= SIMPLE
-    plain = explained is not found[0] and simple and explained.law.chi2 < EXPLAINED
-    lost = left.lost and not plain
-    if plain:
+    if explained is not found[0] and simple and explained.law.chi2 < EXPLAINED:
         gain = 0.0
-    elif lost:
-        report(0.4, "even a free forcing leaves far more than noise: no law can be looked for")
     elif left.unclear:
         somewhere, gain = _somewhere(left, additions, waves, report)
         found += somewhere
@@ -122,7 +115,7 @@ def weigh(
     nothing = min((cause for cause in found if not cause.law.parts), key=by_score)
     first = min(found, key=by_score)
     laws = unlike([with_profile(cause) if cause is first else cause.law for cause in found])
-    return Weighed(laws, nothing.law, nothing.objective.noise, gain, left.forcing, lost)
+    return Weighed(laws, nothing.law, nothing.objective.noise, gain, left.forcing)
 
 
 def _periodic(left: Unexplained, bases: Sequence[Cause], additions: Additions) -> list[Cause]:

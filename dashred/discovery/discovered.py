@@ -52,8 +52,6 @@ class Discovered:
         tried: how many sets were refitted.
         beyond: evidence for a free forcing on top of the best law.
         forcing: the map of a free forcing on top of the simulator as it is, where one was needed.
-        lost: whether nothing explains the recording, and even a free forcing leaves far more than
-            noise.
     """
 
     laws: list[Law]
@@ -69,7 +67,6 @@ class Discovered:
     tried: int
     beyond: float = 0.0
     forcing: ForcingMap | None = None
-    lost: bool = False
 
     @property
     def best(self) -> Law:

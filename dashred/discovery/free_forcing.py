@@ -80,21 +80,6 @@ class FreeForcing:
         assert isinstance(shooting, DrivenShooting)
         return shooting.amplitudes(self.objective.split(self.phi[None])[1])[0]
 
-    @property
-    def lost(self) -> bool:
-        """Whether it leaves far more than noise at the sensors, as large as it may be.
-
-        At all but one: that may be at fault.
-        """
-        objective, normal = self.objective, self.normal
-        left = normal.residuals.reshape(objective.recorded.shape).square().sum(dim=0)
-        seen = objective.noise.seen.sum(dim=0)
-        others = torch.ones(len(left), dtype=torch.bool)
-        others[(left / seen.clamp(min=1)).argmax()] = len(left) == 1
-        ratio = (left[others].sum() / seen[others].sum().clamp(min=1)).sqrt()
-        # Of a trajectory that blows up the residuals say nothing.
-        return not normal.finite or float(ratio) > LOST
-
 
 def evidence(normal: Normal, index: Sequence[int]) -> float:
     """Return ``-2 ln p(y)`` of a linearised model with some unknowns, up to a constant.
@@ -140,7 +125,7 @@ def fit_free_forcing(
     first = whole.linearise(begin)
     without = evidence(first, range(len(phi)))
     found = _forced(whole, begin, equations, first)
-    return (_grown(whole, begin, found) if found.lost else found), without
+    return (found if not _lost(found) else _grown(whole, begin, found)), without
 
 
 def _grown(whole: Objective, begin: Tensor, lost: FreeForcing) -> FreeForcing:
@@ -157,7 +142,7 @@ def _grown(whole: Objective, begin: Tensor, lost: FreeForcing) -> FreeForcing:
         phi = grow(loose, begin, BEGIN, GROWTH, GROWING_STEPS)
         grown = _forced(whole, phi, lost.equations, whole.linearise(phi))
         found = min(found, grown, key=lambda forced: forced.cost)
-        if not found.lost:
+        if not _lost(found):
             break
     return found
 
@@ -193,6 +178,21 @@ def _forced(
     normal = replace(normal, precision=objective.precision)
     [cost], _ = objective.values(phi[None])
     return FreeForcing(objective, phi, float(cost), normal, levels, tuple(equations))
+
+
+def _lost(forced: FreeForcing) -> bool:
+    """Tell whether a forcing, as large as it may be, leaves far more than noise at the sensors.
+
+    At all but one: that may be at fault.
+    """
+    objective, normal = forced.objective, forced.normal
+    left = normal.residuals.reshape(objective.recorded.shape).square().sum(dim=0)
+    seen = objective.noise.seen.sum(dim=0)
+    others = torch.ones(len(left), dtype=torch.bool)
+    others[(left / seen.clamp(min=1)).argmax()] = len(left) == 1
+    ratio = (left[others].sum() / seen[others].sum().clamp(min=1)).sqrt()
+    # Of a trajectory that blows up the residuals say nothing.
+    return not normal.finite or float(ratio) > LOST
 
 
 def force(objective: Objective, phi: Tensor, size: Tensor) -> tuple[FreeForcing, float]:

@@ -42,7 +42,6 @@ class Walk:
         phi: the fit at the last horizon reached, ``(unknown,)``, among all candidates.
         members: the candidates that it carried.
         readings: of the fit, ``(time, sensor)``.
-        spent: how many numbers the fit has taken from the recording.
         samples: that horizon.
         reached: whether it is the whole record.
         levels: ``(samples, χ²/n)`` of each stage.
@@ -51,7 +50,6 @@ class Walk:
     phi: Tensor
     members: tuple[int, ...]
     readings: Tensor
-    spent: float
     samples: int
     reached: bool
     levels: list[tuple[int, float]]
@@ -91,9 +89,7 @@ def walk(objective: Objective, phi: Tensor, samples: int, carried: int, report: 
         elif growth <= SMALLEST_GROWTH:
             break
     reached = here.samples == total
-    return Walk(
-        here.phi, here.members, here.readings, here.spent(), here.samples, reached, here.levels
-    )
+    return Walk(here.phi, here.members, here.readings, here.samples, reached, here.levels)
 
 
 @dataclass
@@ -128,12 +124,6 @@ class _Here:
             self.members = members
             self.levels.pop()
             self._adopt(tried, self.samples)
-
-    def spent(self) -> float:
-        """Return how many numbers its fit has taken from the recording."""
-        mine = self.objective.only(self.members).until(self.samples)
-        normal = mine.linearise(self.phi[self.objective.places(self.members)], self.readings)
-        return normal.spent(range(len(normal.phi)))
 
     @property
     def _usual(self) -> float:

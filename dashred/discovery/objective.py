@@ -195,8 +195,10 @@ class Normal:
         nothing of stays where its prior has it, and is not taken from their residuals. Those of n
         readings have ``E‖r‖² = n - γ``.
         """
-        held = self.precision[list(index)] * self.covariance(index).diagonal()
-        return len(index) - float(held.sum())
+        chosen = list(index)
+        # Singular values: of JᵀJ, where a chaotic run has made J large, rounding leaves no prior.
+        seen = torch.linalg.svdvals(self.jacobian[:, chosen] / self.precision[chosen].sqrt())
+        return float((seen**2 / (1 + seen**2)).sum())
 
     def steps(
         self,

@@ -22,8 +22,8 @@ def noise_left_by(forced: FreeForcing) -> NoiseModel:
 def refitted_under_own_noise(found: Sequence[Cause]) -> list[Cause]:
     """Fit all that may still be right again, under the noise that the best of them leaves.
 
-    A free forcing takes less from the residuals than it spends: what it leaves is too large, and
-    hides lower minima of the best.
+    Between its cells and knots a free forcing is not that of the truth: what it leaves is larger
+    than noise, and hides lower minima of the best.
     """
     best = min(found, key=by_score)
     [readings] = best.objective.shooting.readings(*best.objective.split(best.phi[None]))

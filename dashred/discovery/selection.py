@@ -144,7 +144,8 @@ class _Search:
         """Estimate σ and its correlation from the residuals of the best set; tell if they moved."""
         objective = self.objective
         [readings] = objective.shooting.readings(*objective.split(best.phi[None]))
-        spent = self.normal.spent(objective.places(best.members))
+        normal = self.normal if self.normal.finite else objective.linearise(best.phi)
+        spent = normal.spent(objective.places(best.members))
         noise = objective.noise_left(readings, spent)
         resized = float((noise.std / objective.noise.std - 1).abs().max())
         recorrelated = float((noise.correlation - objective.noise.correlation).abs().max())

@@ -66,16 +66,6 @@ class Unexplained:
         """The forcing that leaves least."""
         return self.carriers[-1]
 
-    @property
-    def lost(self) -> bool:
-        """Whether no law everywhere, nor even a free forcing, comes near to the recording.
-
-        What terms do is linearised about a forcing's trajectory. Where that leaves far more than
-        noise, it is not near the truth's, and what is found about it says nothing.
-        """
-        lawless = not self.best.law.candidates
-        return self.unclear and lawless and all(forced.lost for forced in self.carriers)
-
     def with_fault(self, laws: list[Cause]) -> list[Cause]:
         """Return laws that were found without a sensor at fault with what is wrong with it."""
         return laws if self.fault is None else faulty_or_not(laws, self.fault.sensor)

@@ -82,11 +82,6 @@ def _not_converged(discovered: Discovered, left: float | None) -> str | None:
             f"the best law's misfit is {discovered.best.chi2:.3g} where all candidates together "
             f"reach {discovered.free_chi2:.3g}: no sparse law was fitted to the end"
         )
-    if discovered.lost:
-        return (
-            "neither a law nor even a free forcing follows the recording: with so few readings the "
-            "fit has no way to the truth's trajectory, and what is missing cannot be told"
-        )
     lawless = not discovered.best.candidates and discovered.best.fault is None
     if lawless and left is not None and left > UNEXPLAINED and discovered.beyond <= MISSING:
         return (

@@ -17,8 +17,8 @@ from dashred.sensing.recording import Recording
 ON_CLOCK = 0.01
 # A stretch without samples that is longer than this many steps is a gap, not to be bridged.
 GAP = 2.0
-# Of four samples, two that are nearer than this share of the mean step make a cubic steep.
-CLOSE = 0.25
+# By how much a cubic through four samples may make the variance of their noise larger.
+NOISIER = 3.0
 # A clock on which less than this share of the samples has any value is empty for the most part.
 EMPTY = 0.25
 # A sensor that has values at fewer of the clock's samples than this share of what interpolation
@@ -204,9 +204,9 @@ def _between(
 ) -> NDArray[np.float64]:
     """Return values between samples: cubic through the nearest four, or linear, ``(at,)``.
 
-    Lagrange's cubic errs by O(Δt⁴), a line by O(Δt²): at 16 samples a period that is half a percent
-    of what is measured, which a fit would take for physics. A line it is where the four reach
-    across a gap, or two of them stand so close that noise would make the cubic steep.
+    Lagrange's cubic errs by O(Δt⁴), a line by O(Δt²): at 16 samples a period that is a percent of
+    what is measured, which a fit would take for physics. A line it is where the four reach across a
+    gap, and where they stand so unevenly that the cubic would make their noise larger.
     """
     found: NDArray[np.float64] = np.interp(at, times, values)
     if len(times) < 4:
@@ -214,15 +214,13 @@ def _between(
     first = (np.searchsorted(times, at) - 2).clip(0, len(times) - 4)
     nearest = first[:, None] + np.arange(4)
     t = times[nearest]
-    steps = np.diff(t, axis=1)
-    well = (steps.max(axis=1) <= gap) & (steps.min(axis=1) >= CLOSE * steps.mean(axis=1))
-    t, c = t[well], at[well]
     weights = np.ones_like(t)
     for j in range(4):
         for k in range(4):
             if k != j:
-                weights[:, j] *= (c - t[:, k]) / (t[:, j] - t[:, k])
-    found[well] = (weights * values[nearest[well]]).sum(axis=1)
+                weights[:, j] *= (at - t[:, k]) / (t[:, j] - t[:, k])
+    well = (np.diff(t, axis=1).max(axis=1) <= gap) & ((weights**2).sum(axis=1) <= NOISIER)
+    found[well] = (weights[well] * values[nearest[well]]).sum(axis=1)
     return found
 
 

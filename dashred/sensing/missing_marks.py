@@ -12,8 +12,8 @@ REPEATED, FAR = 2, 30.0
 def missing_marks(values: NDArray[np.float64]) -> dict[float, int]:
     """Return the numbers of a trace that look like marks of a missing value, and how often each.
 
-    One that the rest does not come near, and that is there more than once to the last digit: noise
-    does not repeat itself, and what jumps and stays is far from half of the rest.
+    One far from the rest, to which no other comes half as near, and that is there more than once to
+    the last digit: noise does not repeat itself, and pulses rise through what lies between.
 
     Args:
         values: of one sensor, ``(time,)``; NaN where missing.
@@ -24,7 +24,10 @@ def missing_marks(values: NDArray[np.float64]) -> dict[float, int]:
     middle = np.median(known)
     deviation = float(np.median(np.abs(known - middle)))
     numbers, counts = np.unique(known, return_counts=True)
-    marks = (counts >= REPEATED) & (np.abs(numbers - middle) > FAR * deviation) & (deviation > 0)
+    far = np.abs(numbers - middle)
+    steps = np.concatenate([[np.inf], np.diff(numbers), [np.inf]])
+    alone = np.minimum(steps[:-1], steps[1:]) > far / 2
+    marks = (counts >= REPEATED) & (far > FAR * deviation) & alone & (deviation > 0)
     return {float(n): int(c) for n, c in zip(numbers[marks], counts[marks], strict=True)}
 
 

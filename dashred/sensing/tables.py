@@ -205,7 +205,7 @@ def _not_so(columns: Sequence[str], row: Sequence[str]) -> str | None:
     """Return a hint why a row has other cells than the first line has names, if one shows."""
     if columns[0].startswith("#"):
         return "the first line must name every column: take the lines that begin with # away"
-    if len(row) > len(columns) and all(is_number(cell.strip()) for cell in row):
+    if len(row) > len(columns) and all(cell.strip() and is_number(cell.strip()) for cell in row):
         return "are decimals written with a comma? Write them with a point: 0.5"
     return separated_otherwise(columns)
 

@@ -104,7 +104,6 @@ def discover(
         tried=len(selection.tried),
         beyond=weighed.gain,
         forcing=weighed.forcing,
-        lost=weighed.lost,
     )
 
 

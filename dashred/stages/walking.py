@@ -63,7 +63,9 @@ def with_noise_after(objective: Objective, walked: Walk) -> Objective:
         walked: how far, and with which of them.
     """
     part = objective.until(walked.samples)
-    found = part.noise_left(walked.readings, walked.spent)
+    mine = part.only(walked.members)
+    normal = mine.linearise(walked.phi[part.places(walked.members)], walked.readings)
+    found = part.noise_left(walked.readings, normal.spent(range(len(normal.phi))))
     return replace(objective, noise=replace(found, seen=objective.noise.seen))
 
 

@@ -82,7 +82,7 @@ SPOILT: dict[str, Callable[[list[str]], list[str]]] = {
     "v reads -999 2 times, first at t = 6": lambda rows: with_v(
         rows, lambda i, v: "-999" if i in (30, 77) else v
     ),
-    "of the values are missing: the samples stand too unevenly": lambda rows: [
+    "a longer step bridges short ones: recording.every=": lambda rows: [
         row for i, row in enumerate(rows) if i % 7 in (0, 1, 4) and i % 5
     ],
     "x and v read the very same values": lambda rows: [

@@ -90,8 +90,8 @@ def test_one_sensor_at_fault_is_not_a_lost_trajectory_and_some_that_miss_its_end
         residuals[beyond:, :sensors] = 15.0
         return replace(forced, normal=replace(forced.normal, residuals=residuals.flatten()))
 
-    assert not left(1, 0).lost
-    assert left(shape[1] // 3, shape[0] * 4 // 5).lost
+    assert not free_forcing._lost(left(1, 0))
+    assert free_forcing._lost(left(shape[1] // 3, shape[0] * 4 // 5))
 
 
 def test_evidence_stands_columns_that_drown_the_prior() -> None:

@@ -35,3 +35,15 @@ def test_what_no_reading_depends_on_takes_nothing_and_what_each_fixes_takes_one(
     assert normal.spent(range(3)) == pytest.approx(2.0)
     assert normal.spent([0, 2]) == pytest.approx(1.0)
     assert normal.spent([2]) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_columns_that_drown_the_prior_take_no_more_than_there_is() -> None:
+    """As of a chaotic run: 60 unknowns, of which 40 directions are seen, however large J is."""
+    generator = torch.Generator().manual_seed(1)
+    tall = torch.randn((100, 40), generator=generator, dtype=torch.float64)
+    jacobian = tall @ torch.randn((40, 60), generator=generator, dtype=torch.float64)
+    ones, nowhere = torch.ones(60, dtype=torch.float64), torch.zeros(60, dtype=torch.float64)
+    nothing = torch.zeros(100, dtype=torch.float64)
+    for size in (1e2, 1e5, 1e8):
+        normal = Normal(size * jacobian, ones, nowhere, nothing)
+        assert normal.spent(range(60)) == pytest.approx(40.0, abs=0.01)

@@ -134,13 +134,6 @@ def test_a_walk_that_stopped_half_way_says_so_and_names_no_law(flow: System) -> 
     assert "the first 40 of 40 samples" in cause["says"] and "terms" not in cause
 
 
-def test_what_not_even_a_free_forcing_follows_is_not_outside_of_the_library(flow: System) -> None:
-    astray = laws.law(misfit=3.0, chi2=9.0)
-    assert verdict(laws.discovery(astray, beyond=500.0, free_chi2=9.0))[0] == "outside-library"
-    found, [cause] = verdict(laws.discovery(astray, beyond=500.0, free_chi2=9.0, lost=True))
-    assert found == cause["kind"] == "not-converged" and "free forcing" in cause["says"]
-
-
 @pytest.mark.parametrize(("chi2", "kind"), [(1.4, "missing-term"), (1.6, "not-converged")])
 def test_a_misfit_that_all_candidates_together_would_not_leave_is_no_law(
     flow: System, chi2: float, kind: str

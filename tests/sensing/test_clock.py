@@ -66,6 +66,16 @@ def test_two_samples_at_nearly_one_time_do_not_make_noise_steep():
     assert np.nanmax(np.abs(sampled.values[:, 0] - np.sin(sampled.times))) < 0.05
 
 
+def test_noise_at_uneven_ends_stays_what_it_is():
+    noise, worst = np.random.default_rng(3), 0.0
+    for _ in range(200):
+        times = np.cumsum(np.r_[0.0, 2.0, 0.3, 0.3, np.ones(40), 0.3, 0.3, 2.0])
+        read = noise.standard_normal(len(times))
+        sampled, _ = resample(recorded(times, read), 1.01)
+        worst = max(worst, np.nanmax(np.abs(sampled.values[[1, -2], 0])) / np.abs(read).max())
+    assert worst <= 2
+
+
 def test_lost_rows_and_missing_cells_stay_missing_when_decimated():
     times = 0.1 * np.arange(100)
     values = np.sin(times)
