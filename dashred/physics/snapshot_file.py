@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -59,7 +58,10 @@ def _open(path: str) -> xr.Dataset:
     kind = "Zarr folder" if engine == "zarr" else "NetCDF-4 file"
     with reading(kind, path, FORMATS):
         # Of an engine that is not installed xarray says nothing that names it.
-        importlib.import_module(engine)
+        if engine == "zarr":
+            import zarr  # noqa: F401
+        else:
+            import h5netcdf  # noqa: F401
         (check_folder if engine == "zarr" else check_hdf5)(path)
         # Arrays stay on disk until they are indexed; times stay the numbers they are.
         return xr.open_dataset(path, engine=engine, chunks=None, decode_times=False)
