@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_type_hints
 
-import pytest
 import yaml
 from hypothesis import strategies as st
 
@@ -127,14 +125,6 @@ def test_any_words_are_split_or_refused(words: list[str]) -> None:
         assert error.where
         return
     assert conf == "rde" and plain(overrides.values)
-
-
-@pytest.fixture(autouse=True, scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Work where only the file of the test lies."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(tmp_path_factory.mktemp("fuzz"))
-        yield
 
 
 @fuzzed(10, 1_500, key=KEYS, value=TREES, words=st.lists(WORDS, max_size=1))

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 import torch
 import xarray as xr
 from hypothesis import strategies as st
@@ -51,14 +50,6 @@ DAMAGE = (
     | st.tuples(st.integers(0, 9), st.integers(0, 400), st.binary(max_size=40))
 )
 SIZES = {"member": 2, "time": 3, "x": 8, "y": 2}
-
-
-@pytest.fixture(autouse=True, scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """Work where only the files of the test lie."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(tmp_path_factory.mktemp("fuzz"))
-        yield
 
 
 @fuzzed(
