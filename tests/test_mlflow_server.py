@@ -6,6 +6,7 @@ import json
 import os
 import re
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -20,10 +21,12 @@ from urllib.request import urlopen
 import numpy as np
 import pytest
 
+from dashred.attempt import pointed_to
 from dashred.errors import InputError
 from dashred.tracking import Tracker
-from tests.conftest import CHECKOUT
+from tests.conftest import CHECKOUT, Ended
 from tests.documents import snippets
+from tests.killing import kill_when, start
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 CHROMIUM = next(filter(None, map(shutil.which, BROWSERS)), None)
@@ -96,6 +99,28 @@ def test_a_whole_run_is_on_the_server_with_its_artifacts(server: str, sent: str)
     kept = {file.path for file in client.list_artifacts(sent)}
     assert {"findings.json", "report.html", "corrected.yaml", "space_time.png"} <= kept
     assert "checkpoints" not in kept
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("point", ["assimilate", "train corrected"])
+def test_a_killed_run_goes_on_in_the_same_run_on_the_server(
+    point: str, server: str, quick: Path, twin_run: Ended, tmp_path: Path
+) -> None:
+    output, store = tmp_path / "output", f"tracking.root={server}"
+    recording = f"recording.path={twin_run.output / 'recording.nc'}"
+    process = start([f"conf={quick}", recording, f"output={output}", store])
+    kill_when(process, lambda printed: any(point in line for line in printed))
+    assert process.returncode == -signal.SIGKILL and not (output / "run.json").exists()
+    run_id = pointed_to(output)
+    assert client_of(server).get_run(run_id).info.status == "RUNNING"
+
+    again = start([f"resume={run_id}", f"output={output}", store])
+    told, _ = again.communicate()
+    assert again.returncode == 0, told
+    assert (output / "findings.json").read_bytes() == twin_run.read("findings.json")
+    assert client_of(server).get_run(run_id).info.status == "FINISHED"
+    kept = client_of(server).download_artifacts(run_id, "findings.json", str(tmp_path))
+    assert Path(kept).read_bytes() == twin_run.read("findings.json")
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from dashred.damaged_files import reading
 from dashred.errors import InputError
 from dashred.physics.system import System
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 ON_CLOCK = 1e-3
 # What is read may take this share of the machine's memory: training needs several times as much.
 MEMORY = 0.15
+DAMAGED = "what it holds is damaged: copy or write it anew"
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +89,7 @@ class Snapshots:
             ``(member, time, field, *grid)``, float64, and the hash of what was read.
 
         Raises:
-            InputError: a value is not finite, or it would not fit into memory.
+            InputError: a value is damaged or not finite, or it would not fit into memory.
         """
         stride, kept = self.stride(every), self.samples_at(every)
         chosen = rng.permutation(self.members)[:members]
@@ -100,7 +102,8 @@ class Snapshots:
             indices = {"member": member, "time": slice(None, None, stride)}
             part = self.dataset.isel(indices, missing_dims="ignore")
             for index, field in enumerate(self.system.fields):
-                values = np.asarray(part[field].transpose("time", *axes).values, np.float64)
+                with reading("file of snapshots", self.path, DAMAGED):
+                    values = np.asarray(part[field].transpose("time", *axes).values, np.float64)
                 self._check_finite(values, field, member, stride)
                 digest.update(np.ascontiguousarray(values, "<f8").tobytes())
                 states[row, :, index] = torch.from_numpy(values)

@@ -134,6 +134,17 @@ def test_what_cannot_be_opened_is_refused(tmp_path: Path, name: str) -> None:
         open_snapshots(str(tmp_path / name), declared())
 
 
+def test_values_that_are_damaged_are_told_of_the_file(tmp_path: Path) -> None:
+    """Only when they are read: the file opens."""
+    path = written(tmp_path, dataset(), "runs.zarr")
+    for chunk in (tmp_path / "runs.zarr" / "u").glob("*.*.*"):
+        chunk.write_bytes(b"")
+    snapshots = open_snapshots(path, declared())
+    with pytest.raises(InputError, match="not a readable file of snapshots") as error:
+        snapshots.read(3, 0.2, np.random.default_rng(1))
+    assert error.value.where == path and "write it anew" in str(error.value.hint)
+
+
 def test_times_of_single_precision_are_even(tmp_path: Path) -> None:
     data = dataset((2, 2000, 8))
     data = data.assign_coords(time=data["time"].astype(np.float32))
