@@ -41,7 +41,7 @@ def check(config: Config) -> Page:
     from dashred.checkup.ensemble import about_ensemble, about_structure
     from dashred.checkup.observability import about_observability, look
     from dashred.checkup.recording import about_recording
-    from dashred.checkup.run_time import about_run_time
+    from dashred.checkup.run_time import about_run_time, about_snapshots_run_time
     from dashred.checkup.simulator import about_simulator, run_nominal
     from dashred.checkup.situation import situation_of
     from dashred.checkup.snapshots import about_snapshots
@@ -62,6 +62,7 @@ def check(config: Config) -> Page:
     if config.system.snapshots is not None:
         assert situation.problem is not None
         page.section("Snapshots", about_snapshots(situation.problem))
+        page.section("A run", [about_snapshots_run_time(config)])
         page.conclude()
         return page
     simulated = run_nominal(situation)

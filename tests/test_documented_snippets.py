@@ -75,3 +75,4 @@ def test_snapshots_that_are_described_are_checked(
     assert check.main(["conf=burgers.yaml"]) == 0
     said = capsys.readouterr().out
     assert f"{SAMPLES} samples of 8 sensors" in said and f"{MEMBERS} runs" in said
+    assert "Roughly 30 s" in said
