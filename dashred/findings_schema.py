@@ -33,7 +33,11 @@ Verdict = Literal[
 
 
 class Misfit(TypedDict):
-    """RMSE of each method at sensors, in units of each sensor's own standard deviation."""
+    """RMSE of each method at sensors, in units of each sensor's own standard deviation.
+
+    `snapshots` are the nearest of a simulator that is known by those alone, and `shred_plain` is
+    what SHRED has learnt from them.
+    """
 
     before: float | None
     before_refit: float | None
@@ -41,6 +45,8 @@ class Misfit(TypedDict):
     simulation: float | None
     shred: float | None
     dashred: float | None
+    snapshots: NotRequired[float]
+    shred_plain: NotRequired[float]
 
 
 class HeldOut(TypedDict):
@@ -196,7 +202,7 @@ def misfit(**known: float) -> Misfit:
     """
     if unknown := known.keys() - Misfit.__annotations__.keys():
         raise TypeError(f"the findings have no method called {', '.join(sorted(unknown))}")
-    return Misfit(
+    found = Misfit(
         before=known.get("before"),
         before_refit=known.get("before_refit"),
         after=known.get("after"),
@@ -204,6 +210,11 @@ def misfit(**known: float) -> Misfit:
         shred=known.get("shred"),
         dashred=known.get("dashred"),
     )
+    if "snapshots" in known:
+        found["snapshots"] = known["snapshots"]
+    if "shred_plain" in known:
+        found["shred_plain"] = known["shred_plain"]
+    return found
 
 
 def new_findings(

@@ -6,6 +6,7 @@ SHRED_UNCHANGED = "shred = dashred"
 NAMES = {
     "truth": "truth",
     "recorded": "recorded",
+    "snapshots": "nearest snapshots",
     "simulation": "simulation, nominal start",
     "simulation_same_start": "simulation, same start",
     "simulation_refit": "simulation, best start",

@@ -19,7 +19,16 @@ from dashred.reporting.worth_words import reconstructed, unresolved, worth
 from dashred.typeset import number, percent, pretty, rounded
 from dashred.units import NONE, shown
 
-COMPARED = ("simulation", "before", "before_refit", "shred", "dashred", "after")
+COMPARED = (
+    "snapshots",
+    "simulation",
+    "before",
+    "before_refit",
+    "shred_plain",
+    "shred",
+    "dashred",
+    "after",
+)
 PROOFS = {
     "test_sensors": "test sensors",
     "heldout_time": "held-out time",

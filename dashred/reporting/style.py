@@ -27,6 +27,7 @@ CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK, GREY)
 COLOURS = {
     "truth": BLACK,
     "recorded": BLACK,
+    "snapshots": ORANGE,
     "simulation": ORANGE,
     "simulation_same_start": BLUE,
     "simulation_refit": GREY,
@@ -50,6 +51,7 @@ WIDTHS = {"shred": 2.4, "closed_form": 1.0}
 # The truth lies above the lines that meet it, thin and broken, so that they show through.
 TRUTH = {"color": BLACK, "linewidth": 1.0, "linestyle": (0, (3, 3)), "zorder": 3}
 DASHES = {
+    "snapshots": "--",
     "simulation": "--",
     "simulation_same_start": "--",
     "simulation_refit": ":",

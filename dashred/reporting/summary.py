@@ -12,9 +12,11 @@ if TYPE_CHECKING:
 
 # In the order in which a reader should meet them.
 METHODS = (
+    "snapshots",
     "simulation",
     "before",
     "before_refit",
+    "shred_plain",
     "shred",
     "dashred",
     "after",
@@ -95,7 +97,7 @@ def _errors(title: str, errors: Mapping[str, float | None]) -> list[str]:
 
 
 def _compare(errors: Mapping[str, float | None]) -> Iterator[str]:
-    before, after = errors.get("shred"), errors.get("dashred")
+    before, after = errors.get("shred") or errors.get("shred_plain"), errors.get("dashred")
     if not before or after is None:
         return
     change = 1 - after / before

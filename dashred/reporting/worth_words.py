@@ -50,10 +50,10 @@ def reconstructed(findings: Mapping[str, Any]) -> list[str]:
     lines = []
     for key, place in PROOFS.items():
         errors = findings["fit"].get(key) or {}
-        before, after = errors.get("shred"), errors.get("dashred")
+        before, after = errors.get("shred_plain"), errors.get("dashred")
         if before is None or after is None:
             continue
-        nearest = errors.get("simulation")
+        nearest = errors.get("snapshots")
         path = [f"{nearest:.3g} with the nearest snapshots"] if nearest is not None else []
         path += [f"{before:.3g} with SHRED", f"{after:.3g} with DA-SHRED"]
         gain = "DA-SHRED is SHRED, as its validation sensors confirmed no change"

@@ -163,11 +163,11 @@ def _estimates(
     late = windows(seen, posed.config.shred.lags).float().contiguous()[count:]
     shred = learned.shred
     fields = {
-        "shred": torch.cat([found.shred, reconstruct(shred.encode, shred, late)]),
+        "shred_plain": torch.cat([found.shred, reconstruct(shred.encode, shred, late)]),
         "dashred": torch.cat([found.dashred, reconstruct(encoder, encoder.shred, late)]),
     }
     nearest = snapshot_runs.nearest_run(posed, runs)
-    return fields if nearest is None else {"simulation": nearest} | fields
+    return fields if nearest is None else {"snapshots": nearest} | fields
 
 
 def whole(posed: Problem, names: tuple[str, ...]) -> Recording:

@@ -107,9 +107,9 @@ def test_assimilation_corrects_the_field_of_a_simulator_without_equations(found)
     changes = findings["causes"][0]["changes"]
     assert changes["error"] > max(changes["usual"])
     fit = findings["fit"]
-    assert fit["test_sensors"]["dashred"] < 0.8 * fit["test_sensors"]["shred"]
-    assert fit["test_sensors"]["dashred"] < fit["test_sensors"]["simulation"]
-    assert fit["heldout_time"]["dashred"] < fit["heldout_time"]["shred"]
+    assert fit["test_sensors"]["dashred"] < 0.8 * fit["test_sensors"]["shred_plain"]
+    assert fit["test_sensors"]["dashred"] < fit["test_sensors"]["snapshots"]
+    assert fit["heldout_time"]["dashred"] < fit["heldout_time"]["shred_plain"]
     # What would need a simulator that runs is not there, and the report says so.
     assert findings["terms"] is None and findings["corrected"] is None
     assert fit["test_sensors"]["after"] is None and fit["chi2"] is None
@@ -120,10 +120,11 @@ def test_assimilation_corrects_the_field_of_a_simulator_without_equations(found)
     assert "What this cannot know:" in ended.out
     assert "guesses that nothing has tested" in ended.out
     assert "times smaller" in ended.out
+    assert "  nearest snapshots  " in ended.out and "  SHRED, plain  " in ended.out
     assert len(findings["input"]["snapshots_sha256"]) == 64
     assert findings["input"]["config"]["system"]["snapshots"] == "runs.nc"
     with xr.open_dataset(ended.output / "estimates.nc", engine="h5netcdf") as estimates:
-        assert list(estimates["method"].values) == ["simulation", "shred", "dashred"]
+        assert list(estimates["method"].values) == ["snapshots", "shred_plain", "dashred"]
         assert estimates.sizes["time"] == len(TIMES)
 
 
