@@ -16,6 +16,8 @@ from dashred.physics.pulses import Drive, Pulses
 from dashred.sensing.observation import ObservationOperator
 
 DIFFERENCE = 1e-5
+# Numbers of tangents that are observed together: calls of few would cost more than their sums.
+AT_ONCE = 2**16
 
 
 @dataclass(frozen=True)
@@ -107,11 +109,8 @@ class Shooting:
         eye = torch.eye(len(z), dtype=torch.float64)
         base = self.start.start(z[None])
         directions = (self.start.start(z + DIFFERENCE * eye) - base) / DIFFERENCE
-        columns = [
-            self._observe(state, tangents.double())
-            for state, tangents in self.tangents(base[0], directions, xi)
-        ]
-        return torch.stack(columns)
+        samples = _together(self.tangents(base[0], directions, xi))
+        return torch.cat([self._observe(states, tangents) for states, tangents in samples])
 
     def tangents(
         self,
@@ -134,12 +133,19 @@ class Shooting:
         """A size of every ξ that makes a difference, ``(candidate,)``."""
         return torch.tensor([c.scale for c in self.candidates], dtype=torch.float64)
 
-    def _observe(self, state: Tensor, tangents: Tensor) -> Tensor:
-        """Return H' w of tangents ``(column, field, *grid)``: ``(sensor, column)``."""
-        largest = tangents.abs().flatten(1).amax(dim=1).clamp(min=1e-300)
-        size = DIFFERENCE * state.abs().max() / largest
-        moved = state + size.reshape(-1, *(1,) * state.dim()) * tangents
-        return ((self.operator(moved) - self.operator(state)) / size[:, None]).T
+    def _observe(self, states: Tensor, tangents: Tensor) -> Tensor:
+        """Return H' w of tangents ``(sample, column, field, *grid)``: ``(sample, sensor, column)``.
+
+        Args:
+            states: about which, ``(sample, field, *grid)``.
+            tangents: w.
+        """
+        largest = tangents.abs().flatten(2).amax(dim=2).clamp(min=1e-300)
+        size = DIFFERENCE * states.abs().flatten(1).amax(dim=1, keepdim=True) / largest
+        states = states[:, None]
+        moved = states + size.reshape(*size.shape, *(1,) * (states.dim() - 2)) * tangents
+        difference = self.operator(moved) - self.operator(states)
+        return (difference / size[..., None]).transpose(1, 2)
 
     def _difference(self, z: Tensor, xi: Tensor) -> Linearisation:
         steps = DIFFERENCE * torch.cat([torch.ones(len(z), dtype=torch.float64), self.scales])
@@ -149,3 +155,17 @@ class Shooting:
         ahead, behind = found[:-1].split(len(steps))
         jacobian = ((ahead - behind) / (2 * steps[:, None, None])).permute(1, 2, 0)
         return Linearisation(found[-1], jacobian[..., : len(z)], jacobian[..., len(z) :])
+
+
+def _together(samples: Iterator[tuple[Tensor, Tensor]]) -> Iterator[tuple[Tensor, Tensor]]:
+    """Yield states and tangents of as many samples as are few numbers: one call observes all."""
+    states: list[Tensor] = []
+    tangents: list[Tensor] = []
+    for state, columns in samples:
+        states.append(state)
+        tangents.append(columns.double())
+        if len(states) * columns.numel() >= AT_ONCE:
+            yield torch.stack(states), torch.stack(tangents)
+            states, tangents = [], []
+    if states:
+        yield torch.stack(states), torch.stack(tangents)

@@ -16,7 +16,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.physics.algebra import Call, Expr, Name, Number, Power, Product, Sum, names
+from dashred.physics.algebra import Expr, names
+from dashred.physics.expression_writer import Writer
 from dashred.physics.measured import NOTHING, Measured
 
 Array = NDArray[np.float64]
@@ -112,7 +113,7 @@ def _window(factors: Sequence[Factor], known: Mapping[str, str], now: Sequence[s
     lines = ["def window(x, c, t, w, r, i):", *now, "    value = 1.0"]
     for factor in factors:
         columns = {name: f"w[r, {column}]" for name, column in factor.unknowns.items()}
-        writer = _Writer({**known, **columns})
+        writer = Writer({**known, **columns})
         value = writer.write(factor.expression)
         inner = [*writer.lines, f"value *= {value}"]
         lines += [f"    if w[r, {factor.flag}] != 0.0:", *(f"        {line}" for line in inner)]
@@ -143,7 +144,7 @@ def _loop(
 ) -> list[str]:
     if not bodies:
         return [" " * indent + "pass"]
-    writer = _Writer(known)
+    writer = Writer(known)
     found = [(body, writer.write(body.expression)) for body in bodies]
     inner = [*writer.lines, *([f"f = {coefficient}"] if coefficient else [])]
     factor = "f * " if coefficient else ""
@@ -152,63 +153,6 @@ def _loop(
     return [head, *(" " * (indent + 4) + line for line in inner)]
 
 
-class _Writer:
-    """Writes expressions as statements, each common part once."""
-
-    def __init__(self, known: Mapping[str, str]) -> None:
-        self.known = known
-        self.lines: list[str] = []
-        self.seen: dict[Expr, str] = {}
-
-    def write(self, expr: Expr) -> str:
-        """Return the code of the expression's value, its parts written before it."""
-        if isinstance(expr, Number):
-            return f"({expr.value!r})"
-        if expr not in self.seen:
-            code = self._code(expr)
-            name = f"v{len(self.seen)}"
-            self.lines.append(f"{name} = {code}")
-            self.seen[expr] = name
-        return self.seen[expr]
-
-    def _code(self, expr: Expr) -> str:
-        match expr:
-            case Name(id):
-                return self.known[id]
-            case Sum(terms):
-                return " + ".join(map(self.write, terms))
-            case Product(factors):
-                return " * ".join(map(self.write, factors))
-            case Power(base, Number(2.0)):
-                value = self.write(base)
-                return f"{value} * {value}"
-            case Power(base, Number(3.0)):
-                value = self.write(base)
-                return f"{value} * {value} * {value}"
-            case Power(base, Number(-1.0)):
-                return f"1.0 / {self.write(base)}"
-            case Power(base, exponent):
-                return f"{self.write(base)} ** {self.write(exponent)}"
-            case Call(function, operand) if function in CODE:
-                return CODE[function].format(self.write(operand))
-        raise TypeError(f"{expr!r} is not pointwise")
-
-
 def read_by(bodies: Sequence[Body]) -> frozenset[str]:
     """Return the names that some bodies read."""
     return frozenset().union(*(names(body.expression) for body in bodies))
-
-
-CODE = {
-    "sin": "math.sin({0})",
-    "cos": "math.cos({0})",
-    "tan": "math.tan({0})",
-    "exp": "math.exp({0})",
-    "log": "math.log({0})",
-    "sqrt": "math.sqrt({0})",
-    "tanh": "math.tanh({0})",
-    "sech": "1.0 / math.cosh({0})",
-    "abs": "abs({0})",
-    "sign": "(1.0 if {0} > 0.0 else (-1.0 if {0} < 0.0 else 0.0))",
-    "step": "(1.0 if {0} > 0.0 else 0.0)",
-}

@@ -6,7 +6,7 @@ slopes and all sources are evaluated at every stage at once, and the columns are
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import torch
@@ -18,6 +18,7 @@ from dashred.physics.forcing import Forcing
 from dashred.physics.integrators.schedule import Step, schedule
 from dashred.physics.pointwise import Array, Pointwise
 from dashred.physics.pulses import Drive, Pulses
+from dashred.physics.scalar_program import NO_NUMBER, scalar_program
 from dashred.physics.system import System, Term
 
 # Kutta's 3/8 rule, which the trajectories themselves are integrated by: of a linear equation along
@@ -25,6 +26,9 @@ from dashred.physics.system import System, Term
 NODES = (0.0, 1 / 3, 2 / 3, 1.0)
 STAGES = ((), (1 / 3,), (-1 / 3, 1.0), (1.0, -1.0, 1.0))
 WEIGHTS = (1 / 8, 3 / 8, 3 / 8, 1 / 8)
+
+# ``(state, step, stage)`` to the rates of the fields.
+Rates = Callable[[list[float], int, int], list[float]]
 
 
 def supports_ode(system: System, terms: Sequence[Term]) -> bool:
@@ -119,22 +123,46 @@ def _trajectory(
     drive: Drive | None,
 ) -> tuple[Array, Array]:
     """Return the states at every stage ``(step, stage, field)``, and at the output times."""
-    program = Pointwise(equations)
-    forced = _driven(system, steps, drive)
-    stages = np.empty((len(steps), len(NODES), len(start)))
-    saved, y = [start], start
+    forced = _driven(system, steps, drive).tolist()
+    around = _surroundings(system, _clock(steps))
+    now = np.stack(list(around.values()), axis=-1).tolist()
+    names = [*system.fields, *around]
+    program, arrays = scalar_program(equations, names), Pointwise(equations)
+
+    def by_numbers(state: list[float], i: int, stage: int) -> list[float]:
+        found = program(*state, *now[i][stage])
+        return [rate + push for rate, push in zip(found, forced[i][stage], strict=True)]
+
+    def by_arrays(state: list[float], i: int, stage: int) -> list[float]:
+        values = np.array([*state, *now[i][stage]])[:, None]
+        found = arrays(dict(zip(names, values, strict=True)), (1,))[:, 0].tolist()
+        return [rate + push for rate, push in zip(found, forced[i][stage], strict=True)]
+
+    try:
+        return _march(steps, start, by_numbers)
+    except NO_NUMBER:
+        return _march(steps, start, by_arrays)
+
+
+def _march(steps: Sequence[Step], start: Array, rates: Rates) -> tuple[Array, Array]:
+    """Return what :func:`_trajectory` does: Kutta's rule, of plain numbers."""
+    y: list[float] = start.tolist()
+    stages, saved = [], [y]
     for i, step in enumerate(steps):
-        rates: list[Array] = []
-        for stage, (node, shares) in enumerate(zip(NODES, STAGES, strict=True)):
-            at = y + step.h * sum((a * k for a, k in zip(shares, rates, strict=True)), 0 * y)
-            stages[i, stage] = at
-            now = _surroundings(system, np.array([step.t + node * step.h]))
-            now |= dict(zip(system.fields, at[:, None], strict=True))
-            rates.append(program(now, (1,))[:, 0] + forced[i, stage])
-        y = y + step.h * sum(w * k for w, k in zip(WEIGHTS, rates, strict=True))
+        h = step.h
+        k1 = rates(y, i, 0)
+        second = [v + h * a / 3 for v, a in zip(y, k1, strict=True)]
+        k2 = rates(second, i, 1)
+        third = [v + h * (b - a / 3) for v, a, b in zip(y, k1, k2, strict=True)]
+        k3 = rates(third, i, 2)
+        last = [v + h * (a - b + c) for v, a, b, c in zip(y, k1, k2, k3, strict=True)]
+        k4 = rates(last, i, 3)
+        stages.append((y, second, third, last))
+        every = zip(y, k1, k2, k3, k4, strict=True)
+        y = [v + h * (a + 3 * (b + c) + d) / 8 for v, a, b, c, d in every]
         if step.ends:
             saved.append(y)
-    return stages, np.stack(saved)
+    return np.array(stages).reshape(len(steps), len(NODES), len(start)), np.array(saved)
 
 
 def _driven(system: System, steps: Sequence[Step], drive: Drive | None) -> Array:
@@ -187,21 +215,34 @@ def _pulsed(pulses: Pulses, clock: Array) -> Array:
 
 def _columns(steps: Sequence[Step], begin: Array, slopes: Array, source: Array) -> list[Array]:
     """Return the columns at every output time, each ``(column, field)``."""
+    turns, pushes = _propagators(np.array([step.h for step in steps]), slopes, source)
     columns = np.zeros(source.shape[2:])
     columns[: len(begin)] = begin
     saved = [columns]
-    for step, slope, rate in zip(steps, slopes, source, strict=True):
-        columns = _stepped(columns, step.h, slope, rate)
+    for step, turn, push in zip(steps, turns, pushes, strict=True):
+        columns = columns @ turn + push
         if step.ends:
             saved.append(columns)
     return saved
 
 
-def _stepped(columns: Array, h: float, slope: Array, source: Array) -> Array:
-    """Return the columns one step on, ``(column, field)``."""
-    rates: list[Array] = []
-    for shares, jacobian, driven in zip(STAGES, slope, source, strict=True):
-        at = columns + h * sum((a * k for a, k in zip(shares, rates, strict=True)), 0 * columns)
-        rates.append(at @ jacobian.T + driven)
-    moved: Array = columns + h * sum(w * k for w, k in zip(WEIGHTS, rates, strict=True))
-    return moved
+def _propagators(h: Array, slopes: Array, source: Array) -> tuple[Array, Array]:
+    """Return what a step does to columns, ``c → c A + b``: it is linear in them.
+
+    Returns:
+        A, ``(step, field, field)``, and b, ``(step, column, field)``.
+    """
+    along = h[:, None, None]
+    still = np.broadcast_to(np.eye(slopes.shape[-1]), slopes[:, 0].shape)
+    turned: list[Array] = []
+    pushed: list[Array] = []
+    for stage, shares in enumerate(STAGES):
+        jacobian = slopes[:, stage].swapaxes(1, 2)
+        turned.append((still + along * _combined(shares, turned)) @ jacobian)
+        at = np.zeros_like(source[:, 0]) + along * _combined(shares, pushed)
+        pushed.append(at @ jacobian + source[:, stage])
+    return still + along * _combined(WEIGHTS, turned), along * _combined(WEIGHTS, pushed)
+
+
+def _combined(shares: Sequence[float], rates: Sequence[Array]) -> Array | float:
+    return sum((share * rate for share, rate in zip(shares, rates, strict=True)), 0.0)

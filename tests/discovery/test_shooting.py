@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 import torch
 
 from dashred.discovery.driven_shooting import DrivenShooting
@@ -32,6 +33,18 @@ def test_where_they_blow_up_the_simulator_s_own_are_taken(waves: Waves) -> None:
     torch.testing.assert_close(found.by_start, expected.by_start)
     torch.testing.assert_close(found.by_error, expected.by_error)
     assert torch.isfinite(found.readings).all()
+
+
+@pytest.mark.parametrize("at_once", [1, 300, 10**9])
+def test_samples_are_observed_together_as_one_by_one(
+    waves: Waves, at_once: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shooting = far_off(waves, STEP)
+    z, xi = torch.zeros(2).double(), torch.zeros(2).double()
+    expected = shooting._columns(z, xi)
+    monkeypatch.setattr("dashred.discovery.shooting.AT_ONCE", at_once)
+    torch.testing.assert_close(shooting._columns(z, xi), expected, rtol=1e-8, atol=1e-10)
+    assert expected.shape == (len(TIMES), len(waves.operator.sensors), 4)
 
 
 def test_under_a_free_forcing_too(waves: Waves) -> None:

@@ -99,6 +99,22 @@ def test_a_free_forcing_is_carried_and_differentiated(system: System, forcing: F
         torch.testing.assert_close(columns[:, j], expected, rtol=1e-6, atol=1e-7)
 
 
+@pytest.mark.parametrize("term", ["omega**3", "log(theta - 1.1)", "(1.5 - theta)**0.5"])
+def test_a_trajectory_that_is_lost_is_told_by_its_values(system: System, term: str) -> None:
+    """Until then it is that of the simulator."""
+    [pushed] = terms(system, [("omega", term)])
+    forcing = Forcing((pushed,), torch.tensor([[40.0]], dtype=torch.float64))
+    start = nominal_start(system)[0]
+    found = list(tangent_ode(system, start, torch.eye(2).double(), TIMES, forcing, []))
+    states, columns = (torch.stack(part) for part in zip(*found, strict=True))
+    expected = simulate(system, start[None], TIMES, forcing)[0]
+    lost = ~torch.isfinite(expected)
+    assert lost.any() and not lost[0].any()
+    torch.testing.assert_close(torch.isfinite(states), ~lost)
+    torch.testing.assert_close(states[~lost], expected[~lost], rtol=1e-9, atol=1e-9)
+    assert not torch.isfinite(columns[-1]).all()
+
+
 def test_what_it_cannot_carry_is_told(system: System, tmp_path: Path) -> None:
     assert supports_ode(system, ())
     adaptive = laws.declared(tmp_path, TEXT.replace("method: rk4", "method: dopri5"))

@@ -1,0 +1,66 @@
+"""Pointwise expressions written as statements of Python, of one number each.
+
+They are written from checked expression trees alone; no text of the user's gets into them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from dashred.physics.algebra import Call, Expr, Name, Number, Power, Product, Sum
+
+CODE = {
+    "sin": "math.sin({0})",
+    "cos": "math.cos({0})",
+    "tan": "math.tan({0})",
+    "exp": "math.exp({0})",
+    "log": "math.log({0})",
+    "sqrt": "math.sqrt({0})",
+    "tanh": "math.tanh({0})",
+    "sech": "1.0 / math.cosh({0})",
+    "abs": "abs({0})",
+    "sign": "(1.0 if {0} > 0.0 else (-1.0 if {0} < 0.0 else 0.0))",
+    "step": "(1.0 if {0} > 0.0 else 0.0)",
+}
+
+
+class Writer:
+    """Writes expressions as statements, each common part once."""
+
+    def __init__(self, known: Mapping[str, str]) -> None:
+        self.known = known
+        self.lines: list[str] = []
+        self.seen: dict[Expr, str] = {}
+
+    def write(self, expr: Expr) -> str:
+        """Return the code of the expression's value, its parts written before it."""
+        if isinstance(expr, Number):
+            return f"({expr.value!r})"
+        if expr not in self.seen:
+            code = self._code(expr)
+            name = f"v{len(self.seen)}"
+            self.lines.append(f"{name} = {code}")
+            self.seen[expr] = name
+        return self.seen[expr]
+
+    def _code(self, expr: Expr) -> str:
+        match expr:
+            case Name(id):
+                return self.known[id]
+            case Sum(terms):
+                return " + ".join(map(self.write, terms))
+            case Product(factors):
+                return " * ".join(map(self.write, factors))
+            case Power(base, Number(2.0)):
+                value = self.write(base)
+                return f"{value} * {value}"
+            case Power(base, Number(3.0)):
+                value = self.write(base)
+                return f"{value} * {value} * {value}"
+            case Power(base, Number(-1.0)):
+                return f"1.0 / {self.write(base)}"
+            case Power(base, exponent):
+                return f"{self.write(base)} ** {self.write(exponent)}"
+            case Call(function, operand) if function in CODE:
+                return CODE[function].format(self.write(operand))
+        raise TypeError(f"{expr!r} is not pointwise")
