@@ -125,8 +125,7 @@ def reached_from(start: str) -> set[str]:
 
 DYNAMIC = {"__import__", "import_module", "exec", "eval", "runpy"}
 EXCEPT = {
-    "dashred.physics.kernel": {"exec"},
-    "dashred.physics.scalar_program": {"exec"},
+    "dashred.physics.expression_writer": {"exec"},
     "dashred.config.python_class": {"import_module"},
 }
 

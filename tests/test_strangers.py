@@ -29,7 +29,7 @@ from tests.test_train import COARSE
 CALLS = {"eval", "exec", "compile", "__import__", "system", "popen"}
 MODULES = {"pickle", "cPickle", "dill", "cloudpickle", "marshal", "shelve", "joblib"}
 # Its kernels are written from checked expression trees, in which every name is an index.
-WRITES_CODE = CHECKOUT / "dashred" / "physics" / "kernel.py"
+WRITES_CODE = CHECKOUT / "dashred" / "physics" / "expression_writer.py"
 UNSAFE_YAML = {"load_all", "full_load", "unsafe_load", "full_load_all", "unsafe_load_all"}
 
 

@@ -1,11 +1,13 @@
 """Pointwise expressions written as statements of Python, of one number each.
 
-They are written from checked expression trees alone; no text of the user's gets into them.
+They are written from checked expression trees alone; no text of the user's gets into them. Here,
+and nowhere else, what was written is run.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from dashred.physics.algebra import Call, Expr, Name, Number, Power, Product, Sum
 
@@ -64,3 +66,13 @@ class Writer:
             case Call(function, operand) if function in CODE:
                 return CODE[function].format(self.write(operand))
         raise TypeError(f"{expr!r} is not pointwise")
+
+
+def define(source: str, scope: dict[str, Any]) -> None:
+    """Define functions in a scope.
+
+    Args:
+        source: what a :class:`Writer` has written, with a frame about it.
+        scope: what it may use, and where its functions are put.
+    """
+    exec(source, scope)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.physics.algebra import Expr, names
-from dashred.physics.expression_writer import Writer
+from dashred.physics.expression_writer import Writer, define
 from dashred.physics.measured import NOTHING, Measured
 
 Array = NDArray[np.float64]
@@ -131,7 +131,7 @@ def _compile(source: str, window: str, measured: Measured) -> Kernel:
         return value
 
     scope: dict[str, Any] = {"math": math, "at": at}
-    exec(f"{window}\n{source}", scope)
+    define(f"{window}\n{source}", scope)
     scope["window"] = numba.njit(fastmath=MATHEMATICS, error_model="numpy")(scope["window"])
     compiled: Kernel = numba.cfunc(KERNEL, fastmath=MATHEMATICS, error_model="numpy")(
         scope["kernel"]

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from dashred.physics.algebra import Expr
-from dashred.physics.expression_writer import Writer
+from dashred.physics.expression_writer import Writer, define
 
 Scalars = Callable[..., tuple[float, ...]]
 # What Python raises where an array would hold an infinity or no number (a fractional power of a
@@ -32,7 +32,7 @@ def scalar_program(expressions: Sequence[Expr], names: Sequence[str]) -> Scalars
     lines = [*writer.lines, f"return ({found})"]
     source = "\n    ".join([f"def program({', '.join(known.values())}):", *lines])
     scope: dict[str, Any] = {"math": MATHEMATICS, "inf": math.inf, "nan": math.nan}
-    exec(source, scope)
+    define(source, scope)
     program: Scalars = scope["program"]
     return program
 
