@@ -6,7 +6,7 @@ slopes and all sources are evaluated at every stage at once, and the columns are
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 import torch
@@ -81,10 +81,13 @@ def tangent_ode(
     # A trajectory that blows up is told by its values.
     with np.errstate(all="ignore"):
         equations = _equations(system, forcing)
-        stages, states = _trajectory(system, steps, start.numpy(), equations, drive)
-        slopes, source = _along(system, stages, _clock(steps), equations, sources)
+        clock = _clock(steps)
+        around = _surroundings(system, clock)
+        forced = _driven(system, clock, drive)
+        stages, states = _trajectory(system, steps, start.numpy(), equations, around, forced)
+        slopes, source = _along(system, stages, around, equations, sources)
         still = np.zeros((*source.shape[:2], *directions.shape))
-        pulsed = [] if pulses is None else [_pulsed(pulses, _clock(steps))]
+        pulsed = [] if pulses is None else [_pulsed(pulses, clock)]
         source = np.concatenate([still, source, *pulsed], axis=2)
         found = _columns(steps, directions.double().numpy(), slopes, source)
     for state, columns in zip(states, found, strict=True):
@@ -120,28 +123,30 @@ def _trajectory(
     steps: Sequence[Step],
     start: Array,
     equations: Sequence[Expr],
-    drive: Drive | None,
+    around: Mapping[str, Array],
+    forced: Array,
 ) -> tuple[Array, Array]:
     """Return the states at every stage ``(step, stage, field)``, and at the output times."""
-    forced = _driven(system, steps, drive).tolist()
-    around = _surroundings(system, _clock(steps))
+    pushes = forced.tolist()
     now = np.stack(list(around.values()), axis=-1).tolist()
     names = [*system.fields, *around]
-    program, arrays = scalar_program(equations, names), Pointwise(equations)
+    program = scalar_program(equations, names)
 
     def by_numbers(state: list[float], i: int, stage: int) -> list[float]:
         found = program(*state, *now[i][stage])
-        return [rate + push for rate, push in zip(found, forced[i][stage], strict=True)]
-
-    def by_arrays(state: list[float], i: int, stage: int) -> list[float]:
-        values = np.array([*state, *now[i][stage]])[:, None]
-        found = arrays(dict(zip(names, values, strict=True)), (1,))[:, 0].tolist()
-        return [rate + push for rate, push in zip(found, forced[i][stage], strict=True)]
+        return [rate + push for rate, push in zip(found, pushes[i][stage], strict=True)]
 
     try:
         return _march(steps, start, by_numbers)
     except NO_NUMBER:
-        return _march(steps, start, by_arrays)
+        arrays = Pointwise(equations)
+
+    def by_arrays(state: list[float], i: int, stage: int) -> list[float]:
+        values = np.array([*state, *now[i][stage]])[:, None]
+        found = arrays(dict(zip(names, values, strict=True)), (1,))[:, 0].tolist()
+        return [rate + push for rate, push in zip(found, pushes[i][stage], strict=True)]
+
+    return _march(steps, start, by_arrays)
 
 
 def _march(steps: Sequence[Step], start: Array, rates: Rates) -> tuple[Array, Array]:
@@ -165,9 +170,8 @@ def _march(steps: Sequence[Step], start: Array, rates: Rates) -> tuple[Array, Ar
     return np.array(stages).reshape(len(steps), len(NODES), len(start)), np.array(saved)
 
 
-def _driven(system: System, steps: Sequence[Step], drive: Drive | None) -> Array:
+def _driven(system: System, clock: Array, drive: Drive | None) -> Array:
     """Return the free forcing at every stage, ``(step, stage, field)``."""
-    clock = _clock(steps)
     if drive is None:
         return np.zeros((*clock.shape, len(system.fields)))
     [values] = drive.values.numpy()
@@ -178,7 +182,7 @@ def _driven(system: System, steps: Sequence[Step], drive: Drive | None) -> Array
 def _along(
     system: System,
     stages: Array,
-    clock: Array,
+    around: Mapping[str, Array],
     equations: Sequence[Expr],
     sources: Sequence[tuple[Term, ...]],
 ) -> tuple[Array, Array]:
@@ -194,11 +198,11 @@ def _along(
         for term in terms:
             place = column, system.fields.index(term.equation)
             rows.setdefault(place, []).append(term.expression)
-    values = _surroundings(system, clock)
-    values |= dict(zip(system.fields, np.moveaxis(stages, -1, 0), strict=True))
-    found = Pointwise([*slopes, *map(add, rows.values())])(values, clock.shape)
-    jacobian = np.moveaxis(found[: fields**2], 0, -1).reshape(*clock.shape, fields, fields)
-    driven = np.zeros((*clock.shape, len(sources), fields))
+    shape = stages.shape[:2]
+    values = {**around, **dict(zip(system.fields, np.moveaxis(stages, -1, 0), strict=True))}
+    found = Pointwise([*slopes, *map(add, rows.values())])(values, shape)
+    jacobian = np.moveaxis(found[: fields**2], 0, -1).reshape(*shape, fields, fields)
+    driven = np.zeros((*shape, len(sources), fields))
     for (column, equation), body in zip(rows, found[fields**2 :], strict=True):
         driven[:, :, column, equation] = body
     return np.ascontiguousarray(jacobian), driven

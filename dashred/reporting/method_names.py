@@ -28,6 +28,18 @@ NAMES |= {
     "after": NAMES["corrected"],
 }
 
+# What is compared at sensors, in the order in which a reader should meet it.
+AT_SENSORS = (
+    "snapshots",
+    "simulation",
+    "before",
+    "before_refit",
+    "shred_plain",
+    "shred",
+    "dashred",
+    "after",
+)
+
 
 def method_name(method: str) -> str:
     """The method as a reader knows it."""

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dashred.reporting.equation_html import equations_html
-from dashred.reporting.method_names import method_name
+from dashred.reporting.method_names import AT_SENSORS, method_name
 from dashred.reporting.page_parts import paragraphs, section, table
 from dashred.reporting.verdict_words import (
     alternative_in_words,
@@ -19,16 +19,6 @@ from dashred.reporting.worth_words import reconstructed, unresolved, worth
 from dashred.typeset import number, percent, pretty, rounded
 from dashred.units import NONE, shown
 
-COMPARED = (
-    "snapshots",
-    "simulation",
-    "before",
-    "before_refit",
-    "shred_plain",
-    "shred",
-    "dashred",
-    "after",
-)
 PROOFS = {
     "test_sensors": "test sensors",
     "heldout_time": "held-out time",
@@ -84,9 +74,9 @@ def proof(findings: Mapping[str, Any], figures: str) -> str:
     kinds = {
         kind: name
         for kind, name in PROOFS.items()
-        if any((fit.get(kind) or {}).get(method) is not None for method in COMPARED)
+        if any((fit.get(kind) or {}).get(method) is not None for method in AT_SENSORS)
     }
-    known = {method: [fit[kind].get(method) for kind in kinds] for method in COMPARED}
+    known = {method: [fit[kind].get(method) for kind in kinds] for method in AT_SENSORS}
     rows = [
         [method_name(method), *("–" if value is None else f"{value:.3g}" for value in values)]
         for method, values in known.items()

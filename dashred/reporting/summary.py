@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from dashred.reporting.method_names import method_name
+from dashred.reporting.method_names import AT_SENSORS, method_name
 from dashred.reporting.verdict_words import sentence, verdict_lines
 from dashred.units import NONE, TIME, measured
 
@@ -12,14 +12,7 @@ if TYPE_CHECKING:
 
 # In the order in which a reader should meet them.
 METHODS = (
-    "snapshots",
-    "simulation",
-    "before",
-    "before_refit",
-    "shred_plain",
-    "shred",
-    "dashred",
-    "after",
+    *AT_SENSORS,
     "simulation_same_start",
     "simulation_refit",
     "corrected",
