@@ -15,7 +15,7 @@ import pytest
 from dashred import record
 from dashred.errors import InputError
 
-CHECKOUT = Path(__file__).resolve().parents[1]
+CHECKOUT = Path(__file__).resolve().parents[2]
 SENSORS = "name,field,x,std\n" + "".join(f"p{i},u,{0.5 + i},0.02\n" for i in range(6))
 
 

@@ -13,6 +13,8 @@ from typing import cast
 
 import numpy as np
 import pytest
+from tests.test_bad_input import SENSORS, csv_text
+from tests.test_train import COARSE
 
 from dashred.config import load_config
 from dashred.errors import InputError
@@ -22,8 +24,6 @@ from dashred.physics.system import System
 from dashred.reporting.style import new_figure, save_figure
 from dashred.sensing.read_netcdf import read_netcdf
 from tests.conftest import CHECKOUT, run_command
-from tests.test_bad_input import SENSORS, csv_text
-from tests.test_train import COARSE
 
 # Whatever turns text or a file into running code.
 CALLS = {"eval", "exec", "compile", "__import__", "system", "popen", "define"}

@@ -13,7 +13,7 @@ import pytest
 from dashred.reporting.style import new_figure, save_figure
 from dashred.run_notes import found_in_short, headline
 
-CHECKOUT = Path(__file__).resolve().parents[1]
+CHECKOUT = Path(__file__).resolve().parents[2]
 PENDULUM = CHECKOUT.parent / "shared" / "data" / "pendulum_single" / "recording.csv"
 FIGURES = {
     "coefficients.png",

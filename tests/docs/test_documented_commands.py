@@ -26,7 +26,7 @@ import pytest
 
 from tests.documents import blocks, snippets
 
-CHECKOUT = Path(__file__).resolve().parents[1]
+CHECKOUT = Path(__file__).resolve().parents[2]
 SHARED = CHECKOUT.parent / "shared" / "data"
 RECORDING = SHARED / "pendulum_single" / "recording.csv"
 DOCUMENTS = [CHECKOUT / "README.md", *sorted((CHECKOUT / "docs").glob("*.md"))]
