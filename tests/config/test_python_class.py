@@ -50,7 +50,7 @@ NAME = "my_pendulum.Pendulum"
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with a class and a configuration of it: the bundled pendulum without equations."""
     (tmp_path / "my_pendulum.py").write_text(PENDULUM)
-    bundled = (Path(__file__).parents[1] / "conf" / "pendulum.yaml").read_text()
+    bundled = (Path(__file__).parents[2] / "conf" / "pendulum.yaml").read_text()
     lines = bundled.splitlines()
     start = lines.index("  equations:")
     lines[start : start + 3] = [f"  class: {NAME}"]
@@ -165,7 +165,7 @@ def test_trust_without_a_class_is_refused() -> None:
 def test_the_documents_example_is_taken_as_it_is_printed(tmp_path, monkeypatch) -> None:
     from dashred.physics.system import System
 
-    page = Path(__file__).parents[1] / "docs" / "black-box.md"
+    page = Path(__file__).parents[2] / "docs" / "black-box.md"
     code, text = snippets(page, "python")[-1], snippets(page, "yaml")[-1]
     (tmp_path / "mypkg.py").write_text(code)
     (tmp_path / "mine.yaml").write_text(text)

@@ -13,7 +13,7 @@ from dashred.config.source import read_file
 from dashred.errors import InputError
 from dashred.reference import main
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 KEYS = {key.name: key for key in keys()}
 
 
