@@ -11,7 +11,7 @@ from itertools import chain
 
 from dashred.checkup.page import Page
 from dashred.config import Config, load_config
-from dashred.config.open_lines import open_lines
+from dashred.config.checks.placeholders import open_lines
 from dashred.errors import DONE, WRONG_INPUT, run_entry
 
 

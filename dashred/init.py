@@ -40,7 +40,7 @@ def main(argv: list[str]) -> int:
     output = given_path(words.get("output") or f"{Path(path).stem}.yaml", "output=")
     _check_output(output)
 
-    from dashred.config.open_lines import TO_DO
+    from dashred.config.checks.placeholders import TO_DO
     from dashred.starter.columns import MANY_FIELDS, read_own
     from dashred.starter.document import document
     from dashred.starter.guess import guess, longest

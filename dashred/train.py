@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 
 from dashred.config import Config, config_sha256, load_config
-from dashred.config.open_lines import refuse_open_lines
+from dashred.config.checks.placeholders import refuse_open_lines
 from dashred.errors import InputError, run_entry
 from dashred.mlflow_server import check_server
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from dashred.checkup.remark import Remark
 from dashred.config import Config
-from dashred.config.open_lines import open_lines
+from dashred.config.checks.placeholders import open_lines
 
 
 def left_to_do(config: Config) -> Iterator[Remark]:

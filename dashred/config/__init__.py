@@ -9,7 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from dashred.config.checks import check
+from dashred.config.checks.checks import check
+from dashred.config.checks.expressions import check_expressions
+from dashred.config.checks.system_units import settle_units
 from dashred.config.commandline import (
     BASE,
     bundled,
@@ -19,7 +21,6 @@ from dashred.config.commandline import (
     split_words,
     usage,
 )
-from dashred.config.expressions import check_expressions
 from dashred.config.frozen import config_sha256, frozen_input
 from dashred.config.layers import merge, prepare, where_in
 from dashred.config.python_class import check_trust, take_trust, with_equations
@@ -27,7 +28,6 @@ from dashred.config.recording_schema import Recording, SensorSplit, Splits, Time
 from dashred.config.schema import Assimilation, LatentSindy, Settings, Shred, Simulation, Tracking
 from dashred.config.source import Source, read_file
 from dashred.config.system_schema import Axis, Integrator, System
-from dashred.config.system_units import settle_units
 
 __all__ = [
     "Assimilation",

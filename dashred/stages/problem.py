@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from dashred.config import Config
-from dashred.config.checks import MOST_STEPS
+from dashred.config.checks.checks import MOST_STEPS
 from dashred.discovery.fault_wording import fault_in_words
 from dashred.discovery.law import SensorFault
 from dashred.errors import InputError

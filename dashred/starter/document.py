@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import re
 
+from dashred.config.checks.placeholders import TO_DO
 from dashred.config.kinds import NAME
-from dashred.config.open_lines import TO_DO
 from dashred.config.source import SCALARS
 from dashred.sensing.clock import fuller_step, own_step
 from dashred.sensing.recording import Recording
