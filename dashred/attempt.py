@@ -19,7 +19,7 @@ from dashred.config import Config, config_sha256, read_file
 from dashred.config.commandline import PLACE
 from dashred.config.frozen import ELSEWHERE, RECORDING_A_TWIN
 from dashred.config.layers import PATHS
-from dashred.config.schema import Settings
+from dashred.config.schema.settings import Settings
 from dashred.errors import InputError
 from dashred.findings import versions, write_json_atomic
 from dashred.whole_files import write_text_atomic

@@ -1,6 +1,6 @@
 """One validated, typed configuration: YAML files and command-line overrides in, dataclasses out.
 
-Read :mod:`dashred.config.schema` for what can be set, ``conf/base.yaml`` for the defaults.
+Read :mod:`dashred.config.schema.settings` for what can be set, ``conf/base.yaml`` for the defaults.
 Nothing here imports torch: a wrong input is answered at once.
 """
 
@@ -24,8 +24,15 @@ from dashred.config.commandline import (
 from dashred.config.frozen import config_sha256, frozen_input
 from dashred.config.layers import merge, prepare, where_in
 from dashred.config.python_class import check_trust, take_trust, with_equations
-from dashred.config.recording_schema import Recording, SensorSplit, Splits, TimeSplit
-from dashred.config.schema import Assimilation, LatentSindy, Settings, Shred, Simulation, Tracking
+from dashred.config.schema.recording import Recording, SensorSplit, Splits, TimeSplit
+from dashred.config.schema.settings import (
+    Assimilation,
+    LatentSindy,
+    Settings,
+    Shred,
+    Simulation,
+    Tracking,
+)
 from dashred.config.source import Source, read_file
 from dashred.config.system_schema import Axis, Integrator, System
 

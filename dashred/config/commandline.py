@@ -6,7 +6,7 @@ import difflib
 from pathlib import Path
 from typing import Any
 
-from dashred.config.kinds import kind_at, nearest, optional, required
+from dashred.config.schema.types import kind_at, nearest, optional, required
 from dashred.config.source import Source, plain, read_text
 from dashred.errors import InputError
 from dashred.given_path import given_path

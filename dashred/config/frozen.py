@@ -8,7 +8,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from dashred.config.schema import Settings
+from dashred.config.schema.settings import Settings
 
 ELSEWHERE = ("output", "tracking")
 # How a twin is recorded says nothing about a recording that is there already.

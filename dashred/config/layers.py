@@ -11,8 +11,8 @@ from typing import Any, get_args, get_origin
 
 from omegaconf import DictConfig, OmegaConf, ValidationError
 
-from dashred.config.kinds import Where, child, in_words, kind_at, optional, required
-from dashred.config.schema import Settings
+from dashred.config.schema.settings import Settings
+from dashred.config.schema.types import Where, child, in_words, kind_at, optional, required
 from dashred.config.source import Source
 from dashred.errors import InputError
 from dashred.given_path import check_address, given_path, is_server

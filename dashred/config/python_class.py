@@ -10,8 +10,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from dashred.config.kinds import Where
-from dashred.config.schema import Settings
+from dashred.config.schema.settings import Settings
+from dashred.config.schema.types import Where
 from dashred.config.system_schema import System
 from dashred.errors import InputError
 

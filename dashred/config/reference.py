@@ -11,15 +11,15 @@ from itertools import pairwise
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from dashred.config.commandline import BASE
-from dashred.config.kinds import optional, required
 from dashred.config.limits import Limit, Unit
-from dashred.config.schema import Settings
+from dashred.config.schema.settings import Settings
+from dashred.config.schema.types import optional, required
 from dashred.config.source import read_file
 
 HEAD = """\
 # Every key of a configuration
 
-Made by `python -m dashred.reference path=docs/config.md` from `dashred/config/schema.py`, its
+Made by `python -m dashred.reference path=docs/config.md` from `dashred/config/schema/settings.py`, its
 parts `system_schema.py` and `recording_schema.py`, and `conf/base.yaml`: change those, not this
 page.
 

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import torch
 from torch import Tensor
 
-from dashred.config.kinds import nearest
+from dashred.config.schema.types import nearest
 from dashred.config.system_schema import Structure
 from dashred.errors import InputError
 from dashred.physics.algebra import (

@@ -6,7 +6,7 @@ import json
 import re
 
 from dashred.config.checks.placeholders import TO_DO
-from dashred.config.kinds import NAME
+from dashred.config.schema.types import NAME
 from dashred.config.source import SCALARS
 from dashred.sensing.clock import fuller_step, own_step
 from dashred.sensing.recording import Recording

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from dashred.config.commandline import BASE
-from dashred.config.kinds import kind_at
 from dashred.config.reference import keys, page, unit
+from dashred.config.schema.types import kind_at
 from dashred.config.source import read_file
 from dashred.errors import InputError
 from dashred.reference import main

@@ -10,7 +10,7 @@ import pytest
 import torch
 from lightning import LightningDataModule
 
-from dashred.config.recording_schema import SensorSplit, Splits, TimeSplit
+from dashred.config.schema.recording import SensorSplit, Splits, TimeSplit
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import Sensor
 from dashred.sensing.splits import split_recording

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from dashred.config.schema import Settings
+from dashred.config.schema.settings import Settings
 from dashred.physics.declaration import Declaration
 
 

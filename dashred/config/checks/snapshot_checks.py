@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dashred.config.kinds import Where
-from dashred.config.schema import Settings
+from dashred.config.schema.settings import Settings
+from dashred.config.schema.types import Where
 from dashred.config.system_schema import System
 from dashred.errors import InputError
 

@@ -10,8 +10,8 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
-from dashred.config.kinds import Where, nearest
 from dashred.config.layers import evaluate
+from dashred.config.schema.types import Where, nearest
 from dashred.config.system_schema import System
 from dashred.errors import InputError
 

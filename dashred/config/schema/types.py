@@ -10,7 +10,7 @@ from functools import cache
 from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from dashred.config.schema import Settings
+from dashred.config.schema.settings import Settings
 from dashred.errors import InputError
 
 Where = Callable[[str], str]

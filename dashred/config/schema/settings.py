@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from dashred.config.limits import Count, Limit, NonNegative, Positive, Time, Unit
-from dashred.config.recording_schema import Recording, Splits
+from dashred.config.schema.recording import Recording, Splits
 from dashred.config.system_schema import System
 
 
