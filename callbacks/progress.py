@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lightning import Callback, LightningModule, Trainer
 
-from dashred.progress import Report
+from dashred.core.progress import Report
 
 
 class StageProgress(Callback):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from dashred.errors import DONE, WRONG_INPUT
+from dashred.core.errors import DONE, WRONG_INPUT
 
 COMMANDS = """\
 usage: python -m dashred.COMMAND [key=value ...]; each has --help

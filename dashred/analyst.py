@@ -15,7 +15,7 @@ import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from dashred.errors import DONE, OUR_FAILURE, WRONG_INPUT, InputError, run_entry
+from dashred.core.errors import DONE, OUR_FAILURE, WRONG_INPUT, InputError, run_entry
 
 
 def main(argv: list[str]) -> int:

@@ -20,7 +20,7 @@ from dashred.config.commandline import PLACE
 from dashred.config.frozen import ELSEWHERE, RECORDING_A_TWIN
 from dashred.config.layers import PATHS
 from dashred.config.schema.settings import Settings
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.findings import versions, write_json_atomic
 from dashred.whole_files import write_text_atomic
 

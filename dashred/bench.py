@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 
-from dashred.errors import run_entry
+from dashred.core.errors import run_entry
 
 
 def main(argv: list[str]) -> int:

@@ -12,7 +12,7 @@ from itertools import chain
 from dashred.checkup.page import Page
 from dashred.config import Config, load_config
 from dashred.config.checks.placeholders import open_lines
-from dashred.errors import DONE, WRONG_INPUT, run_entry
+from dashred.core.errors import DONE, WRONG_INPUT, run_entry
 
 
 def main(argv: list[str]) -> int:
@@ -46,10 +46,10 @@ def check(config: Config) -> Page:
     from dashred.checkup.situation import situation_of
     from dashred.checkup.snapshots import about_snapshots
     from dashred.checkup.splits import about_splits
+    from dashred.core.threads import use_threads
     from dashred.device import check_device
     from dashred.mlflow_server import check_server
     from dashred.output import check_output
-    from dashred.physics.side_by_side import use_threads
 
     check_device(config)
     check_output(config)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from dashred.errors import run_entry
+from dashred.core.errors import run_entry
 
 USAGE = """\
 usage: python -m dashred.compare systems=SYSTEM,... [key=value ...]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from dashred.errors import InputError
-from dashred.machine_failures import told
+from dashred.core.errors import InputError
+from dashred.core.system_errors import told
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 
 from dashred.config import Config
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 
 
 def check_device(config: Config) -> None:

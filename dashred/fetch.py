@@ -9,10 +9,10 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from dashred.errors import DONE, InputError, run_entry
+from dashred.core.arguments import read_path_words
+from dashred.core.errors import DONE, InputError, run_entry
 from dashred.findings import sha256_of
 from dashred.given_path import given_path
-from dashred.path_words import read_path_words
 from dashred.published_recording import PENDULUM, fetched
 from dashred.whole_files import write_text_atomic
 

@@ -15,7 +15,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.whole_files import write_text_atomic
 
 SIGNIFICANT_DIGITS = 8

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 
 SERVERS = ("http", "https")
 FOLDER = "give the folder that holds mlflow.db, or the address of a server: http://HOST:5000"

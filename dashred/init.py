@@ -7,9 +7,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-from dashred.errors import DONE, InputError, run_entry
+from dashred.core.arguments import read_path_words
+from dashred.core.errors import DONE, InputError, run_entry
 from dashred.given_path import given_path
-from dashred.path_words import read_path_words
 
 KEYS = ("path", "sensors", "output")
 USAGE = """\

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 
 
 def state_folder(*names: str) -> Path:

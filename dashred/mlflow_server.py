@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from urllib.error import HTTPError
 from urllib.request import urlopen
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.given_path import is_server
 
 if TYPE_CHECKING:

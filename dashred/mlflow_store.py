@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 
 from filelock import FileLock, Timeout
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
+from dashred.core.system_errors import RefusedError
 from dashred.given_path import is_server
 from dashred.local_state import state_folder
-from dashred.machine_failures import RefusedError
 from dashred.mlflow_server import open_server
 
 if TYPE_CHECKING:

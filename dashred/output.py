@@ -8,7 +8,7 @@ from tempfile import TemporaryFile
 
 from dashred.attempt import POINTER
 from dashred.config import Config
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.given_path import is_server
 from dashred.reporting.figure_names import drawn_by_us
 from dashred.whole_files import clear_partial

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 
 HINT = "write the values themselves into the file, as xarray's to_netcdf and to_zarr do"
 

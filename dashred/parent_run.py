@@ -8,8 +8,8 @@ from pathlib import Path
 
 from dashred.attempt import begin, differences, point_to, pointed_to, read_began
 from dashred.config import Config
-from dashred.errors import InputError
-from dashred.long_run import alone_in
+from dashred.core.errors import InputError
+from dashred.core.job_control import alone_in
 from dashred.mlflow_store import INTERRUPTED, Store, open_store, status_of
 from dashred.run_notes import name_of
 from dashred.tracking import Tracker

@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from dashred.errors import DONE, InputError, run_entry
+from dashred.core.errors import DONE, InputError, run_entry
 
 KEYS = ("draw", "cases", "output", "truths", "check")
 

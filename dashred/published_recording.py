@@ -16,7 +16,7 @@ from urllib.error import HTTPError, URLError
 from urllib.parse import quote, urlsplit
 from urllib.request import Request, urlopen
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.given_path import given_path
 
 MATLAB = b"MATLAB 5.0 MAT-file"

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dashred.config import Config, load_config
-from dashred.errors import InputError, run_entry
+from dashred.core.errors import InputError, run_entry
 
 if TYPE_CHECKING:
     from dashred.twin_file import Twin
@@ -39,10 +39,10 @@ def record(config: Config, output: Path) -> None:
     import numpy as np
     import torch
 
+    from dashred.core.progress import stage
+    from dashred.core.threads import use_threads
     from dashred.output import make_output
-    from dashred.physics.side_by_side import use_threads
     from dashred.physics.system import System
-    from dashred.progress import stage
     from dashred.recorder import clock_of, observe, simulate_truth
     from dashred.sealing import Truth, seal
     from dashred.sensing.driving import driven, under

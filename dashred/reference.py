@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 
 from dashred.config.reference import page
-from dashred.errors import DONE, InputError, run_entry
+from dashred.core.errors import DONE, InputError, run_entry
 from dashred.given_path import given_path
 from dashred.whole_files import write_text_atomic
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dashred.errors import InputError, run_entry
+from dashred.core.errors import InputError, run_entry
 from dashred.findings import check_freeze, write_json_atomic
 
 if TYPE_CHECKING:

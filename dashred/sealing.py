@@ -16,7 +16,7 @@ import torch
 import xarray as xr
 from torch import Tensor
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.system import System
 from dashred.whole_files import write_netcdf_atomic
 

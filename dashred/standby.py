@@ -13,7 +13,7 @@ import time
 from importlib import import_module
 from threading import Thread
 
-from dashred.errors import DONE, OUR_FAILURE, run_entry
+from dashred.core.errors import DONE, OUR_FAILURE, run_entry
 
 WATCH_SECONDS = 0.5
 

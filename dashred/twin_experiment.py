@@ -20,7 +20,7 @@ from dashred.attempt import RECORDING as READ
 from dashred.attempt import began_with, pointed_to, read_began
 from dashred.config import Config, load_config
 from dashred.config.commandline import PLACE
-from dashred.errors import DONE, OUR_FAILURE, WRONG_INPUT, InputError
+from dashred.core.errors import DONE, OUR_FAILURE, WRONG_INPUT, InputError
 from dashred.kept_seal import SEALED, drop_seal, keep_seal, kept_seal
 from dashred.mlflow_store import Store, open_store, status_of
 from dashred.output import named_output

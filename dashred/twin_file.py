@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dashred.config import Config, read_file
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.expression import number
 
 if TYPE_CHECKING:

@@ -161,7 +161,7 @@ class Told(io.StringIO):
 def _entry(monkeypatch: pytest.MonkeyPatch, module: str, words: list[str]) -> int:
     from importlib import import_module
 
-    from dashred.errors import run_entry
+    from dashred.core.errors import run_entry
 
     with monkeypatch.context() as patch:
         patch.setattr(sys, "argv", [module, *words])

@@ -20,7 +20,7 @@ from dashred.benchmark.plan import Row, plan
 from dashred.benchmark.summary import as_metrics, summarise
 from dashred.benchmark.table import finished_line, notes, rows_grid, to_markdown
 from dashred.benchmark.words import read_seeds, read_words
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.output import make_output
 
 CHECKOUT = Path(__file__).resolve().parents[1]

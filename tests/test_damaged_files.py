@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from dashred.core.errors import InputError, run_entry
 from dashred.damaged_files import reading
-from dashred.errors import InputError, run_entry
 from dashred.physics.snapshot_file import open_snapshots
 from dashred.sensing.read_netcdf import read_netcdf
 from tests import laws

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.fetch import main
 from dashred.published_recording import PENDULUM, fetched
 

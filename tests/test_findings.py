@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.findings import canonical, check_freeze, freeze, versions, write_json_atomic
 from dashred.findings_schema import Findings, Input, misfit, new_findings
 

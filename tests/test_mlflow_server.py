@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 
 from dashred.attempt import pointed_to
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.tracking import Tracker
 from tests.conftest import CHECKOUT, Ended
 from tests.documents import snippets

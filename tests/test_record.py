@@ -11,7 +11,7 @@ import xarray as xr
 
 from dashred import record
 from dashred.config import load_config
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.system import System
 from dashred.sensing.observation import ObservationOperator
 from dashred.sensing.reader import read_recording

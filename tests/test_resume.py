@@ -15,7 +15,7 @@ import torch
 
 from dashred.attempt import BEGAN, WORDS, begin, words_of
 from dashred.config import bundled, frozen_input, load_config
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.resume import named_folder, read_words
 from dashred.stages.checkpoints import Checkpoints
 
@@ -161,7 +161,7 @@ def test_nothing_of_a_twin_lies_where_the_analysis_or_the_store_shows_it(
     ],
 )
 def test_what_cannot_be_gone_on_with_is_refused(twin_run, capsys, monkeypatch, words, says) -> None:
-    from dashred.errors import run_entry
+    from dashred.core.errors import run_entry
     from dashred.train import main
 
     monkeypatch.setattr("sys.argv", ["train", *words, f"tracking.root={twin_run.root}"])
@@ -171,7 +171,7 @@ def test_what_cannot_be_gone_on_with_is_refused(twin_run, capsys, monkeypatch, w
 
 
 def test_a_folder_without_a_store_is_refused_and_left_alone(tmp_path, capsys, monkeypatch) -> None:
-    from dashred.errors import run_entry
+    from dashred.core.errors import run_entry
     from dashred.train import main
 
     monkeypatch.setattr("sys.argv", ["train", "resume=0123", f"tracking.root={tmp_path / 'no'}"])

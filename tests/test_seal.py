@@ -19,7 +19,7 @@ import torch
 import xarray as xr
 
 from dashred.config import load_config
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 PACKAGES = ("dashred", "datamodules", "callbacks")
@@ -211,7 +211,7 @@ def run_without_the_truth(folder: Path, *words: str) -> subprocess.CompletedProc
         "import importlib.util as u, dashred; from pathlib import Path\n"
         f"assert Path(dashred.__file__).is_relative_to({str(copy)!r})\n"
         f"assert not any(u.find_spec(name) for name in {secret})\n"
-        "from dashred.errors import run_entry; from dashred.train import main\n"
+        "from dashred.core.errors import run_entry; from dashred.train import main\n"
         "sys.exit(run_entry(main))"
     )
     # The working folder stands first on the path.

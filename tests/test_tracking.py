@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 
-from dashred.errors import InputError, run_entry
+from dashred.core.errors import InputError, run_entry
+from dashred.core.system_errors import RefusedError
 from dashred.logged_run import flatten
-from dashred.machine_failures import RefusedError
 from dashred.metric_names import metric_name
 from dashred.tracking import Tracker
 

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dashred.config import Config, load_config
-from dashred.errors import DONE, InputError, run_entry
-from dashred.machine_failures import told
+from dashred.core.errors import DONE, InputError, run_entry
+from dashred.core.system_errors import told
 
 if TYPE_CHECKING:
     from dashred.baselines.estimate import Estimated

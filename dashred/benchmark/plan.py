@@ -11,7 +11,7 @@ from typing import Any
 
 from dashred.benchmark.words import PLACE, Request
 from dashred.config import Config, config_sha256, load_config
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.twin_file import basic, entry_of, hides_law, hides_nothing
 
 EXPERIMENT = "bench"

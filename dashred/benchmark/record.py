@@ -8,9 +8,9 @@ from typing import Any
 
 from dashred.benchmark.plan import Row
 from dashred.benchmark.processes import LOG
-from dashred.errors import DONE
+from dashred.core.errors import DONE
+from dashred.core.job_control import last_line
 from dashred.findings import canonical, write_json_atomic
-from dashred.long_run import last_line
 
 FLAGGED = {"ambiguous", "not-converged", "outside-library", "unresolved-numerics"}
 RATIOS = {

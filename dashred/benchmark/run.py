@@ -23,12 +23,12 @@ from dashred.benchmark.table import (
     to_rich,
 )
 from dashred.benchmark.words import Request
-from dashred.errors import DONE, OUR_FAILURE, InputError
+from dashred.core.errors import DONE, OUR_FAILURE, InputError
+from dashred.core.job_control import alone_in, signals_as_interrupt
+from dashred.core.progress import CONSOLE
 from dashred.findings import write_json_atomic
-from dashred.long_run import alone_in, signals_as_interrupt
 from dashred.mlflow_store import find_run, open_store
 from dashred.output import make_output
-from dashred.progress import CONSOLE
 from dashred.tracking import Tracker
 from dashred.whole_files import write_text_atomic
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 from dashred.config import Settings, bundled
-from dashred.errors import InputError, nearest
+from dashred.core.errors import InputError, nearest
 from dashred.given_path import given_path
 
 CHECKOUT = Path(__file__).resolve().parents[2]

@@ -12,7 +12,7 @@ from dashred.checkup.run_time import BATCHED
 from dashred.checkup.simulator import Simulated
 from dashred.checkup.situation import STREAM, Situation
 from dashred.checkup.to_do import still
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.ensemble import Discrepancies, draw_round
 from dashred.stages.structure import check_structure
 

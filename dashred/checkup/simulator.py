@@ -12,7 +12,7 @@ from torch import Tensor
 from dashred.checkup.remark import Remark, doubtful
 from dashred.checkup.situation import Situation
 from dashred.checkup.to_do import still
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.library import refuse_collinear, uninformative_terms
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
 from dashred.physics.resolution import Readings, doubling_error, least_scale

@@ -12,7 +12,7 @@ from dashred.benchmark.plan import Row, plan
 from dashred.benchmark.record import read_kept
 from dashred.benchmark.words import Request
 from dashred.comparison.compared import read_compared
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 
 OF_A_ROW = ("twin", "noise", "seed", "sensors", "extra", "words")
 

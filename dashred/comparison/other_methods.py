@@ -16,7 +16,7 @@ from pathlib import Path
 
 from dashred.baselines.analyse import FIELDS, LAWS
 from dashred.comparison.method_scores import ESTIMATES
-from dashred.errors import DONE, run_entry
+from dashred.core.errors import DONE, run_entry
 from dashred.twin_experiment import words_of_analysis
 
 

@@ -16,10 +16,10 @@ from dashred.comparison.document import write_results
 from dashred.comparison.kept_rows import rows_of_page
 from dashred.comparison.method_scores import read_others
 from dashred.comparison.ratios import ComparedRow, as_metrics
-from dashred.errors import DONE, OUR_FAILURE
-from dashred.long_run import alone_in, last_line, signals_as_interrupt
+from dashred.core.errors import DONE, OUR_FAILURE
+from dashred.core.job_control import alone_in, last_line, signals_as_interrupt
+from dashred.core.progress import CONSOLE
 from dashred.output import make_output
-from dashred.progress import CONSOLE
 from dashred.tracking import Tracker
 
 LOG = "other_methods.txt"

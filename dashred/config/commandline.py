@@ -8,7 +8,7 @@ from typing import Any
 
 from dashred.config.schema.types import kind_at, nearest, optional, required
 from dashred.config.source import Source, plain, read_text
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.given_path import given_path
 
 CONF = Path(__file__).resolve().parents[2] / "conf"

@@ -14,7 +14,7 @@ from omegaconf import DictConfig, OmegaConf, ValidationError
 from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import Where, child, in_words, kind_at, optional, required
 from dashred.config.source import Source
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.given_path import check_address, given_path, is_server
 
 PATHS = ("recording.path", "recording.sensors", "system.snapshots", "output", "tracking.root")

@@ -13,7 +13,7 @@ from typing import Any
 from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import Where
 from dashred.config.system_schema import System
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 
 KEY = "system.class"
 DOTTED = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)+\Z")

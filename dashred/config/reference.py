@@ -11,10 +11,10 @@ from itertools import pairwise
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from dashred.config.commandline import BASE
-from dashred.config.limits import Limit, Unit
 from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import optional, required
 from dashred.config.source import read_file
+from dashred.core.limits import Limit, Unit
 
 HEAD = """\
 # Every key of a configuration

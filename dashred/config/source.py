@@ -16,7 +16,7 @@ from typing import Any
 import yaml
 from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.plain_text import unprintable
 
 TAG = "tag:yaml.org,2002:"

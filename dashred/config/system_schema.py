@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
-from dashred.config.limits import Limit, NonNegative, Positive, Time, Unit
+from dashred.core.limits import Limit, NonNegative, Positive, Time, Unit
 
 
 @dataclass

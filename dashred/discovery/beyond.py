@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from dashred.core.errors import InputError
 from dashred.discovery.candidates import Candidate, build_candidates
 from dashred.discovery.cause import Cause
 from dashred.discovery.free_forcing import FreeForcing
@@ -19,7 +20,6 @@ from dashred.discovery.law import law_of
 from dashred.discovery.objective import Objective
 from dashred.discovery.screening import eliminated
 from dashred.discovery.subsets import Eliminated
-from dashred.errors import InputError
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 from torch import Tensor
 
+from dashred.core.progress import Report
 from dashred.discovery.beyond import laws_beyond
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.cause import HOPELESS, Cause, by_score, refitted
@@ -29,7 +30,6 @@ from dashred.discovery.periodic import periodic_laws
 from dashred.discovery.simpler import simpler_from_the_best
 from dashred.discovery.threshold_profile import with_profile
 from dashred.discovery.unexplained import SIMPLE, Unexplained, look_for_unexplained
-from dashred.progress import Report
 
 # χ²/n, under the noise that a free forcing leaves, of what needs no further explanation.
 EXPLAINED = 1.1

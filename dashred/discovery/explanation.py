@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from dashred.core.formatting import number, rounded
+from dashred.core.units import measured
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.discovered import AMBIGUOUS, Discovered
 from dashred.discovery.law import Law
@@ -16,8 +18,6 @@ from dashred.law_schema import Alternative, ParameterChange, SmallerLaw, TermFou
 from dashred.physics.algebra import Expr
 from dashred.physics.system import System
 from dashred.physics.term_units import coefficient_unit
-from dashred.typeset import number, rounded
-from dashred.units import measured
 
 MOST_ALTERNATIVES = 3
 # Of a law that is worse by less there is something to say.

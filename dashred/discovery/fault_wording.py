@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from dashred.core.formatting import number, rounded
+from dashred.core.units import NONE, TIME, measured, shown
 from dashred.discovery.law import SensorFault
-from dashred.typeset import number, rounded
-from dashred.units import NONE, TIME, measured, shown
 
 
 def fault_in_words(

@@ -12,10 +12,10 @@ from statistics import median
 import torch
 from torch import Tensor
 
+from dashred.core.progress import Report
 from dashred.discovery.gauss_newton import Fitted, minimise
 from dashred.discovery.objective import Objective
 from dashred.discovery.subsets import Eliminated
-from dashred.progress import Report
 
 GROWTH = 1.3
 # A stage that fails is tried again with a shorter stretch.

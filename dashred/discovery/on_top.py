@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 
 from torch import Tensor
 
+from dashred.core.progress import Report
 from dashred.discovery.cause import Cause, by_score
 from dashred.discovery.discovered import MISSING
 from dashred.discovery.free_forcing import FreeForcing, force
-from dashred.progress import Report
 
 # How often terms are screened anew about a better law's trajectory.
 ROUNDS = 3

@@ -7,9 +7,9 @@ from collections.abc import Collection, Iterator
 import torch
 from torch import Tensor
 
+from dashred.core.formatting import percent, rounded
+from dashred.core.units import measured
 from dashred.physics.system import System
-from dashred.typeset import percent, rounded
-from dashred.units import measured
 
 CARRIED = 0.8
 # A law whose power needs more than this of the domain acts everywhere.

@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from dashred.core.progress import Report
 from dashred.discovery.gauss_newton import chord_refits, minimise
 from dashred.discovery.neighbours import Set, neighbours, promising
 from dashred.discovery.objective import Objective
 from dashred.discovery.subsets import Eliminated
-from dashred.progress import Report
 
 ROUNDS = 6
 CHORD_STEPS = 6

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from dashred.core.formatting import MINUS, pretty, with_error
+from dashred.core.units import TIME, measured, shown
 from dashred.physics import algebra
 from dashred.physics.algebra import ONE, Expr, Name, Number, Power, Product
 from dashred.physics.system import System
 from dashred.physics.term_units import coefficient_unit
-from dashred.typeset import MINUS, pretty, with_error
-from dashred.units import TIME, measured, shown
 
 
 def meaning(system: System, field: str) -> str:

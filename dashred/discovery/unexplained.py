@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from torch import Tensor
 
+from dashred.core.progress import Report
 from dashred.discovery.cause import Cause
 from dashred.discovery.discovered import MISSING
 from dashred.discovery.faults import Fault
@@ -20,7 +21,6 @@ from dashred.discovery.left_out import (
 )
 from dashred.discovery.objective import Objective
 from dashred.discovery.own_noise import noise_left_by, refitted_under
-from dashred.progress import Report
 
 # A law of more candidates may imitate one that acts somewhere only, or is beyond the library; of so
 # many, one beyond it, or in a window of the same equations.

@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from dashred.core.units import TIME, measured
 from dashred.discovery.sized_term import SizedTerm, meaning
 from dashred.discovery.spatial_wording import spatial_words, steep_words
 from dashred.physics.algebra import ONE, Call, Expr, Name, split_coefficient
 from dashred.physics.system import System
-from dashred.units import TIME, measured
 
 DEGREES = {1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import cached_property
 
 from dashred.config import system_schema as schema
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics import algebra
 from dashred.physics.algebra import Expr
 from dashred.physics.definitions import Definitions, check_order

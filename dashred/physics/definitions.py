@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.algebra import Expr, Number, names, substitute, to_text
 from dashred.physics.expression_size import DEEPEST, MOST_PARTS, Size, size_of
 

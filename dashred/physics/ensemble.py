@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.forcing import Forcing
 from dashred.physics.library import evaluate_terms, resolve
 from dashred.physics.simulate import Progress, simulate

@@ -15,7 +15,7 @@ import warnings
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from dashred.errors import InputError, nearest
+from dashred.core.errors import InputError, nearest
 from dashred.physics import algebra
 from dashred.physics.algebra import Expr, Name, Number
 

@@ -8,7 +8,7 @@ from itertools import combinations_with_replacement
 import torch
 from torch import Tensor
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics import algebra
 from dashred.physics.program import Program
 from dashred.physics.system import System, Term

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from dashred.config.schema.types import nearest
 from dashred.config.system_schema import Structure
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.algebra import (
     ZERO,
     Call,

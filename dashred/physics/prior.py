@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.algebra import Expr, names
 from dashred.physics.expression import number
 from dashred.physics.grid import Axis, Grid

@@ -8,7 +8,7 @@ from itertools import pairwise
 import torch
 from torch import Tensor
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.forcing import Forcing
 from dashred.physics.integrators.etdrk4 import Steppers
 from dashred.physics.integrators.ode import (

@@ -12,8 +12,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from dashred.core.errors import InputError
 from dashred.damaged_files import reading
-from dashred.errors import InputError
 from dashred.physics.system import System
 
 if TYPE_CHECKING:

@@ -17,6 +17,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dashred.core.threads import in_threads
 from dashred.physics.algebra import ZERO
 from dashred.physics.base_march import STAGES, BaseMarch, Stage
 from dashred.physics.columns import Block, ColumnMarch
@@ -26,7 +27,6 @@ from dashred.physics.linearisation import NotSeparableError, separate
 from dashred.physics.pointwise import Pointwise
 from dashred.physics.pulses import Drive, Pulses
 from dashred.physics.separated_tendency import Modes, SeparatedTendency
-from dashred.physics.side_by_side import in_threads
 from dashred.physics.sources import Sources
 from dashred.physics.system import System, Term
 

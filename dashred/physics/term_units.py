@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
+from dashred.core.units import ONE, TIME, Unit, parse_unit
 from dashred.physics.algebra import (
     Call,
     Derivative,
@@ -16,7 +17,6 @@ from dashred.physics.algebra import (
     Sum,
 )
 from dashred.physics.system import System
-from dashred.units import ONE, TIME, Unit, parse_unit
 
 # Marks a name whose unit is not stated; no unit that a user can write begins so.
 UNKNOWN = "\0"

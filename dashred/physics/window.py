@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from dashred.core.units import measured
 from dashred.physics.algebra import (
     ONE,
     Expr,
@@ -26,7 +27,6 @@ from dashred.physics.algebra import (
 from dashred.physics.differentiate import differentiate
 from dashred.physics.grid import Axis
 from dashred.physics.system import System
-from dashred.units import measured
 
 
 @dataclass(frozen=True)

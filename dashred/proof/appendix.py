@@ -6,7 +6,7 @@ import json
 import tempfile
 from pathlib import Path
 
-from dashred.errors import DONE, InputError
+from dashred.core.errors import DONE, InputError
 from dashred.findings import check_freeze
 from dashred.output import make_output
 from dashred.proof.isolation import LIMIT, analyst, bare_copy

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import torch
 
 from dashred.config import Config, load_config
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.system import System
 from dashred.proof.draw import Case
 from dashred.proof.sizes import Sizes

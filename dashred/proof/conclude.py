@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from dashred.core.progress import CONSOLE
 from dashred.findings import write_json_atomic
 from dashred.output import make_output
-from dashred.progress import CONSOLE
 from dashred.proof.appendix import analyse_pendulum
 from dashred.proof.document import write_document
 from dashred.proof.draw import seed_of

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, TypedDict
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.findings import write_json_atomic
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ import numpy as np
 import yaml
 
 from dashred.config import read_file
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.findings import canonical, sha256_of, write_json_atomic
 from dashred.output import make_output
 from dashred.proof.conceal import Concealed, conceal

@@ -14,12 +14,12 @@ from threading import Event, Lock
 
 import torch
 
-from dashred.errors import DONE
+from dashred.core.errors import DONE
+from dashred.core.job_control import alone_in, last_line, signals_as_interrupt
+from dashred.core.progress import CONSOLE
 from dashred.findings import check_freeze
 from dashred.kept_seal import SEALED
-from dashred.long_run import alone_in, last_line, signals_as_interrupt
 from dashred.output import make_output
-from dashred.progress import CONSOLE
 from dashred.proof.case_record import CaseRecord
 from dashred.proof.draw import Case, draw_cases, seed_of
 from dashred.proof.isolation import LIMIT, Analyst, AnalystLostError, analyst, bare_copy

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from dashred.config import Config
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.library import evaluate_terms
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term

@@ -7,7 +7,7 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
-from dashred.errors import InputError, nearest
+from dashred.core.errors import InputError, nearest
 from dashred.proof.isolation import CHECKOUT
 from dashred.proof.kept_draw import read_draw
 

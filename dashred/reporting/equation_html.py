@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
+from dashred.core.formatting import MINUS, number, pretty, rounded
+from dashred.core.units import NONE, measured
 from dashred.reporting.verdict_words import bounds
-from dashred.typeset import MINUS, number, pretty, rounded
-from dashred.units import NONE, measured
 
 
 def equations_html(findings: Mapping[str, Any]) -> str:

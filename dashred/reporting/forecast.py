@@ -6,10 +6,10 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
+from dashred.core.units import NONE, in_brackets
 from dashred.reporting.style import GREY, legend_above, new_figure, style
 from dashred.reporting.traces import draw_sensor
 from dashred.reporting.verification import frame_recorded
-from dashred.units import NONE, in_brackets
 
 MOST = 3
 # Of the recording this much is shown before the forecast begins, as a share of the forecast.

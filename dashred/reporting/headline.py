@@ -4,8 +4,8 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from dashred.core.formatting import number
 from dashred.reporting.verdict_words import FEW, sentence
-from dashred.typeset import number
 
 # Where the words of a term end and its size begins.
 SIZE = re.compile(r"[,:]?\s+(?:by |with velocity |coefficient )?\(?[−-]?\d")

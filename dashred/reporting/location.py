@@ -11,12 +11,12 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from dashred.core.formatting import percent
+from dashred.core.units import NONE, in_brackets, time_label
 from dashred.reporting.cells import cells_about, frame_points
 from dashred.reporting.space_time import mark_sensors
 from dashred.reporting.style import BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILION, new_figure, style
 from dashred.reporting.verdict_words import acting
-from dashred.typeset import percent
-from dashred.units import NONE, in_brackets, time_label
 
 MOST_SENSORS = 18
 WITHOUT, WITH = "without the law", "with the law"

@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
+from dashred.core.formatting import number
+from dashred.core.units import NONE, TIME, measured, shown
 from dashred.reporting.page_parts import paragraphs, section, table
 from dashred.reporting.worth_words import UNTESTED
-from dashred.typeset import number
-from dashred.units import NONE, TIME, measured, shown
 
 
 def how_it_was_done(findings: Mapping[str, Any], figures: str) -> str:

@@ -4,6 +4,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from dashred.core.formatting import number, percent, pretty, rounded
+from dashred.core.units import NONE, shown
 from dashred.reporting.equation_html import equations_html
 from dashred.reporting.method_names import AT_SENSORS, method_name
 from dashred.reporting.page_parts import paragraphs, section, table
@@ -16,8 +18,6 @@ from dashred.reporting.verdict_words import (
     unknowable,
 )
 from dashred.reporting.worth_words import reconstructed, unresolved, worth
-from dashred.typeset import number, percent, pretty, rounded
-from dashred.units import NONE, shown
 
 PROOFS = {
     "test_sensors": "test sensors",

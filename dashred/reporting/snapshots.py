@@ -7,10 +7,10 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dashred.core.units import NONE, TIME, in_brackets, measured
 from dashred.reporting.cells import Extent, cells_about, frame_points
 from dashred.reporting.method_names import method_name
 from dashred.reporting.style import new_figure, style
-from dashred.units import NONE, TIME, in_brackets, measured
 
 Field = Float[np.ndarray, "time x y"]
 

@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from dashred.core.units import NONE, TIME, measured
 from dashred.reporting.method_names import AT_SENSORS, method_name
 from dashred.reporting.verdict_words import sentence, verdict_lines
-from dashred.units import NONE, TIME, measured
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -7,6 +7,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dashred.core.units import NONE, in_brackets
 from dashred.reporting.method_names import method_name
 from dashred.reporting.style import (
     BLACK,
@@ -16,7 +17,6 @@ from dashred.reporting.style import (
     shade_held_out,
     style,
 )
-from dashred.units import NONE, in_brackets
 
 MOST = 6
 DETAILED, DENSE = 2, 1000  # so few sensors with so many samples get a panel of detail each

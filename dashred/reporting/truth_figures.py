@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from dashred.core.units import in_brackets, time_label
 from dashred.reporting.figures import (
     front_figure,
     rmse_against_time,
@@ -17,7 +18,6 @@ from dashred.reporting.figures import (
 )
 from dashred.reporting.gallery import Gallery
 from dashred.reporting.method_names import SHRED_UNCHANGED
-from dashred.units import in_brackets, time_label
 
 # More than these could not be told apart on one page.
 PANELS = ("simulation", "simulation_refit", "shred", SHRED_UNCHANGED, "dashred", "corrected")

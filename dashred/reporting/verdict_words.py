@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
+from dashred.core.formatting import number, percent, pretty, probability, rounded
+from dashred.core.units import NONE, measured
 from dashred.reporting.worth_words import UNTESTED, reconstructed, unresolved, worth
-from dashred.typeset import number, percent, pretty, probability, rounded
-from dashred.units import NONE, measured
 
 VERDICTS = {
     "missing-term": "a term is missing from the simulation",

@@ -7,6 +7,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dashred.core.units import NONE, in_brackets
 from dashred.reporting.method_names import method_name
 from dashred.reporting.style import (
     COLOURS,
@@ -15,7 +16,6 @@ from dashred.reporting.style import (
     style,
 )
 from dashred.reporting.traces import draw_sensor
-from dashred.units import NONE, in_brackets
 
 MOST = 3
 COMPARED = ("before", "before_refit", "after")

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from dashred.typeset import number
+from dashred.core.formatting import number
 
 # Verdicts of a simulator that was given as snapshots: nothing has been fitted through it.
 UNTESTED = ("mismatch", "no-mismatch-seen")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import Sensor
 

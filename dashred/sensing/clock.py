@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.sensing.checks import FEWEST_SAMPLES
 from dashred.sensing.episodes import Episode, Episodes, said_of
 from dashred.sensing.recording import Recording

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from dashred.config import Config
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.algebra import names
 from dashred.physics.measured import NOTHING, Measured
 from dashred.physics.operators import NoSpace

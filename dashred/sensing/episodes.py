@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import Sensor
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dashred.config import Config
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.sensing.sensors import Described, Sensor
 from dashred.sensing.spreading import spread_out
 

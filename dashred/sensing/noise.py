@@ -8,7 +8,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.sensing.recording import Recording
 
 # Third differences of white noise of variance σ² have variance (1 + 9 + 9 + 1) σ².

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.errors import InputError, nearest
+from dashred.core.errors import InputError, nearest
+from dashred.core.units import TIME
 from dashred.physics.measured import Measured
 from dashred.sensing.checks import check_input, checked_recording
 from dashred.sensing.episodes import Episode, Episodes, Stretch, stretches
@@ -15,7 +16,6 @@ from dashred.sensing.sensors import RESERVED, Described, Sensor, readable
 from dashred.sensing.sensors_table import read_sensors
 from dashred.sensing.stated_units import StatedUnits
 from dashred.sensing.tables import Table, read_table, separated_otherwise
-from dashred.units import TIME
 
 
 def read_csv(path: str, sensors_table: str | None, system: Described) -> Episodes:

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from dashred.core.errors import InputError, nearest
+from dashred.core.units import TIME, check_unit
 from dashred.damaged_files import reading
-from dashred.errors import InputError, nearest
 from dashred.outside_links import check_hdf5
 from dashred.physics.measured import Measured
 from dashred.sensing.checks import check_covered, check_input, checked_recording
 from dashred.sensing.episodes import Episode, Episodes, Stretch, stretches
 from dashred.sensing.sensors import Described, Sensor, check_names, check_sensor
 from dashred.sensing.stated_units import StatedUnits
-from dashred.units import TIME, check_unit
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.sensing.episodes import Episodes
 from dashred.sensing.read_csv import read_csv
 from dashred.sensing.read_netcdf import read_netcdf

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.errors import InputError, nearest
+from dashred.core.errors import InputError, nearest
 from dashred.physics.measured import NOTHING, Measured
 from dashred.sensing.sensors import Sensor
 

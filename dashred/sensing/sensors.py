@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from dashred.errors import InputError, nearest
+from dashred.core.errors import InputError, nearest
 from dashred.plain_text import unprintable
 
 # Columns of a recording that are not sensors.

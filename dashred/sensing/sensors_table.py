@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from dashred.errors import InputError, nearest
+from dashred.core.errors import InputError, nearest
+from dashred.core.units import check_unit
 from dashred.sensing.sensors import Described, Sensor, check_names, check_sensor
 from dashred.sensing.stated_units import StatedUnits
 from dashred.sensing.tables import Table, read_table
-from dashred.units import check_unit
 
 KNOWN_PERHAPS = ("std", "unit")
 

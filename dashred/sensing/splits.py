@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.config import Splits
-from dashred.errors import InputError, nearest
+from dashred.core.errors import InputError, nearest
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import check_names
 from dashred.sensing.spreading import spread_out

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from dashred.core.units import check_same
 from dashred.sensing.sensors import Described
-from dashred.units import check_same
 
 
 @dataclass

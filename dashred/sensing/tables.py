@@ -16,9 +16,9 @@ from typing import TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
+from dashred.core.units import check_unit, split_unit
 from dashred.sensing.sensors import check_names
-from dashred.units import check_unit, split_unit
 
 # In bytes. What is read takes some thirteen times as much memory, a cell being a text of its own.
 LARGEST = 2**28

@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 
 
 def windows(

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from dashred.core.units import TIME
 from dashred.sensing.episodes import Episodes
 from dashred.sensing.recording import Recording
-from dashred.units import TIME
 from dashred.whole_files import write_netcdf_atomic
 
 

@@ -11,12 +11,12 @@ from lightning.pytorch.callbacks import EarlyStopping
 from torch import Tensor
 
 from callbacks import BestState, LatentDiscovery, RMSECurves, StageProgress
+from dashred.core.progress import stage
 from dashred.discovery.latent import LatentProblem
 from dashred.discovery.regression import SparseFit
 from dashred.models.assimilation import AssimilatedEncoder, Assimilation
 from dashred.models.shred import SHRED, reconstruct
 from dashred.physics.ensemble import term_scales
-from dashred.progress import stage
 from dashred.stages.learning import make_trainer
 from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal

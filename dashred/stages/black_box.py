@@ -12,6 +12,7 @@ from torch import Tensor
 
 from dashred.attempt import SNAPSHOTS, began_with, end
 from dashred.config import Config, config_sha256
+from dashred.core.progress import stage
 from dashred.discovery.latent import LatentProblem
 from dashred.discovery.operator_inference import SnapshotSteps
 from dashred.models.assimilation import AssimilatedEncoder
@@ -19,7 +20,6 @@ from dashred.models.shred import reconstruct
 from dashred.output import clear_output, named_output
 from dashred.parent_run import open_parent
 from dashred.physics.library import evaluate_terms
-from dashred.progress import stage
 from dashred.run_notes import conclude, describe
 from dashred.sensing.recording import Recording
 from dashred.sensing.windows import windows

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from dashred.core.progress import stage
+from dashred.core.units import in_brackets, time_label
 from dashred.findings_schema import Findings
-from dashred.progress import stage
 from dashred.reporting import html
 from dashred.reporting.figure_names import OF_SNAPSHOTS
 from dashred.reporting.figures import (
@@ -24,7 +25,6 @@ from dashred.stages.problem import Problem
 from dashred.stages.provenance import git_commit
 from dashred.stages.report import TITLES, varying
 from dashred.stages.sensor_figures import all_sensors, draw_sensors
-from dashred.units import in_brackets, time_label
 
 
 def report(

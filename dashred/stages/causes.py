@@ -8,6 +8,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from dashred.core.progress import Report
 from dashred.discovery.beyond import candidates_beyond
 from dashred.discovery.candidates import Candidate, replaced_terms
 from dashred.discovery.cause import Cause
@@ -22,7 +23,6 @@ from dashred.discovery.selection import Tried
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.physics.window import shapes_of
-from dashred.progress import Report
 from dashred.stages.objectives import fit_noise, simulator_with
 from dashred.stages.prior_start import about, about_the_prior
 from dashred.stages.problem import Problem

@@ -18,6 +18,7 @@ import numpy as np
 import torch
 from numpy._core.multiarray import _reconstruct  # how NumPy pickles an array
 
+from dashred.core.progress import CONSOLE
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.discovered import BestOfSize, Discovered
 from dashred.discovery.forcing_map import ForcingMap
@@ -27,7 +28,6 @@ from dashred.discovery.regression import SparseFit
 from dashred.physics import nodes
 from dashred.physics.system import Term
 from dashred.physics.window import Shape, Window
-from dashred.progress import CONSOLE
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.learning import KeptNetwork, Learned
 from dashred.stages.provenance import git_commit

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import torch
 
+from dashred.core.progress import stage
 from dashred.discovery.candidates import Candidate, build_candidates, indices_by_name
 from dashred.discovery.causes import Weighed
 from dashred.discovery.discovered import MISSING, BestOfSize, Discovered
@@ -16,7 +17,6 @@ from dashred.discovery.selection import Selection, Tried, better, polish, select
 from dashred.metric_names import metric_name
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.resolution import Resolution
-from dashred.progress import stage
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.causes import inflated, weigh_causes
 from dashred.stages.learning import Learned

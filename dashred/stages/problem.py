@@ -11,9 +11,9 @@ from torch import Tensor
 
 from dashred.config import Config
 from dashred.config.checks.checks import MOST_STEPS
+from dashred.core.errors import InputError
 from dashred.discovery.fault_wording import fault_in_words
 from dashred.discovery.law import SensorFault
-from dashred.errors import InputError
 from dashred.physics.algebra import names
 from dashred.physics.library import build_library
 from dashred.physics.snapshot_file import open_snapshots

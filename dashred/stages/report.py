@@ -6,13 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
+from dashred.core.progress import stage
+from dashred.core.units import in_brackets, time_label
 from dashred.discovery.location import law_tendency
 from dashred.discovery.regression import SparseFit
 from dashred.discovery.wording import words
 from dashred.findings_schema import Findings
 from dashred.law_schema import Where
 from dashred.physics.system import Term
-from dashred.progress import stage
 from dashred.reporting import html
 from dashred.reporting.figure_names import (
     OF_EQUATIONS,
@@ -48,7 +49,6 @@ from dashred.stages.sensor_figures import (
     draw_verification,
     draw_whole_episode,
 )
-from dashred.units import in_brackets, time_label
 
 PANELS = ("simulation", "dashred", "corrected")
 TITLES = {"alg1": "Algorithm 1", "alg2": "Algorithm 2"}

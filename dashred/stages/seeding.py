@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from dashred.core.progress import Report
 from dashred.discovery.episodes import operator_of, side_by_side, starts_of
 from dashred.discovery.first_window import first_samples, fit_first_window
 from dashred.discovery.law_simulator import Simulator
@@ -17,7 +18,6 @@ from dashred.discovery.seeds import NetworkEstimate, Readings, SeedSettings, mak
 from dashred.discovery.starts import StartModel
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.library import resolve
-from dashred.progress import Report
 from dashred.sensing.recording import Recording
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.learning import Learned

@@ -7,6 +7,7 @@ from typing import Literal, cast
 
 import numpy as np
 
+from dashred.core.units import time_label
 from dashred.findings_schema import Findings
 from dashred.reporting.figures import (
     forecast_figure,
@@ -19,7 +20,6 @@ from dashred.stages.analysis import Analysis
 from dashred.stages.held_out import MISFITS
 from dashred.stages.problem import Problem
 from dashred.stages.trajectories import Trajectories
-from dashred.units import time_label
 
 Errors = Mapping[str, float | None]
 Proof = Literal["test_sensors", "heldout_time", "heldout_restarted", "heldout_episode"]

@@ -8,10 +8,10 @@ import torch
 from torch import Tensor
 
 from dashred.config import Config
+from dashred.core.errors import InputError
+from dashred.core.progress import stage
 from dashred.discovery.analogs import window_misfits
-from dashred.errors import InputError
 from dashred.physics.ensemble import Ensemble
-from dashred.progress import stage
 from dashred.stages.problem import Problem
 
 # Runs are cut until there are so many trajectories, and there must be so many.

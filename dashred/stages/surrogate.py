@@ -8,17 +8,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dashred.core.errors import InputError
+from dashred.core.progress import Report, stage
 from dashred.discovery.correction import correct
 from dashred.discovery.law import Law
 from dashred.discovery.starts import ScaledStart
-from dashred.errors import InputError
 from dashred.models.latency import seconds_a_step
 from dashred.models.shred import reconstruct
 from dashred.physics.ensemble import Ensemble, draw_ensemble
 from dashred.physics.prior import StartPrior
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System
-from dashred.progress import Report, stage
 from dashred.stages.assimilation import sensor_data
 from dashred.stages.learning import Learned, train_shred
 from dashred.stages.problem import Problem

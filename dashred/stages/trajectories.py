@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from dashred.core.progress import stage
 from dashred.discovery.candidates import forcing_of
 from dashred.discovery.discovered import Discovered
 from dashred.discovery.law import Law
 from dashred.physics.simulate import simulate
-from dashred.progress import stage
 from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal
 from dashred.stages.whole_episode import fit_starts

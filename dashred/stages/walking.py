@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import torch
 
+from dashred.core.progress import Report
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.first_window import first_samples
 from dashred.discovery.horizon import Walk, walk
 from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.objective import Objective
 from dashred.discovery.selection import Selection, select
-from dashred.progress import Report
 from dashred.stages.objectives import pose_objective
 from dashred.stages.problem import Problem
 from dashred.stages.seeding import Seed

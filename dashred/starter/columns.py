@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dashred.config.schema.types import NAME
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.expression import RESERVED as LANGUAGE
 from dashred.sensing.reader import read_episodes
 from dashred.sensing.recording import Recording

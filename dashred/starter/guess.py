@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.sensing.clock import fuller_step, own_step
 from dashred.sensing.missing_marks import without_marks
 from dashred.sensing.noise import noise_std

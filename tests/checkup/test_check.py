@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dashred import check, init
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from tests.starter.strangers import bar_csv, swing_csv
 
 SWING = """\

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from dashred import compare
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 
 PICTURES = ("space_time_truth", "rmse_against_time", "sparsity")
 

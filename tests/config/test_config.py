@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from dashred.config import Config, Settings, config_sha256, frozen_input, load_config, usage
 from dashred.config.commandline import BASE, CONF, bundled
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 
 SYSTEM = """\
 system:
@@ -496,7 +496,7 @@ def test_a_wrong_input_is_answered_without_torch() -> None:
     program = """
 import sys
 from dashred.config import load_config
-from dashred.errors import run_entry
+from dashred.core.errors import run_entry
 code = run_entry(lambda words: load_config(["conf=rde", "system.integrator.dt=2*x"], entry="train"))
 print(code, sorted({"torch", "lightning", "mlflow", "numpy"} & set(sys.modules)))
 """

@@ -11,7 +11,7 @@ import pytest
 
 from dashred.attempt import begin, words_of
 from dashred.config import Config, frozen_input, load_config
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from tests.conftest import CHECKOUT
 from tests.documents import snippets
 

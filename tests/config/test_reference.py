@@ -10,7 +10,7 @@ from dashred.config.commandline import BASE
 from dashred.config.reference import keys, page, unit
 from dashred.config.schema.types import kind_at
 from dashred.config.source import read_file
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.reference import main
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

@@ -10,12 +10,12 @@ import torch
 from torch import Tensor
 
 from dashred.config import load_config
+from dashred.core.errors import InputError
 from dashred.discovery.algorithms import compressed_search
 from dashred.discovery.history import HistoryEncoder
 from dashred.discovery.latent import LatentProblem, LatentSindy
 from dashred.discovery.regression import SparseFit, sparse_fit
 from dashred.discovery.tangents import forecast_steps, tangents
-from dashred.errors import InputError
 from dashred.models.assimilation import AssimilatedEncoder, LatentTransform
 from dashred.physics.ensemble import term_scales
 from dashred.physics.simulate import simulate

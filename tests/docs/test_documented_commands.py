@@ -219,7 +219,7 @@ def test_a_command_of_no_category_fails() -> None:
 
 
 def test_a_word_that_does_not_exist_fails(folder: Path) -> None:
-    from dashred.errors import InputError
+    from dashred.core.errors import InputError
 
     with pytest.raises(InputError):
         train_words([*MODULE, "dashred.train", "conf=rde", "recording.twni=b"], folder)

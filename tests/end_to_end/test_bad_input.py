@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from dashred import record
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 SENSORS = "name,field,x,std\n" + "".join(f"p{i},u,{0.5 + i},0.02\n" for i in range(6))

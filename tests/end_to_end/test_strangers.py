@@ -17,7 +17,7 @@ from tests.test_bad_input import SENSORS, csv_text
 from tests.test_train import COARSE
 
 from dashred.config import load_config
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.outside_links import check_folder, check_hdf5
 from dashred.physics.snapshot_file import open_snapshots
 from dashred.physics.system import System

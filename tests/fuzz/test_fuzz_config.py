@@ -13,7 +13,7 @@ from dashred.config import Settings, config_sha256, load_config
 from dashred.config.commandline import split_words
 from dashred.config.layers import prepare
 from dashred.config.source import Source, read_text
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from tests.fuzz.examples import fuzzed
 
 SYSTEM = """\

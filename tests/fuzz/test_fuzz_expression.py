@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume
 from hypothesis import strategies as st
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics import algebra
 from dashred.physics.algebra import Expr, Number
 from dashred.physics.expression import FUNCTIONS, LONGEST, OPERATORS, Vocabulary, number, parse

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.grid import Axis
 from dashred.plain_text import unprintable
 from dashred.sensing.clock import resample_all

@@ -11,7 +11,7 @@ import torch
 import xarray as xr
 from hypothesis import strategies as st
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.snapshot_file import open_snapshots
 from tests.fuzz.examples import fuzzed
 from tests.physics.test_snapshots import declared

@@ -11,11 +11,11 @@ import pytest
 import torch
 from torch import Tensor
 
+from dashred.core.threads import use_threads
 from dashred.physics.compiled_march import CompiledMarch
 from dashred.physics.compiled_ode import CompiledOde
 from dashred.physics.forcing import Forcing
 from dashred.physics.prior import nominal_start
-from dashred.physics.side_by_side import use_threads
 from dashred.physics.simulate import simulate
 from dashred.physics.simulator import Interpreted, Run, compiled
 from dashred.physics.system import System, Term

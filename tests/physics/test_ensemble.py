@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.ensemble import Discrepancies, draw_ensemble, term_scales
 from dashred.physics.forcing import Forcing
 from dashred.physics.library import build_library, evaluate_terms, resolve

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics import algebra
 from dashred.physics.expression import FUNCTIONS, OPERATORS, Vocabulary, number, parse
 

@@ -7,7 +7,7 @@ from collections import Counter
 import pytest
 import torch
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.library import (
     build_library,
     default_terms,

@@ -9,7 +9,7 @@ import pytest
 import torch
 from scipy.special import ellipj, ellipk
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.integrators.ode import round_up, substeps
 from dashred.physics.prior import nominal_start
 from dashred.physics.simulate import simulate

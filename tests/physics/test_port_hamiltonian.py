@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from dashred.config.system_schema import Structure
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.algebra import to_text
 from dashred.physics.port_hamiltonian import PortHamiltonian, variation
 from dashred.physics.system import System

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.grid import Axis, Grid
 from dashred.physics.prior import StartPrior, gaussian_process_modes, nominal_start
 

@@ -12,7 +12,7 @@ import xarray as xr
 
 from dashred.config import Axis, Integrator
 from dashred.config import System as Declared
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.snapshot_file import open_snapshots
 from dashred.physics.snapshots import Snapshots
 from dashred.physics.system import System

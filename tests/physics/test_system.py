@@ -7,7 +7,7 @@ import pickle
 import pytest
 import torch
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.algebra import to_text
 from dashred.physics.linear import split_linear
 from dashred.physics.prior import nominal_start

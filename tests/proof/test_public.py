@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from dashred.config import load_config
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.proof.public import HASHES, check, choose, publish
 from dashred.stages.problem import pose
 

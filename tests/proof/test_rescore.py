@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.findings import freeze, write_json_atomic
 from dashred.proof import rescore as again
 from dashred.proof.draw import draw_cases, seed_of

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.proof import kept_case
 from dashred.proof import run as proof
 from dashred.proof.draw import draw_cases, seed_of

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dashred.core.formatting import pretty
 from dashred.reporting.coefficients import spread_out
 from dashred.reporting.figures import (
     LatentPath,
@@ -24,7 +25,6 @@ from dashred.reporting.figures import (
     state_traces,
     verification_figure,
 )
-from dashred.typeset import pretty
 
 TIMES = np.linspace(0, 10, 41)
 NO_ERRORS: dict[str, dict[str, float | None]] = {

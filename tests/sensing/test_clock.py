@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.sensing.clock import own_step, resample, resample_all
 from dashred.sensing.episodes import Episode, Episodes
 from dashred.sensing.recording import Recording

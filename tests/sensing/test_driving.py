@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from dashred.config import load_config
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.system import System
 from dashred.recorder import FORECAST, clock_of
 from dashred.sensing.driving import driven, under

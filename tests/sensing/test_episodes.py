@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.measured import Measured
 from dashred.sensing.clock import resample_all
 from dashred.sensing.episodes import Episode, Episodes, stretches

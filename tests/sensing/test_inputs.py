@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.sensing.clock import resample
 from dashred.sensing.reader import read_recording
 from dashred.sensing.write_netcdf import write_netcdf

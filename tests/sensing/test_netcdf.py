@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.sensing.reader import read_recording
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import Sensor

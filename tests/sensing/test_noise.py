@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.sensing.noise import noise_std
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import Sensor

@@ -8,7 +8,7 @@ import math
 import pytest
 import torch
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.sensing.observation import ObservationOperator
 from dashred.sensing.sensors import Sensor
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.sensing.reader import read_recording
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import Sensor

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dashred.config import SensorSplit, Splits, TimeSplit
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import Sensor
 from dashred.sensing.splits import split_recording

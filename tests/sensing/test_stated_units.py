@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.sensing.reader import read_recording
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import Sensor

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.sensing.windows import fill_missing, windows
 
 NAN = float("nan")

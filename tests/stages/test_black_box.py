@@ -15,7 +15,7 @@ from torch import Tensor
 from dashred import check
 from dashred.config import Axis, Integrator, load_config
 from dashred.config import System as Declared
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System
 from dashred.sensing.observation import ObservationOperator

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import torch
 
+from dashred.core.errors import InputError
 from dashred.discovery.law import Law
-from dashred.errors import InputError
 from dashred.physics.system import System
 from dashred.stages.energy import energy_lost
 from tests import laws

@@ -9,9 +9,9 @@ import pytest
 import torch
 
 from dashred.config import load_config
+from dashred.core.errors import InputError
 from dashred.discovery.episodes_simulator import EpisodesSimulator
 from dashred.discovery.law import SensorFault
-from dashred.errors import InputError
 from dashred.sensing.episodes import Episode, Episodes
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import Sensor

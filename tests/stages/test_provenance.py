@@ -9,9 +9,9 @@ import pytest
 import torch
 
 from dashred.config import Config, load_config
-from dashred.errors import InputError
+from dashred.core.errors import InputError
+from dashred.core.threads import use_threads
 from dashred.output import check_output, clear_output, make_output, named_output
-from dashred.physics.side_by_side import use_threads
 from dashred.reporting.style import new_figure, save_figure
 from dashred.stages import provenance
 

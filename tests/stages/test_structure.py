@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from dashred.config import load_config
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.physics.measured import Measured
 from dashred.physics.prior import nominal_start
 from dashred.physics.simulate import simulate

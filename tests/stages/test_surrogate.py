@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import torch
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.stages import surrogate
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dashred.config import load_config
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from dashred.stages.problem import Problem, pose
 from dashred.stages.simulation import simulate_nominal
 from dashred.stages.told_apart import told_apart

@@ -10,7 +10,7 @@ import pytest
 from dashred import init, train
 from dashred.config import Config, load_config
 from dashred.config.checks.placeholders import refuse_open_lines
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 from tests.starter.strangers import bar_csv, swing_csv
 
 

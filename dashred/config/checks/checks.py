@@ -10,11 +10,11 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from dashred.config.checks.snapshot_checks import check_snapshots
 from dashred.config.checks.system_checks import check_system
-from dashred.config.limits import Limit
 from dashred.config.schema.recording import Recording, SensorSplit
 from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import Where, nearest, required
-from dashred.errors import InputError
+from dashred.core.errors import InputError
+from dashred.core.limits import Limit
 
 TWIN = re.compile(r"[A-Za-z0-9_-]+\Z")
 DEVICE = re.compile(r"(cpu|cuda(:\d{1,3})?)\Z")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dashred.config import Config
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 
 # What marks such a line; the user takes it away.
 TO_DO = "TO DO"

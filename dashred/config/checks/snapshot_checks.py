@@ -5,7 +5,7 @@ from __future__ import annotations
 from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import Where
 from dashred.config.system_schema import System
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 
 # What is said with equations, of equations.
 OF_EQUATIONS = (

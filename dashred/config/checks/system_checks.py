@@ -13,7 +13,7 @@ from typing import Any
 from dashred.config.layers import evaluate
 from dashred.config.schema.types import Where, nearest
 from dashred.config.system_schema import System
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 
 SMOOTH = ("length", "modes")
 PROCESS = ("kind", *SMOOTH, "apply")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from dashred.config.limits import Limit, NonNegative, Time, Unit
+from dashred.core.limits import Limit, NonNegative, Time, Unit
 
 
 @dataclass(kw_only=True)

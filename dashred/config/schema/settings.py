@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from dashred.config.limits import Count, Limit, NonNegative, Positive, Time, Unit
 from dashred.config.schema.recording import Recording, Splits
 from dashred.config.system_schema import System
+from dashred.core.limits import Count, Limit, NonNegative, Positive, Time, Unit
 
 
 @dataclass

@@ -11,7 +11,7 @@ from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from dashred.config.schema.settings import Settings
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 
 Where = Callable[[str], str]
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from dashred.config import config_sha256, frozen_input, load_config
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 
 TEXT = """system:
   title: Bead

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dashred.typeset import number, percent, probability, rounded, with_error
+from dashred.core.formatting import number, percent, probability, rounded, with_error
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from dashred.errors import InputError, run_entry
+from dashred.core.errors import InputError, run_entry
 
 FULL = InputError("unknown key shred.lag", where="my.yaml:3", hint="did you mean shred.lags?")
 
@@ -51,7 +51,7 @@ def test_main_gets_the_words_and_gives_the_code(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_our_own_failures_keep_their_traceback_and_end_with_1() -> None:
-    program = "import sys, dashred.errors as e; sys.exit(e.run_entry(lambda words: 1 // 0))"
+    program = "import sys, dashred.core.errors as e; sys.exit(e.run_entry(lambda words: 1 // 0))"
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert ended.returncode == 1
     assert "ZeroDivisionError" in ended.stderr

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from dashred.errors import InputError, run_entry
-from dashred.machine_failures import told
+from dashred.core.errors import InputError, run_entry
+from dashred.core.system_errors import told
 from dashred.mlflow_store import open_store
 from dashred.output import clear_output, make_output
 from dashred.reporting.style import save_figure
@@ -24,7 +24,7 @@ from dashred.sensing.sensors import Sensor
 from dashred.sensing.write_netcdf import write_netcdf
 from dashred.whole_files import copy_atomic, whole_file, write_text_atomic
 
-CHECKOUT = Path(__file__).resolve().parents[1]
+CHECKOUT = Path(__file__).resolve().parents[2]
 FULL = OSError(errno.ENOSPC, "No space left on device", "/out/findings.json")
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 
 
 @contextmanager

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dashred.errors import InputError
-from dashred.units import (
+from dashred.core.errors import InputError
+from dashred.core.units import (
     ONE,
     check_same,
     check_unit,

@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable
 
-from dashred.machine_failures import told
+from dashred.core.system_errors import told
 
 DONE, OUR_FAILURE, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from dashred.errors import InputError, nearest
+from dashred.core.errors import InputError, nearest
 
 PLACE = "command line"
 

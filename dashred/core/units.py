@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from types import MappingProxyType
 
-from dashred.errors import InputError
+from dashred.core.errors import InputError
 
 LONGEST = 60
 # What a reader calls time, whatever the equations read.
