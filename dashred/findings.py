@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from dashred.core.errors import InputError
-from dashred.whole_files import write_text_atomic
+from dashred.core.files.atomic import write_text_atomic
 
 SIGNIFICANT_DIGITS = 8
 PACKAGES = ("dashred", "lightning", "mlflow", "numpy", "pysindy", "scipy", "torch", "torchdiffeq")

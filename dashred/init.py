@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dashred.core.arguments import read_path_words
 from dashred.core.errors import DONE, InputError, run_entry
-from dashred.given_path import given_path
+from dashred.core.files.user_path import given_path
 
 KEYS = ("path", "sensors", "output")
 USAGE = """\
@@ -41,10 +41,10 @@ def main(argv: list[str]) -> int:
     _check_output(output)
 
     from dashred.config.checks.placeholders import TO_DO
+    from dashred.core.files.atomic import write_text_atomic
     from dashred.starter.columns import MANY_FIELDS, read_own
     from dashred.starter.document import document
     from dashred.starter.guess import guess, longest
-    from dashred.whole_files import write_text_atomic
 
     guessed, episodes = read_own(path, table)
     seen = [None if file is None else _seen_from(output, file) for file in (path, table)]

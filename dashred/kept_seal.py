@@ -9,7 +9,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from dashred.local_state import state_folder
+from dashred.core.files.state_dir import state_folder
 
 SEALED = "sealed.nc"
 

@@ -9,7 +9,7 @@ from urllib.error import HTTPError
 from urllib.request import urlopen
 
 from dashred.core.errors import InputError
-from dashred.given_path import is_server
+from dashred.core.files.user_path import is_server
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 from filelock import FileLock, Timeout
 
 from dashred.core.errors import InputError
+from dashred.core.files.state_dir import state_folder
+from dashred.core.files.user_path import is_server
 from dashred.core.system_errors import RefusedError
-from dashred.given_path import is_server
-from dashred.local_state import state_folder
 from dashred.mlflow_server import open_server
 
 if TYPE_CHECKING:

@@ -9,9 +9,9 @@ from tempfile import TemporaryFile
 from dashred.attempt import POINTER
 from dashred.config import Config
 from dashred.core.errors import InputError
-from dashred.given_path import is_server
+from dashred.core.files.atomic import clear_partial
+from dashred.core.files.user_path import is_server
 from dashred.reporting.figure_names import drawn_by_us
-from dashred.whole_files import clear_partial
 
 FREEZE = "freeze.json"
 # What an analysis leaves beside its figures. The next may not write all of it again, and what is

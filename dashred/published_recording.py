@@ -17,7 +17,7 @@ from urllib.parse import quote, urlsplit
 from urllib.request import Request, urlopen
 
 from dashred.core.errors import InputError
-from dashred.given_path import given_path
+from dashred.core.files.user_path import given_path
 
 MATLAB = b"MATLAB 5.0 MAT-file"
 LARGEST = 64 * 2**20

@@ -6,8 +6,8 @@ import sys
 
 from dashred.config.reference import page
 from dashred.core.errors import DONE, InputError, run_entry
-from dashred.given_path import given_path
-from dashred.whole_files import write_text_atomic
+from dashred.core.files.atomic import write_text_atomic
+from dashred.core.files.user_path import given_path
 
 USAGE = """\
 usage: python -m dashred.reference [path=FILE.md]

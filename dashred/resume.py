@@ -13,8 +13,8 @@ from dashred.config.commandline import BASE, PLACE
 from dashred.config.layers import absolute, store_root
 from dashred.config.source import read_file
 from dashred.core.errors import DONE, InputError, nearest
+from dashred.core.files.user_path import is_server
 from dashred.core.job_control import alone_in
-from dashred.given_path import is_server
 from dashred.kept_seal import kept_seal
 from dashred.mlflow_store import INTERRUPTED, Store, status_of, store_of_run, tags_of
 from dashred.output import make_output

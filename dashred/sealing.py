@@ -17,8 +17,8 @@ import xarray as xr
 from torch import Tensor
 
 from dashred.core.errors import InputError
+from dashred.core.files.atomic import write_netcdf_atomic
 from dashred.physics.system import System
-from dashred.whole_files import write_netcdf_atomic
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from dashred.attempt import began_with, pointed_to, read_began
 from dashred.config import Config, load_config
 from dashred.config.commandline import PLACE
 from dashred.core.errors import DONE, OUR_FAILURE, WRONG_INPUT, InputError
+from dashred.core.files.atomic import copy_atomic
 from dashred.kept_seal import SEALED, drop_seal, keep_seal, kept_seal
 from dashred.mlflow_store import Store, open_store, status_of
 from dashred.output import named_output
@@ -29,7 +30,6 @@ from dashred.reporting.figure_names import OF_THE_TRUTH
 from dashred.run_notes import name_of
 from dashred.tracking import Tracker
 from dashred.twin_file import entry_of
-from dashred.whole_files import copy_atomic
 
 OWN = ("output=", "tracking.run=", "tracking.parent=")
 # Of what describes the twin, the step of the analysis clock alone is the analysis' business.

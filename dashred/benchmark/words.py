@@ -8,7 +8,7 @@ from pathlib import Path
 
 from dashred.config import Settings, bundled
 from dashred.core.errors import InputError, nearest
-from dashred.given_path import given_path
+from dashred.core.files.user_path import given_path
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 PLACE = "command line"

@@ -34,7 +34,7 @@ from dashred.comparison.ratios import (
     own_layout,
 )
 from dashred.comparison.sensors_and_noise import lost_text, ratio_text, sensors_and_noise
-from dashred.whole_files import write_text_atomic
+from dashred.core.files.atomic import write_text_atomic
 
 FIGURES = {
     "space_time_truth.png": "truth and methods",

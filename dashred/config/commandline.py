@@ -9,7 +9,7 @@ from typing import Any
 from dashred.config.schema.types import kind_at, nearest, optional, required
 from dashred.config.source import Source, plain, read_text
 from dashred.core.errors import InputError
-from dashred.given_path import given_path
+from dashred.core.files.user_path import given_path
 
 CONF = Path(__file__).resolve().parents[2] / "conf"
 BASE = CONF / "base.yaml"

@@ -15,7 +15,7 @@ from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import Where, child, in_words, kind_at, optional, required
 from dashred.config.source import Source
 from dashred.core.errors import InputError
-from dashred.given_path import check_address, given_path, is_server
+from dashred.core.files.user_path import check_address, given_path, is_server
 
 PATHS = ("recording.path", "recording.sensors", "system.snapshots", "output", "tracking.root")
 # What a system needs that is declared by its equations.

@@ -17,7 +17,7 @@ import yaml
 from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from dashred.core.errors import InputError
-from dashred.plain_text import unprintable
+from dashred.core.files.plain_text import unprintable
 
 TAG = "tag:yaml.org,2002:"
 QUOTE = "quote a text that holds ': ' or ' #', or that begins with one of * & ! % @ ` [ { - |"

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.core.errors import InputError
-from dashred.damaged_files import reading
+from dashred.core.files.damaged_files import reading
 from dashred.physics.system import System
 
 if TYPE_CHECKING:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from statistics import mean, median
 
+from dashred.core.files.atomic import write_text_atomic
 from dashred.proof import outcomes
 from dashred.proof.case_record import KINDS, CaseRecord, name_of
 from dashred.proof.figures import FIGURES, WINDOWS, reliability
@@ -23,7 +24,6 @@ from dashred.proof.targets import (
     nulls,
     of_kind,
 )
-from dashred.whole_files import write_text_atomic
 
 JUDGED = (
     "A share is judged by itself; its interval is Wilson's, at 95 %. What has no meaning for a "

@@ -5,6 +5,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+from dashred.core.files.atomic import write_text_atomic
 from dashred.reporting import page_sections as sections
 from dashred.reporting.figure_names import FORECAST, METHOD, PROOF, WHAT, WHERE
 from dashred.reporting.headline import headline
@@ -13,7 +14,6 @@ from dashred.reporting.page_parts import paragraphs
 from dashred.reporting.page_provenance import how_it_was_done, provenance
 from dashred.reporting.page_style import PAPER, SCREEN
 from dashred.reporting.verdict_words import VERDICTS, causes, law
-from dashred.whole_files import write_text_atomic
 
 
 def write_html(

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError, nearest
+from dashred.core.files.damaged_files import reading
+from dashred.core.files.external_links import check_hdf5
 from dashred.core.units import TIME, check_unit
-from dashred.damaged_files import reading
-from dashred.outside_links import check_hdf5
 from dashred.physics.measured import Measured
 from dashred.sensing.checks import check_covered, check_input, checked_recording
 from dashred.sensing.episodes import Episode, Episodes, Stretch, stretches

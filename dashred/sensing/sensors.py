@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from dashred.core.errors import InputError, nearest
-from dashred.plain_text import unprintable
+from dashred.core.files.plain_text import unprintable
 
 # Columns of a recording that are not sensors.
 RESERVED = ("time", "episode")

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from dashred.core.files.atomic import write_netcdf_atomic
 from dashred.core.units import TIME
 from dashred.sensing.episodes import Episodes
 from dashred.sensing.recording import Recording
-from dashred.whole_files import write_netcdf_atomic
 
 
 def write_netcdf(

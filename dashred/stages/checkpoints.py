@@ -18,6 +18,7 @@ import numpy as np
 import torch
 from numpy._core.multiarray import _reconstruct  # how NumPy pickles an array
 
+from dashred.core.files.atomic import whole_file
 from dashred.core.progress import CONSOLE
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.discovered import BestOfSize, Discovered
@@ -31,7 +32,6 @@ from dashred.physics.window import Shape, Window
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.learning import KeptNetwork, Learned
 from dashred.stages.provenance import git_commit
-from dashred.whole_files import whole_file
 
 Found = TypeVar("Found")
 

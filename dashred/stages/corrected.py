@@ -11,11 +11,11 @@ import yaml
 
 from dashred.config import Config, read_file
 from dashred.config.commandline import PLACE
+from dashred.core.files.atomic import write_text_atomic
 from dashred.discovery.correction import correct
 from dashred.discovery.explanation import law_in_words
 from dashred.discovery.law import Law
 from dashred.physics.system import System
-from dashred.whole_files import write_text_atomic
 
 NAME = "corrected.yaml"
 # Where results go and which recording is read are of one run: the corrected system is of any.

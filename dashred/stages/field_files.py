@@ -11,9 +11,9 @@ import torch
 import xarray as xr
 from torch import Tensor
 
+from dashred.core.files.atomic import write_netcdf_atomic
 from dashred.physics.system import System
 from dashred.stages.problem import Problem
-from dashred.whole_files import write_netcdf_atomic
 
 
 def write_estimates(

@@ -15,6 +15,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from dashred.core.errors import InputError, run_entry
+from dashred.core.files.atomic import copy_atomic, whole_file, write_text_atomic
 from dashred.core.system_errors import told
 from dashred.mlflow_store import open_store
 from dashred.output import clear_output, make_output
@@ -22,7 +23,6 @@ from dashred.reporting.style import save_figure
 from dashred.sensing.recording import Recording
 from dashred.sensing.sensors import Sensor
 from dashred.sensing.write_netcdf import write_netcdf
-from dashred.whole_files import copy_atomic, whole_file, write_text_atomic
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 FULL = OSError(errno.ENOSPC, "No space left on device", "/out/findings.json")
@@ -94,7 +94,7 @@ def test_a_python_without_the_packages_is_told_what_to_do(entry) -> None:
 def test_what_was_there_stays_until_the_new_file_is_whole(tmp_path, monkeypatch) -> None:
     path = tmp_path / "findings.json"
     write_text_atomic(path, "old")
-    monkeypatch.setattr("dashred.whole_files.os.fsync", lambda _: _raise(FULL))
+    monkeypatch.setattr("dashred.core.files.atomic.os.fsync", lambda _: _raise(FULL))
     with pytest.raises(OSError, match="No space"):
         write_text_atomic(path, "new")
     assert path.read_text() == "old"

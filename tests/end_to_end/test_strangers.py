@@ -18,7 +18,7 @@ from tests.test_train import COARSE
 
 from dashred.config import load_config
 from dashred.core.errors import InputError
-from dashred.outside_links import check_folder, check_hdf5
+from dashred.core.files.external_links import check_folder, check_hdf5
 from dashred.physics.snapshot_file import open_snapshots
 from dashred.physics.system import System
 from dashred.reporting.style import new_figure, save_figure

@@ -14,8 +14,8 @@ import pytest
 from hypothesis import strategies as st
 
 from dashred.core.errors import InputError
+from dashred.core.files.plain_text import unprintable
 from dashred.physics.grid import Axis
-from dashred.plain_text import unprintable
 from dashred.sensing.clock import resample_all
 from dashred.sensing.noise import noise_std
 from dashred.sensing.reader import read_episodes

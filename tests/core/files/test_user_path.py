@@ -12,7 +12,7 @@ import pytest
 from dashred import fetch, init, reference, train
 from dashred.config import load_config
 from dashred.core.errors import InputError
-from dashred.given_path import check_address, given_path
+from dashred.core.files.user_path import check_address, given_path
 from dashred.mlflow_server import check_server
 
 LONG = "x" * 300
