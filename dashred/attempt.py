@@ -22,7 +22,7 @@ from dashred.config.layers import PATHS
 from dashred.config.schema.settings import Settings
 from dashred.core.errors import InputError
 from dashred.core.files.atomic import write_text_atomic
-from dashred.findings import versions, write_json_atomic
+from dashred.core.findings.findings import versions, write_json_atomic
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 PACKAGES = ("dashred", "datamodules", "callbacks")

@@ -13,7 +13,7 @@ from dashred.core.arguments import read_path_words
 from dashred.core.errors import DONE, InputError, run_entry
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.files.user_path import given_path
-from dashred.findings import sha256_of
+from dashred.core.findings.findings import sha256_of
 from dashred.published_recording import PENDULUM, fetched
 
 EXAMPLE = "python -m dashred.fetch path=pendulum.csv"

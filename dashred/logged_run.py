@@ -13,7 +13,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, TypeVar
 
-from dashred.findings import write_json_atomic
+from dashred.core.findings.findings import write_json_atomic
 from dashred.metric_names import term_table
 from dashred.mlflow_store import Store, refusals_as_failures
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from dashred.config import Config, frozen_input
-from dashred.findings_schema import Findings
+from dashred.core.findings.schema import Findings
 from dashred.logged_run import NOTE, Run, flatten
 from dashred.metric_names import metric_name
 from dashred.reporting.verdict_words import verdict_lines

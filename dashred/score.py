@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dashred.core.errors import InputError, run_entry
-from dashred.findings import check_freeze, write_json_atomic
+from dashred.core.findings.findings import check_freeze, write_json_atomic
 
 if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-    from dashred.findings_schema import Score
+    from dashred.core.findings.schema import Score
     from dashred.sealing import Truth
 
 KEYS = ("findings", "sealed", "root", "experiment", "run")
@@ -58,7 +58,7 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth, list[Path]
         InputError: the sealed file is no truth, or not that of these findings.
     """
     from dashred.cause_scoring import score_cause, score_region
-    from dashred.findings_schema import Score
+    from dashred.core.findings.schema import Score
     from dashred.reporting.truth_figures import draw_truth
     from dashred.scoring import (
         FORECASTS,

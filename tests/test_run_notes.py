@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from dashred.findings_schema import misfit, new_findings
+from dashred.core.findings.schema import misfit, new_findings
 from dashred.run_notes import found_in_short, headline, note
 
 

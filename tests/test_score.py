@@ -13,7 +13,7 @@ import torch
 from dashred import cause_scoring, score, scoring
 from dashred.config import frozen_input, load_config
 from dashred.core.errors import InputError
-from dashred.findings import freeze, write_json_atomic
+from dashred.core.findings.findings import freeze, write_json_atomic
 from dashred.physics.system import System
 from dashred.sealing import SealedTerm, Truth, open_seal, seal
 from dashred.stages.field_files import write_estimates

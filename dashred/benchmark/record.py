@@ -9,8 +9,8 @@ from typing import Any
 from dashred.benchmark.plan import Row
 from dashred.benchmark.processes import LOG
 from dashred.core.errors import DONE
+from dashred.core.findings.findings import canonical, write_json_atomic
 from dashred.core.job_control import last_line
-from dashred.findings import canonical, write_json_atomic
 
 FLAGGED = {"ambiguous", "not-converged", "outside-library", "unresolved-numerics"}
 RATIOS = {

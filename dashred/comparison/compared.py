@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import TypedDict
 
-from dashred.findings import sha256_of, write_json_atomic
+from dashred.core.findings.findings import sha256_of, write_json_atomic
 
 COMPARED = "compared.json"
 # Why there is nothing to compare, or not all.

@@ -6,6 +6,13 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from dashred.core.findings.law_schema import (
+    Alternative,
+    ParameterChange,
+    SmallerLaw,
+    TermFound,
+    TermTried,
+)
 from dashred.core.formatting import number, rounded
 from dashred.core.units import measured
 from dashred.discovery.candidates import Candidate
@@ -14,7 +21,6 @@ from dashred.discovery.law import Law
 from dashred.discovery.parameter_change import exact_change, is_exact, parameter_change
 from dashred.discovery.plausibility import inclusion
 from dashred.discovery.wording import words
-from dashred.law_schema import Alternative, ParameterChange, SmallerLaw, TermFound, TermTried
 from dashred.physics.algebra import Expr
 from dashred.physics.system import System
 from dashred.physics.term_units import coefficient_unit

@@ -8,12 +8,12 @@ from typing import Any
 
 from torch import Tensor
 
+from dashred.core.findings.schema import Verdict
 from dashred.discovery.discovered import MISSING, Discovered
 from dashred.discovery.fault_wording import fault_in_words
 from dashred.discovery.law import Law, SensorFault
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.plausibility import plausibility
-from dashred.findings_schema import Verdict
 
 FaultTold = Callable[[SensorFault], str]
 # Share of the misfit that is not noise, beyond which no start alone explains a recording: residuals

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from dashred.core.findings.findings import write_json_atomic
 from dashred.core.progress import CONSOLE
-from dashred.findings import write_json_atomic
 from dashred.output import make_output
 from dashred.proof.appendix import analyse_pendulum
 from dashred.proof.document import write_document

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from dashred.cause_scoring import score_cause
-from dashred.findings import canonical
-from dashred.findings_schema import Score
+from dashred.core.findings.findings import canonical
+from dashred.core.findings.schema import Score
 from dashred.listed_laws import LISTED, listed_laws
 from dashred.proof.case_record import CaseRecord
 from dashred.proof.conceal import Concealed

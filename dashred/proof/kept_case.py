@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from dashred.findings import write_json_atomic
+from dashred.core.findings.findings import write_json_atomic
 from dashred.proof.case_record import CaseRecord
 from dashred.proof.draw import Case
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypedDict
 
 from dashred.core.errors import InputError
-from dashred.findings import write_json_atomic
+from dashred.core.findings.findings import write_json_atomic
 
 if TYPE_CHECKING:
     from dashred.proof.words import Request

@@ -11,7 +11,7 @@ import torch
 import xarray as xr
 
 from dashred.benchmark.record import ratio_of
-from dashred.findings_schema import Score
+from dashred.core.findings.schema import Score
 from dashred.proof.case_record import Coefficient, Gains, Region
 from dashred.proof.conceal import Concealed
 from dashred.proof.draw import Case

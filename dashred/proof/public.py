@@ -19,7 +19,7 @@ import yaml
 
 from dashred.config import read_file
 from dashred.core.errors import InputError
-from dashred.findings import canonical, sha256_of, write_json_atomic
+from dashred.core.findings.findings import canonical, sha256_of, write_json_atomic
 from dashred.output import make_output
 from dashred.proof.conceal import Concealed, conceal
 from dashred.proof.draw import Case, draw_cases, seed_of

@@ -13,9 +13,9 @@ from pathlib import Path
 import torch
 
 from dashred.core.errors import InputError
+from dashred.core.findings.findings import check_freeze, sha256_of
 from dashred.core.job_control import alone_in, signals_as_interrupt
 from dashred.core.progress import CONSOLE
-from dashred.findings import check_freeze, sha256_of
 from dashred.proof.draw import Case, draw_cases, seed_of
 from dashred.proof.kept_case import RECORDING, Kept, folder_of, keep, read_kept
 from dashred.proof.record_case import record_case

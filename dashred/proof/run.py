@@ -15,9 +15,9 @@ from threading import Event, Lock
 import torch
 
 from dashred.core.errors import DONE
+from dashred.core.findings.findings import check_freeze
 from dashred.core.job_control import alone_in, last_line, signals_as_interrupt
 from dashred.core.progress import CONSOLE
-from dashred.findings import check_freeze
 from dashred.kept_seal import SEALED
 from dashred.output import make_output
 from dashred.proof.case_record import CaseRecord

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dashred.findings import write_json_atomic
+from dashred.core.findings.findings import write_json_atomic
 from dashred.kept_seal import SEALED
 from dashred.proof.case_record import CaseRecord
 from dashred.proof.judge import judge

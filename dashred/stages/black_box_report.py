@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from dashred.core.findings.schema import Findings
 from dashred.core.progress import stage
 from dashred.core.units import in_brackets, time_label
-from dashred.findings_schema import Findings
 from dashred.reporting import html
 from dashred.reporting.figure_names import OF_SNAPSHOTS
 from dashred.reporting.figures import (

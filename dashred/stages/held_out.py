@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from torch import Tensor
 
-from dashred.findings_schema import HeldOut, misfit
+from dashred.core.findings.schema import HeldOut, misfit
 from dashred.stages.analysis import Analysis
 from dashred.stages.problem import Problem
 from dashred.stages.restart import restart

@@ -15,10 +15,10 @@ from threadpoolctl import threadpool_limits
 from dashred.attempt import FROZEN
 from dashred.config import Config
 from dashred.core.files.atomic import write_text_atomic
+from dashred.core.findings.findings import sha256_of, write_json_atomic
+from dashred.core.findings.schema import Findings
 from dashred.core.threads import use_threads
 from dashred.device import check_device
-from dashred.findings import sha256_of, write_json_atomic
-from dashred.findings_schema import Findings
 from dashred.output import results_in
 from dashred.reporting.summary import print_summary, summary
 from dashred.tracking import Tracker

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
+from dashred.core.findings.law_schema import Where
+from dashred.core.findings.schema import Findings
 from dashred.core.progress import stage
 from dashred.core.units import in_brackets, time_label
 from dashred.discovery.location import law_tendency
 from dashred.discovery.regression import SparseFit
 from dashred.discovery.wording import words
-from dashred.findings_schema import Findings
-from dashred.law_schema import Where
 from dashred.physics.system import Term
 from dashred.reporting import html
 from dashred.reporting.figure_names import (

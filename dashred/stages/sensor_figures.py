@@ -7,8 +7,8 @@ from typing import Literal, cast
 
 import numpy as np
 
+from dashred.core.findings.schema import Findings
 from dashred.core.units import time_label
-from dashred.findings_schema import Findings
 from dashred.reporting.figures import (
     forecast_figure,
     sensor_traces,

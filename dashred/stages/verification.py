@@ -7,12 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from dashred.config import config_sha256, frozen_input
-from dashred.discovery.explanation import alternatives, explain, smaller
-from dashred.discovery.location import locate
-from dashred.discovery.regression import SparseFit
-from dashred.discovery.verdict import unexplained, verdict
-from dashred.findings import freeze, versions, write_json_atomic
-from dashred.findings_schema import (
+from dashred.core.findings.findings import freeze, versions, write_json_atomic
+from dashred.core.findings.schema import (
     EpisodeSplit,
     Findings,
     Fit,
@@ -24,6 +20,10 @@ from dashred.findings_schema import (
     Splits,
     new_findings,
 )
+from dashred.discovery.explanation import alternatives, explain, smaller
+from dashred.discovery.location import locate
+from dashred.discovery.regression import SparseFit
+from dashred.discovery.verdict import unexplained, verdict
 from dashred.physics.resolution import Resolution
 from dashred.stages.analysis import Analysis
 from dashred.stages.corrected import NAME as CORRECTED

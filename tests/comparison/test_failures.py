@@ -21,9 +21,9 @@ from dashred.comparison.compared import UNRESOLVED, read_compared
 from dashred.comparison.method_scores import _compared, compare
 from dashred.comparison.run import _finished, _settled, compared_row
 from dashred.config import frozen_input, load_config
+from dashred.core.findings.findings import write_json_atomic
 from dashred.core.system_errors import RefusedError
 from dashred.discovery.ensemble_filter import FilterLostError
-from dashred.findings import write_json_atomic
 from dashred.sealing import Concealed, SealedTerm
 
 

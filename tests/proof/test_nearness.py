@@ -8,8 +8,8 @@ from typing import Any, cast
 import pytest
 import torch
 
-from dashred.findings import freeze, write_json_atomic
-from dashred.findings_schema import Score
+from dashred.core.findings.findings import freeze, write_json_atomic
+from dashred.core.findings.schema import Score
 from dashred.proof.conceal import Concealed
 from dashred.proof.nearness import coefficients_found, gains, noisy_test, peak_inside, region_off
 from dashred.sealing import Concealed as Hidden

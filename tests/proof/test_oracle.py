@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import torch
 
-from dashred.findings import write_json_atomic
+from dashred.core.findings.findings import write_json_atomic
 from dashred.proof.conceal import Concealed, conceal
 from dashred.proof.draw import Case
 from dashred.proof.oracle import _nearest_rival, consult

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from dashred.core.errors import InputError
-from dashred.findings import freeze, write_json_atomic
+from dashred.core.findings.findings import freeze, write_json_atomic
 from dashred.proof import rescore as again
 from dashred.proof.draw import draw_cases, seed_of
 from dashred.proof.kept_case import Kept, folder_of, keep, read_kept

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from dashred.findings_schema import Fit, Input, misfit, new_findings
+from dashred.core.findings.schema import Fit, Input, misfit, new_findings
 from dashred.reporting.equation_html import equations_html
 from dashred.reporting.headline import headline
 from dashred.reporting.html import write_html

@@ -5,7 +5,15 @@ from typing import Any
 
 from rich.console import Console
 
-from dashred.findings_schema import Fit, Input, Latent, LatentSindy, Splits, misfit, new_findings
+from dashred.core.findings.schema import (
+    Fit,
+    Input,
+    Latent,
+    LatentSindy,
+    Splits,
+    misfit,
+    new_findings,
+)
 from dashred.reporting.page_sections import unexplained
 from dashred.reporting.summary import print_summary, summary
 

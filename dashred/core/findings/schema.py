@@ -7,7 +7,7 @@ say of a law has a file of its own.
 from collections.abc import Mapping
 from typing import Any, Literal, NotRequired, TypedDict
 
-from dashred.law_schema import (
+from dashred.core.findings.law_schema import (
     Alternative,
     EnergyLost,
     ParameterChange,

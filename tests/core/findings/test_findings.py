@@ -12,8 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dashred.core.errors import InputError
-from dashred.findings import canonical, check_freeze, freeze, versions, write_json_atomic
-from dashred.findings_schema import Findings, Input, misfit, new_findings
+from dashred.core.findings.findings import (
+    canonical,
+    check_freeze,
+    freeze,
+    versions,
+    write_json_atomic,
+)
+from dashred.core.findings.schema import Findings, Input, misfit, new_findings
 
 SOURCE = Input(
     config={"seed": 1},
@@ -150,7 +156,7 @@ def test_versions_name_what_the_numbers_depend_on() -> None:
 
 def test_findings_and_tracking_import_neither_torch_nor_mlflow() -> None:
     code = (
-        "import sys, dashred.findings, dashred.tracking, dashred.reporting.summary;"
+        "import sys, dashred.core.findings.findings, dashred.tracking, dashred.reporting.summary;"
         "sys.exit(bool({'torch', 'mlflow', 'lightning', 'matplotlib'} & sys.modules.keys()))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
