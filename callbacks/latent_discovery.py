@@ -6,10 +6,10 @@ import torch
 from lightning import Callback, LightningModule, Trainer
 from torch import Tensor
 
+from dashred.core.mlflow.metric_names import metric_name
+from dashred.core.mlflow.run import Run
 from dashred.discovery.latent import LatentProblem, LatentSindy
 from dashred.discovery.regression import SparseFit
-from dashred.logged_run import Run
-from dashred.metric_names import metric_name
 from dashred.models.assimilation import Assimilation
 from dashred.models.shred import reconstruct
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lightning import Callback, LightningModule, Trainer
 
-from dashred.logged_run import Run
+from dashred.core.mlflow.run import Run
 
 
 class RMSECurves(Callback):

@@ -46,9 +46,9 @@ def check(config: Config) -> Page:
     from dashred.checkup.situation import situation_of
     from dashred.checkup.snapshots import about_snapshots
     from dashred.checkup.splits import about_splits
+    from dashred.core.mlflow.server import check_server
     from dashred.core.threads import use_threads
     from dashred.device import check_device
-    from dashred.mlflow_server import check_server
     from dashred.output import check_output
 
     check_device(config)

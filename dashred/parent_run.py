@@ -10,9 +10,9 @@ from dashred.attempt import begin, differences, point_to, pointed_to, read_began
 from dashred.config import Config
 from dashred.core.errors import InputError
 from dashred.core.job_control import alone_in
-from dashred.mlflow_store import INTERRUPTED, Store, open_store, status_of
+from dashred.core.mlflow.store import INTERRUPTED, Store, open_store, status_of
+from dashred.core.mlflow.tracker import Tracker
 from dashred.run_notes import name_of
-from dashred.tracking import Tracker
 
 
 def experiment_of(config: Config) -> str:

@@ -15,10 +15,10 @@ from dashred.config.source import read_file
 from dashred.core.errors import DONE, InputError, nearest
 from dashred.core.files.user_path import is_server
 from dashred.core.job_control import alone_in
+from dashred.core.mlflow.store import INTERRUPTED, Store, status_of, store_of_run, tags_of
+from dashred.core.mlflow.tracker import Tracker
 from dashred.kept_seal import kept_seal
-from dashred.mlflow_store import INTERRUPTED, Store, status_of, store_of_run, tags_of
 from dashred.output import make_output
-from dashred.tracking import Tracker
 from dashred.twin_experiment import EndedError, score, standby, tell, wait
 
 KEYS = ("resume", "output", "tracking.root", "trust")

@@ -12,10 +12,10 @@ from typing import Any
 
 from dashred.config import Config, frozen_input
 from dashred.core.findings.schema import Findings
-from dashred.logged_run import NOTE, Run, flatten
-from dashred.metric_names import metric_name
+from dashred.core.mlflow.metric_names import metric_name
+from dashred.core.mlflow.run import NOTE, Run, flatten
+from dashred.core.mlflow.tracker import Tracker
 from dashred.reporting.verdict_words import verdict_lines
-from dashred.tracking import Tracker
 
 MOST_IN_A_NAME = 3
 PROOFS = {"test_sensors": "test sensors", "heldout_time": "held-out time"}

@@ -196,7 +196,7 @@ def metrics(score: Score) -> dict[str, float]:
 
 
 def _log(words: dict[str, str], score: Score, truth: Truth, files: list[Path]) -> None:
-    from dashred.tracking import Tracker
+    from dashred.core.mlflow.tracker import Tracker
 
     with Tracker.open(words["root"], words["experiment"], "", words["run"]) as run:
         run.log_metrics(metrics(score), 0)

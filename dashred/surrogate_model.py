@@ -19,7 +19,7 @@ from torch import Tensor
 from dashred.models.shred import SHRED
 
 if TYPE_CHECKING:
-    from dashred.logged_run import Run
+    from dashred.core.mlflow.run import Run
 
 NAME = "corrected_shred"
 # Windows in the example; more than one, or the graph would be traced for one alone.

@@ -15,7 +15,7 @@ from pathlib import Path
 from dashred.config import Config, config_sha256, load_config
 from dashred.config.checks.placeholders import refuse_open_lines
 from dashred.core.errors import InputError, run_entry
-from dashred.mlflow_server import check_server
+from dashred.core.mlflow.server import check_server
 
 
 def main(argv: list[str]) -> int:

@@ -22,13 +22,13 @@ from dashred.config import Config, load_config
 from dashred.config.commandline import PLACE
 from dashred.core.errors import DONE, OUR_FAILURE, WRONG_INPUT, InputError
 from dashred.core.files.atomic import copy_atomic
+from dashred.core.mlflow.store import Store, open_store, status_of
+from dashred.core.mlflow.tracker import Tracker
 from dashred.kept_seal import SEALED, drop_seal, keep_seal, kept_seal
-from dashred.mlflow_store import Store, open_store, status_of
 from dashred.output import named_output
 from dashred.parent_run import cut_short, experiment_of
 from dashred.reporting.figure_names import OF_THE_TRUTH
 from dashred.run_notes import name_of
-from dashred.tracking import Tracker
 from dashred.twin_file import entry_of
 
 OWN = ("output=", "tracking.run=", "tracking.parent=")

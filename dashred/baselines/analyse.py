@@ -65,10 +65,10 @@ def analyse(config: Config) -> None:
     from dashred.baselines.kalman_filter import filter_augmented, filter_state
     from dashred.baselines.optimal_interpolation import optimal_interpolation
     from dashred.baselines.plain_shred import plain_shred
+    from dashred.core.mlflow.tracker import Tracker
     from dashred.output import make_output
     from dashred.stages import problem, provenance, simulation
     from dashred.stages.told_apart import told_apart
-    from dashred.tracking import Tracker
 
     assert config.output is not None
     provenance.prepare_torch(config)

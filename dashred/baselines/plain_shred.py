@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dashred.baselines.estimate import Estimated
+from dashred.core.mlflow.tracker import Tracker
 from dashred.models.shred import reconstruct
 from dashred.physics.ensemble import Ensemble
 from dashred.stages.assimilation import sensor_data
 from dashred.stages.learning import train_shred
 from dashred.stages.problem import Problem
-from dashred.tracking import Tracker
 
 
 def plain_shred(problem: Problem, ensemble: Ensemble, run: Tracker) -> Estimated:

@@ -27,10 +27,10 @@ from dashred.core.errors import DONE, OUR_FAILURE, InputError
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.findings import write_json_atomic
 from dashred.core.job_control import alone_in, signals_as_interrupt
+from dashred.core.mlflow.store import find_run, open_store
+from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import CONSOLE
-from dashred.mlflow_store import find_run, open_store
 from dashred.output import make_output
-from dashred.tracking import Tracker
 
 # A log or a pipe has no width of its own, and tables are wide.
 WIDE = 240

@@ -18,9 +18,9 @@ from dashred.comparison.method_scores import read_others
 from dashred.comparison.ratios import ComparedRow, as_metrics
 from dashred.core.errors import DONE, OUR_FAILURE
 from dashred.core.job_control import alone_in, last_line, signals_as_interrupt
+from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import CONSOLE
 from dashred.output import make_output
-from dashred.tracking import Tracker
 
 LOG = "other_methods.txt"
 

@@ -11,6 +11,7 @@ from lightning.pytorch.callbacks import EarlyStopping
 from torch import Tensor
 
 from callbacks import BestState, LatentDiscovery, RMSECurves, StageProgress
+from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import stage
 from dashred.discovery.latent import LatentProblem
 from dashred.discovery.regression import SparseFit
@@ -20,7 +21,6 @@ from dashred.physics.ensemble import term_scales
 from dashred.stages.learning import make_trainer
 from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal
-from dashred.tracking import Tracker
 from datamodules import EpisodesDataModule, RecordingDataModule
 
 METRIC = "rmse/sensors_validate"

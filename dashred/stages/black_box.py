@@ -12,6 +12,7 @@ from torch import Tensor
 
 from dashred.attempt import SNAPSHOTS, began_with, end
 from dashred.config import Config, config_sha256
+from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import stage
 from dashred.discovery.latent import LatentProblem
 from dashred.discovery.operator_inference import SnapshotSteps
@@ -28,7 +29,6 @@ from dashred.stages.checkpoints import Checkpoints
 from dashred.stages.problem import Problem
 from dashred.stages.snapshot_runs import SnapshotRuns
 from dashred.stages.told_apart import told_apart
-from dashred.tracking import Tracker
 
 # The longest step that is learnt is such a part of the fit window: drift shows over long ones.
 LONG = 5

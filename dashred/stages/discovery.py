@@ -8,13 +8,14 @@ from dataclasses import replace
 
 import torch
 
+from dashred.core.mlflow.metric_names import metric_name
+from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import stage
 from dashred.discovery.candidates import Candidate, build_candidates, indices_by_name
 from dashred.discovery.causes import Weighed
 from dashred.discovery.discovered import MISSING, BestOfSize, Discovered
 from dashred.discovery.law import Law, posterior
 from dashred.discovery.selection import Selection, Tried, better, polish, select
-from dashred.metric_names import metric_name
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.resolution import Resolution
 from dashred.stages.assimilation import Assimilated
@@ -26,7 +27,6 @@ from dashred.stages.problem import Problem
 from dashred.stages.seeding import fit_seeds
 from dashred.stages.simulation import Nominal
 from dashred.stages.walking import walk_from_seeds, walk_on, with_noise_after
-from dashred.tracking import Tracker
 
 # A step that gains a smaller share of F ends a fit: of the law, and of the simulator as it is,
 # whose misfit is so large that more would be spent for nothing.

@@ -12,12 +12,12 @@ from torch import Tensor
 
 from callbacks import BestState, RMSECurves, StageProgress
 from dashred.config import Config
+from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import stage
 from dashred.models.shred import SHRED
 from dashred.models.simulation_training import SimulationTraining
 from dashred.physics.ensemble import Ensemble
 from dashred.stages.problem import Problem
-from dashred.tracking import Tracker
 from datamodules import SimulationDataModule
 
 METRIC = "rmse/field_members"

@@ -17,11 +17,11 @@ from dashred.config import Config
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.findings import sha256_of, write_json_atomic
 from dashred.core.findings.schema import Findings
+from dashred.core.mlflow.tracker import Tracker
 from dashred.core.threads import use_threads
 from dashred.device import check_device
 from dashred.output import results_in
 from dashred.reporting.summary import print_summary, summary
-from dashred.tracking import Tracker
 
 
 def prepare_torch(config: Config) -> None:

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from dashred.core.errors import InputError
+from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import Report, stage
 from dashred.discovery.correction import correct
 from dashred.discovery.law import Law
@@ -25,7 +26,6 @@ from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal, shares, together
 from dashred.stages.trajectories import Trajectories
 from dashred.surrogate_model import log_surrogate
-from dashred.tracking import Tracker
 
 # What run.json calls the seconds of one step of the corrected surrogate.
 STEP = "one step of the corrected SHRED"

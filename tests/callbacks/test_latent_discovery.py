@@ -11,13 +11,13 @@ from lightning import Trainer
 
 from callbacks import LatentDiscovery
 from dashred.config import load_config
+from dashred.core.mlflow.metric_names import metric_name
+from dashred.core.mlflow.tracker import Tracker
 from dashred.discovery.latent import LatentProblem
-from dashred.metric_names import metric_name
 from dashred.models.assimilation import Assimilation
 from dashred.physics.ensemble import term_scales
 from dashred.physics.simulate import simulate
 from dashred.sensing.observation import ObservationOperator
-from dashred.tracking import Tracker
 from datamodules import RecordingDataModule
 from tests import ring
 

@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 
 from dashred.core.errors import InputError, run_entry
 from dashred.core.files.atomic import copy_atomic, whole_file, write_text_atomic
+from dashred.core.mlflow.store import open_store
 from dashred.core.system_errors import told
-from dashred.mlflow_store import open_store
 from dashred.output import clear_output, make_output
 from dashred.reporting.style import save_figure
 from dashred.sensing.recording import Recording

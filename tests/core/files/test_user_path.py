@@ -13,7 +13,7 @@ from dashred import fetch, init, reference, train
 from dashred.config import load_config
 from dashred.core.errors import InputError
 from dashred.core.files.user_path import check_address, given_path
-from dashred.mlflow_server import check_server
+from dashred.core.mlflow.server import check_server
 
 LONG = "x" * 300
 NOBODY = "~nobody-of-that-name/a"

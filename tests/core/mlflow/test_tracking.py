@@ -15,16 +15,16 @@ from typing import Any
 import pytest
 
 from dashred.core.errors import InputError, run_entry
+from dashred.core.mlflow.metric_names import metric_name
+from dashred.core.mlflow.run import flatten
+from dashred.core.mlflow.tracker import Tracker
 from dashred.core.system_errors import RefusedError
-from dashred.logged_run import flatten
-from dashred.metric_names import metric_name
-from dashred.tracking import Tracker
 
 # MLflow is imported before the fork, so that the processes reach the fresh store together.
 OPEN_TOGETHER = """
 import multiprocessing, sys
 import mlflow
-from dashred.tracking import Tracker
+from dashred.core.mlflow.tracker import Tracker
 
 def work(barrier, root, name):
     barrier.wait()

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from dashred.core.findings.findings import write_json_atomic
-from dashred.metric_names import term_table
-from dashred.mlflow_store import Store, refusals_as_failures
+from dashred.core.mlflow.metric_names import term_table
+from dashred.core.mlflow.store import Store, refusals_as_failures
 
 # What MLflow takes at once, and how long a value it keeps.
 METRIC_BATCH, BATCH = 1000, 100

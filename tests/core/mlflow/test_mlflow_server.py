@@ -23,7 +23,7 @@ import pytest
 
 from dashred.attempt import pointed_to
 from dashred.core.errors import InputError
-from dashred.tracking import Tracker
+from dashred.core.mlflow.tracker import Tracker
 from tests.conftest import CHECKOUT, Ended
 from tests.documents import snippets
 from tests.killing import kill_when, start

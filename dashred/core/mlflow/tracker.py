@@ -5,8 +5,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Self
 
-from dashred.logged_run import Run
-from dashred.mlflow_store import Store, end_failed_run, find_run, open_store, refusals_as_errors
+from dashred.core.mlflow.run import Run
+from dashred.core.mlflow.store import (
+    Store,
+    end_failed_run,
+    find_run,
+    open_store,
+    refusals_as_errors,
+)
 
 
 class ChildRun(Run):

@@ -6,7 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dashred.metric_names import LONGEST, metric_name, slug, term_key, term_table, unslug
+from dashred.core.mlflow.metric_names import (
+    LONGEST,
+    metric_name,
+    slug,
+    term_key,
+    term_table,
+    unslug,
+)
 
 READABLE = {
     "1": "1",

@@ -18,8 +18,8 @@ from filelock import FileLock, Timeout
 from dashred.core.errors import InputError
 from dashred.core.files.state_dir import state_folder
 from dashred.core.files.user_path import is_server
+from dashred.core.mlflow.server import open_server
 from dashred.core.system_errors import RefusedError
-from dashred.mlflow_server import open_server
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
