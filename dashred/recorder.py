@@ -13,6 +13,9 @@ import torch
 from torch import Tensor
 
 from dashred.config import Config
+from dashred.data.observation_operator import ObservationOperator
+from dashred.data.recording import Recording
+from dashred.data.sensor_layout import place_sensors
 from dashred.discovery.correction import with_parameters
 from dashred.discovery.starts import ScaledStart
 from dashred.physics.algebra import Expr, multiply
@@ -21,9 +24,6 @@ from dashred.physics.simulate import Progress, check_finite, simulate
 from dashred.physics.system import System, Term
 from dashred.physics.window import box, gate, onset
 from dashred.sensing.faulty import correlated, moved, reported
-from dashred.sensing.layout import place_sensors
-from dashred.sensing.observation import ObservationOperator
-from dashred.sensing.recording import Recording
 
 if TYPE_CHECKING:
     from dashred.sealing import SealedTerm

@@ -8,7 +8,7 @@ import torch
 from lightning import LightningDataModule
 from torch import Tensor
 
-from dashred.sensing.recording import Recording
+from dashred.data.recording import Recording
 from dashred.sensing.windows import windows
 from datamodules.batches import Batches, ordered_batches, shuffled_batches
 

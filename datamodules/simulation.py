@@ -7,8 +7,8 @@ from jaxtyping import Float
 from lightning import LightningDataModule
 from torch import Tensor
 
+from dashred.data.observation_operator import ObservationOperator
 from dashred.physics.ensemble import Ensemble
-from dashred.sensing.observation import ObservationOperator
 from dashred.sensing.pod import POD
 from dashred.sensing.scaler import Scaler
 from dashred.sensing.windows import windows

@@ -8,15 +8,15 @@ import torch
 from torch import Tensor
 
 from dashred.config import load_config
+from dashred.data.observation_operator import ObservationOperator
+from dashred.data.recording import Recording
+from dashred.data.sensors import Sensor
 from dashred.models.shred import SHRED
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term
-from dashred.sensing.observation import ObservationOperator
 from dashred.sensing.pod import POD
-from dashred.sensing.recording import Recording
 from dashred.sensing.scaler import Scaler
-from dashred.sensing.sensors import Sensor
 
 TEXT = """
 system:

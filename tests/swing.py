@@ -13,6 +13,8 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from dashred.data.observation_operator import ObservationOperator
+from dashred.data.sensors import Sensor
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.noise_model import NoiseModel
@@ -21,8 +23,6 @@ from dashred.discovery.shooting import Shooting
 from dashred.discovery.starts import LinearStart
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term
-from dashred.sensing.observation import ObservationOperator
-from dashred.sensing.sensors import Sensor
 from tests import laws
 
 TEXT = """

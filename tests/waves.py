@@ -11,6 +11,8 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from dashred.data.observation_operator import ObservationOperator
+from dashred.data.sensors import Sensor
 from dashred.discovery.beyond import candidates_beyond
 from dashred.discovery.candidates import Candidate, build_candidates, forcing_of
 from dashred.discovery.cause import Cause
@@ -28,8 +30,6 @@ from dashred.physics.prior import StartPrior, field_rms, nominal_start
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term
 from dashred.physics.window import Shape, shapes_of
-from dashred.sensing.observation import ObservationOperator
-from dashred.sensing.sensors import Sensor
 from tests import laws
 
 TEXT = """

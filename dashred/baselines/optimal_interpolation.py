@@ -19,10 +19,10 @@ from torch import Tensor
 
 from dashred.baselines.estimate import Estimated
 from dashred.baselines.localisation import radii, radius_in_words
+from dashred.data.sensors import Sensor
 from dashred.discovery.localisation import distances, gaspari_cohn, sensor_distances
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.grid import Grid
-from dashred.sensing.sensors import Sensor
 from dashred.stages.problem import Problem
 
 

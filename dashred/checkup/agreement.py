@@ -12,8 +12,8 @@ from dashred.checkup.remark import Remark, doubtful, some
 from dashred.checkup.simulator import Simulated
 from dashred.checkup.situation import Situation
 from dashred.checkup.to_do import still
-from dashred.sensing.observation import ObservationOperator
-from dashred.sensing.splits import Split
+from dashred.data.observation_operator import ObservationOperator
+from dashred.data.splits import Split
 
 # Factors by which what is read and what is simulated may differ in size.
 OTHER_SIZE = 5.0

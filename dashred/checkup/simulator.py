@@ -13,12 +13,12 @@ from dashred.checkup.remark import Remark, doubtful
 from dashred.checkup.situation import Situation
 from dashred.checkup.to_do import still
 from dashred.core.errors import InputError
+from dashred.data.observation_operator import ObservationOperator
 from dashred.physics.library import refuse_collinear, uninformative_terms
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
 from dashred.physics.resolution import Readings, doubling_error, least_scale
 from dashred.physics.simulate import check_finite, simulate
 from dashred.physics.system import System, Term
-from dashred.sensing.observation import ObservationOperator
 
 # Seconds for the nominal run, and for the run at doubled resolution.
 RUN, DOUBLED = 2.0, 3.0

@@ -14,13 +14,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from dashred.data.observation_operator import ObservationOperator
+from dashred.data.sensors import Sensor
 from dashred.physics.algebra import names
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.grid import Axis
 from dashred.physics.library import resolve
 from dashred.physics.system import System, Term
-from dashred.sensing.observation import ObservationOperator
-from dashred.sensing.sensors import Sensor
 
 MOVES = 64
 

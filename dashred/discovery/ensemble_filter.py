@@ -16,11 +16,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from dashred.data.observation_operator import ObservationOperator
 from dashred.discovery.localisation import distances, gaspari_cohn, sensor_distances
 from dashred.physics.library import resolve
 from dashred.physics.simulator import compiled_if_long
 from dashred.physics.system import System, Term
-from dashred.sensing.observation import ObservationOperator
 
 FEWEST_LEFT = 0.5
 # A member so many times larger than half of the others is blowing up: finite yet, but the sample's

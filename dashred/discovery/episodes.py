@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from dashred.data.observation_operator import ObservationOperator
 from dashred.discovery.starts import StartModel
-from dashred.sensing.observation import ObservationOperator
 
 
 def clocks(times: Sequence[Tensor]) -> Tensor:

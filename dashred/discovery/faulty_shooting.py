@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from dashred.data.observation_operator import ObservationOperator
+from dashred.data.sensors import Sensor
 from dashred.discovery.shooting import Linearisation, Shooting
-from dashred.sensing.observation import ObservationOperator
-from dashred.sensing.sensors import Sensor
 
 
 @dataclass(frozen=True)

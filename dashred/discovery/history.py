@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from dashred.sensing.observation import ObservationOperator
+from dashred.data.observation_operator import ObservationOperator
 from dashred.sensing.windows import windows
 
 Encode = Callable[[Float[Tensor, "batch lag sensor"]], Float[Tensor, "batch latent"]]

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from jaxtyping import Float
 from torch import Tensor
 
+from dashred.data.observation_operator import ObservationOperator
 from dashred.discovery.analogs import Analogs, nearest_analogs
 from dashred.discovery.ensemble_filter import FilterLostError, FilterSettings, ensemble_filter
 from dashred.discovery.linear_estimate import Estimate, leading_modes, linear_estimate
@@ -21,7 +22,6 @@ from dashred.discovery.starts import LinearStart, StartModel
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.prior import StartPrior, field_rms
 from dashred.physics.system import System, Term
-from dashred.sensing.observation import ObservationOperator
 
 
 @dataclass(frozen=True)

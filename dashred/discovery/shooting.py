@@ -9,11 +9,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from dashred.data.observation_operator import ObservationOperator
 from dashred.discovery.candidates import Candidate, forcing_of
 from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.starts import StartModel
 from dashred.physics.pulses import Drive, Pulses
-from dashred.sensing.observation import ObservationOperator
 
 DIFFERENCE = 1e-5
 # Numbers of tangents that are observed together: calls of few would cost more than their sums.

@@ -7,8 +7,8 @@ from jaxtyping import Float
 from lightning import LightningModule
 from torch import Tensor, nn
 
+from dashred.data.observation_operator import ObservationOperator
 from dashred.models.shred import SHRED
-from dashred.sensing.observation import ObservationOperator
 
 
 class LatentTransform(nn.Module):

@@ -11,12 +11,12 @@ import torch
 
 from dashred.config import Config, load_config
 from dashred.core.errors import InputError
+from dashred.data.recording import Recording
 from dashred.physics.system import System
 from dashred.proof.draw import Case
 from dashred.proof.sizes import Sizes
 from dashred.recorder import observe, run_truth, with_law
 from dashred.sealing import Truth
-from dashred.sensing.recording import Recording
 
 # How often what blows up is halved.
 RETREATS = 6

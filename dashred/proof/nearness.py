@@ -12,11 +12,11 @@ import xarray as xr
 
 from dashred.benchmark.record import ratio_of
 from dashred.core.findings.schema import Score
+from dashred.data.observation_operator import ObservationOperator
 from dashred.proof.case_record import Coefficient, Gains, Region
 from dashred.proof.conceal import Concealed
 from dashred.proof.draw import Case
 from dashred.scoring import law_of_findings, law_of_truth
-from dashred.sensing.observation import ObservationOperator
 from dashred.window_kinds import kind_of
 
 # Times that differ by less are the same.

@@ -13,17 +13,17 @@ from torch import Tensor
 
 from dashred.config import Config
 from dashred.core.errors import InputError
+from dashred.data.observation_operator import ObservationOperator
+from dashred.data.recording import Recording
+from dashred.data.sensor_layout import place_sensors
+from dashred.data.sensors import Sensor
+from dashred.data.splits import split_recording
 from dashred.physics.library import evaluate_terms
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term
 from dashred.proof.draw import Case
 from dashred.proof.systems import SYSTEMS
 from dashred.recorder import clock_of, draw_start, run_truth, simulators_points, with_law
-from dashred.sensing.layout import place_sensors
-from dashred.sensing.observation import ObservationOperator
-from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Sensor
-from dashred.sensing.splits import split_recording
 from dashred.twin_file import Twin, twin_of
 
 # Shares of an equation's tendency, or of a parameter's value: where the search begins, and the most

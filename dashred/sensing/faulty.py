@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.sensing.sensors import Described, Sensor
+from dashred.data.sensors import Described, Sensor
 
 # A sensor that spikes does so at every such part of the record.
 SPIKES = 7

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from dashred.core.errors import InputError, nearest
 from dashred.core.units import TIME
+from dashred.data.checks import check_input, checked_recording
+from dashred.data.episodes import Episode, Episodes, Stretch, stretches
+from dashred.data.sensors import RESERVED, Described, Sensor, readable
 from dashred.physics.measured import Measured
-from dashred.sensing.checks import check_input, checked_recording
-from dashred.sensing.episodes import Episode, Episodes, Stretch, stretches
-from dashred.sensing.sensors import RESERVED, Described, Sensor, readable
 from dashred.sensing.sensors_table import read_sensors
 from dashred.sensing.stated_units import StatedUnits
 from dashred.sensing.tables import Table, read_table, separated_otherwise

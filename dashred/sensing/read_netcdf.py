@@ -16,10 +16,10 @@ from dashred.core.errors import InputError, nearest
 from dashred.core.files.damaged_files import reading
 from dashred.core.files.external_links import check_hdf5
 from dashred.core.units import TIME, check_unit
+from dashred.data.checks import check_covered, check_input, checked_recording
+from dashred.data.episodes import Episode, Episodes, Stretch, stretches
+from dashred.data.sensors import Described, Sensor, check_names, check_sensor
 from dashred.physics.measured import Measured
-from dashred.sensing.checks import check_covered, check_input, checked_recording
-from dashred.sensing.episodes import Episode, Episodes, Stretch, stretches
-from dashred.sensing.sensors import Described, Sensor, check_names, check_sensor
 from dashred.sensing.stated_units import StatedUnits
 
 if TYPE_CHECKING:

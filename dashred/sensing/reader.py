@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from dashred.core.errors import InputError
-from dashred.sensing.episodes import Episodes
+from dashred.data.episodes import Episodes
+from dashred.data.recording import Recording
+from dashred.data.sensors import Described
 from dashred.sensing.read_csv import read_csv
 from dashred.sensing.read_netcdf import read_netcdf
-from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Described
 
 
 def read_recording(path: str, sensors_table: str | None, system: Described) -> Recording:

@@ -6,7 +6,7 @@ import math
 
 from dashred.core.errors import InputError, nearest
 from dashred.core.units import check_unit
-from dashred.sensing.sensors import Described, Sensor, check_names, check_sensor
+from dashred.data.sensors import Described, Sensor, check_names, check_sensor
 from dashred.sensing.stated_units import StatedUnits
 from dashred.sensing.tables import Table, read_table
 

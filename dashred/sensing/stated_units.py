@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from dashred.core.units import check_same
-from dashred.sensing.sensors import Described
+from dashred.data.sensors import Described
 
 
 @dataclass

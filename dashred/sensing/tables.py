@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
 from dashred.core.units import check_unit, split_unit
-from dashred.sensing.sensors import check_names
+from dashred.data.sensors import check_names
 
 # In bytes. What is read takes some thirteen times as much memory, a cell being a text of its own.
 LARGEST = 2**28

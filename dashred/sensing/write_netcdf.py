@@ -10,8 +10,8 @@ import numpy as np
 
 from dashred.core.files.atomic import write_netcdf_atomic
 from dashred.core.units import TIME
-from dashred.sensing.episodes import Episodes
-from dashred.sensing.recording import Recording
+from dashred.data.episodes import Episodes
+from dashred.data.recording import Recording
 
 
 def write_netcdf(

@@ -14,6 +14,7 @@ from dashred.attempt import SNAPSHOTS, began_with, end
 from dashred.config import Config, config_sha256
 from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import stage
+from dashred.data.recording import Recording
 from dashred.discovery.latent import LatentProblem
 from dashred.discovery.operator_inference import SnapshotSteps
 from dashred.models.assimilation import AssimilatedEncoder
@@ -22,7 +23,6 @@ from dashred.output import clear_output, named_output
 from dashred.parent_run import open_parent
 from dashred.physics.library import evaluate_terms
 from dashred.run_notes import conclude, describe
-from dashred.sensing.recording import Recording
 from dashred.sensing.windows import windows
 from dashred.stages import assimilation, learning, mismatch, problem, provenance, snapshot_runs
 from dashred.stages.checkpoints import Checkpoints

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dashred.core.findings.schema import Findings, Fit, Latent, Verdict, misfit, new_findings
-from dashred.sensing.recording import Recording
+from dashred.data.recording import Recording
 from dashred.stages.black_box import BlackBoxAnalysis, whole
 from dashred.stages.field_files import write_estimates
 from dashred.stages.held_out import relative_rmse

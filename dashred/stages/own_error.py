@@ -12,11 +12,11 @@ import math
 import torch
 from torch import Tensor
 
+from dashred.data.observation_operator import ObservationOperator
 from dashred.discovery.correction import correct
 from dashred.discovery.law import Law
 from dashred.physics.resolution import refine
 from dashred.physics.simulate import simulate
-from dashred.sensing.observation import ObservationOperator
 from dashred.stages.problem import Problem
 
 # How much of the fit is looked at: later on, in chaos, every difference grows.

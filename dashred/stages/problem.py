@@ -12,6 +12,14 @@ from torch import Tensor
 from dashred.config import Config
 from dashred.config.checks.checks import MOST_STEPS
 from dashred.core.errors import InputError
+from dashred.data.episodes import Episodes, said_of
+from dashred.data.inputs import under
+from dashred.data.noise_level import noise_std
+from dashred.data.observation_operator import ObservationOperator
+from dashred.data.recording import Recording
+from dashred.data.resampling import own_step, resample_all
+from dashred.data.sensors import Sensor
+from dashred.data.splits import Split, hold_out, split_recording
 from dashred.discovery.fault_wording import fault_in_words
 from dashred.discovery.law import SensorFault
 from dashred.physics.algebra import names
@@ -19,15 +27,7 @@ from dashred.physics.library import build_library
 from dashred.physics.snapshot_file import open_snapshots
 from dashred.physics.snapshots import Snapshots
 from dashred.physics.system import System, Term
-from dashred.sensing.clock import own_step, resample_all
-from dashred.sensing.driving import under
-from dashred.sensing.episodes import Episodes, said_of
-from dashred.sensing.noise import noise_std
-from dashred.sensing.observation import ObservationOperator
 from dashred.sensing.reader import read_episodes
-from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Sensor
-from dashred.sensing.splits import Split, hold_out, split_recording
 
 # From so many episodes on, the last is held out whole.
 FEWEST_TO_HOLD_OUT = 3

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from dashred.core.progress import Report
+from dashred.data.recording import Recording
 from dashred.discovery.episodes import operator_of, side_by_side, starts_of
 from dashred.discovery.first_window import first_samples, fit_first_window
 from dashred.discovery.law_simulator import Simulator
@@ -18,7 +19,6 @@ from dashred.discovery.seeds import NetworkEstimate, Readings, SeedSettings, mak
 from dashred.discovery.starts import StartModel
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.library import resolve
-from dashred.sensing.recording import Recording
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.learning import Learned
 from dashred.stages.objectives import (

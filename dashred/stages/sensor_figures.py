@@ -9,13 +9,13 @@ import numpy as np
 
 from dashred.core.findings.schema import Findings
 from dashred.core.units import time_label
+from dashred.data.recording import Recording
 from dashred.reporting.figures import (
     forecast_figure,
     sensor_traces,
     verification_figure,
 )
 from dashred.reporting.gallery import Gallery
-from dashred.sensing.recording import Recording
 from dashred.stages.analysis import Analysis
 from dashred.stages.held_out import MISFITS
 from dashred.stages.problem import Problem

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from dashred.core.progress import stage
+from dashred.data.observation_operator import ObservationOperator
 from dashred.discovery.episodes import starts_of
 from dashred.discovery.starts import StartModel
 from dashred.physics.ensemble import Discrepancies, Ensemble, draw_ensemble
@@ -17,7 +18,6 @@ from dashred.physics.prior import StartPrior, field_rms, nominal_start
 from dashred.physics.resolution import Resolution, check_resolution, least_scale
 from dashred.physics.simulate import check_finite, simulate
 from dashred.physics.system import System
-from dashred.sensing.observation import ObservationOperator
 from dashred.stages.problem import Problem
 
 

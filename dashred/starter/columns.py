@@ -11,10 +11,10 @@ import numpy as np
 
 from dashred.config.schema.types import NAME
 from dashred.core.errors import InputError
+from dashred.data.recording import Recording
+from dashred.data.sensors import RESERVED
 from dashred.physics.expression import RESERVED as LANGUAGE
 from dashred.sensing.reader import read_episodes
-from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import RESERVED
 from dashred.sensing.tables import Table, is_number, read_table, separated_otherwise
 
 OF_A_SENSOR = ("name", "field", "std", "unit")

@@ -8,8 +8,8 @@ import re
 from dashred.config.checks.placeholders import TO_DO
 from dashred.config.schema.types import NAME
 from dashred.config.source import SCALARS
-from dashred.sensing.clock import fuller_step, own_step
-from dashred.sensing.recording import Recording
+from dashred.data.recording import Recording
+from dashred.data.resampling import fuller_step, own_step
 from dashred.starter.columns import Guessed
 from dashred.starter.guess import Guess
 

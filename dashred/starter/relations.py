@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.sensing.recording import Recording
+from dashred.data.recording import Recording
 
 # Shares of the variance of a change that the integral has to explain, and of what it says of it.
 EXPLAINED, NEAR_ONE = 0.98, 0.05

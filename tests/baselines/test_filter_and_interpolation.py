@@ -11,11 +11,11 @@ from dashred.baselines import kalman_filter, optimal_interpolation
 from dashred.baselines.kalman_filter import filter_augmented, filter_state
 from dashred.baselines.optimal_interpolation import Taper, best_linear
 from dashred.config import load_config
+from dashred.data.sensors import Sensor
 from dashred.discovery.linear_estimate import linear_estimate
 from dashred.physics.ensemble import Ensemble, term_scales
 from dashred.physics.grid import Axis, Grid
 from dashred.physics.simulate import simulate
-from dashred.sensing.sensors import Sensor
 from dashred.stages import problem, simulation
 from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal

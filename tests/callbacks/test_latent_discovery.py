@@ -13,11 +13,11 @@ from callbacks import LatentDiscovery
 from dashred.config import load_config
 from dashred.core.mlflow.metric_names import metric_name
 from dashred.core.mlflow.tracker import Tracker
+from dashred.data.observation_operator import ObservationOperator
 from dashred.discovery.latent import LatentProblem
 from dashred.models.assimilation import Assimilation
 from dashred.physics.ensemble import term_scales
 from dashred.physics.simulate import simulate
-from dashred.sensing.observation import ObservationOperator
 from datamodules import RecordingDataModule
 from tests import ring
 

@@ -11,9 +11,9 @@ import torch
 from lightning import LightningDataModule
 
 from dashred.config.schema.recording import SensorSplit, Splits, TimeSplit
-from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Sensor
-from dashred.sensing.splits import split_recording
+from dashred.data.recording import Recording
+from dashred.data.sensors import Sensor
+from dashred.data.splits import split_recording
 from datamodules import RecordingDataModule
 
 LAGS, SAMPLES = 5, 60

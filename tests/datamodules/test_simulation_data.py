@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 import torch
 
+from dashred.data.observation_operator import ObservationOperator
 from dashred.physics.ensemble import Ensemble
-from dashred.sensing.observation import ObservationOperator
 from datamodules import SimulationDataModule
 from datamodules.simulation import LAST_AGAIN
 from tests import ring

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from dashred.config import load_config
 from dashred.core.errors import InputError
+from dashred.data.observation_operator import ObservationOperator
 from dashred.discovery.algorithms import compressed_search
 from dashred.discovery.history import HistoryEncoder
 from dashred.discovery.latent import LatentProblem, LatentSindy
@@ -20,7 +21,6 @@ from dashred.models.assimilation import AssimilatedEncoder, LatentTransform
 from dashred.physics.ensemble import term_scales
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System
-from dashred.sensing.observation import ObservationOperator
 from dashred.sensing.windows import windows
 from tests import ring
 

@@ -10,6 +10,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from dashred.data.observation_operator import ObservationOperator
 from dashred.discovery.ensemble_filter import (
     Filtered,
     FilterLostError,
@@ -20,7 +21,6 @@ from dashred.discovery.localisation import distances, gaspari_cohn, sensor_dista
 from dashred.physics.forcing import Forcing
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term
-from dashred.sensing.observation import ObservationOperator
 from tests.ring import SENSORS, linear_system
 
 NOISE = torch.tensor([0.05, 0.1, 0.05, 0.2, 0.05, 0.1], dtype=torch.float64)

@@ -10,6 +10,8 @@ import pytest
 import torch
 from torch import Tensor
 
+from dashred.data.observation_operator import ObservationOperator
+from dashred.data.sensors import Sensor
 from dashred.discovery.cause import Cause
 from dashred.discovery.fault_in_units import fitted_fault_in_units
 from dashred.discovery.faults import fit_fault, predicted
@@ -21,8 +23,6 @@ from dashred.discovery.shooting import Shooting
 from dashred.discovery.suspects import suspects
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
 from dashred.physics.simulate import simulate
-from dashred.sensing.observation import ObservationOperator
-from dashred.sensing.sensors import Sensor
 from tests import laws
 from tests.waves import TIMES, Waves, fitted
 

@@ -8,12 +8,12 @@ import pytest
 import torch
 from torch import Tensor
 
+from dashred.data.observation_operator import ObservationOperator
 from dashred.discovery.analogs import nearest_analogs
 from dashred.discovery.linear_estimate import Estimate, leading_modes, linear_estimate
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term
-from dashred.sensing.observation import ObservationOperator
 from tests.ring import SENSORS, TIMES, ensemble, linear_system
 
 NOISE = 0.05 * torch.ones(6, dtype=torch.float64)

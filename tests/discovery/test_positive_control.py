@@ -12,6 +12,7 @@ import pytest
 import torch
 
 from dashred.config import load_config
+from dashred.data.observation_operator import ObservationOperator
 from dashred.discovery.latent import LatentProblem, LatentSindy
 from dashred.models.assimilation import AssimilatedEncoder, LatentTransform
 from dashred.models.shred import SHRED
@@ -21,7 +22,6 @@ from dashred.physics.prior import nominal_start
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System
 from dashred.recorder import clock_of, observe, simulate_truth
-from dashred.sensing.observation import ObservationOperator
 from dashred.sensing.pod import POD
 from dashred.sensing.scaler import Scaler
 from dashred.sensing.windows import windows

@@ -11,14 +11,14 @@ import pytest
 import torch
 from torch import Tensor
 
+from dashred.data.observation_operator import ObservationOperator
+from dashred.data.sensors import Sensor
 from dashred.discovery.seeds import NetworkEstimate, Readings, SeedSettings, make_seeds
 from dashred.discovery.starts import LinearStart, StartModel
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term
-from dashred.sensing.observation import ObservationOperator
-from dashred.sensing.sensors import Sensor
 from tests.ring import SENSORS, TIMES, ensemble, linear_system
 
 SETTINGS = SeedSettings(analogs=40, filtered=8, modes=20)

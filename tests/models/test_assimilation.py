@@ -10,10 +10,10 @@ from lightning import Trainer, seed_everything
 from torch import Tensor
 
 from callbacks import BestState, RMSECurves
+from dashred.data.observation_operator import ObservationOperator
 from dashred.models.assimilation import Assimilation, LatentTransform
 from dashred.models.shred import SHRED, reconstruct
 from dashred.physics.simulate import simulate
-from dashred.sensing.observation import ObservationOperator
 from datamodules import RecordingDataModule
 from tests import ring
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 import torch
 
+from dashred.data.observation_operator import ObservationOperator
 from dashred.models.latency import TIMED, WARM, seconds_a_step
-from dashred.sensing.observation import ObservationOperator
 from tests.ring import SENSORS, ensemble, linear_system, untrained
 
 

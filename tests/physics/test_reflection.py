@@ -9,6 +9,8 @@ import pytest
 import torch
 from torch import Tensor
 
+from dashred.data.observation_operator import ObservationOperator
+from dashred.data.sensors import Sensor
 from dashred.physics.forcing import Forcing
 from dashred.physics.library import evaluate_terms, resolve
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
@@ -18,8 +20,6 @@ from dashred.physics.simulator import compiled
 from dashred.physics.system import System, Term
 from dashred.physics.tangent_linear import tangent_linear
 from dashred.physics.window import shapes_of
-from dashred.sensing.observation import ObservationOperator
-from dashred.sensing.sensors import Sensor
 from tests import laws
 
 HEAD = "system:\n  title: declared in a test\n"

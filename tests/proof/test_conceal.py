@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dashred.data.observation_operator import ObservationOperator
 from dashred.proof.case_record import Kind
 from dashred.proof.conceal import conceal
 from dashred.proof.draw import Case
 from dashred.recorder import run_truth
-from dashred.sensing.observation import ObservationOperator
 
 
 def case_of(kind: Kind, effect: float | None = None, **hidden: Any) -> Case:
@@ -68,7 +68,7 @@ def test_a_case_is_recorded_again_to_the_same_values() -> None:
 
 @pytest.mark.parametrize("kind", ["bias", "drift", "stuck", "spikes", "misplaced"])
 def test_a_fault_stands_at_a_sensor_that_the_analysis_fits(kind) -> None:
-    from dashred.sensing.splits import split_recording
+    from dashred.data.splits import split_recording
 
     case = case_of("fault", 6.0, faults=[{"sensor": 0.99, "kind": kind, "value": -1.0}])
     concealed = conceal(case)

@@ -10,11 +10,11 @@ import torch
 
 from dashred.core.findings.findings import freeze, write_json_atomic
 from dashred.core.findings.schema import Score
+from dashred.data.sensors import Sensor
 from dashred.proof.conceal import Concealed
 from dashred.proof.nearness import coefficients_found, gains, noisy_test, peak_inside, region_off
 from dashred.sealing import Concealed as Hidden
 from dashred.sealing import SealedTerm
-from dashred.sensing.sensors import Sensor
 from dashred.stages.field_files import write_estimates
 from tests.proof.test_judge import BOX, SYSTEM, V2, case_of, findings, term
 

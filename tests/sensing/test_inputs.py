@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from dashred.core.errors import InputError
-from dashred.sensing.clock import resample
+from dashred.data.resampling import resample
 from dashred.sensing.reader import read_recording
 from dashred.sensing.write_netcdf import write_netcdf
 

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from dashred.core.errors import InputError
+from dashred.data.recording import Recording
+from dashred.data.sensors import Sensor
 from dashred.sensing.reader import read_recording
-from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Sensor
 from dashred.sensing.write_netcdf import write_netcdf
 
 names = st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"]), min_size=1)

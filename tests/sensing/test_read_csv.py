@@ -11,9 +11,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dashred.core.errors import InputError
+from dashred.data.recording import Recording
+from dashred.data.sensors import Sensor
 from dashred.sensing.reader import read_recording
-from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Sensor
 from dashred.sensing.sensors_table import read_sensors
 from dashred.sensing.stated_units import StatedUnits
 

@@ -8,9 +8,9 @@ import pytest
 import xarray as xr
 
 from dashred.core.errors import InputError
+from dashred.data.recording import Recording
+from dashred.data.sensors import Sensor
 from dashred.sensing.reader import read_recording
-from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Sensor
 from dashred.sensing.write_netcdf import write_netcdf
 
 ROWS = "".join(f"{i / 10},{i % 7},{i % 5}\n" for i in range(25))

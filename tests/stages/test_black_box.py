@@ -16,10 +16,10 @@ from dashred import check
 from dashred.config import Axis, Integrator, load_config
 from dashred.config import System as Declared
 from dashred.core.errors import InputError
+from dashred.data.observation_operator import ObservationOperator
+from dashred.data.sensors import Sensor
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System
-from dashred.sensing.observation import ObservationOperator
-from dashred.sensing.sensors import Sensor
 from dashred.stages.mismatch import Mismatch, Missed
 
 CONFIG = """\

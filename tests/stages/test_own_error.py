@@ -9,9 +9,9 @@ import pytest
 import torch
 from torch import Tensor
 
+from dashred.data.sensors import Sensor
 from dashred.discovery.law import Law
 from dashred.physics.system import System
-from dashred.sensing.sensors import Sensor
 from dashred.stages.own_error import BEGINNING, LARGEST, own_error
 from tests import laws
 

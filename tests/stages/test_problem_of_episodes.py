@@ -10,11 +10,11 @@ import torch
 
 from dashred.config import load_config
 from dashred.core.errors import InputError
+from dashred.data.episodes import Episode, Episodes
+from dashred.data.recording import Recording
+from dashred.data.sensors import Sensor
 from dashred.discovery.episodes_simulator import EpisodesSimulator
 from dashred.discovery.law import SensorFault
-from dashred.sensing.episodes import Episode, Episodes
-from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Sensor
 from dashred.sensing.write_netcdf import write_netcdf
 from dashred.stages.assimilation import sensor_data
 from dashred.stages.objectives import exact_simulator, pose_objective

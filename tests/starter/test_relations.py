@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Sensor
+from dashred.data.recording import Recording
+from dashred.data.sensors import Sensor
 from dashred.starter.relations import find_rates
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from dashred.core.errors import InputError
-from dashred.sensing.noise import noise_std
-from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Sensor
+from dashred.data.noise_level import noise_std
+from dashred.data.recording import Recording
+from dashred.data.sensors import Sensor
 
 
 def recording_of(*columns, reads=("u", "u", "v"), stds=(None, None, None)):

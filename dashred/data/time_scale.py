@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.sensing.clock import own_step
-from dashred.sensing.recording import Recording
+from dashred.data.recording import Recording
+from dashred.data.resampling import own_step
 
 # A wave sampled so often a period is drawn smoothly; more samples of it say little new.
 A_PERIOD = 16

@@ -6,8 +6,8 @@ import numpy as np
 
 from dashred.config import Config
 from dashred.core.errors import InputError
-from dashred.sensing.sensors import Described, Sensor
-from dashred.sensing.spreading import spread_out
+from dashred.data.sensor_spacing import spread_out
+from dashred.data.sensors import Described, Sensor
 
 
 def place_sensors(system: Described, config: Config, rng: np.random.Generator) -> list[Sensor]:

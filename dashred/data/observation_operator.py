@@ -9,8 +9,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from dashred.sensing.interpolation import linear, trigonometric
-from dashred.sensing.sensors import Described, Sensor, check_sensor
+from dashred.data.interpolation import linear, trigonometric
+from dashred.data.sensors import Described, Sensor, check_sensor
 
 
 @runtime_checkable

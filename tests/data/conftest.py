@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from torch import Tensor
 
+from dashred.data.recording import Recording
+from dashred.data.sensors import Sensor
 from dashred.physics.grid import Axis
-from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Sensor
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from dashred.core.errors import InputError
-from dashred.sensing.clock import own_step, resample, resample_all
-from dashred.sensing.episodes import Episode, Episodes
-from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Sensor
+from dashred.data.episodes import Episode, Episodes
+from dashred.data.recording import Recording
+from dashred.data.resampling import own_step, resample, resample_all
+from dashred.data.sensors import Sensor
 
 
 def recorded(times, values=None):

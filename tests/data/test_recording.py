@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from dashred.core.errors import InputError
-from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Sensor
+from dashred.data.recording import Recording
+from dashred.data.sensors import Sensor
 
 
 def test_select_takes_columns_in_the_order_asked_for(make_recording):

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
-from dashred.sensing.checks import FEWEST_SAMPLES
-from dashred.sensing.episodes import Episode, Episodes, said_of
-from dashred.sensing.recording import Recording
+from dashred.data.checks import FEWEST_SAMPLES
+from dashred.data.episodes import Episode, Episodes, said_of
+from dashred.data.recording import Recording
 
 # Times count as lying on a clock when they miss it by less than this part of a step.
 ON_CLOCK = 0.01

@@ -7,9 +7,9 @@ import pytest
 
 from dashred.config import SensorSplit, Splits, TimeSplit
 from dashred.core.errors import InputError
-from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Sensor
-from dashred.sensing.splits import split_recording
+from dashred.data.recording import Recording
+from dashred.data.sensors import Sensor
+from dashred.data.splits import split_recording
 
 
 def wanted(validate=2, test=3, extra=None, time=0.2):

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from dashred.core.errors import InputError
-from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Sensor
+from dashred.data.recording import Recording
+from dashred.data.sensors import Sensor
 
 
 @dataclass(frozen=True)

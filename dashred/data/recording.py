@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError, nearest
+from dashred.data.sensors import Sensor
 from dashred.physics.measured import NOTHING, Measured
-from dashred.sensing.sensors import Sensor
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Sensor
-from dashred.sensing.time_scale import rounded_down, samples_a_change, suggested_step
+from dashred.data.recording import Recording
+from dashred.data.sensors import Sensor
+from dashred.data.time_scale import rounded_down, samples_a_change, suggested_step
 
 
 def wave(samples_a_period: float, noise: float) -> Recording:

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from dashred.sensing.sensors import ObservedAxis
+from dashred.data.sensors import ObservedAxis
 
 
 def trigonometric(

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
-from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Sensor
+from dashred.data.recording import Recording
+from dashred.data.sensors import Sensor
 
 # Fewer samples than this fill neither a lagged window nor a fit and a held-out part.
 FEWEST_SAMPLES = 20

@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from dashred.core.errors import InputError
-from dashred.sensing.observation import ObservationOperator
-from dashred.sensing.sensors import Sensor
+from dashred.data.observation_operator import ObservationOperator
+from dashred.data.sensors import Sensor
 
 
 def sensors_at(*positions, reads="u"):

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from dashred.config import Splits
 from dashred.core.errors import InputError, nearest
-from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import check_names
-from dashred.sensing.spreading import spread_out
+from dashred.data.recording import Recording
+from dashred.data.sensor_spacing import spread_out
+from dashred.data.sensors import check_names
 
 # A stream of its own, so that no other use of the seed moves the sensors' roles.
 STREAM = 0x5E25

@@ -9,7 +9,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
-from dashred.sensing.recording import Recording
+from dashred.data.recording import Recording
 
 # Third differences of white noise of variance σ² have variance (1 + 9 + 9 + 1) σ².
 SPREAD = math.sqrt(20.0)

@@ -11,12 +11,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dashred.core.errors import InputError
+from dashred.data.episodes import Episode, Episodes, stretches
+from dashred.data.recording import Recording
+from dashred.data.resampling import resample_all
+from dashred.data.sensors import Sensor
 from dashred.physics.measured import Measured
-from dashred.sensing.clock import resample_all
-from dashred.sensing.episodes import Episode, Episodes, stretches
 from dashred.sensing.reader import read_episodes, read_recording
-from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Sensor
 from dashred.sensing.write_netcdf import write_netcdf
 
 MANY = settings(

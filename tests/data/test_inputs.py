@@ -11,12 +11,12 @@ import torch
 
 from dashred.config import load_config
 from dashred.core.errors import InputError
+from dashred.data.inputs import driven, under
+from dashred.data.recording import Recording
+from dashred.data.sensors import Sensor
 from dashred.physics.system import System
 from dashred.recorder import FORECAST, clock_of
-from dashred.sensing.driving import driven, under
 from dashred.sensing.reader import read_recording
-from dashred.sensing.recording import Recording
-from dashred.sensing.sensors import Sensor
 from dashred.sensing.write_netcdf import write_netcdf
 
 
