@@ -42,11 +42,11 @@ def record(config: Config, output: Path) -> None:
     from dashred.core.progress import stage
     from dashred.core.threads import use_threads
     from dashred.data.inputs import driven, under
+    from dashred.data.io.write_netcdf import write_netcdf
     from dashred.output import make_output
     from dashred.physics.system import System
     from dashred.recorder import clock_of, observe, simulate_truth
     from dashred.sealing import Truth, seal
-    from dashred.sensing.write_netcdf import write_netcdf
     from dashred.twin_file import read_twin
 
     torch.set_num_threads(1)

@@ -12,10 +12,10 @@ import xarray as xr
 from dashred import record
 from dashred.config import load_config
 from dashred.core.errors import InputError
+from dashred.data.io.reader import read_recording
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
 from dashred.physics.system import System
-from dashred.sensing.reader import read_recording
 
 
 def recorded(quick: Path, folder: Path, *words: str) -> tuple[Recording, xr.Dataset, System]:

@@ -10,13 +10,13 @@ from torch import Tensor
 
 from dashred.config import Config
 from dashred.data.inputs import driven, under
+from dashred.data.io.reader import read_episodes
 from dashred.data.recording import Recording
 from dashred.data.sensor_layout import place_sensors
 from dashred.data.sensors import Sensor
 from dashred.data.splits import Split, split_recording
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
-from dashred.sensing.reader import read_episodes
 from dashred.stages.problem import Problem, pose
 
 # Places like a twin's: they come from a stream of the check's own, and tell nothing of any twin's.

@@ -13,9 +13,9 @@ import torch
 from dashred.baselines.analyse import own_failure
 from dashred.comparison.pde_find import pde_find
 from dashred.data.inputs import under
+from dashred.data.io.reader import read_recording
 from dashred.physics.library import build_library
 from dashred.scoring import system_of
-from dashred.sensing.reader import read_recording
 
 
 def pde_find_on_full_field(

@@ -14,6 +14,7 @@ from dashred.config.checks.checks import MOST_STEPS
 from dashred.core.errors import InputError
 from dashred.data.episodes import Episodes, said_of
 from dashred.data.inputs import under
+from dashred.data.io.reader import read_episodes
 from dashred.data.noise_level import noise_std
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
@@ -27,7 +28,6 @@ from dashred.physics.library import build_library
 from dashred.physics.snapshot_file import open_snapshots
 from dashred.physics.snapshots import Snapshots
 from dashred.physics.system import System, Term
-from dashred.sensing.reader import read_episodes
 
 # From so many episodes on, the last is held out whole.
 FEWEST_TO_HOLD_OUT = 3

@@ -11,11 +11,11 @@ import numpy as np
 
 from dashred.config.schema.types import NAME
 from dashred.core.errors import InputError
+from dashred.data.io.csv_table import Table, is_number, read_table, separated_otherwise
+from dashred.data.io.reader import read_episodes
 from dashred.data.recording import Recording
 from dashred.data.sensors import RESERVED
 from dashred.physics.expression import RESERVED as LANGUAGE
-from dashred.sensing.reader import read_episodes
-from dashred.sensing.tables import Table, is_number, read_table, separated_otherwise
 
 OF_A_SENSOR = ("name", "field", "std", "unit")
 POINTS = {1: 64, 2: 32}

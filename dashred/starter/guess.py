@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
+from dashred.data.io.missing_sentinels import without_marks
 from dashred.data.noise_level import noise_std
 from dashred.data.recording import Recording
 from dashred.data.resampling import fuller_step, own_step
 from dashred.data.time_scale import samples_a_change, suggested_step
-from dashred.sensing.missing_marks import without_marks
 from dashred.starter.columns import Guessed
 from dashred.starter.relations import Rate, find_rates
 from dashred.starter.start import start_expression

@@ -18,11 +18,11 @@ from dashred.core.errors import InputError, run_entry
 from dashred.core.files.atomic import copy_atomic, whole_file, write_text_atomic
 from dashred.core.mlflow.store import open_store
 from dashred.core.system_errors import told
+from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.output import clear_output, make_output
 from dashred.reporting.style import save_figure
-from dashred.sensing.write_netcdf import write_netcdf
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 FULL = OSError(errno.ENOSPC, "No space left on device", "/out/findings.json")

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 
 from dashred.core.errors import InputError
 from dashred.data.episodes import Episode, Episodes, stretches
+from dashred.data.io.reader import read_episodes, read_recording
+from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
 from dashred.data.resampling import resample_all
 from dashred.data.sensors import Sensor
 from dashred.physics.measured import Measured
-from dashred.sensing.reader import read_episodes, read_recording
-from dashred.sensing.write_netcdf import write_netcdf
 
 MANY = settings(
     max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]

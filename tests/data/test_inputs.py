@@ -12,12 +12,12 @@ import torch
 from dashred.config import load_config
 from dashred.core.errors import InputError
 from dashred.data.inputs import driven, under
+from dashred.data.io.reader import read_recording
+from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.physics.system import System
 from dashred.recorder import FORECAST, clock_of
-from dashred.sensing.reader import read_recording
-from dashred.sensing.write_netcdf import write_netcdf
 
 
 @pytest.fixture

@@ -68,7 +68,7 @@ def run(words: list[str], folder: Path) -> None:
 
 
 def fetch(words: list[str], folder: Path) -> None:
-    """Run ``dashred.fetch``, from a server on this machine that has the shared data.
+    """Run ``dashred.data.io.fetch``, from a server on this machine that has the shared data.
 
     Where that is not there, what comes after gets a swing of our own, and the words are read.
     """

@@ -11,8 +11,8 @@ import xarray as xr
 
 from dashred import check
 from dashred.config import load_config
+from dashred.data.io.reader import read_recording
 from dashred.physics.system import System
-from dashred.sensing.reader import read_recording
 from tests.conftest import CHECKOUT
 from tests.documents import snippets
 

@@ -15,13 +15,13 @@ from hypothesis import strategies as st
 
 from dashred.core.errors import InputError
 from dashred.core.files.plain_text import unprintable
+from dashred.data.io.reader import read_episodes
+from dashred.data.io.sensors_table import read_sensors
+from dashred.data.io.stated_units import StatedUnits
 from dashred.data.noise_level import noise_std
 from dashred.data.recording import Recording
 from dashred.data.resampling import resample_all
 from dashred.physics.grid import Axis
-from dashred.sensing.reader import read_episodes
-from dashred.sensing.sensors_table import read_sensors
-from dashred.sensing.stated_units import StatedUnits
 from tests.fuzz.examples import fuzzed
 
 

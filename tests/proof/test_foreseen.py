@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 import xarray as xr
 
+from dashred.data.io.write_netcdf import write_netcdf
 from dashred.proof import record_case as recording
 from dashred.proof.conceal import conceal
 from dashred.proof.draw import Case, draw_again, draw_cases, seed_of
 from dashred.proof.foreseen import lead
 from dashred.proof.record_case import MOST_DRAWS, record_case
-from dashred.sensing.write_netcdf import write_netcdf
 
 
 def case_of(effect: float, *terms: tuple[str, str, float]) -> Case:

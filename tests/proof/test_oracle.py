@@ -12,10 +12,10 @@ import pytest
 import torch
 
 from dashred.core.findings.findings import write_json_atomic
+from dashred.data.io.write_netcdf import write_netcdf
 from dashred.proof.conceal import Concealed, conceal
 from dashred.proof.draw import Case
 from dashred.proof.oracle import _nearest_rival, consult
-from dashred.sensing.write_netcdf import write_netcdf
 from dashred.stages.field_files import write_estimates
 
 CHECKOUT = Path(__file__).resolve().parents[2]

@@ -13,12 +13,12 @@ import xarray as xr
 
 from dashred.config import load_config
 from dashred.data.episodes import Episode, Episodes
+from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System
-from dashred.sensing.write_netcdf import write_netcdf
 from tests.conftest import QUICK, Ended
 
 pytestmark = pytest.mark.slow

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from dashred.config import load_config
 from dashred.core.errors import InputError
 from dashred.core.units import NONE
+from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.discovery.law import SensorFault
-from dashred.sensing.write_netcdf import write_netcdf
 from dashred.stages.problem import Problem, pose
 
 

@@ -11,11 +11,11 @@ import torch
 from dashred.config import load_config
 from dashred.core.errors import InputError
 from dashred.data.episodes import Episode, Episodes
+from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.discovery.episodes_simulator import EpisodesSimulator
 from dashred.discovery.law import SensorFault
-from dashred.sensing.write_netcdf import write_netcdf
 from dashred.stages.assimilation import sensor_data
 from dashred.stages.objectives import exact_simulator, pose_objective
 from dashred.stages.problem import Problem, pose

@@ -9,11 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from dashred import fetch, init, reference, train
+from dashred import init, reference, train
 from dashred.config import load_config
 from dashred.core.errors import InputError
 from dashred.core.files.user_path import check_address, given_path
 from dashred.core.mlflow.server import check_server
+from dashred.data.io import fetch
 
 LONG = "x" * 300
 NOBODY = "~nobody-of-that-name/a"

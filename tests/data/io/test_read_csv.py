@@ -11,11 +11,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dashred.core.errors import InputError
+from dashred.data.io.reader import read_recording
+from dashred.data.io.sensors_table import read_sensors
+from dashred.data.io.stated_units import StatedUnits
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
-from dashred.sensing.reader import read_recording
-from dashred.sensing.sensors_table import read_sensors
-from dashred.sensing.stated_units import StatedUnits
 
 TABLE = "name,field,x,std\na,u,0.5,0.01\nb,v,1.5,\n"
 FILES = settings(
@@ -221,7 +221,7 @@ def test_a_table_of_an_ode_system_has_no_coordinates(ode, write):
 
 
 def test_the_pendulum_recording_is_read_quickly(make_system):
-    path = Path(__file__).parents[3] / "shared/data/pendulum_single/recording.csv"
+    path = Path(__file__).parents[4] / "shared/data/pendulum_single/recording.csv"
     if not path.exists():
         pytest.skip("the real recording is not beside this checkout")
     system = make_system()

@@ -17,10 +17,10 @@ import pytest
 from scipy.io import savemat
 
 from dashred.core.errors import InputError
-from dashred.fetch import main
-from dashred.published_recording import PENDULUM, fetched
+from dashred.data.io.fetch import main
+from dashred.data.io.published_recording import PENDULUM, fetched
 
-CHECKOUT = Path(__file__).resolve().parents[1]
+CHECKOUT = Path(__file__).resolve().parents[3]
 SHARED = CHECKOUT.parent / "shared" / "data"
 NAME = "pendulum_single/recording.csv"
 needs_data = pytest.mark.skipif(
@@ -172,7 +172,7 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path) -> None:
 
 def test_an_error_is_a_message_and_code_2(tmp_path) -> None:
     words = [f"path={tmp_path / 'pendulum.csv'}", "source=http://127.0.0.1:9/x"]
-    command = [sys.executable, "-m", "dashred.fetch", *words]
+    command = [sys.executable, "-m", "dashred.data.io.fetch", *words]
     ended = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True)
     assert ended.returncode == 2
     assert "Traceback" not in ended.stderr and "source=FILE" in ended.stderr

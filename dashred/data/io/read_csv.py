@@ -11,11 +11,11 @@ from dashred.core.errors import InputError, nearest
 from dashred.core.units import TIME
 from dashred.data.checks import check_input, checked_recording
 from dashred.data.episodes import Episode, Episodes, Stretch, stretches
+from dashred.data.io.csv_table import Table, read_table, separated_otherwise
+from dashred.data.io.sensors_table import read_sensors
+from dashred.data.io.stated_units import StatedUnits
 from dashred.data.sensors import RESERVED, Described, Sensor, readable
 from dashred.physics.measured import Measured
-from dashred.sensing.sensors_table import read_sensors
-from dashred.sensing.stated_units import StatedUnits
-from dashred.sensing.tables import Table, read_table, separated_otherwise
 
 
 def read_csv(path: str, sensors_table: str | None, system: Described) -> Episodes:

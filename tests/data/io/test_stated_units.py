@@ -8,10 +8,10 @@ import pytest
 import xarray as xr
 
 from dashred.core.errors import InputError
+from dashred.data.io.reader import read_recording
+from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
-from dashred.sensing.reader import read_recording
-from dashred.sensing.write_netcdf import write_netcdf
 
 ROWS = "".join(f"{i / 10},{i % 7},{i % 5}\n" for i in range(25))
 

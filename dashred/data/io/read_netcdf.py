@@ -18,9 +18,9 @@ from dashred.core.files.external_links import check_hdf5
 from dashred.core.units import TIME, check_unit
 from dashred.data.checks import check_covered, check_input, checked_recording
 from dashred.data.episodes import Episode, Episodes, Stretch, stretches
+from dashred.data.io.stated_units import StatedUnits
 from dashred.data.sensors import Described, Sensor, check_names, check_sensor
 from dashred.physics.measured import Measured
-from dashred.sensing.stated_units import StatedUnits
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from dashred.core.errors import InputError
 from dashred.data.episodes import Episodes
+from dashred.data.io.read_csv import read_csv
+from dashred.data.io.read_netcdf import read_netcdf
 from dashred.data.recording import Recording
 from dashred.data.sensors import Described
-from dashred.sensing.read_csv import read_csv
-from dashred.sensing.read_netcdf import read_netcdf
 
 
 def read_recording(path: str, sensors_table: str | None, system: Described) -> Recording:

@@ -6,9 +6,9 @@ import math
 
 from dashred.core.errors import InputError, nearest
 from dashred.core.units import check_unit
+from dashred.data.io.csv_table import Table, read_table
+from dashred.data.io.stated_units import StatedUnits
 from dashred.data.sensors import Described, Sensor, check_names, check_sensor
-from dashred.sensing.stated_units import StatedUnits
-from dashred.sensing.tables import Table, read_table
 
 KNOWN_PERHAPS = ("std", "unit")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dashred.sensing.missing_marks import missing_marks, without_marks
+from dashred.data.io.missing_sentinels import missing_marks, without_marks
 
 SWING = np.round(np.cos(0.1 * np.arange(300)), 3)
 

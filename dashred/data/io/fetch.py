@@ -1,4 +1,4 @@
-"""Fetch the real pendulum's recording: ``python -m dashred.fetch path=pendulum.csv``.
+"""Fetch the real pendulum's recording: ``python -m dashred.data.io.fetch path=pendulum.csv``.
 
 It comes from its authors' public repository and is held against a known hash; a file that is
 already there is left as it is, and nothing half-fetched is ever kept.
@@ -14,12 +14,12 @@ from dashred.core.errors import DONE, InputError, run_entry
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.files.user_path import given_path
 from dashred.core.findings.findings import sha256_of
-from dashred.published_recording import PENDULUM, fetched
+from dashred.data.io.published_recording import PENDULUM, fetched
 
-EXAMPLE = "python -m dashred.fetch path=pendulum.csv"
+EXAMPLE = "python -m dashred.data.io.fetch path=pendulum.csv"
 KEYS = ("path", "source")
 USAGE = f"""\
-usage: python -m dashred.fetch path=FILE.csv [source=URL|FILE]
+usage: python -m dashred.data.io.fetch path=FILE.csv [source=URL|FILE]
 
 Fetches the recording of a real pendulum that the tutorial (docs/tutorial.md) analyses:
 {PENDULUM.contents}.

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from dashred.core.errors import InputError
+from dashred.data.io.reader import read_recording
+from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
-from dashred.sensing.reader import read_recording
-from dashred.sensing.write_netcdf import write_netcdf
 
 names = st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"]), min_size=1)
 values = st.one_of(st.floats(-1e100, 1e100), st.just(float("nan")))

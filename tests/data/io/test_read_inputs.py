@@ -9,9 +9,9 @@ import pytest
 import xarray as xr
 
 from dashred.core.errors import InputError
+from dashred.data.io.reader import read_recording
+from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.resampling import resample
-from dashred.sensing.reader import read_recording
-from dashred.sensing.write_netcdf import write_netcdf
 
 
 def lines(cell: str = "") -> str:
