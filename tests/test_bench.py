@@ -14,13 +14,13 @@ from typing import Any
 
 import pytest
 
-from dashred import bench
 from dashred.benchmark import processes
 from dashred.benchmark.plan import Row, plan
 from dashred.benchmark.summary import as_metrics, summarise
 from dashred.benchmark.table import finished_line, notes, rows_grid, to_markdown
 from dashred.benchmark.words import read_seeds, read_words
 from dashred.core.errors import InputError
+from dashred.evaluation import bench
 from dashred.output import make_output
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -174,7 +174,7 @@ def test_systems_are_needed(stub: Stub) -> None:
 @pytest.mark.parametrize(
     ("words", "code", "says"),
     [
-        (["--help"], 0, "usage: python -m dashred.bench systems=SYSTEM"),
+        (["--help"], 0, "usage: python -m dashred.evaluation.bench systems=SYSTEM"),
         (["systems=rde", "twins=a,zz"], 2, "choose from: a, b, c, null"),
     ],
 )
@@ -184,7 +184,7 @@ def test_the_command_answers_within_two_seconds(words: list[str], code: int, say
     for _ in range(5):
         began = time.perf_counter()
         ended = subprocess.run(
-            [sys.executable, "-m", "dashred.bench", *words],
+            [sys.executable, "-m", "dashred.evaluation.bench", *words],
             cwd=CHECKOUT,
             capture_output=True,
             text=True,

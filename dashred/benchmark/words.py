@@ -33,7 +33,7 @@ MOST = 10_000
 OWN_NUMBER = "own"
 
 USAGE = """\
-usage: python -m dashred.bench systems=SYSTEM,... [key=value ...]
+usage: python -m dashred.evaluation.bench systems=SYSTEM,... [key=value ...]
 
 Runs `python -m dashred.train` on every combination, each in a process of its own, and ends in a
 table. Rows that are done are not run again: after an interruption, give the same command again.

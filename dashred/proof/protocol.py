@@ -10,7 +10,7 @@ from dashred.proof.systems import SYSTEMS
 
 PROTOCOL = """\
 Each case hides something in a system, records it with a few noisy sensors, and asks the tool what
-its simulation leaves out. `python -m dashred.prove` does all of this and writes this page.
+its simulation leaves out. `python -m dashred.evaluation.prove` does all of this and writes this page.
 
 1. **Drawn.** What is hidden follows from one number, {seed}, which comes from {origin}. Laws that
    act everywhere have one to three terms of the analysis's library; one term acts in a region,

@@ -17,8 +17,8 @@ OF_A_DRAW = ("cases", "nulls", "jobs", "output", "draw")
 MOST = 100_000
 
 USAGE = """\
-usage: python -m dashred.prove cases=120 nulls=100 [key=value ...]
-       python -m dashred.prove score=DIR [document=FILE] [pendulum=FILE]
+usage: python -m dashred.evaluation.prove cases=120 nulls=100 [key=value ...]
+       python -m dashred.evaluation.prove score=DIR [document=FILE] [pendulum=FILE]
 
 Draws sealed cases, lets them be analysed by processes that have no way to the truth, freezes the
 findings, opens the seals and scores. Cases that are done are not run again: after an interruption,

@@ -1,4 +1,4 @@
-"""Prove it on cases whose truth is concealed: ``python -m dashred.prove cases=120 nulls=100``.
+"""Prove it on cases whose truth is concealed: ``python -m dashred.evaluation.prove cases=120 nulls=100``.
 
 Each case is drawn and recorded, analysed by a process that has no way to the truth, frozen,
 opened and scored; the last step writes all of it down.

@@ -1,4 +1,4 @@
-"""Run many twin experiments and tell how they went: ``python -m dashred.bench systems=rde``.
+"""Run many twin experiments and tell how they went: ``python -m dashred.evaluation.bench systems=rde``.
 
 Each row is one experiment: a system, a twin, a seed, a noise. Rows that are done are not run
 again, so that a bench which was cut short goes on where it stopped.

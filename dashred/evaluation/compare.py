@@ -1,4 +1,4 @@
-"""Hold every method against the hidden truth: ``python -m dashred.compare systems=all``.
+"""Hold every method against the hidden truth: ``python -m dashred.evaluation.compare systems=all``.
 
 First the experiments of a bench, then the other methods on the same recordings; rows that are done
 are not done again. It ends in a page of all rows in the folder, ``docs/results.md``.
@@ -12,9 +12,9 @@ from pathlib import Path
 from dashred.core.errors import run_entry
 
 USAGE = """\
-usage: python -m dashred.compare systems=SYSTEM,... [key=value ...]
+usage: python -m dashred.evaluation.compare systems=SYSTEM,... [key=value ...]
 
-Runs `python -m dashred.train` on every combination, as `python -m dashred.bench` does, and then, on
+Runs `python -m dashred.train` on every combination, as `python -m dashred.evaluation.bench` does, and then, on
 the same recordings, the simulation, optimal interpolation, SHRED on plain simulations, ensemble
 Kalman filters of the state and with coefficients, and PDE-FIND given the full noisy field. Rows
 that are done are not done again: after an interruption, give the same command again.
@@ -34,9 +34,9 @@ that are done are not done again: after an interruption, give the same command a
 The page has every row that lies in DIR, those of earlier commands with the same overrides too, so
 that systems with other seeds, or layouts, are other commands with the same output= and document=:
 
-  python -m dashred.compare systems=rde,heat seeds=0-2 output=DIR document=docs/results.md
-  python -m dashred.compare systems=ks2d seeds=0-1 output=DIR document=docs/results.md
-  python -m dashred.compare systems=rde,ks2d sensors=4,8,20,49 noise=0.01,0.05,0.1 twins=a \\
+  python -m dashred.evaluation.compare systems=rde,heat seeds=0-2 output=DIR document=docs/results.md
+  python -m dashred.evaluation.compare systems=ks2d seeds=0-1 output=DIR document=docs/results.md
+  python -m dashred.evaluation.compare systems=rde,ks2d sensors=4,8,20,49 noise=0.01,0.05,0.1 twins=a \\
       output=DIR document=docs/results.md
 
 A row that failed, and a method of one, are on the page, too. The command then ends with 1; given

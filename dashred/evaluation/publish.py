@@ -1,4 +1,4 @@
-"""Publish cases without their truths: ``python -m dashred.publish draw=SECRET output=conf/proof``.
+"""Publish cases without their truths: ``python -m dashred.evaluation.publish draw=SECRET output=conf/proof``.
 
 ``truths=FILE`` takes what was hidden, with a salt; the repository gets its hashes alone.
 ``check=FILE`` says which claimed truths, in the form of that file, are the right ones.
