@@ -13,10 +13,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dashred.baselines.analyse import FIELDS, LAWS, METHODS, NOT_FOR_SYSTEM, OF_LAWS
 from dashred.comparison.compared import COMPARED, OTHERS_FAILED, UNRESOLVED, Compared, Comparison
 from dashred.core.errors import DONE, InputError, run_entry
 from dashred.core.findings.findings import check_freeze, sha256_of, write_json_atomic
+from dashred.evaluation.baselines.analyse import FIELDS, LAWS, METHODS, NOT_FOR_SYSTEM, OF_LAWS
 
 if TYPE_CHECKING:
     import numpy as np

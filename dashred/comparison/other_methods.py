@@ -14,9 +14,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-from dashred.baselines.analyse import FIELDS, LAWS
 from dashred.comparison.method_scores import ESTIMATES
 from dashred.core.errors import DONE, run_entry
+from dashred.evaluation.baselines.analyse import FIELDS, LAWS
 from dashred.twin_experiment import words_of_analysis
 
 
@@ -45,7 +45,9 @@ def _analyse(folder: Path, words: list[str]) -> int:
         recording = Path(private) / "recording.nc"
         shutil.copyfile(folder / "recording.nc", recording)
         found = Path(private) / "found"
-        code = _run("dashred.baselines.analyse", words_of_analysis(words, recording, found))
+        code = _run(
+            "dashred.evaluation.baselines.analyse", words_of_analysis(words, recording, found)
+        )
         if code == DONE:
             for name in (FIELDS, LAWS):
                 if (found / name).is_file():

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pysindy import STLSQ, FiniteDifference
 from torch import Tensor
 
-from dashred.baselines.estimate import TermEntry
+from dashred.evaluation.baselines.estimate import TermEntry
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 

@@ -11,9 +11,6 @@ from typing import Any
 import pytest
 import torch
 
-from dashred.baselines import kalman_filter
-from dashred.baselines.analyse import FIELDS, LAWS, attempt
-from dashred.baselines.estimate import Estimated
 from dashred.benchmark.plan import Row, plan
 from dashred.benchmark.words import read_words
 from dashred.comparison import method_scores, other_methods
@@ -24,6 +21,9 @@ from dashred.config import frozen_input, load_config
 from dashred.core.findings.findings import write_json_atomic
 from dashred.core.system_errors import RefusedError
 from dashred.discovery.ensemble_filter import FilterLostError
+from dashred.evaluation.baselines import kalman_filter
+from dashred.evaluation.baselines.analyse import FIELDS, LAWS, attempt
+from dashred.evaluation.baselines.estimate import Estimated
 from dashred.sealing import Concealed, SealedTerm
 
 
@@ -142,7 +142,7 @@ def test_the_analysis_is_scored_where_the_others_fail_as_a_whole(
 ) -> None:
     (tmp_path / "recording.nc").touch()
     (tmp_path / "estimates.nc").touch()
-    codes = {"dashred.baselines.analyse": 3, "dashred.comparison.method_scores": 0}
+    codes = {"dashred.evaluation.baselines.analyse": 3, "dashred.comparison.method_scores": 0}
     ran = []
 
     def run(module: str, words: list[str]) -> int:

@@ -17,10 +17,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from dashred.baselines.estimate import Estimated
-from dashred.baselines.localisation import radii, radius_in_words
 from dashred.data.sensors import Sensor
 from dashred.discovery.localisation import distances, gaspari_cohn, sensor_distances
+from dashred.evaluation.baselines.estimate import Estimated
+from dashred.evaluation.baselines.localisation import radii, radius_in_words
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.grid import Grid
 from dashred.stages.problem import Problem

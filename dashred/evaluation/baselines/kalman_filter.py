@@ -16,8 +16,6 @@ from statistics import NormalDist
 import torch
 from torch import Tensor
 
-from dashred.baselines.estimate import Estimated, TermEntry
-from dashred.baselines.localisation import radii, radius_in_words
 from dashred.discovery.candidates import stable_limit
 from dashred.discovery.ensemble_filter import (
     Filtered,
@@ -25,6 +23,8 @@ from dashred.discovery.ensemble_filter import (
     FilterSettings,
     ensemble_filter,
 )
+from dashred.evaluation.baselines.estimate import Estimated, TermEntry
+from dashred.evaluation.baselines.localisation import radii, radius_in_words
 from dashred.physics.ensemble import Ensemble, term_scales
 from dashred.physics.library import resolve
 from dashred.physics.system import Term

@@ -11,8 +11,8 @@ import torch
 import xarray as xr
 
 from dashred import record
-from dashred.baselines.closed_form import Traces, closed_form, eigenvalues, fit_modes
 from dashred.config import load_config
+from dashred.evaluation.baselines.closed_form import Traces, closed_form, eigenvalues, fit_modes
 from dashred.physics.prior import StartPrior, gaussian_process_modes
 from dashred.physics.system import System
 from dashred.stages import problem, simulation

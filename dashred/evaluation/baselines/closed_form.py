@@ -18,7 +18,7 @@ from itertools import combinations
 import torch
 from torch import Tensor
 
-from dashred.baselines.estimate import Estimated, TermEntry
+from dashred.evaluation.baselines.estimate import Estimated, TermEntry
 from dashred.physics.algebra import Expr, add
 from dashred.physics.linear import is_linear, split_linear, symbols
 from dashred.physics.prior import StartPrior

@@ -10,8 +10,8 @@ import pytest
 import xarray as xr
 
 from dashred import record, train
-from dashred.baselines.closed_form import closed_form
 from dashred.config import load_config
+from dashred.evaluation.baselines.closed_form import closed_form
 from dashred.stages import problem, simulation
 
 # Networks have no part in what is compared.

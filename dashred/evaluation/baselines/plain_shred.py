@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dashred.baselines.estimate import Estimated
 from dashred.core.mlflow.tracker import Tracker
+from dashred.evaluation.baselines.estimate import Estimated
 from dashred.models.shred import reconstruct
 from dashred.physics.ensemble import Ensemble
 from dashred.stages.assimilation import sensor_data

@@ -1,4 +1,4 @@
-"""Run the other methods on one recording: ``python -m dashred.baselines.analyse conf=…``.
+"""Run the other methods on one recording: ``python -m dashred.evaluation.baselines.analyse conf=…``.
 
 Like the analysis it is handed the recording alone. It writes ``baselines.nc``, the fields by
 method, and ``baselines.json``: laws, settings, seconds, failures, and the hash that freezes the
@@ -21,7 +21,7 @@ from dashred.core.errors import DONE, InputError, run_entry
 from dashred.core.system_errors import told
 
 if TYPE_CHECKING:
-    from dashred.baselines.estimate import Estimated
+    from dashred.evaluation.baselines.estimate import Estimated
     from dashred.stages.problem import Problem
 
 FIELDS, LAWS = "baselines.nc", "baselines.json"
@@ -61,11 +61,11 @@ def main(argv: list[str]) -> int:
 
 def analyse(config: Config) -> None:
     """Run every method in turn and write what they found."""
-    from dashred.baselines.closed_form import closed_form
-    from dashred.baselines.kalman_filter import filter_augmented, filter_state
-    from dashred.baselines.optimal_interpolation import optimal_interpolation
-    from dashred.baselines.plain_shred import plain_shred
     from dashred.core.mlflow.tracker import Tracker
+    from dashred.evaluation.baselines.closed_form import closed_form
+    from dashred.evaluation.baselines.kalman_filter import filter_augmented, filter_state
+    from dashred.evaluation.baselines.optimal_interpolation import optimal_interpolation
+    from dashred.evaluation.baselines.plain_shred import plain_shred
     from dashred.output import make_output
     from dashred.stages import problem, provenance, simulation
     from dashred.stages.told_apart import told_apart
