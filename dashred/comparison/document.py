@@ -7,9 +7,6 @@ import shutil
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from dashred.benchmark.record import Record
-from dashred.benchmark.summary import commits, spread
-from dashred.benchmark.table import Grid, markdown_grid, notes_on_code, rows_grid
 from dashred.comparison.notes import (
     FIELD_NOTE,
     INTRODUCTION,
@@ -35,6 +32,9 @@ from dashred.comparison.ratios import (
 )
 from dashred.comparison.sensors_and_noise import lost_text, ratio_text, sensors_and_noise
 from dashred.core.files.atomic import write_text_atomic
+from dashred.evaluation.benchmark.record import Record
+from dashred.evaluation.benchmark.summary import commits, spread
+from dashred.evaluation.benchmark.table import Grid, markdown_grid, notes_on_code, rows_grid
 
 FIGURES = {
     "space_time_truth.png": "truth and methods",

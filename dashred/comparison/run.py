@@ -6,11 +6,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dashred.benchmark.plan import Row
-from dashred.benchmark.processes import run_rows
-from dashred.benchmark.record import read_done, read_kept
-from dashred.benchmark.run import nested_below, parent_run, run_bench
-from dashred.benchmark.words import Request
 from dashred.comparison.compared import UNRESOLVED, Compared, read_compared, write_uncompared
 from dashred.comparison.document import write_results
 from dashred.comparison.kept_rows import rows_of_page
@@ -20,6 +15,11 @@ from dashred.core.errors import DONE, OUR_FAILURE
 from dashred.core.job_control import alone_in, last_line, signals_as_interrupt
 from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import CONSOLE
+from dashred.evaluation.benchmark.arguments import Request
+from dashred.evaluation.benchmark.plan import Row
+from dashred.evaluation.benchmark.processes import run_rows
+from dashred.evaluation.benchmark.record import read_done, read_kept
+from dashred.evaluation.benchmark.run import nested_below, parent_run, run_bench
 from dashred.output import make_output
 
 LOG = "other_methods.txt"

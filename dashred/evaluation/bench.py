@@ -13,14 +13,14 @@ from dashred.core.errors import run_entry
 
 def main(argv: list[str]) -> int:
     """Run the rows that are not done, and print the table of all of them."""
-    from dashred.benchmark.plan import plan
-    from dashred.benchmark.words import read_words
+    from dashred.evaluation.benchmark.arguments import read_words
+    from dashred.evaluation.benchmark.plan import plan
 
     request = read_words(argv)
     rows = plan(request)
 
     # Whatever can be wrong with the words has been met by here: MLflow takes seconds to import.
-    from dashred.benchmark.run import run_bench
+    from dashred.evaluation.benchmark.run import run_bench
 
     return run_bench(request, rows)
 

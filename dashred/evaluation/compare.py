@@ -46,8 +46,8 @@ again it tries again, but where a simulator is not resolved.
 
 def main(argv: list[str]) -> int:
     """Run the rows that are not done, and write the page of all of them."""
-    from dashred.benchmark.plan import plan
-    from dashred.benchmark.words import read_words
+    from dashred.evaluation.benchmark.arguments import read_words
+    from dashred.evaluation.benchmark.plan import plan
 
     named = [word.partition("=")[2] for word in argv if word.startswith("document=")]
     others = [word for word in argv if not word.startswith("document=")]

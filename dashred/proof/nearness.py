@@ -10,9 +10,9 @@ import numpy as np
 import torch
 import xarray as xr
 
-from dashred.benchmark.record import ratio_of
 from dashred.core.findings.schema import Score
 from dashred.data.observation_operator import ObservationOperator
+from dashred.evaluation.benchmark.record import ratio_of
 from dashred.proof.case_record import Coefficient, Gains, Region
 from dashred.proof.conceal import Concealed
 from dashred.proof.draw import Case

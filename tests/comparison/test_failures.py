@@ -11,8 +11,6 @@ from typing import Any
 import pytest
 import torch
 
-from dashred.benchmark.plan import Row, plan
-from dashred.benchmark.words import read_words
 from dashred.comparison import method_scores, other_methods
 from dashred.comparison.compared import UNRESOLVED, read_compared
 from dashred.comparison.method_scores import _compared, compare
@@ -24,6 +22,8 @@ from dashred.discovery.ensemble_filter import FilterLostError
 from dashred.evaluation.baselines import kalman_filter
 from dashred.evaluation.baselines.analyse import FIELDS, LAWS, attempt
 from dashred.evaluation.baselines.estimate import Estimated
+from dashred.evaluation.benchmark.arguments import read_words
+from dashred.evaluation.benchmark.plan import Row, plan
 from dashred.sealing import Concealed, SealedTerm
 
 

@@ -130,8 +130,8 @@ def mlflow_words(words: list[str], folder: Path) -> None:
 
 def bench_words(words: list[str], folder: Path) -> None:
     """Read the words of a bench, and plan its rows."""
-    from dashred.benchmark.plan import plan
-    from dashred.benchmark.words import read_words
+    from dashred.evaluation.benchmark.arguments import read_words
+    from dashred.evaluation.benchmark.plan import plan
 
     assert plan(read_words([word for word in words[3:] if not word.startswith("document=")]))
 

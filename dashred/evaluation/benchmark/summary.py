@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from statistics import median
 from typing import Any
 
-from dashred.benchmark.record import RATIOS, Record
+from dashred.evaluation.benchmark.record import RATIOS, Record
 
 Summary = dict[str, Any]
 

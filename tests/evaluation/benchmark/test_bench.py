@@ -14,16 +14,16 @@ from typing import Any
 
 import pytest
 
-from dashred.benchmark import processes
-from dashred.benchmark.plan import Row, plan
-from dashred.benchmark.summary import as_metrics, summarise
-from dashred.benchmark.table import finished_line, notes, rows_grid, to_markdown
-from dashred.benchmark.words import read_seeds, read_words
 from dashred.core.errors import InputError
 from dashred.evaluation import bench
+from dashred.evaluation.benchmark import processes
+from dashred.evaluation.benchmark.arguments import read_seeds, read_words
+from dashred.evaluation.benchmark.plan import Row, plan
+from dashred.evaluation.benchmark.summary import as_metrics, summarise
+from dashred.evaluation.benchmark.table import finished_line, notes, rows_grid, to_markdown
 from dashred.output import make_output
 
-CHECKOUT = Path(__file__).resolve().parents[1]
+CHECKOUT = Path(__file__).resolve().parents[3]
 
 # Stands in for dashred.train. It fails on twin b of seed 1 until a file `repaired` lies beside it,
 # and hangs on twin b of seed 9.

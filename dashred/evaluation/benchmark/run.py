@@ -9,20 +9,6 @@ from pathlib import Path
 
 from rich.console import Console
 
-from dashred.benchmark import processes
-from dashred.benchmark.plan import Row
-from dashred.benchmark.processes import LOG, run_rows
-from dashred.benchmark.record import Record, read_done, write_record
-from dashred.benchmark.summary import as_metrics, commits, summarise
-from dashred.benchmark.table import (
-    finished_line,
-    notes,
-    rows_grid,
-    summary_grid,
-    to_markdown,
-    to_rich,
-)
-from dashred.benchmark.words import Request
 from dashred.core.errors import DONE, OUR_FAILURE, InputError
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.findings import write_json_atomic
@@ -30,6 +16,20 @@ from dashred.core.job_control import alone_in, signals_as_interrupt
 from dashred.core.mlflow.store import find_run, open_store
 from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import CONSOLE
+from dashred.evaluation.benchmark import processes
+from dashred.evaluation.benchmark.arguments import Request
+from dashred.evaluation.benchmark.plan import Row
+from dashred.evaluation.benchmark.processes import LOG, run_rows
+from dashred.evaluation.benchmark.record import Record, read_done, write_record
+from dashred.evaluation.benchmark.summary import as_metrics, commits, summarise
+from dashred.evaluation.benchmark.table import (
+    finished_line,
+    notes,
+    rows_grid,
+    summary_grid,
+    to_markdown,
+    to_rich,
+)
 from dashred.output import make_output
 
 # A log or a pipe has no width of its own, and tables are wide.

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
-from dashred.benchmark.plan import Row
+from dashred.evaluation.benchmark.plan import Row
 from dashred.output import make_output
 
 POLL_SECONDS = 0.1

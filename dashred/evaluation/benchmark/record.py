@@ -6,11 +6,11 @@ import json
 from pathlib import Path
 from typing import Any
 
-from dashred.benchmark.plan import Row
-from dashred.benchmark.processes import LOG
 from dashred.core.errors import DONE
 from dashred.core.findings.findings import canonical, write_json_atomic
 from dashred.core.job_control import last_line
+from dashred.evaluation.benchmark.plan import Row
+from dashred.evaluation.benchmark.processes import LOG
 
 FLAGGED = {"ambiguous", "not-converged", "outside-library", "unresolved-numerics"}
 RATIOS = {

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from dashred.benchmark.record import RATIOS, Record
-from dashred.benchmark.summary import Summary, commits, setting_of
+from dashred.evaluation.benchmark.record import RATIOS, Record
+from dashred.evaluation.benchmark.summary import Summary, commits, setting_of
 
 if TYPE_CHECKING:
     from rich.table import Table as RichTable

@@ -10,7 +10,7 @@ from dashred.config import Settings, bundled
 from dashred.core.errors import InputError, nearest
 from dashred.core.files.user_path import given_path
 
-CHECKOUT = Path(__file__).resolve().parents[2]
+CHECKOUT = Path(__file__).resolve().parents[3]
 PLACE = "command line"
 OWN = ("systems", "twins", "seeds", "noise", "sensors", "extra", "jobs", "output")
 # What differs from row to row, or is settled by the bench, and the word that says it here.
