@@ -56,7 +56,7 @@ def main(argv: list[str]) -> int:
     document = Path(named[-1]) if named else request.output / "results.md"
 
     # Whatever can be wrong with the words has been met by here: MLflow takes seconds to import.
-    from dashred.comparison.run import run_comparison
+    from dashred.evaluation.comparison.run import run_comparison
 
     return run_comparison(request, rows, document.absolute())
 

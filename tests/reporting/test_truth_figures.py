@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from dashred.comparison.ratios import FIELDS
+from dashred.evaluation.comparison.ratios import FIELDS
 from dashred.reporting.method_names import NAMES, SHRED_UNCHANGED
 from dashred.reporting.truth_figures import joined
 

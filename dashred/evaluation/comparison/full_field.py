@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import torch
 
-from dashred.comparison.pde_find import pde_find
 from dashred.data.inputs import under
 from dashred.data.io.reader import read_recording
 from dashred.evaluation.baselines.analyse import own_failure
+from dashred.evaluation.comparison.pde_find import pde_find
 from dashred.physics.library import build_library
 from dashred.scoring import system_of
 

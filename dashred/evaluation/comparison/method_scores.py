@@ -1,4 +1,4 @@
-"""Hold all methods against the hidden truth: ``python -m dashred.comparison.method_scores …``.
+"""Hold all methods against the hidden truth: ``python -m dashred.evaluation.comparison.method_scores …``.
 
 Everything that read the recording is frozen by here: the findings of the analysis by their own
 freeze, the fields of the other methods by the hash that was kept with them.
@@ -13,10 +13,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dashred.comparison.compared import COMPARED, OTHERS_FAILED, UNRESOLVED, Compared, Comparison
 from dashred.core.errors import DONE, InputError, run_entry
 from dashred.core.findings.findings import check_freeze, sha256_of, write_json_atomic
 from dashred.evaluation.baselines.analyse import FIELDS, LAWS, METHODS, NOT_FOR_SYSTEM, OF_LAWS
+from dashred.evaluation.comparison.kept_comparison import (
+    COMPARED,
+    OTHERS_FAILED,
+    UNRESOLVED,
+    Compared,
+    Comparison,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -97,8 +103,8 @@ def _methods(
     noise: float,
     seed: int,
 ) -> dict[str, Compared]:
-    from dashred.comparison.full_field import pde_find_on_full_field
-    from dashred.comparison.methods_figure import draw_methods
+    from dashred.evaluation.comparison.full_field import pde_find_on_full_field
+    from dashred.evaluation.comparison.methods_figure import draw_methods
     from dashred.reporting.truth_figures import joined
     from dashred.score import load_fields, true_states
     from dashred.scoring import law_of_truth, rmse, rmse_by_time, scaled_errors

@@ -1,6 +1,6 @@
 """What the page of a comparison says of its tables: what is counted, and what each method knows."""
 
-from dashred.comparison.ratios import FIELDS, REFERENCE
+from dashred.evaluation.comparison.ratios import FIELDS, REFERENCE
 
 INTRODUCTION = (
     "Every number here is of twins: a truth that the analysis does not have, run at doubled "

@@ -11,10 +11,6 @@ from typing import Any
 import pytest
 import torch
 
-from dashred.comparison import method_scores, other_methods
-from dashred.comparison.compared import UNRESOLVED, read_compared
-from dashred.comparison.method_scores import _compared, compare
-from dashred.comparison.run import _finished, _settled, compared_row
 from dashred.config import frozen_input, load_config
 from dashred.core.findings.findings import write_json_atomic
 from dashred.core.system_errors import RefusedError
@@ -24,6 +20,10 @@ from dashred.evaluation.baselines.analyse import FIELDS, LAWS, attempt
 from dashred.evaluation.baselines.estimate import Estimated
 from dashred.evaluation.benchmark.arguments import read_words
 from dashred.evaluation.benchmark.plan import Row, plan
+from dashred.evaluation.comparison import method_scores, other_methods
+from dashred.evaluation.comparison.kept_comparison import UNRESOLVED, read_compared
+from dashred.evaluation.comparison.method_scores import _compared, compare
+from dashred.evaluation.comparison.run import _finished, _settled, compared_row
 from dashred.sealing import Concealed, SealedTerm
 
 
@@ -131,7 +131,7 @@ def test_a_simulator_that_is_not_resolved_is_told_and_not_compared(
     unresolved(tmp_path / "row")
     monkeypatch.setattr(other_methods, "_run", run)
     assert other_methods.main([f"folder={tmp_path / 'row'}", "noise=0.1", "conf=rde"]) == 0
-    assert ran == ["dashred.comparison.method_scores"]
+    assert ran == ["dashred.evaluation.comparison.method_scores"]
     assert not (tmp_path / "row" / LAWS).exists()
     comparison = compare(tmp_path / "row", 0.1, 0)
     assert (comparison["problem"], comparison["methods"]) == (UNRESOLVED, {})
@@ -142,7 +142,10 @@ def test_the_analysis_is_scored_where_the_others_fail_as_a_whole(
 ) -> None:
     (tmp_path / "recording.nc").touch()
     (tmp_path / "estimates.nc").touch()
-    codes = {"dashred.evaluation.baselines.analyse": 3, "dashred.comparison.method_scores": 0}
+    codes = {
+        "dashred.evaluation.baselines.analyse": 3,
+        "dashred.evaluation.comparison.method_scores": 0,
+    }
     ran = []
 
     def run(module: str, words: list[str]) -> int:

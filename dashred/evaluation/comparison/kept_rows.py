@@ -8,11 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dashred.comparison.compared import read_compared
 from dashred.core.errors import InputError
 from dashred.evaluation.benchmark.arguments import Request
 from dashred.evaluation.benchmark.plan import Row, plan
 from dashred.evaluation.benchmark.record import read_kept
+from dashred.evaluation.comparison.kept_comparison import read_compared
 
 OF_A_ROW = ("twin", "noise", "seed", "sensors", "extra", "words")
 

@@ -6,7 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from dashred.comparison.methods_figure import METHODS_FIGURE, draw_methods, methods_figure
+from dashred.evaluation.comparison.methods_figure import (
+    METHODS_FIGURE,
+    draw_methods,
+    methods_figure,
+)
 
 TIMES = np.linspace(0, 1, 5)
 

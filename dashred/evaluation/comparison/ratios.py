@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
-from dashred.comparison.compared import Compared
 from dashred.evaluation.baselines.analyse import NOT_FOR_SYSTEM
 from dashred.evaluation.benchmark.record import Record
+from dashred.evaluation.comparison.kept_comparison import Compared
 
 # The field that errors are told relative to: the simulator as it is, from the same start.
 REFERENCE = "simulation_same_start"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dashred.comparison.ratios import ComparedRow
 from dashred.evaluation.benchmark.record import Record
+from dashred.evaluation.comparison.ratios import ComparedRow
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import torch
 
-from dashred.comparison.pde_find import low_rank, pde_find, wiener
 from dashred.config import load_config
+from dashred.evaluation.comparison.pde_find import low_rank, pde_find, wiener
 from dashred.physics.library import build_library
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System

@@ -6,11 +6,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dashred.comparison.compared import UNRESOLVED, Compared, read_compared, write_uncompared
-from dashred.comparison.document import write_results
-from dashred.comparison.kept_rows import rows_of_page
-from dashred.comparison.method_scores import read_others
-from dashred.comparison.ratios import ComparedRow, as_metrics
 from dashred.core.errors import DONE, OUR_FAILURE
 from dashred.core.job_control import alone_in, last_line, signals_as_interrupt
 from dashred.core.mlflow.tracker import Tracker
@@ -20,6 +15,16 @@ from dashred.evaluation.benchmark.plan import Row
 from dashred.evaluation.benchmark.processes import run_rows
 from dashred.evaluation.benchmark.record import read_done, read_kept
 from dashred.evaluation.benchmark.run import nested_below, parent_run, run_bench
+from dashred.evaluation.comparison.document import write_results
+from dashred.evaluation.comparison.kept_comparison import (
+    UNRESOLVED,
+    Compared,
+    read_compared,
+    write_uncompared,
+)
+from dashred.evaluation.comparison.kept_rows import rows_of_page
+from dashred.evaluation.comparison.method_scores import read_others
+from dashred.evaluation.comparison.ratios import ComparedRow, as_metrics
 from dashred.output import make_output
 
 LOG = "other_methods.txt"
@@ -42,7 +47,7 @@ def run_comparison(request: Request, rows: Sequence[Row], document: Path) -> int
 
         def command(row: Row) -> list[str]:
             own = [f"folder={row.folder}", f"noise={row.noise:.12g}"]
-            module = "dashred.comparison.other_methods"
+            module = "dashred.evaluation.comparison.other_methods"
             return [sys.executable, "-m", module, *own, *row.words, *nested]
 
         run_rows(waiting, request.jobs, command, LOG, _finished)

@@ -7,7 +7,11 @@ import shutil
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from dashred.comparison.notes import (
+from dashred.core.files.atomic import write_text_atomic
+from dashred.evaluation.benchmark.record import Record
+from dashred.evaluation.benchmark.summary import commits, spread
+from dashred.evaluation.benchmark.table import Grid, markdown_grid, notes_on_code, rows_grid
+from dashred.evaluation.comparison.notes import (
     FIELD_NOTE,
     INTRODUCTION,
     LAW_NOTE,
@@ -16,9 +20,9 @@ from dashred.comparison.notes import (
     SENSORS_NOTE,
     unchanged_note,
 )
-from dashred.comparison.outcomes import count_claims
-from dashred.comparison.paper import PAPER
-from dashred.comparison.ratios import (
+from dashred.evaluation.comparison.outcomes import count_claims
+from dashred.evaluation.comparison.paper import PAPER
+from dashred.evaluation.comparison.ratios import (
     FIELDS,
     LAWS,
     ComparedRow,
@@ -30,11 +34,7 @@ from dashred.comparison.ratios import (
     median_seconds,
     own_layout,
 )
-from dashred.comparison.sensors_and_noise import lost_text, ratio_text, sensors_and_noise
-from dashred.core.files.atomic import write_text_atomic
-from dashred.evaluation.benchmark.record import Record
-from dashred.evaluation.benchmark.summary import commits, spread
-from dashred.evaluation.benchmark.table import Grid, markdown_grid, notes_on_code, rows_grid
+from dashred.evaluation.comparison.sensors_and_noise import lost_text, ratio_text, sensors_and_noise
 
 FIGURES = {
     "space_time_truth.png": "truth and methods",

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from dashred.comparison.compared import write_uncompared
-from dashred.comparison.kept_rows import rows_of_page
 from dashred.evaluation.benchmark.arguments import Request, read_words
 from dashred.evaluation.benchmark.plan import Row, plan
+from dashred.evaluation.comparison.kept_comparison import write_uncompared
+from dashred.evaluation.comparison.kept_rows import rows_of_page
 
 
 def asked(output: Path, *words: str) -> tuple[Request, list[Row]]:

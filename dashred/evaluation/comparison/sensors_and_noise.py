@@ -6,9 +6,9 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 
-from dashred.comparison.outcomes import count_claims
-from dashred.comparison.ratios import ComparedRow, FieldRatio, field_ratio
 from dashred.evaluation.benchmark.table import Grid
+from dashred.evaluation.comparison.outcomes import count_claims
+from dashred.evaluation.comparison.ratios import ComparedRow, FieldRatio, field_ratio
 
 METHODS = {"shred": "SHRED", "dashred": "DA-SHRED", "corrected": "corrected"}
 LAYOUT = ("p, read by SHRED", "q, further ones")

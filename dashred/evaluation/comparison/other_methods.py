@@ -1,6 +1,6 @@
 """The other methods on a twin's recording, then the seal.
 
-``python -m dashred.comparison.other_methods folder=DIR noise=0.01 conf=heat …``: one row.
+``python -m dashred.evaluation.comparison.other_methods folder=DIR noise=0.01 conf=heat …``: one row.
 
 Two processes: the first is handed the recording in a folder of its own, where no seal lies, the
 second opens the seal when the first has written what it found.
@@ -14,9 +14,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-from dashred.comparison.method_scores import ESTIMATES
 from dashred.core.errors import DONE, run_entry
 from dashred.evaluation.baselines.analyse import FIELDS, LAWS
+from dashred.evaluation.comparison.method_scores import ESTIMATES
 from dashred.twin_experiment import words_of_analysis
 
 
@@ -35,7 +35,8 @@ def main(argv: list[str]) -> int:
         (folder / name).unlink(missing_ok=True)
     code = _analyse(folder, words) if (folder / ESTIMATES).is_file() else DONE
     scored = _run(
-        "dashred.comparison.method_scores", [f"folder={folder}", f"noise={own['noise']}", seed]
+        "dashred.evaluation.comparison.method_scores",
+        [f"folder={folder}", f"noise={own['noise']}", seed],
     )
     return scored or code
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from dashred.comparison.compared import Compared
-from dashred.comparison.document import write_results
-from dashred.comparison.outcomes import count_claims
-from dashred.comparison.ratios import (
+from dashred.evaluation.comparison.document import write_results
+from dashred.evaluation.comparison.kept_comparison import Compared
+from dashred.evaluation.comparison.outcomes import count_claims
+from dashred.evaluation.comparison.ratios import (
     LAWS,
     ComparedRow,
     FieldRatio,
