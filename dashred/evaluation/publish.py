@@ -28,7 +28,7 @@ def main(argv: list[str]) -> int:
     if not cases.isdecimal():
         raise InputError(f"cases must be a whole number, not {cases!r}", where="command line")
 
-    from dashred.proof.public import check, choose, publish
+    from dashred.evaluation.proof.cases.public import check, choose, publish
 
     folder = Path(words["output"])
     if "check" in words:

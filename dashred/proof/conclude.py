@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 from dashred.core.findings.findings import write_json_atomic
 from dashred.core.progress import CONSOLE
+from dashred.evaluation.proof.cases.draw import seed_of
+from dashred.evaluation.proof.cases.kept_case import Kept
 from dashred.output import make_output
 from dashred.proof.appendix import analyse_pendulum
 from dashred.proof.document import write_document
-from dashred.proof.draw import seed_of
 from dashred.proof.figures import save_figures
-from dashred.proof.kept_case import Kept
 from dashred.proof.protocol import ProtocolFacts
 from dashred.proof.targets import TARGETS
 from dashred.proof.words import Request

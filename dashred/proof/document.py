@@ -8,8 +8,8 @@ from pathlib import Path
 from statistics import mean, median
 
 from dashred.core.files.atomic import write_text_atomic
+from dashred.evaluation.proof.cases.case_record import KINDS, CaseRecord, name_of
 from dashred.proof import outcomes
-from dashred.proof.case_record import KINDS, CaseRecord, name_of
 from dashred.proof.figures import FIGURES, WINDOWS, reliability
 from dashred.proof.protocol import ProtocolFacts, protocol
 from dashred.proof.statistics import Rate, percent

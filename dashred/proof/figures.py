@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dashred.proof.case_record import KINDS, CaseRecord, Gain
+from dashred.evaluation.proof.cases.case_record import KINDS, CaseRecord, Gain
 from dashred.proof.outcomes import deviation, leading_right
 from dashred.proof.statistics import Rate
 from dashred.proof.targets import Records, cases, coefficients, nulls, of_kind

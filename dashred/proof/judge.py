@@ -10,19 +10,19 @@ from typing import Any
 from dashred.cause_scoring import score_cause
 from dashred.core.findings.findings import canonical
 from dashred.core.findings.schema import Score
-from dashred.listed_laws import LISTED, listed_laws
-from dashred.proof.case_record import CaseRecord
-from dashred.proof.conceal import Concealed
-from dashred.proof.draw import Case
-from dashred.proof.nearness import (
+from dashred.evaluation.proof.cases.case_record import CaseRecord
+from dashred.evaluation.proof.cases.descriptions import hidden_in_words, told_in_words
+from dashred.evaluation.proof.cases.draw import Case
+from dashred.evaluation.proof.cases.effect_size import Concealed
+from dashred.evaluation.proof.cases.nearness import (
     coefficients_found,
     gains,
     noisy_test,
     peak_inside,
     region_off,
 )
-from dashred.proof.oracle import consult
-from dashred.proof.telling import hidden_in_words, told_in_words
+from dashred.evaluation.proof.cases.oracle import consult
+from dashred.listed_laws import LISTED, listed_laws
 from dashred.scoring import law_of_findings, law_of_truth, score_law
 
 # Verdicts that themselves say that they may be wrong.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dashred.proof.foreseen import CLEAR
-from dashred.proof.oracle import DECIDABLE
-from dashred.proof.systems import SYSTEMS
+from dashred.evaluation.proof.cases.identifiability import CLEAR
+from dashred.evaluation.proof.cases.oracle import DECIDABLE
+from dashred.evaluation.proof.cases.systems import SYSTEMS
 
 PROTOCOL = """\
 Each case hides something in a system, records it with a few noisy sensors, and asks the tool what

@@ -18,17 +18,17 @@ from dashred.core.errors import DONE
 from dashred.core.findings.findings import check_freeze
 from dashred.core.job_control import alone_in, last_line, signals_as_interrupt
 from dashred.core.progress import CONSOLE
+from dashred.evaluation.proof.cases.case_record import CaseRecord
+from dashred.evaluation.proof.cases.descriptions import ended_in_words
+from dashred.evaluation.proof.cases.draw import Case, draw_cases, seed_of
+from dashred.evaluation.proof.cases.kept_case import RECORDING, Kept, folder_of, keep, read_done
+from dashred.evaluation.proof.cases.kept_draw import keep_draw
+from dashred.evaluation.proof.cases.record_case import RecordedCase, record_case
 from dashred.kept_seal import SEALED
 from dashred.output import make_output
-from dashred.proof.case_record import CaseRecord
-from dashred.proof.draw import Case, draw_cases, seed_of
 from dashred.proof.isolation import LIMIT, Analyst, AnalystLostError, analyst, bare_copy
 from dashred.proof.judge import unjudged
-from dashred.proof.kept_case import RECORDING, Kept, folder_of, keep, read_done
-from dashred.proof.kept_draw import keep_draw
-from dashred.proof.record_case import RecordedCase, record_case
 from dashred.proof.score_case import score_case
-from dashred.proof.telling import ended_in_words
 from dashred.proof.words import Request
 from dashred.sealing import seal
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from dashred.core.findings.findings import write_json_atomic
+from dashred.evaluation.proof.cases.case_record import CaseRecord
+from dashred.evaluation.proof.cases.record_case import RecordedCase
 from dashred.kept_seal import SEALED
-from dashred.proof.case_record import CaseRecord
 from dashred.proof.judge import judge
-from dashred.proof.record_case import RecordedCase
 from dashred.score import score_findings
 
 

@@ -10,8 +10,15 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from dashred.evaluation.proof.cases.case_record import (
+    KINDS,
+    CaseRecord,
+    Coefficient,
+    Gain,
+    Kind,
+    name_of,
+)
 from dashred.proof import outcomes
-from dashred.proof.case_record import KINDS, CaseRecord, Coefficient, Gain, Kind, name_of
 from dashred.proof.statistics import Rate, median_of
 
 Records = Sequence[CaseRecord]

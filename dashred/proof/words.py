@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dashred.core.errors import InputError, nearest
+from dashred.evaluation.proof.cases.kept_draw import read_draw
 from dashred.proof.isolation import CHECKOUT
-from dashred.proof.kept_draw import read_draw
 
 PLACE = "command line"
 KNOWN = ("cases", "nulls", "jobs", "output", "draw", "document", "pendulum", "score")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from typing import Any, cast
 
-from dashred.proof.case_record import KINDS, CaseRecord, Coefficient, Gains
+from dashred.evaluation.proof.cases.case_record import KINDS, CaseRecord, Coefficient, Gains
 from dashred.proof.outcomes import TRUE_CAUSE
 
 

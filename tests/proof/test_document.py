@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dashred.proof.case_record import CaseRecord
+from dashred.evaluation.proof.cases.case_record import CaseRecord
 from dashred.proof.document import document, write_document
 from dashred.proof.figures import FIGURES
 from dashred.proof.outcomes import failings

@@ -8,10 +8,10 @@ from typing import Any, cast
 import pytest
 
 from dashred.config import frozen_input, load_config
+from dashred.evaluation.proof.cases.case_record import Kind
+from dashred.evaluation.proof.cases.draw import Case
+from dashred.evaluation.proof.cases.effect_size import Concealed
 from dashred.physics.system import System
-from dashred.proof.case_record import Kind
-from dashred.proof.conceal import Concealed
-from dashred.proof.draw import Case
 from dashred.proof.judge import is_listed, is_right
 from dashred.sealing import Concealed as Hidden
 from dashred.sealing import SealedFault, SealedTerm

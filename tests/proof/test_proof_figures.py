@@ -9,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from dashred.proof.case_record import CaseRecord
+from dashred.evaluation.proof.cases.case_record import CaseRecord
 from dashred.proof.figures import (
     FIGURES,
     coverage_figure,

@@ -10,11 +10,11 @@ import pytest
 
 from dashred.core.errors import InputError
 from dashred.core.findings.findings import freeze, write_json_atomic
+from dashred.evaluation.proof.cases.draw import draw_cases, seed_of
+from dashred.evaluation.proof.cases.kept_case import Kept, folder_of, keep, read_kept
+from dashred.evaluation.proof.cases.kept_draw import keep_draw, read_draw
+from dashred.evaluation.proof.cases.record_case import RecordedCase, record_case
 from dashred.proof import rescore as again
-from dashred.proof.draw import draw_cases, seed_of
-from dashred.proof.kept_case import Kept, folder_of, keep, read_kept
-from dashred.proof.kept_draw import keep_draw, read_draw
-from dashred.proof.record_case import RecordedCase, record_case
 from dashred.proof.words import read_words
 from tests.proof.invented import case as record_of
 from tests.proof.invented import dead

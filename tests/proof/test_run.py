@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from dashred.core.errors import InputError
-from dashred.proof import kept_case
+from dashred.evaluation.proof.cases import kept_case
+from dashred.evaluation.proof.cases.draw import draw_cases, seed_of
 from dashred.proof import run as proof
-from dashred.proof.draw import draw_cases, seed_of
 from dashred.proof.isolation import Analyst, AnalystLostError
 from dashred.proof.rescore import rescore
 from dashred.proof.words import Request, read_words

@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import pytest
 
-from dashred.proof.case_record import KINDS, CaseRecord
+from dashred.evaluation.proof.cases.case_record import KINDS, CaseRecord
 from dashred.proof.outcomes import failings, leading_right
 from dashred.proof.statistics import Rate
 from dashred.proof.targets import TARGETS, Measured, Target, coefficients, coverage

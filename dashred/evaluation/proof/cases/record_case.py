@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dashred.data.io.write_netcdf import write_netcdf
-from dashred.proof.conceal import Concealed, conceal
-from dashred.proof.draw import Case, draw_again
-from dashred.proof.foreseen import CLEAR, FORESEEN, lead
-from dashred.proof.oracle import DECIDABLE
+from dashred.evaluation.proof.cases.draw import Case, draw_again
+from dashred.evaluation.proof.cases.effect_size import Concealed, conceal
+from dashred.evaluation.proof.cases.identifiability import CLEAR, FORESEEN, lead
+from dashred.evaluation.proof.cases.oracle import DECIDABLE
 
 # Share of the unclear cases that stay as they are, and how often another is drawn at most.
 STAYING = 0.25

@@ -11,8 +11,14 @@ import torch
 from dashred.core.findings.findings import freeze, write_json_atomic
 from dashred.core.findings.schema import Score
 from dashred.data.sensors import Sensor
-from dashred.proof.conceal import Concealed
-from dashred.proof.nearness import coefficients_found, gains, noisy_test, peak_inside, region_off
+from dashred.evaluation.proof.cases.effect_size import Concealed
+from dashred.evaluation.proof.cases.nearness import (
+    coefficients_found,
+    gains,
+    noisy_test,
+    peak_inside,
+    region_off,
+)
 from dashred.sealing import Concealed as Hidden
 from dashred.sealing import SealedTerm
 from dashred.stages.field_files import write_estimates

@@ -14,9 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from dashred.proof.case_record import Kind
-from dashred.proof.hiding import HIDE, log_uniform, masked, nuisance, rounded
-from dashred.proof.systems import SYSTEMS, Proved
+from dashred.evaluation.proof.cases.case_record import Kind
+from dashred.evaluation.proof.cases.hidden_causes import (
+    HIDE,
+    log_uniform,
+    masked,
+    nuisance,
+    rounded,
+)
+from dashred.evaluation.proof.cases.systems import SYSTEMS, Proved
 
 # Kinds of cases by system, dealt out over and over, each time in another order.
 DECKS: dict[str, tuple[Kind, ...]] = {

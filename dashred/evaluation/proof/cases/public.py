@@ -21,10 +21,10 @@ from dashred.config import read_file
 from dashred.core.errors import InputError
 from dashred.core.findings.findings import canonical, sha256_of, write_json_atomic
 from dashred.data.recording import Recording
+from dashred.evaluation.proof.cases.descriptions import hidden_in_words
+from dashred.evaluation.proof.cases.draw import Case, draw_cases, seed_of
+from dashred.evaluation.proof.cases.effect_size import Concealed, conceal
 from dashred.output import make_output
-from dashred.proof.conceal import Concealed, conceal
-from dashred.proof.draw import Case, draw_cases, seed_of
-from dashred.proof.telling import hidden_in_words
 
 HASHES = "hashes.json"
 # Enough to read σ off the noise, and no digits that would tell one machine from another.

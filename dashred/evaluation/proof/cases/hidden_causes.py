@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dashred.proof.systems import Proved
+from dashred.evaluation.proof.cases.systems import Proved
 from dashred.twin_file import FAULTS
 
 # What a third of the nulls suffer from without anything being missing.

@@ -9,10 +9,10 @@ import pytest
 
 from dashred.config import load_config
 from dashred.core.errors import InputError
-from dashred.proof.public import HASHES, check, choose, publish
+from dashred.evaluation.proof.cases.public import HASHES, check, choose, publish
 from dashred.stages.problem import pose
 
-CHECKOUT = Path(__file__).resolve().parents[2]
+CHECKOUT = Path(__file__).resolve().parents[4]
 PUBLIC = CHECKOUT / "conf" / "proof"
 NAMES = sorted(json.loads((PUBLIC / HASHES).read_text()))
 

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from dashred.config import Config
-from dashred.proof.case_record import CaseRecord
-from dashred.proof.draw import Case
+from dashred.evaluation.proof.cases.case_record import CaseRecord
+from dashred.evaluation.proof.cases.draw import Case
 from dashred.sealing import Truth
 
 BETWEEN = "; "

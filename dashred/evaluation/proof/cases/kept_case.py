@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from dashred.core.findings.findings import write_json_atomic
-from dashred.proof.case_record import CaseRecord
-from dashred.proof.draw import Case
+from dashred.evaluation.proof.cases.case_record import CaseRecord
+from dashred.evaluation.proof.cases.draw import Case
 
 DOCUMENT, RECORDING = "case.json", "recording.nc"
 

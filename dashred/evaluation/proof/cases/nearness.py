@@ -13,9 +13,9 @@ import xarray as xr
 from dashred.core.findings.schema import Score
 from dashred.data.observation_operator import ObservationOperator
 from dashred.evaluation.benchmark.record import ratio_of
-from dashred.proof.case_record import Coefficient, Gains, Region
-from dashred.proof.conceal import Concealed
-from dashred.proof.draw import Case
+from dashred.evaluation.proof.cases.case_record import Coefficient, Gains, Region
+from dashred.evaluation.proof.cases.draw import Case
+from dashred.evaluation.proof.cases.effect_size import Concealed
 from dashred.scoring import law_of_findings, law_of_truth
 from dashred.window_kinds import kind_of
 

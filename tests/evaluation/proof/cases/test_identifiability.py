@@ -9,11 +9,11 @@ import pytest
 import xarray as xr
 
 from dashred.data.io.write_netcdf import write_netcdf
-from dashred.proof import record_case as recording
-from dashred.proof.conceal import conceal
-from dashred.proof.draw import Case, draw_again, draw_cases, seed_of
-from dashred.proof.foreseen import lead
-from dashred.proof.record_case import MOST_DRAWS, record_case
+from dashred.evaluation.proof.cases import record_case as recording
+from dashred.evaluation.proof.cases.draw import Case, draw_again, draw_cases, seed_of
+from dashred.evaluation.proof.cases.effect_size import conceal
+from dashred.evaluation.proof.cases.identifiability import lead
+from dashred.evaluation.proof.cases.record_case import MOST_DRAWS, record_case
 
 
 def case_of(effect: float, *terms: tuple[str, str, float]) -> Case:

@@ -12,9 +12,9 @@ import torch
 from dashred.config import Config, load_config
 from dashred.core.errors import InputError
 from dashred.data.recording import Recording
+from dashred.evaluation.proof.cases.draw import Case
+from dashred.evaluation.proof.cases.sizes import Sizes
 from dashred.physics.system import System
-from dashred.proof.draw import Case
-from dashred.proof.sizes import Sizes
 from dashred.recorder import observe, run_truth, with_law
 from dashred.sealing import Truth
 

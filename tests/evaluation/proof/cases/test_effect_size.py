@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from dashred.data.observation_operator import ObservationOperator
-from dashred.proof.case_record import Kind
-from dashred.proof.conceal import conceal
-from dashred.proof.draw import Case
+from dashred.evaluation.proof.cases.case_record import Kind
+from dashred.evaluation.proof.cases.draw import Case
+from dashred.evaluation.proof.cases.effect_size import conceal
 from dashred.recorder import run_truth
 
 

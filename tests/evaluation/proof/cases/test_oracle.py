@@ -13,12 +13,12 @@ import torch
 
 from dashred.core.findings.findings import write_json_atomic
 from dashred.data.io.write_netcdf import write_netcdf
-from dashred.proof.conceal import Concealed, conceal
-from dashred.proof.draw import Case
-from dashred.proof.oracle import _nearest_rival, consult
+from dashred.evaluation.proof.cases.draw import Case
+from dashred.evaluation.proof.cases.effect_size import Concealed, conceal
+from dashred.evaluation.proof.cases.oracle import _nearest_rival, consult
 from dashred.stages.field_files import write_estimates
 
-CHECKOUT = Path(__file__).resolve().parents[2]
+CHECKOUT = Path(__file__).resolve().parents[4]
 TERM = {"equation": "v", "term": "v**2", "coefficient": 1.0}
 CASE = Case(0, "cases", "fhn", "terms", (5, 0, 0), 0.03, 10, {"terms": [TERM]}, 8.0)
 

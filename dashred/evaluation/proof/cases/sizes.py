@@ -18,11 +18,11 @@ from dashred.data.recording import Recording
 from dashred.data.sensor_layout import place_sensors
 from dashred.data.sensors import Sensor
 from dashred.data.splits import split_recording
+from dashred.evaluation.proof.cases.draw import Case
+from dashred.evaluation.proof.cases.systems import SYSTEMS
 from dashred.physics.library import evaluate_terms
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term
-from dashred.proof.draw import Case
-from dashred.proof.systems import SYSTEMS
 from dashred.recorder import clock_of, draw_start, run_truth, simulators_points, with_law
 from dashred.twin_file import Twin, twin_of
 

@@ -7,11 +7,11 @@ from collections import Counter
 import pytest
 
 from dashred.config import load_config
+from dashred.evaluation.proof.cases.case_record import KINDS
+from dashred.evaluation.proof.cases.draw import DECKS, Case, draw_cases, seed_of
+from dashred.evaluation.proof.cases.systems import SYSTEMS, Proved
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
-from dashred.proof.case_record import KINDS
-from dashred.proof.draw import DECKS, Case, draw_cases, seed_of
-from dashred.proof.systems import SYSTEMS, Proved
 
 CASES = draw_cases(seed_of("a commit"), 120, 100)
 

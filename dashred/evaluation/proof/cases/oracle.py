@@ -25,12 +25,12 @@ from dashred.discovery.hypothesis import Guess, Hypothesis
 from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.objective import Objective
 from dashred.discovery.starts import StartModel, nearest
+from dashred.evaluation.proof.cases.case_record import Oracle
+from dashred.evaluation.proof.cases.draw import Case
+from dashred.evaluation.proof.cases.effect_size import Concealed
 from dashred.physics.library import resolve
 from dashred.physics.system import Term
 from dashred.physics.window import Shape, shapes_of
-from dashred.proof.case_record import Oracle
-from dashred.proof.conceal import Concealed
-from dashred.proof.draw import Case
 from dashred.recorder import expression_of
 from dashred.stages.objectives import exact_simulator, pose_objective
 from dashred.stages.problem import Problem, pose

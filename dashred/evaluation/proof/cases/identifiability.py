@@ -22,12 +22,12 @@ from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.objective import Objective
 from dashred.discovery.starts import nearest
 from dashred.discovery.subsets import Eliminated, small_sets
+from dashred.evaluation.proof.cases.case_record import Kind
+from dashred.evaluation.proof.cases.draw import Case
+from dashred.evaluation.proof.cases.effect_size import Concealed
+from dashred.evaluation.proof.cases.oracle import DECIDABLE, known
 from dashred.physics.system import Term
 from dashred.physics.window import shapes_of
-from dashred.proof.case_record import Kind
-from dashred.proof.conceal import Concealed
-from dashred.proof.draw import Case
-from dashred.proof.oracle import DECIDABLE, known
 from dashred.recorder import expression_of
 from dashred.stages.objectives import exact_simulator, pose_objective
 from dashred.stages.problem import Problem, pose
