@@ -18,8 +18,8 @@ def main(argv: list[str]) -> int:
     request = read_words(argv)
 
     # Whatever can be wrong with the words has been met by here: torch takes seconds to import.
+    from dashred.evaluation.proof.scoring.rescore import rescore
     from dashred.proof.conclude import conclude
-    from dashred.proof.rescore import rescore
     from dashred.proof.run import run_proof
 
     kept = run_proof(request) if request.scored_by is None else rescore(request)

@@ -9,11 +9,9 @@ from statistics import mean, median
 
 from dashred.core.files.atomic import write_text_atomic
 from dashred.evaluation.proof.cases.case_record import KINDS, CaseRecord, name_of
-from dashred.proof import outcomes
-from dashred.proof.figures import FIGURES, WINDOWS, reliability
-from dashred.proof.protocol import ProtocolFacts, protocol
-from dashred.proof.statistics import Rate, percent
-from dashred.proof.targets import (
+from dashred.evaluation.proof.scoring import outcomes
+from dashred.evaluation.proof.scoring.statistics import Rate, percent
+from dashred.evaluation.proof.scoring.targets import (
     POOLS,
     TARGETS,
     Records,
@@ -24,6 +22,8 @@ from dashred.proof.targets import (
     nulls,
     of_kind,
 )
+from dashred.proof.figures import FIGURES, WINDOWS, reliability
+from dashred.proof.protocol import ProtocolFacts, protocol
 
 JUDGED = (
     "A share is judged by itself; its interval is Wilson's, at 95 %. What has no meaning for a "

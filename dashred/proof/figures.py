@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dashred.evaluation.proof.cases.case_record import KINDS, CaseRecord, Gain
-from dashred.proof.outcomes import deviation, leading_right
-from dashred.proof.statistics import Rate
-from dashred.proof.targets import Records, cases, coefficients, nulls, of_kind
+from dashred.evaluation.proof.scoring.outcomes import deviation, leading_right
+from dashred.evaluation.proof.scoring.statistics import Rate
+from dashred.evaluation.proof.scoring.targets import Records, cases, coefficients, nulls, of_kind
 from dashred.reporting.figures import save_figure
 from dashred.reporting.style import (
     BLACK,

@@ -6,7 +6,7 @@ import random
 from typing import Any, cast
 
 from dashred.evaluation.proof.cases.case_record import KINDS, CaseRecord, Coefficient, Gains
-from dashred.proof.outcomes import TRUE_CAUSE
+from dashred.evaluation.proof.scoring.outcomes import TRUE_CAUSE
 
 
 def case(number: int = 0, kind: str = "terms", **more: Any) -> CaseRecord:

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from dashred.evaluation.proof.cases.case_record import CaseRecord
+from dashred.evaluation.proof.scoring.outcomes import failings
+from dashred.evaluation.proof.scoring.targets import TARGETS
 from dashred.proof.document import document, write_document
 from dashred.proof.figures import FIGURES
-from dashred.proof.outcomes import failings
 from dashred.proof.protocol import ProtocolFacts
-from dashred.proof.targets import TARGETS
 from tests.proof.invented import case, dead, null, proof, wrong
 
 FACTS = ProtocolFacts(

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from dashred.evaluation.proof.cases.case_record import CaseRecord
+from dashred.evaluation.proof.scoring.statistics import Rate
 from dashred.proof.figures import (
     FIGURES,
     coverage_figure,
@@ -19,7 +20,6 @@ from dashred.proof.figures import (
     save_figures,
     scores_figure,
 )
-from dashred.proof.statistics import Rate
 from tests.proof.invented import case, coefficient, dead, null, proof, wrong
 
 

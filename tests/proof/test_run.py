@@ -15,9 +15,9 @@ import pytest
 from dashred.core.errors import InputError
 from dashred.evaluation.proof.cases import kept_case
 from dashred.evaluation.proof.cases.draw import draw_cases, seed_of
+from dashred.evaluation.proof.scoring.rescore import rescore
 from dashred.proof import run as proof
 from dashred.proof.isolation import Analyst, AnalystLostError
-from dashred.proof.rescore import rescore
 from dashred.proof.words import Request, read_words
 from tests.proof.invented import case as record_of
 

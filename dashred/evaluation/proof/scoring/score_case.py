@@ -7,8 +7,8 @@ from pathlib import Path
 from dashred.core.findings.findings import write_json_atomic
 from dashred.evaluation.proof.cases.case_record import CaseRecord
 from dashred.evaluation.proof.cases.record_case import RecordedCase
+from dashred.evaluation.proof.scoring.judge import judge
 from dashred.kept_seal import SEALED
-from dashred.proof.judge import judge
 from dashred.score import score_findings
 
 

@@ -11,8 +11,8 @@ from dashred.config import frozen_input, load_config
 from dashred.evaluation.proof.cases.case_record import Kind
 from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.proof.cases.effect_size import Concealed
+from dashred.evaluation.proof.scoring.judge import is_listed, is_right
 from dashred.physics.system import System
-from dashred.proof.judge import is_listed, is_right
 from dashred.sealing import Concealed as Hidden
 from dashred.sealing import SealedFault, SealedTerm
 

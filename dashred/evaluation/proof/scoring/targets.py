@@ -18,8 +18,8 @@ from dashred.evaluation.proof.cases.case_record import (
     Kind,
     name_of,
 )
-from dashred.proof import outcomes
-from dashred.proof.statistics import Rate, median_of
+from dashred.evaluation.proof.scoring import outcomes
+from dashred.evaluation.proof.scoring.statistics import Rate, median_of
 
 Records = Sequence[CaseRecord]
 Unit = Literal[" %", "", "×", " s"]

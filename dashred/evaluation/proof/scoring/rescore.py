@@ -20,7 +20,7 @@ from dashred.evaluation.proof.cases.descriptions import ended_in_words
 from dashred.evaluation.proof.cases.draw import Case, draw_cases, seed_of
 from dashred.evaluation.proof.cases.kept_case import RECORDING, Kept, folder_of, keep, read_kept
 from dashred.evaluation.proof.cases.record_case import record_case
-from dashred.proof.score_case import score_case
+from dashred.evaluation.proof.scoring.score_case import score_case
 from dashred.proof.words import Request
 
 

@@ -14,7 +14,7 @@ from dashred.evaluation.proof.cases.draw import draw_cases, seed_of
 from dashred.evaluation.proof.cases.kept_case import Kept, folder_of, keep, read_kept
 from dashred.evaluation.proof.cases.kept_draw import keep_draw, read_draw
 from dashred.evaluation.proof.cases.record_case import RecordedCase, record_case
-from dashred.proof import rescore as again
+from dashred.evaluation.proof.scoring import rescore as again
 from dashred.proof.words import read_words
 from tests.proof.invented import case as record_of
 from tests.proof.invented import dead

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dashred.proof.statistics import Rate, median_of, percent, wilson
+from dashred.evaluation.proof.scoring.statistics import Rate, median_of, percent, wilson
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,15 @@ from typing import Any, cast
 import pytest
 
 from dashred.evaluation.proof.cases.case_record import KINDS, CaseRecord
-from dashred.proof.outcomes import failings, leading_right
-from dashred.proof.statistics import Rate
-from dashred.proof.targets import TARGETS, Measured, Target, coefficients, coverage
+from dashred.evaluation.proof.scoring.outcomes import failings, leading_right
+from dashred.evaluation.proof.scoring.statistics import Rate
+from dashred.evaluation.proof.scoring.targets import (
+    TARGETS,
+    Measured,
+    Target,
+    coefficients,
+    coverage,
+)
 from tests.proof.invented import case, coefficient, dead, gaining, null, proof, wrong
 
 

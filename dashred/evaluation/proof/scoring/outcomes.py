@@ -6,7 +6,7 @@ What a decidable case lacks it has missed: its window was there to be found.
 from __future__ import annotations
 
 from dashred.evaluation.proof.cases.case_record import CaseRecord, Coefficient, Gain, Kind
-from dashred.proof.statistics import percent
+from dashred.evaluation.proof.scoring.statistics import percent
 
 TRUE_CAUSE: dict[Kind, str] = {
     "null": "nothing-missing",
