@@ -17,9 +17,9 @@ from dashred.core.files.user_path import is_server
 from dashred.core.job_control import alone_in
 from dashred.core.mlflow.store import INTERRUPTED, Store, status_of, store_of_run, tags_of
 from dashred.core.mlflow.tracker import Tracker
-from dashred.kept_seal import kept_seal
+from dashred.evaluation.twins.kept_seal import kept_seal
+from dashred.evaluation.twins.twin_experiment import EndedError, score, standby, tell, wait
 from dashred.output import make_output
-from dashred.twin_experiment import EndedError, score, standby, tell, wait
 
 KEYS = ("resume", "output", "tracking.root", "trust")
 

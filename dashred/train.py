@@ -29,7 +29,7 @@ def main(argv: list[str]) -> int:
     refuse_open_lines(config)
     check_server(config.tracking.root)
     if config.recording.twin is not None:
-        from dashred.twin_experiment import run_twin
+        from dashred.evaluation.twins.twin_experiment import run_twin
 
         return run_twin(config, argv)
     if config.recording.path is None:

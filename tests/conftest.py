@@ -125,7 +125,7 @@ class InProcess:
 
     def __init__(self, command: list[str], **_: object) -> None:
         """Stand by."""
-        assert command[1:3] == ["-m", "dashred.standby"]
+        assert command[1:3] == ["-m", "dashred.evaluation.twins.prewarmed"]
         self.module = command[3]
         self.stdin = Told(self)
 
@@ -177,7 +177,8 @@ def stand_in(monkeypatch: pytest.MonkeyPatch) -> type[InProcess]:
 
     Here.monkeypatch = monkeypatch
     monkeypatch.setattr(
-        "dashred.twin_experiment.subprocess", SimpleNamespace(Popen=Here, PIPE=None)
+        "dashred.evaluation.twins.twin_experiment.subprocess",
+        SimpleNamespace(Popen=Here, PIPE=None),
     )
     return Here
 
@@ -201,7 +202,7 @@ def train(
         output, root = folder / "output", folder / "mlruns"
         if not figures:
             monkeypatch.setattr("dashred.stages.report.report", lambda *_: [])
-            monkeypatch.setattr("dashred.reporting.truth_figures.draw_truth", lambda *_: [])
+            monkeypatch.setattr("dashred.evaluation.twins.truth_figures.draw_truth", lambda *_: [])
         places = [f"output={output}", f"tracking.root={root}"]
         try:
             code = _entry(monkeypatch, "dashred.train", [*words, *places])

@@ -133,9 +133,18 @@ EXCEPT = {
 def test_the_walk_sees_lazy_and_relative_imports() -> None:
     code = "def f():\n    from . import score\n    from dashred.data import splits"
     found = imports("dashred.train", ast.parse(code))
-    assert found == {"dashred", "dashred.score", "dashred.data", "dashred.data.splits"}
-    assert "dashred.twin_experiment" in imports("dashred.train", tree_of("dashred.train"))
-    assert "dashred.sealing" in imports("dashred.score", tree_of("dashred.score"))
+    assert found == {
+        "dashred",
+        "dashred.evaluation.twins.score_command",
+        "dashred.data",
+        "dashred.data.splits",
+    }
+    assert "dashred.evaluation.twins.twin_experiment" in imports(
+        "dashred.train", tree_of("dashred.train")
+    )
+    assert "dashred.evaluation.twins.sealing" in imports(
+        "dashred.evaluation.twins.score_command", tree_of("dashred.evaluation.twins.score_command")
+    )
 
 
 def test_the_analysis_reaches_nothing_that_knows_the_truth() -> None:
@@ -170,8 +179,20 @@ def test_the_analysis_imports_by_statement_alone() -> None:
 
 
 def test_only_recorder_and_scorer_import_the_seal() -> None:
-    importers = {name for name in MODULES if "dashred.sealing" in imports(name, tree_of(name))}
-    assert {"dashred.record", "dashred.score", "dashred.twin_file"} <= importers <= SECRET_MODULES
+    importers = {
+        name
+        for name in MODULES
+        if "dashred.evaluation.twins.sealing" in imports(name, tree_of(name))
+    }
+    assert (
+        {
+            "dashred.evaluation.twins.record_command",
+            "dashred.evaluation.twins.score_command",
+            "dashred.evaluation.twins.twin_file",
+        }
+        <= importers
+        <= SECRET_MODULES
+    )
 
 
 @pytest.mark.parametrize("word", ["sealed", "twins", "recorder"])
@@ -244,7 +265,11 @@ def test_the_analyser_is_told_the_place_of_the_recording_alone(quick, train, pro
     ended = train(f"conf={quick}", "recording.twin=b", "recording.noise=0.03", "seed=3")
     assert ended.code == 0, ended.err
     recorder, analyser, scorer = processes
-    assert [words[0] for words in processes] == ["dashred.record", "dashred.train", "dashred.score"]
+    assert [words[0] for words in processes] == [
+        "dashred.evaluation.twins.record_command",
+        "dashred.train",
+        "dashred.evaluation.twins.score_command",
+    ]
     told = {word.partition("=")[0]: word.partition("=")[2] for word in analyser[1:]}
     assert told.keys() == {
         "conf",
@@ -275,10 +300,10 @@ def config_of(quick: Path, *words: str):
 
 def recorded(config):
     """Return the truth's times and states as the recorder makes them, and its random stream."""
+    from dashred.evaluation.twins.record_command import _key
+    from dashred.evaluation.twins.recorder import clock_of, simulate_truth
+    from dashred.evaluation.twins.twin_file import read_twin
     from dashred.physics.system import System
-    from dashred.record import _key
-    from dashred.recorder import clock_of, simulate_truth
-    from dashred.twin_file import read_twin
 
     twin = read_twin(config)
     rng = np.random.default_rng(_key(twin, config.seed))
@@ -377,32 +402,34 @@ def copied(twin_run, tmp_path) -> Path:
 
 
 def test_the_scorer_refuses_findings_before_it_opens_the_seal(copied, monkeypatch) -> None:
-    from dashred import score
+    from dashred.evaluation.twins import score_command
 
-    monkeypatch.setattr("dashred.sealing.open_seal", lambda _: pytest.fail("the seal was opened"))
+    monkeypatch.setattr(
+        "dashred.evaluation.twins.sealing.open_seal", lambda _: pytest.fail("the seal was opened")
+    )
     words = [f"findings={copied}", f"sealed={copied / 'sealed.nc'}"]
     (copied / "score.json").unlink()
     findings = (copied / "findings.json").read_bytes()
     (copied / "findings.json").write_bytes(findings.replace(b"alg1", b"alg3"))
     with pytest.raises(InputError, match="changed after it was frozen"):
-        score.main(words)
+        score_command.main(words)
     (copied / "findings.json").write_bytes(findings)
     with (copied / "estimates.nc").open("ab") as file:
         file.write(b"touched")
     with pytest.raises(InputError, match="changed after it was frozen"):
-        score.main(words)
+        score_command.main(words)
     (copied / "freeze.json").unlink()
     with pytest.raises(InputError, match="not been frozen"):
-        score.main(words)
+        score_command.main(words)
     assert not (copied / "score.json").exists()
 
 
 def test_the_scorer_leaves_the_findings_as_they_were(copied, twin_run) -> None:
-    from dashred import score
+    from dashred.evaluation.twins import score_command
 
     frozen = ("findings.json", "estimates.nc", "freeze.json")
     before = {name: (copied / name).read_bytes() for name in frozen}
-    assert score.main([f"findings={copied}", f"sealed={copied / 'sealed.nc'}"]) == 0
+    assert score_command.main([f"findings={copied}", f"sealed={copied / 'sealed.nc'}"]) == 0
     assert {name: (copied / name).read_bytes() for name in frozen} == before
     assert (copied / "score.json").read_bytes() == twin_run.read("score.json")
 
@@ -413,7 +440,7 @@ def test_no_word_hands_the_twin_to_the_analysis_among_others(quick, train) -> No
 
 
 def test_findings_are_frozen_before_the_scorer_starts(quick, train, stand_in, monkeypatch) -> None:
-    from dashred.twin_experiment import clear_scored
+    from dashred.evaluation.twins.twin_experiment import clear_scored
 
     seen = []
 

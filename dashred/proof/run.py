@@ -26,11 +26,11 @@ from dashred.evaluation.proof.cases.kept_draw import keep_draw
 from dashred.evaluation.proof.cases.record_case import RecordedCase, record_case
 from dashred.evaluation.proof.scoring.judge import unjudged
 from dashred.evaluation.proof.scoring.score_case import score_case
-from dashred.kept_seal import SEALED
+from dashred.evaluation.twins.kept_seal import SEALED
+from dashred.evaluation.twins.sealing import seal
 from dashred.output import make_output
 from dashred.proof.isolation import LIMIT, Analyst, AnalystLostError, analyst, bare_copy
 from dashred.proof.words import Request
-from dashred.sealing import seal
 
 LOG = "log.txt"
 

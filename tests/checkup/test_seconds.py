@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from dashred import record
+from dashred.evaluation.twins import record_command
 from tests.conftest import CHECKOUT
 
 SYSTEMS = sorted(path.stem for path in (CHECKOUT / "conf").glob("*.yaml") if path.stem != "base")
@@ -20,7 +20,7 @@ SECONDS = 10.0
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_a_check_of_a_bundled_system_takes_seconds(system: str, tmp_path: Path) -> None:
     recorded = tmp_path / "recorded"
-    assert record.main([f"conf={system}", "recording.twin=a", f"output={recorded}"]) == 0
+    assert record_command.main([f"conf={system}", "recording.twin=a", f"output={recorded}"]) == 0
     for words in ([], [f"recording.path={recorded / 'recording.nc'}"]):
         began = time.perf_counter()
         ended = subprocess.run(

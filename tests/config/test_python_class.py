@@ -129,7 +129,7 @@ REFUSED = {
     "my_pendulum.Absent": "my_pendulum.Absent fails: AttributeError",
     "no_such_module.Pendulum": "ModuleNotFoundError",
     "Pendulum": "is not the name of a class",
-    "dashred.sealing.Truth": "is no simulator of yours",
+    "dashred.evaluation.twins.sealing.Truth": "is no simulator of yours",
     "os.path/../x": "is not the name of a class",
 }
 

@@ -16,8 +16,8 @@ from dashred.data.io.reader import read_recording
 from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
+from dashred.evaluation.twins.recorder import FORECAST, clock_of
 from dashred.physics.system import System
-from dashred.recorder import FORECAST, clock_of
 
 
 @pytest.fixture

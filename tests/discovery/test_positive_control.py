@@ -14,6 +14,8 @@ import torch
 from dashred.config import load_config
 from dashred.data.observation_operator import ObservationOperator
 from dashred.discovery.latent import LatentProblem, LatentSindy
+from dashred.evaluation.twins.recorder import clock_of, observe, simulate_truth
+from dashred.evaluation.twins.twin_file import read_twin
 from dashred.models.assimilation import AssimilatedEncoder, LatentTransform
 from dashred.models.shred import SHRED
 from dashred.physics.ensemble import term_scales
@@ -21,11 +23,9 @@ from dashred.physics.library import build_library
 from dashred.physics.prior import nominal_start
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System
-from dashred.recorder import clock_of, observe, simulate_truth
 from dashred.sensing.pod import POD
 from dashred.sensing.scaler import Scaler
 from dashred.sensing.windows import windows
-from dashred.twin_file import read_twin
 
 LATENT = 64
 

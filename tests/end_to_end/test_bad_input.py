@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dashred import record
 from dashred.core.errors import InputError
+from dashred.evaluation.twins import record_command
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 SENSORS = "name,field,x,std\n" + "".join(f"p{i},u,{0.5 + i},0.02\n" for i in range(6))
@@ -218,7 +218,7 @@ def test_wrong_twins(quick, tmp_path, twin, says) -> None:
     (tmp_path / "mine.yaml").write_text(quick.read_text())
     (tmp_path / "twins" / "mine.yaml").write_text(f"a:\n  {twin}\n")
     with pytest.raises(InputError, match=re.escape(says)):
-        record.main([f"conf={tmp_path / 'mine.yaml'}", f"output={tmp_path / 'out'}"])
+        record_command.main([f"conf={tmp_path / 'mine.yaml'}", f"output={tmp_path / 'out'}"])
     assert not (tmp_path / "out").exists()
 
 
@@ -244,7 +244,10 @@ def test_a_library_that_only_the_analysis_reads_leaves_no_run_of_a_twin(
     """The recorder has done its part then, and the run is open: all of it is taken back."""
     ended = train(f"conf={quick}", "library.u=[u, 2*u]")
     assert_refused(ended, "'u' and '2*u' are the same term")
-    assert [words[0] for words in processes] == ["dashred.record", "dashred.train"]
+    assert [words[0] for words in processes] == [
+        "dashred.evaluation.twins.record_command",
+        "dashred.train",
+    ]
 
 
 def test_cuda_on_a_machine_without(quick, train, own, monkeypatch) -> None:

@@ -33,7 +33,7 @@ def test_all_that_the_analysis_reaches_is_in_the_copy(copy) -> None:
 
 def test_the_analyst_runs_the_copy_and_no_other(copy) -> None:
     code = "import dashred; from importlib.util import find_spec as f; "
-    code += "print(dashred.__file__, f('dashred.record'), f('tests'))"
+    code += "print(dashred.__file__, f('dashred.evaluation.twins.record_command'), f('tests'))"
     command, surroundings = python(copy)
     told = subprocess.run(
         [*command, "-c", code],

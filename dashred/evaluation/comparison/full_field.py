@@ -14,8 +14,8 @@ from dashred.data.inputs import under
 from dashred.data.io.reader import read_recording
 from dashred.evaluation.baselines.analyse import own_failure
 from dashred.evaluation.comparison.pde_find import pde_find
+from dashred.evaluation.twins.scoring import system_of
 from dashred.physics.library import build_library
-from dashred.scoring import system_of
 
 
 def pde_find_on_full_field(

@@ -27,8 +27,8 @@ from dashred.evaluation.comparison.kept_comparison import (
 if TYPE_CHECKING:
     import numpy as np
 
-    from dashred.scoring import Law
-    from dashred.sealing import Truth
+    from dashred.evaluation.twins.scoring import Law
+    from dashred.evaluation.twins.sealing import Truth
 
 
 KEYS = ("folder", "noise", "seed")
@@ -71,7 +71,7 @@ def compare(folder: Path, noise: float, seed: int) -> Comparison:
     Raises:
         InputError: something is missing, or was changed after it was frozen.
     """
-    from dashred.sealing import open_seal
+    from dashred.evaluation.twins.sealing import open_seal
     from dashred.stages.provenance import git_commit
 
     findings = json.loads((folder / "findings.json").read_text(encoding="utf-8"))
@@ -105,9 +105,9 @@ def _methods(
 ) -> dict[str, Compared]:
     from dashred.evaluation.comparison.full_field import pde_find_on_full_field
     from dashred.evaluation.comparison.methods_figure import draw_methods
-    from dashred.reporting.truth_figures import joined
-    from dashred.score import load_fields, true_states
-    from dashred.scoring import law_of_truth, rmse, rmse_by_time, scaled_errors
+    from dashred.evaluation.twins.score_command import load_fields, true_states
+    from dashred.evaluation.twins.scoring import law_of_truth, rmse, rmse_by_time, scaled_errors
+    from dashred.evaluation.twins.truth_figures import joined
 
     errors: dict[str, float] = {}
     curves: dict[str, np.ndarray] = {}
@@ -150,8 +150,8 @@ def _lost(failed: str) -> dict[str, Any]:
 
 def _listed(findings: Mapping[str, Any], truth: Truth) -> bool | None:
     """Return whether ambiguous findings list the true law; null of others."""
-    from dashred.listed_laws import listed_laws
-    from dashred.scoring import score_law
+    from dashred.evaluation.twins.candidate_laws import listed_laws
+    from dashred.evaluation.twins.scoring import score_law
 
     if findings["verdict"] != "ambiguous":
         return None
@@ -182,7 +182,7 @@ def _compared(
     name: str,
     ended: Mapping[str, Any],
 ) -> Compared:
-    from dashred.scoring import law_of_findings
+    from dashred.evaluation.twins.scoring import law_of_findings
 
     error, failed = errors.get(name), ended["failed"]
     if error is not None and not math.isfinite(error):

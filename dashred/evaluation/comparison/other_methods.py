@@ -17,7 +17,7 @@ from pathlib import Path
 from dashred.core.errors import DONE, run_entry
 from dashred.evaluation.baselines.analyse import FIELDS, LAWS
 from dashred.evaluation.comparison.method_scores import ESTIMATES
-from dashred.twin_experiment import words_of_analysis
+from dashred.evaluation.twins.twin_experiment import words_of_analysis
 
 
 def main(argv: list[str]) -> int:

@@ -10,9 +10,9 @@ import pytest
 import torch
 import xarray as xr
 
-from dashred import record
 from dashred.config import load_config
 from dashred.evaluation.baselines.closed_form import Traces, closed_form, eigenvalues, fit_modes
+from dashred.evaluation.twins import record_command
 from dashred.physics.prior import StartPrior, gaussian_process_modes
 from dashred.physics.system import System
 from dashred.stages import problem, simulation
@@ -92,7 +92,9 @@ def declared(folder: Path, ends: str, equation: str) -> System:
 
 def test_heat_and_what_it_loses(tmp_path: Path) -> None:
     """Of the bundled bar: the hidden loss, within its own error, and the whole field."""
-    assert record.main(["conf=heat", "recording.twin=a", "seed=3", f"output={tmp_path}"]) == 0
+    assert (
+        record_command.main(["conf=heat", "recording.twin=a", "seed=3", f"output={tmp_path}"]) == 0
+    )
     found = closed_form(*posed("heat", tmp_path / "recording.nc"))
     assert found is not None and found.terms is not None
     [term] = found.terms
@@ -105,5 +107,5 @@ def test_heat_and_what_it_loses(tmp_path: Path) -> None:
 
 
 def test_a_system_that_is_not_linear_has_none(quick: Path, tmp_path: Path) -> None:
-    assert record.main([f"conf={quick}", f"output={tmp_path}"]) == 0
+    assert record_command.main([f"conf={quick}", f"output={tmp_path}"]) == 0
     assert closed_form(*posed(str(quick), tmp_path / "recording.nc")) is None

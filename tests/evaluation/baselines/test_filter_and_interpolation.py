@@ -6,13 +6,13 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred import record
 from dashred.config import load_config
 from dashred.data.sensors import Sensor
 from dashred.discovery.linear_estimate import linear_estimate
 from dashred.evaluation.baselines import kalman_filter, optimal_interpolation
 from dashred.evaluation.baselines.kalman_filter import filter_augmented, filter_state
 from dashred.evaluation.baselines.optimal_interpolation import Taper, best_linear
+from dashred.evaluation.twins import record_command
 from dashred.physics.ensemble import Ensemble, term_scales
 from dashred.physics.grid import Axis, Grid
 from dashred.physics.simulate import simulate
@@ -47,7 +47,7 @@ def swing(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Problem, 
     found = {}
     for twin in ("a", "null"):
         out = folder / twin
-        assert record.main([f"conf={path}", f"recording.twin={twin}", f"output={out}"]) == 0
+        assert record_command.main([f"conf={path}", f"recording.twin={twin}", f"output={out}"]) == 0
         reads = [f"conf={path}", f"recording.path={out / 'recording.nc'}"]
         config = load_config([*reads, "simulation.discrepancy=false"], entry="test")
         posed = problem.pose(config)

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from dashred import record, train
+from dashred import train
 from dashred.config import load_config
 from dashred.evaluation.baselines.closed_form import closed_form
+from dashred.evaluation.twins import record_command
 from dashred.stages import problem, simulation
 
 # Networks have no part in what is compared.
@@ -31,7 +32,7 @@ def test_both_find_the_same_law_and_the_same_field(
     twin: str, seed: int, general: str, linear: str, tmp_path: Path
 ) -> None:
     told = ["conf=heat", f"recording.twin={twin}", f"seed={seed}", f"output={tmp_path}"]
-    assert record.main(told) == 0
+    assert record_command.main(told) == 0
     reads = ["conf=heat", f"recording.path={tmp_path / 'recording.nc'}"]
     posed = problem.pose(load_config(reads, entry="train"))
     exact = closed_form(posed, simulation.simulate_nominal(posed, {}).prior)

@@ -24,7 +24,7 @@ from dashred.evaluation.comparison import method_scores, other_methods
 from dashred.evaluation.comparison.kept_comparison import UNRESOLVED, read_compared
 from dashred.evaluation.comparison.method_scores import _compared, compare
 from dashred.evaluation.comparison.run import _finished, _settled, compared_row
-from dashred.sealing import Concealed, SealedTerm
+from dashred.evaluation.twins.sealing import Concealed, SealedTerm
 
 
 def test_a_method_that_raises_is_its_own_failure() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 from dashred.config import Config
 from dashred.evaluation.proof.cases.case_record import CaseRecord
 from dashred.evaluation.proof.cases.draw import Case
-from dashred.sealing import Truth
+from dashred.evaluation.twins.sealing import Truth
 
 BETWEEN = "; "
 

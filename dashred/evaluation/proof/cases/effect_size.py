@@ -14,9 +14,9 @@ from dashred.core.errors import InputError
 from dashred.data.recording import Recording
 from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.proof.cases.sizes import Sizes
+from dashred.evaluation.twins.recorder import observe, run_truth, with_law
+from dashred.evaluation.twins.sealing import Truth
 from dashred.physics.system import System
-from dashred.recorder import observe, run_truth, with_law
-from dashred.sealing import Truth
 
 # How often what blows up is halved.
 RETREATS = 6

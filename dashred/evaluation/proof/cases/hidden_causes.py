@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dashred.evaluation.proof.cases.systems import Proved
-from dashred.twin_file import FAULTS
+from dashred.evaluation.twins.twin_file import FAULTS
 
 # What a third of the nulls suffer from without anything being missing.
 NUISANCES = ("correlated", "stated", "misplaced")

@@ -26,9 +26,9 @@ from dashred.evaluation.proof.cases.case_record import Kind
 from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.proof.cases.effect_size import Concealed
 from dashred.evaluation.proof.cases.oracle import DECIDABLE, known
+from dashred.evaluation.twins.recorder import expression_of
 from dashred.physics.system import Term
 from dashred.physics.window import shapes_of
-from dashred.recorder import expression_of
 from dashred.stages.objectives import exact_simulator, pose_objective
 from dashred.stages.problem import Problem, pose
 

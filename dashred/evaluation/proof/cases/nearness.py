@@ -16,8 +16,8 @@ from dashred.evaluation.benchmark.record import ratio_of
 from dashred.evaluation.proof.cases.case_record import Coefficient, Gains, Region
 from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.proof.cases.effect_size import Concealed
-from dashred.scoring import law_of_findings, law_of_truth
-from dashred.window_kinds import kind_of
+from dashred.evaluation.twins.scoring import law_of_findings, law_of_truth
+from dashred.evaluation.twins.window_kinds import kind_of
 
 # Times that differ by less are the same.
 CLOCK = 1e-9

@@ -28,15 +28,15 @@ from dashred.discovery.starts import StartModel, nearest
 from dashred.evaluation.proof.cases.case_record import Oracle
 from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.proof.cases.effect_size import Concealed
+from dashred.evaluation.twins.recorder import expression_of
+from dashred.evaluation.twins.window_kinds import kind_found, kind_in_text, kind_of
 from dashred.physics.library import resolve
 from dashred.physics.system import Term
 from dashred.physics.window import Shape, shapes_of
-from dashred.recorder import expression_of
 from dashred.stages.objectives import exact_simulator, pose_objective
 from dashred.stages.problem import Problem, pose
 from dashred.stages.simulation import simulate_nominal
 from dashred.stages.told_apart import told_apart
-from dashred.window_kinds import kind_found, kind_in_text, kind_of
 
 # What a true form has to beat others by for a case to be decidable.
 DECIDABLE = 6.0

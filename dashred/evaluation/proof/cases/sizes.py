@@ -20,11 +20,17 @@ from dashred.data.sensors import Sensor
 from dashred.data.splits import split_recording
 from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.proof.cases.systems import SYSTEMS
+from dashred.evaluation.twins.recorder import (
+    clock_of,
+    draw_start,
+    run_truth,
+    simulators_points,
+    with_law,
+)
+from dashred.evaluation.twins.twin_file import Twin, twin_of
 from dashred.physics.library import evaluate_terms
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term
-from dashred.recorder import clock_of, draw_start, run_truth, simulators_points, with_law
-from dashred.twin_file import Twin, twin_of
 
 # Shares of an equation's tendency, or of a parameter's value: where the search begins, and the most
 # that may be hidden.

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from dashred.cause_scoring import score_cause
 from dashred.core.findings.findings import canonical
 from dashred.core.findings.schema import Score
 from dashred.evaluation.proof.cases.case_record import CaseRecord
@@ -22,8 +21,9 @@ from dashred.evaluation.proof.cases.nearness import (
     region_off,
 )
 from dashred.evaluation.proof.cases.oracle import consult
-from dashred.listed_laws import LISTED, listed_laws
-from dashred.scoring import law_of_findings, law_of_truth, score_law
+from dashred.evaluation.twins.candidate_laws import LISTED, listed_laws
+from dashred.evaluation.twins.cause_scoring import score_cause
+from dashred.evaluation.twins.scoring import law_of_findings, law_of_truth, score_law
 
 # Verdicts that themselves say that they may be wrong.
 FLAGGED = ("ambiguous", "not-converged")

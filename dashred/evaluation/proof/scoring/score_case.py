@@ -8,8 +8,8 @@ from dashred.core.findings.findings import write_json_atomic
 from dashred.evaluation.proof.cases.case_record import CaseRecord
 from dashred.evaluation.proof.cases.record_case import RecordedCase
 from dashred.evaluation.proof.scoring.judge import judge
-from dashred.kept_seal import SEALED
-from dashred.score import score_findings
+from dashred.evaluation.twins.kept_seal import SEALED
+from dashred.evaluation.twins.score_command import score_findings
 
 
 def score_case(recorded: RecordedCase, folder: Path, seconds: float | None) -> CaseRecord:

@@ -13,7 +13,7 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.evaluation.proof.cases.case_record import Kind
 from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.proof.cases.effect_size import conceal
-from dashred.recorder import run_truth
+from dashred.evaluation.twins.recorder import run_truth
 
 
 def case_of(kind: Kind, effect: float | None = None, **hidden: Any) -> Case:

@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import pytest
 import torch
+from tests.proof.test_judge import BOX, SYSTEM, V2, case_of, findings, term
 
 from dashred.core.findings.findings import freeze, write_json_atomic
 from dashred.core.findings.schema import Score
@@ -19,10 +20,9 @@ from dashred.evaluation.proof.cases.nearness import (
     peak_inside,
     region_off,
 )
-from dashred.sealing import Concealed as Hidden
-from dashred.sealing import SealedTerm
+from dashred.evaluation.twins.sealing import Concealed as Hidden
+from dashred.evaluation.twins.sealing import SealedTerm
 from dashred.stages.field_files import write_estimates
-from tests.proof.test_judge import BOX, SYSTEM, V2, case_of, findings, term
 
 
 def concealed(*terms: SealedTerm, **more: Any) -> Concealed:

@@ -12,9 +12,9 @@ from dashred.evaluation.proof.cases.case_record import Kind
 from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.proof.cases.effect_size import Concealed
 from dashred.evaluation.proof.scoring.judge import is_listed, is_right
+from dashred.evaluation.twins.sealing import Concealed as Hidden
+from dashred.evaluation.twins.sealing import SealedFault, SealedTerm
 from dashred.physics.system import System
-from dashred.sealing import Concealed as Hidden
-from dashred.sealing import SealedFault, SealedTerm
 
 CONFIG = load_config(["conf=fhn"], entry="train")
 SYSTEM = System(CONFIG.system, CONFIG.where)

@@ -11,7 +11,7 @@ from dashred.core.errors import InputError
 from dashred.physics.expression import number
 
 if TYPE_CHECKING:
-    from dashred.sealing import Concealed, SealedTerm
+    from dashred.evaluation.twins.sealing import Concealed, SealedTerm
 
 KEYS = {"terms", "start", "stated", "parameters", "faults", "spread", "correlation"}
 FAULTS = ("bias", "drift", "stuck", "spikes", "misplaced")
@@ -127,7 +127,7 @@ def _place(config: Config) -> tuple[Path, str]:
 
 def _term(item: Any, label: str, config: Config) -> SealedTerm:
     # Imported late: it brings torch, which names alone can be read without.
-    from dashred.sealing import SealedTerm
+    from dashred.evaluation.twins.sealing import SealedTerm
 
     needed = {"equation", "term", "coefficient"}
     if not isinstance(item, dict) or not needed <= item.keys() <= needed | {"window"}:
@@ -143,7 +143,7 @@ def _term(item: Any, label: str, config: Config) -> SealedTerm:
 
 def _concealed(entry: dict[str, Any], label: str, config: Config) -> Concealed:
     """Read what else than a law is otherwise than the simulation has it."""
-    from dashred.sealing import Concealed, SealedFault
+    from dashred.evaluation.twins.sealing import Concealed, SealedFault
 
     parameters = entry.get("parameters", {})
     known = config.system.parameters

@@ -1,4 +1,4 @@
-"""Open the seal and score frozen findings: ``python -m dashred.score findings=DIR sealed=FILE``.
+"""Open the seal and score frozen findings: ``python -m dashred.evaluation.twins.score_command findings=DIR sealed=FILE``.
 
 The only code that can read a hidden truth. It refuses findings that are not frozen, or were
 touched since.
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from dashred.core.findings.schema import Score
-    from dashred.sealing import Truth
+    from dashred.evaluation.twins.sealing import Truth
 
 KEYS = ("findings", "sealed", "root", "experiment", "run")
 REGIONS = {
@@ -57,10 +57,9 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth, list[Path]
     Raises:
         InputError: the sealed file is no truth, or not that of these findings.
     """
-    from dashred.cause_scoring import score_cause, score_region
     from dashred.core.findings.schema import Score
-    from dashred.reporting.truth_figures import draw_truth
-    from dashred.scoring import (
+    from dashred.evaluation.twins.cause_scoring import score_cause, score_region
+    from dashred.evaluation.twins.scoring import (
         FORECASTS,
         METHODS,
         latent_ranks,
@@ -69,7 +68,8 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth, list[Path]
         scaled_errors,
         score_law,
     )
-    from dashred.sealing import open_seal
+    from dashred.evaluation.twins.sealing import open_seal
+    from dashred.evaluation.twins.truth_figures import draw_truth
 
     findings = json.loads((output / "findings.json").read_text(encoding="utf-8"))
     frozen = json.loads((output / "freeze.json").read_text(encoding="utf-8"))["files"]
@@ -146,7 +146,7 @@ def true_states(
 
 def _followed(findings: Mapping[str, Any]) -> tuple[str, float] | None:
     """Return the field with a front that is followed, and the length of its ring."""
-    from dashred.scoring import system_of
+    from dashred.evaluation.twins.scoring import system_of
 
     front = findings["input"]["config"]["system"]["front"]
     return None if front is None else (front, system_of(findings).axes[0].length)

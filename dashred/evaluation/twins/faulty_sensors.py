@@ -17,7 +17,7 @@ SPIKES = 7
 
 
 class SensorFault(Protocol):
-    """What is wrong with a sensor; see :class:`dashred.sealing.SealedFault`."""
+    """What is wrong with a sensor; see :class:`dashred.evaluation.twins.sealing.SealedFault`."""
 
     @property
     def sensor(self) -> str:

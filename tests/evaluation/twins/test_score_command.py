@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 import torch
 
-from dashred import cause_scoring, score, scoring
 from dashred.config import frozen_input, load_config
 from dashred.core.errors import InputError
 from dashred.core.findings.findings import freeze, write_json_atomic
+from dashred.evaluation.twins import cause_scoring, score_command, scoring
+from dashred.evaluation.twins.sealing import SealedTerm, Truth, open_seal, seal
 from dashred.physics.system import System
-from dashred.sealing import SealedTerm, Truth, open_seal, seal
 from dashred.stages.field_files import write_estimates
 
 LAW = (SealedTerm("u", "u**3", -0.1), SealedTerm("u", "sin(u)", 0.2))
@@ -69,7 +69,7 @@ def test_a_seal_gives_back_what_was_sealed(frozen, truth) -> None:
 
 
 def test_errors_are_in_units_of_the_true_fields_std(frozen, capsys) -> None:
-    assert score.main(words(frozen)) == 0
+    assert score_command.main(words(frozen)) == 0
     found = json.loads((frozen / "score.json").read_text())
     known = {name: value for name, value in found["field_rmse"].items() if value is not None}
     assert known == pytest.approx({"simulation": 2.0, "shred": 1.0, "dashred": 0.0})
@@ -79,14 +79,14 @@ def test_errors_are_in_units_of_the_true_fields_std(frozen, capsys) -> None:
 
 
 def test_true_terms_get_the_rank_that_each_algorithm_gave_them(frozen) -> None:
-    score.main(words(frozen))
+    score_command.main(words(frozen))
     found = json.loads((frozen / "score.json").read_text())
     assert found["latent_rank"] == {"alg1": {"u: u**3": 2, "u: sin(u)": None}}
 
 
 def test_what_is_not_frozen_is_not_scored(frozen, capsys) -> None:
     freeze(frozen, [])
-    score.main(words(frozen))
+    score_command.main(words(frozen))
     found = json.loads((frozen / "score.json").read_text())
     assert set(found["field_rmse"].values()) == {None}
     assert "no estimate" in capsys.readouterr().out
@@ -98,12 +98,12 @@ def test_the_truth_of_another_run_is_refused(frozen, quick, system, truth) -> No
     for other in (later, short):
         seal(frozen / "sealed.nc", other, system)
         with pytest.raises(InputError, match="another recording"):
-            score.main(words(frozen))
+            score_command.main(words(frozen))
     coarse = Truth("a", LAW, truth.times, 2.0, truth.states[..., ::2])
     fewer = load_config([f"conf={quick}", "system.axes.x.points=16"], entry="record")
     seal(frozen / "sealed.nc", coarse, System(fewer.system, fewer.where))
     with pytest.raises(InputError, match="another system"):
-        score.main(words(frozen))
+        score_command.main(words(frozen))
     assert not (frozen / "score.json").exists()
 
 
@@ -113,14 +113,14 @@ def test_a_file_that_is_no_seal(frozen, content) -> None:
     if content is not None:
         (frozen / "sealed.nc").write_bytes(content)
     with pytest.raises(InputError, match="cannot open the sealed truth") as caught:
-        score.main(words(frozen))
+        score_command.main(words(frozen))
     assert caught.value.where == str(frozen / "sealed.nc")
 
 
 @pytest.mark.parametrize("given", [[], ["findings=x"], ["findings=x", "sealed=y", "truth=z"]])
 def test_wrong_words(given) -> None:
     with pytest.raises(InputError, match="findings=DIR and sealed=FILE are needed"):
-        score.main(given)
+        score_command.main(given)
 
 
 # --- the law -------------------------------------------------------------------------------------
@@ -239,7 +239,7 @@ def test_a_parameter_is_the_terms_that_its_new_value_adds() -> None:
 
 @pytest.fixture
 def no_figures(monkeypatch) -> None:
-    monkeypatch.setattr("dashred.reporting.truth_figures.draw_truth", lambda *_: [])
+    monkeypatch.setattr("dashred.evaluation.twins.truth_figures.draw_truth", lambda *_: [])
 
 
 def test_each_field_is_scored_by_itself_too(no_figures, tmp_path) -> None:
@@ -253,7 +253,7 @@ def test_each_field_is_scored_by_itself_too(no_figures, tmp_path) -> None:
     write_estimates(tmp_path / "estimates.nc", system, times[:11], off)
     write_json_atomic(tmp_path / "findings.json", {**INPUT, "latent": {}, "terms": None})
     freeze(tmp_path, ["estimates.nc"])
-    score.main(words(tmp_path))
+    score_command.main(words(tmp_path))
     found = json.loads((tmp_path / "score.json").read_text())
     first, second = system.fields
     assert found["field_rmse_by_field"][first] == pytest.approx({"corrected": 0.3})
@@ -276,7 +276,7 @@ def test_forecasts_are_compared_with_the_truth_of_their_own_times(
     late = truth.times > truth.duration
     # An analysis counts its times in its own way: they differ by a rounding.
     forecast_of(frozen, system, truth.times[late] * (1 + 1e-15), truth.states[late])
-    assert score.main(words(frozen)) == 0
+    assert score_command.main(words(frozen)) == 0
     found = json.loads((frozen / "score.json").read_text())
     assert found["forecast"] == pytest.approx({"before": 2.0, "before_refit": 1.0, "after": 0.5})
     assert found["field_rmse"]["simulation"] == pytest.approx(2.0)
@@ -286,20 +286,20 @@ def test_forecasts_are_compared_with_the_truth_of_their_own_times(
 def test_a_forecast_is_no_forecast_within_the_recording(no_figures, frozen, system, truth) -> None:
     forecast_of(frozen, system, truth.times[15:], truth.states[15:])
     with pytest.raises(ValueError, match="into the recording"):
-        score.main(words(frozen))
+        score_command.main(words(frozen))
 
 
 def test_what_is_known_is_logged(no_figures, frozen, system, truth, capsys) -> None:
     forecast_of(frozen, system, truth.times[21:], truth.states[21:])
-    found = score.score_findings(frozen, frozen / "sealed.nc")[0]
-    assert score.metrics(found).keys() == {
+    found = score_command.score_findings(frozen, frozen / "sealed.nc")[0]
+    assert score_command.metrics(found).keys() == {
         *(f"score/{method}" for method in ("simulation", "shred", "dashred")),
         *(f"score/forecast/{name}" for name in ("before", "before_refit", "after")),
     }
     found |= {"exact_support": True, "coefficient_error": 0.02}
-    logged = score.metrics(found)
+    logged = score_command.metrics(found)
     assert (logged["score/exact_support"], logged["score/coefficient_error"]) == (1.0, 0.02)
-    score._print(found)
+    score_command._print(found)
     assert (
         "The law found is the true one, its coefficients within 2.0 %." in capsys.readouterr().out
     )

@@ -6,8 +6,8 @@ import numpy as np
 import xarray as xr
 
 from dashred.evaluation.comparison.ratios import FIELDS
+from dashred.evaluation.twins.truth_figures import joined
 from dashred.reporting.method_names import NAMES, SHRED_UNCHANGED
-from dashred.reporting.truth_figures import joined
 
 
 def estimates(change: float) -> xr.Dataset:

@@ -24,12 +24,12 @@ from dashred.core.errors import DONE, OUR_FAILURE, WRONG_INPUT, InputError
 from dashred.core.files.atomic import copy_atomic
 from dashred.core.mlflow.store import Store, open_store, status_of
 from dashred.core.mlflow.tracker import Tracker
-from dashred.kept_seal import SEALED, drop_seal, keep_seal, kept_seal
+from dashred.evaluation.twins.kept_seal import SEALED, drop_seal, keep_seal, kept_seal
+from dashred.evaluation.twins.twin_file import entry_of
 from dashred.output import named_output
 from dashred.parent_run import cut_short, experiment_of
 from dashred.reporting.figure_names import OF_THE_TRUTH
 from dashred.run_notes import name_of
-from dashred.twin_file import entry_of
 
 OWN = ("output=", "tracking.run=", "tracking.parent=")
 # Of what describes the twin, the step of the analysis clock alone is the analysis' business.
@@ -42,7 +42,7 @@ STORE = "mlflow.store.tracking.sqlalchemy_store"
 NEEDED = {
     "record": ("dashred.data.io.write_netcdf", "dashred.physics.simulate"),
     "train": ("dashred.stages.report", STORE),
-    "score": ("dashred.scoring", "dashred.reporting.figures", STORE),
+    "score": ("dashred.evaluation.twins.scoring", "dashred.reporting.figures", STORE),
 }
 
 
@@ -160,7 +160,13 @@ def _open_run(config: Config, store: Store, earlier: str | None) -> Iterator[Tra
 @contextmanager
 def standby(entry: str) -> Iterator[subprocess.Popen[str]]:
     """Get an entry point ready beside the block; at its end nothing of it is left running."""
-    command = [sys.executable, "-m", "dashred.standby", f"dashred.{entry}", *NEEDED[entry]]
+    command = [
+        sys.executable,
+        "-m",
+        "dashred.evaluation.twins.prewarmed",
+        f"dashred.{entry}",
+        *NEEDED[entry],
+    ]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, text=True)
     try:
         yield process

@@ -18,16 +18,16 @@ from dashred.data.recording import Recording
 from dashred.data.sensor_layout import place_sensors
 from dashred.discovery.correction import with_parameters
 from dashred.discovery.starts import ScaledStart
+from dashred.evaluation.twins.faulty_sensors import correlated, moved, reported
 from dashred.physics.algebra import Expr, multiply
 from dashred.physics.prior import StartPrior, field_rms, nominal_start, spread_in_percent
 from dashred.physics.simulate import Progress, check_finite, simulate
 from dashred.physics.system import System, Term
 from dashred.physics.window import box, gate, onset
-from dashred.sensing.faulty import correlated, moved, reported
 
 if TYPE_CHECKING:
-    from dashred.sealing import SealedTerm
-    from dashred.twin_file import Twin
+    from dashred.evaluation.twins.sealing import SealedTerm
+    from dashred.evaluation.twins.twin_file import Twin
 
 # Truths run this many times as long as the recording, for forecasts.
 FORECAST = 1.5

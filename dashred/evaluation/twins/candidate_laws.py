@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from dashred.window_kinds import kind_in_text
+from dashred.evaluation.twins.window_kinds import kind_in_text
 
 # So many explanations may be listed for the truth to count as listed.
 LISTED = 3

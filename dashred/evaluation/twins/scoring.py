@@ -13,10 +13,10 @@ import numpy as np
 import xarray as xr
 
 from dashred import config as schema
+from dashred.evaluation.twins.window_kinds import TrueWindow, kind_found, kind_of
 from dashred.physics import algebra
 from dashred.physics.algebra import Expr, Number
 from dashred.physics.system import System
-from dashred.window_kinds import TrueWindow, kind_found, kind_of
 
 METHODS = (
     "simulation",

@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
-from dashred.scoring import TrueTerm, system_of
-from dashred.window_kinds import kind_found, kind_of
+from dashred.evaluation.twins.scoring import TrueTerm, system_of
+from dashred.evaluation.twins.window_kinds import kind_found, kind_of
 
 
 class Hidden(Protocol):
-    """What else than a law was hidden; see :class:`dashred.sealing.Concealed`."""
+    """What else than a law was hidden; see :class:`dashred.evaluation.twins.sealing.Concealed`."""
 
     @property
     def parameters(self) -> Mapping[str, float]:

@@ -1,4 +1,4 @@
-"""A process that has its imports done and waits for its words: ``python -m dashred.standby ENTRY``.
+"""A process that has its imports done and waits for its words: ``python -m dashred.evaluation.twins.prewarmed ENTRY``.
 
 The processes of a twin experiment follow each other, and each spends seconds on imports: while
 one works, the next gets ready. It knows nothing until it is told: one line of JSON on its stdin.

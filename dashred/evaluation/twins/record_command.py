@@ -1,4 +1,4 @@
-"""Let a hidden truth make a recording: ``python -m dashred.record conf=rde twin=a output=DIR``.
+"""Let a hidden truth make a recording: ``python -m dashred.evaluation.twins.record_command conf=rde twin=a output=DIR``.
 
 Writes ``recording.nc`` (sensor values alone) and ``sealed.nc`` (the truth) into DIR. The truth
 runs at doubled resolution and half the step, from a start drawn from the prior; its random
@@ -18,7 +18,7 @@ from dashred.config import Config, load_config
 from dashred.core.errors import InputError, run_entry
 
 if TYPE_CHECKING:
-    from dashred.twin_file import Twin
+    from dashred.evaluation.twins.twin_file import Twin
 
 
 def main(argv: list[str]) -> int:
@@ -43,11 +43,11 @@ def record(config: Config, output: Path) -> None:
     from dashred.core.threads import use_threads
     from dashred.data.inputs import driven, under
     from dashred.data.io.write_netcdf import write_netcdf
+    from dashred.evaluation.twins.recorder import clock_of, observe, simulate_truth
+    from dashred.evaluation.twins.sealing import Truth, seal
+    from dashred.evaluation.twins.twin_file import read_twin
     from dashred.output import make_output
     from dashred.physics.system import System
-    from dashred.recorder import clock_of, observe, simulate_truth
-    from dashred.sealing import Truth, seal
-    from dashred.twin_file import read_twin
 
     torch.set_num_threads(1)
     use_threads(config.threads)
@@ -70,7 +70,7 @@ def record(config: Config, output: Path) -> None:
 
 
 def _key(twin: Twin, seed: int) -> int:
-    from dashred.sealing import Concealed
+    from dashred.evaluation.twins.sealing import Concealed
 
     plain = asdict(twin)
     # What conceals no more than a law keeps the stream that it had before there was more.

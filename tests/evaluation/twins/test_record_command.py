@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from dashred import record
 from dashred.config import load_config
 from dashred.core.errors import InputError
 from dashred.data.io.reader import read_recording
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
+from dashred.evaluation.twins import record_command
 from dashred.physics.system import System
 
 
 def recorded(quick: Path, folder: Path, *words: str) -> tuple[Recording, xr.Dataset, System]:
-    assert record.main([f"conf={quick}", f"output={folder}", *words]) == 0
+    assert record_command.main([f"conf={quick}", f"output={folder}", *words]) == 0
     config = load_config([f"conf={quick}"], entry="record")
     system = System(config.system, config.where)
     recording = read_recording(str(folder / "recording.nc"), None, system)
@@ -261,10 +261,12 @@ def test_an_ode_has_no_places_and_its_sensors_take_turns(tmp_path) -> None:
 
 def test_it_must_know_where_to_write(quick) -> None:
     with pytest.raises(InputError, match="output=DIR"):
-        record.main([f"conf={quick}", "twin=a"])
+        record_command.main([f"conf={quick}", "twin=a"])
 
 
 def test_a_table_of_sensors_is_for_recordings_of_ones_own(quick, tmp_path) -> None:
     with pytest.raises(InputError, match="a twin's sensors are a number"):
-        record.main([f"conf={quick}", "recording.sensors=mine.csv", f"output={tmp_path / 'out'}"])
+        record_command.main(
+            [f"conf={quick}", "recording.sensors=mine.csv", f"output={tmp_path / 'out'}"]
+        )
     assert not (tmp_path / "out").exists()
