@@ -17,10 +17,10 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.law_simulator import Simulator
-from dashred.discovery.noise_model import NoiseModel
-from dashred.discovery.objective import Objective
 from dashred.discovery.shooting import Shooting
 from dashred.discovery.starts import LinearStart
+from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.noise_model import NoiseModel
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term
 from tests import laws

@@ -16,15 +16,15 @@ from dashred.data.sensors import Sensor
 from dashred.discovery.beyond import candidates_beyond
 from dashred.discovery.candidates import Candidate, build_candidates, forcing_of
 from dashred.discovery.cause import Cause
-from dashred.discovery.gauss_newton import grow, minimise
 from dashred.discovery.hypothesis import Guess, Hypothesis, first_unknowns, pose
-from dashred.discovery.law import law_of
 from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.local_shooting import found_by, localised
-from dashred.discovery.noise_model import NoiseModel
-from dashred.discovery.objective import Objective
 from dashred.discovery.shooting import Shooting
 from dashred.discovery.starts import StartModel
+from dashred.inference.fit.law import law_of
+from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.levenberg_marquardt import grow, minimise
+from dashred.inference.fit.noise_model import NoiseModel
 from dashred.physics.library import evaluate_terms
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
 from dashred.physics.simulate import simulate

@@ -13,13 +13,13 @@ from dashred.core.errors import InputError
 from dashred.discovery.candidates import Candidate, build_candidates
 from dashred.discovery.cause import Cause
 from dashred.discovery.free_forcing import FreeForcing
-from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.hypothesis import Hypothesis
 from dashred.discovery.inner_constants import Tunable, moved, slopes_of, tunable, tune, within_reach
-from dashred.discovery.law import law_of
-from dashred.discovery.objective import Objective
 from dashred.discovery.screening import eliminated
-from dashred.discovery.subsets import Eliminated
+from dashred.inference.fit.law import law_of
+from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.levenberg_marquardt import minimise
+from dashred.inference.fit.subset_search import Eliminated
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
 

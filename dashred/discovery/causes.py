@@ -18,18 +18,18 @@ from dashred.discovery.cause import HOPELESS, Cause, by_score, refitted
 from dashred.discovery.discovered import AMBIGUOUS, MISSING
 from dashred.discovery.forcing_map import ForcingMap
 from dashred.discovery.free_forcing import FreeForcing, force
-from dashred.discovery.law import Law, unlike
 from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.lawless import faults, wider_starts
 from dashred.discovery.local_laws import local_laws
-from dashred.discovery.noise_model import NoiseModel
-from dashred.discovery.objective import Objective
 from dashred.discovery.on_top import screened_on_top
 from dashred.discovery.own_noise import refitted_under, refitted_under_own_noise
 from dashred.discovery.periodic import periodic_laws
 from dashred.discovery.simpler import simpler_from_the_best
 from dashred.discovery.threshold_profile import with_profile
 from dashred.discovery.unexplained import SIMPLE, Unexplained, look_for_unexplained
+from dashred.inference.fit.law import Law, unlike
+from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.noise_model import NoiseModel
 
 # χ²/n, under the noise that a free forcing leaves, of what needs no further explanation.
 EXPLAINED = 1.1

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from dashred.discovery.law import Law
 from dashred.discovery.parameter_change import exact_change
+from dashred.inference.fit.law import Law
 from dashred.physics.algebra import ZERO, multiply
 from dashred.physics.differentiate import parameter_slopes
 from dashred.physics.system import System, Term

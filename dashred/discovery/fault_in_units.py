@@ -7,8 +7,8 @@ from torch import Tensor
 
 from dashred.discovery.faults import Fault, TestedFault
 from dashred.discovery.faulty_shooting import columns_of
-from dashred.discovery.law import SensorFault
-from dashred.discovery.objective import Objective
+from dashred.inference.fit.law import SensorFault
+from dashred.inference.fit.least_squares import Objective
 
 
 def fitted_fault_in_units(objective: Objective, tested: TestedFault) -> SensorFault:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from dashred.core.formatting import number, rounded
 from dashred.core.units import NONE, TIME, measured, shown
-from dashred.discovery.law import SensorFault
+from dashred.inference.fit.law import SensorFault
 
 
 def fault_in_words(

@@ -15,9 +15,9 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.faulty_shooting import MovedShooting, OffsetShooting, columns_of
-from dashred.discovery.gauss_newton import Fitted, minimise
-from dashred.discovery.normal_equations import solve
-from dashred.discovery.objective import Normal, Objective
+from dashred.inference.fit.least_squares import Normal, Objective
+from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
+from dashred.inference.fit.normal_equations import solve
 from dashred.physics.grid import Axis
 
 # How far off a sensor may be, as a share of the axis, over what its readings are differentiated,

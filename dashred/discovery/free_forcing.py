@@ -15,8 +15,8 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.driven_shooting import DrivenShooting
-from dashred.discovery.gauss_newton import grow, minimise
-from dashred.discovery.objective import Normal, Objective
+from dashred.inference.fit.least_squares import Normal, Objective
+from dashred.inference.fit.levenberg_marquardt import grow, minimise
 from dashred.physics.pulses import Pulses
 
 # Of a forcing: along each axis, by how many there are, for every cell is a column of the Jacobian;

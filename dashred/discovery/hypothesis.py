@@ -10,9 +10,9 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.candidates import Candidate
-from dashred.discovery.gauss_newton import Fitted, minimise
 from dashred.discovery.local_shooting import LocalShooting, found_by
-from dashred.discovery.objective import Objective
+from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 from dashred.physics.window import Shape
 
 # Prior std of a window's log width.

@@ -14,9 +14,9 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.candidates import Candidate
-from dashred.discovery.gauss_newton import Fitted, minimise
-from dashred.discovery.objective import Objective
-from dashred.discovery.subsets import Eliminated
+from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
+from dashred.inference.fit.subset_search import Eliminated
 from dashred.physics.algebra import Call, Expr, Name, Number, call, multiply, split_coefficient
 from dashred.physics.algebra import substitute as put_in
 from dashred.physics.differentiate import differentiate

@@ -15,11 +15,11 @@ from dashred.discovery.fault_in_units import fault_in_units
 from dashred.discovery.faults import Fault, predicted_faults
 from dashred.discovery.faulty_shooting import columns_of
 from dashred.discovery.free_forcing import FreeForcing
-from dashred.discovery.gauss_newton import minimise
-from dashred.discovery.law import law_of
-from dashred.discovery.noise_model import NoiseModel
-from dashred.discovery.objective import Objective
 from dashred.discovery.suspects import suspects
+from dashred.inference.fit.law import law_of
+from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.levenberg_marquardt import minimise
+from dashred.inference.fit.noise_model import NoiseModel
 
 # A forcing is coarse: what it leaves at a sensor may look like a fault that gains as much as this,
 # in units of the misfit that it leaves everywhere.

@@ -16,12 +16,12 @@ from torch import Tensor
 from dashred.discovery.cause import HOPELESS, Cause, by_score, settled
 from dashred.discovery.discovered import AMBIGUOUS
 from dashred.discovery.free_forcing import FreeForcing
-from dashred.discovery.gauss_newton import grow, minimise_on
 from dashred.discovery.hypothesis import Hypothesis, Tested, first_unknowns, pose, test
-from dashred.discovery.law import law_of
-from dashred.discovery.objective import Objective
 from dashred.discovery.other_windows import from_other_windows
 from dashred.discovery.screening import Screened, screen
+from dashred.inference.fit.law import law_of
+from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.levenberg_marquardt import grow, minimise_on
 
 # Hypotheses that are fitted, of which so many to the end; of one kind of window, and of one kind
 # and law, not more than some: before its edges are fitted, a window screens worse than it is.

@@ -13,8 +13,8 @@ from dashred.core.findings.law_schema import Forcing, Profile, SensorGain, Where
 from dashred.discovery.discovered import Discovered
 from dashred.discovery.explanation import region_of
 from dashred.discovery.forcing_map import ForcingMap
-from dashred.discovery.law import Law
 from dashred.discovery.regime import regime
+from dashred.inference.fit.law import Law
 from dashred.physics import algebra
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term

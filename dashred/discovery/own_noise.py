@@ -8,7 +8,7 @@ from dataclasses import replace
 from dashred.discovery.cause import HOPELESS, Cause, by_score, refitted, settled
 from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.left_out import Beside, beside_the_fault
-from dashred.discovery.noise_model import NoiseModel
+from dashred.inference.fit.noise_model import NoiseModel
 
 
 def noise_left_by(forced: FreeForcing) -> NoiseModel:

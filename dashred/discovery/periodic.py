@@ -17,10 +17,10 @@ from torch import Tensor
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.cause import Cause
 from dashred.discovery.driven_shooting import DrivenShooting
-from dashred.discovery.gauss_newton import minimise
-from dashred.discovery.law import law_of
-from dashred.discovery.objective import Normal, Objective
-from dashred.discovery.subsets import Eliminated
+from dashred.inference.fit.law import law_of
+from dashred.inference.fit.least_squares import Normal, Objective
+from dashred.inference.fit.levenberg_marquardt import minimise
+from dashred.inference.fit.subset_search import Eliminated
 from dashred.physics.library import build_library, resolve
 from dashred.physics.pulses import Pulses
 from dashred.physics.system import System

@@ -6,7 +6,7 @@ import math
 
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.discovered import Discovered
-from dashred.discovery.law import Law
+from dashred.inference.fit.law import Law
 
 
 def plausibility(discovered: Discovered) -> list[tuple[Law, float]]:

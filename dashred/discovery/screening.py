@@ -18,9 +18,9 @@ from dashred.discovery.driven_shooting import DrivenShooting
 from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.hypothesis import Hypothesis
 from dashred.discovery.local_shooting import as_terms, localised
-from dashred.discovery.objective import Objective
-from dashred.discovery.subsets import Eliminated
 from dashred.discovery.window_columns import pieces_of, windows_of
+from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.subset_search import Eliminated
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.cause import Cause, by_score, ended
-from dashred.discovery.gauss_newton import minimise
 from dashred.discovery.left_out import Beside, beside_the_fault
 from dashred.discovery.starts import StartModel, nearest
+from dashred.inference.fit.levenberg_marquardt import minimise
 
 STEPS, TOLERANCE = 10, 1e-4
 

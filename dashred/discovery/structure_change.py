@@ -16,8 +16,8 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.candidates import Candidate
-from dashred.discovery.law import Law
 from dashred.discovery.parameter_change import parameter_change
+from dashred.inference.fit.law import Law
 from dashred.physics.algebra import Name, Number, Product, names
 from dashred.physics.port_hamiltonian import Part, PortHamiltonian, alike
 from dashred.physics.quadrature import integral

@@ -9,8 +9,8 @@ from torch import Tensor
 
 from dashred.discovery.faults import Fault
 from dashred.discovery.faulty_shooting import columns_of
-from dashred.discovery.normal_equations import solve
-from dashred.discovery.objective import Normal, Objective
+from dashred.inference.fit.least_squares import Normal, Objective
+from dashred.inference.fit.normal_equations import solve
 
 # A sample this many σ off what the other sensors and neighbours say is a spike.
 SPIKE = 5.0

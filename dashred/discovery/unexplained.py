@@ -12,15 +12,15 @@ from dashred.discovery.discovered import MISSING
 from dashred.discovery.faults import Fault
 from dashred.discovery.forcing_map import ForcingMap, map_of
 from dashred.discovery.free_forcing import FreeForcing, force
-from dashred.discovery.law import Law
 from dashred.discovery.left_out import (
     fault_beneath,
     faulty_or_not,
     forced_without,
     nothing_without,
 )
-from dashred.discovery.objective import Objective
 from dashred.discovery.own_noise import noise_left_by, refitted_under
+from dashred.inference.fit.law import Law
+from dashred.inference.fit.least_squares import Objective
 
 # A law of more candidates may imitate one that acts somewhere only, or is beyond the library; of so
 # many, one beyond it, or in a window of the same equations.

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.hypothesis import LOG_WIDTH, Guess
-from dashred.discovery.subsets import Eliminated
+from dashred.inference.fit.subset_search import Eliminated
 from dashred.physics.grid import Axis
 from dashred.physics.linearisation import NotSeparableError, Separator
 from dashred.physics.system import System

@@ -14,12 +14,12 @@ from dashred.discovery.candidates import Candidate, replaced_terms
 from dashred.discovery.cause import Cause
 from dashred.discovery.causes import Additions, Weighed, weigh
 from dashred.discovery.discovered import AMBIGUOUS
-from dashred.discovery.gauss_newton import grow, minimise
-from dashred.discovery.law import Law, law_of
 from dashred.discovery.law_simulator import Simulator
-from dashred.discovery.noise_model import NoiseModel
-from dashred.discovery.objective import Objective
-from dashred.discovery.selection import Tried
+from dashred.inference.fit.law import Law, law_of
+from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.levenberg_marquardt import grow, minimise
+from dashred.inference.fit.noise_model import NoiseModel
+from dashred.inference.fit.stepwise_selection import Tried
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.physics.window import shapes_of

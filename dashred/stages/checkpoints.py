@@ -23,9 +23,9 @@ from dashred.core.progress import CONSOLE
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.discovered import BestOfSize, Discovered
 from dashred.discovery.forcing_map import ForcingMap
-from dashred.discovery.law import Law, SensorFault
-from dashred.discovery.noise_model import NoiseModel
 from dashred.discovery.regression import SparseFit
+from dashred.inference.fit.law import Law, SensorFault
+from dashred.inference.fit.noise_model import NoiseModel
 from dashred.physics import nodes
 from dashred.physics.system import Term
 from dashred.physics.window import Shape, Window

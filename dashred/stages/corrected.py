@@ -14,7 +14,7 @@ from dashred.config.commandline import PLACE
 from dashred.core.files.atomic import write_text_atomic
 from dashred.discovery.correction import correct
 from dashred.discovery.explanation import law_in_words
-from dashred.discovery.law import Law
+from dashred.inference.fit.law import Law
 from dashred.physics.system import System
 
 NAME = "corrected.yaml"

@@ -14,8 +14,8 @@ from dashred.core.progress import stage
 from dashred.discovery.candidates import Candidate, build_candidates, indices_by_name
 from dashred.discovery.causes import Weighed
 from dashred.discovery.discovered import MISSING, BestOfSize, Discovered
-from dashred.discovery.law import Law, posterior
-from dashred.discovery.selection import Selection, Tried, better, polish, select
+from dashred.inference.fit.law import Law, posterior
+from dashred.inference.fit.stepwise_selection import Selection, Tried, better, polish, select
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.resolution import Resolution
 from dashred.stages.assimilation import Assimilated

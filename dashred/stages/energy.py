@@ -9,7 +9,7 @@ from torch import Tensor
 
 from dashred.core.findings.law_schema import EnergyLost, Share
 from dashred.discovery.candidates import forcing_of
-from dashred.discovery.law import Law
+from dashred.inference.fit.law import Law
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System
 

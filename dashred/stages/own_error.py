@@ -14,7 +14,7 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.discovery.correction import correct
-from dashred.discovery.law import Law
+from dashred.inference.fit.law import Law
 from dashred.physics.resolution import refine
 from dashred.physics.simulate import simulate
 from dashred.stages.problem import Problem

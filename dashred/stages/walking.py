@@ -9,11 +9,11 @@ import torch
 
 from dashred.core.progress import Report
 from dashred.discovery.candidates import Candidate
-from dashred.discovery.first_window import first_samples
-from dashred.discovery.horizon import Walk, walk
 from dashred.discovery.law_simulator import Simulator
-from dashred.discovery.objective import Objective
-from dashred.discovery.selection import Selection, select
+from dashred.inference.fit.first_window import first_samples
+from dashred.inference.fit.growing_horizon import Walk, walk
+from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.stepwise_selection import Selection, select
 from dashred.stages.objectives import pose_objective
 from dashred.stages.problem import Problem
 from dashred.stages.seeding import Seed

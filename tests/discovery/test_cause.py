@@ -11,8 +11,8 @@ from torch import Tensor
 
 from dashred.discovery import cause as settling
 from dashred.discovery.cause import FAR, LOST, Cause, settled
-from dashred.discovery.gauss_newton import Fitted, minimise, minimise_on
-from dashred.discovery.law import law_of
+from dashred.inference.fit.law import law_of
+from dashred.inference.fit.levenberg_marquardt import Fitted, minimise, minimise_on
 from tests.waves import Waves
 
 SIGMA, XI = 0.02, -0.25

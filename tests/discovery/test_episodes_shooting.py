@@ -17,15 +17,15 @@ from dashred.discovery.episodes import (
 from dashred.discovery.episodes_simulator import simulator_of
 from dashred.discovery.fault_in_units import fault_in_units
 from dashred.discovery.faults import Fault, fit_fault
-from dashred.discovery.gauss_newton import minimise
-from dashred.discovery.law import law_of
 from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.left_out import beside_the_fault
 from dashred.discovery.local_shooting import LocalShooting
-from dashred.discovery.noise_model import NoiseModel
-from dashred.discovery.objective import Objective
 from dashred.discovery.shooting import Shooting
 from dashred.discovery.suspects import suspects
+from dashred.inference.fit.law import law_of
+from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.levenberg_marquardt import minimise
+from dashred.inference.fit.noise_model import NoiseModel
 from dashred.physics.pulses import Pulses
 from dashred.physics.window import onset
 from tests.swing import Swing, noisy

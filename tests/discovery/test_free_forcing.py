@@ -11,7 +11,7 @@ import torch
 from dashred.discovery import free_forcing
 from dashred.discovery.discovered import MISSING
 from dashred.discovery.free_forcing import FreeForcing, evidence, fit_free_forcing, force
-from dashred.discovery.objective import Normal
+from dashred.inference.fit.least_squares import Normal
 from dashred.physics.pulses import Pulses
 from tests.waves import TIMES, Waves, fitted
 

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.inner_constants import moved, tunable, tune, within_reach
-from dashred.discovery.subsets import Eliminated
+from dashred.inference.fit.subset_search import Eliminated
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from tests import laws

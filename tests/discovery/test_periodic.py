@@ -9,9 +9,9 @@ import torch
 
 from dashred.discovery.candidates import Candidate
 from dashred.discovery.cause import Cause
-from dashred.discovery.gauss_newton import minimise
-from dashred.discovery.law import law_of
 from dashred.discovery.periodic import Wave, periodic_laws
+from dashred.inference.fit.law import law_of
+from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.physics.library import build_library, evaluate_terms, resolve
 from tests.waves import Waves, fitted
 

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from dashred.core.errors import InputError
-from dashred.discovery.law import Law
+from dashred.inference.fit.law import Law
 from dashred.physics.system import System
 from dashred.stages.energy import energy_lost
 from tests import laws

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from dashred.data.sensors import Sensor
-from dashred.discovery.law import Law
+from dashred.inference.fit.law import Law
 from dashred.physics.system import System
 from dashred.stages.own_error import BEGINNING, LARGEST, own_error
 from tests import laws

@@ -15,7 +15,7 @@ from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.discovery.episodes_simulator import EpisodesSimulator
-from dashred.discovery.law import SensorFault
+from dashred.inference.fit.law import SensorFault
 from dashred.stages.assimilation import sensor_data
 from dashred.stages.objectives import exact_simulator, pose_objective
 from dashred.stages.problem import Problem, pose

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from dashred.config import load_config
-from dashred.discovery.law import Law, SensorFault
+from dashred.inference.fit.law import Law, SensorFault
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System
 from dashred.stages.problem import Problem, pose

@@ -20,16 +20,16 @@ from torch import Tensor
 
 from dashred.config import load_config
 from dashred.discovery.candidates import Candidate, build_candidates
-from dashred.discovery.gauss_newton import Fitted, minimise
 from dashred.discovery.hypothesis import Guess, Hypothesis
-from dashred.discovery.noise_model import NoiseModel
-from dashred.discovery.objective import Objective
 from dashred.discovery.starts import StartModel, nearest
 from dashred.evaluation.proof.cases.case_record import Oracle
 from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.proof.cases.effect_size import Concealed
 from dashred.evaluation.twins.recorder import expression_of
 from dashred.evaluation.twins.window_kinds import kind_found, kind_in_text, kind_of
+from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
+from dashred.inference.fit.noise_model import NoiseModel
 from dashred.physics.library import resolve
 from dashred.physics.system import Term
 from dashred.physics.window import Shape, shapes_of

@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from dashred.discovery.objective import Normal, Objective
+from dashred.inference.fit.least_squares import Normal, Objective
 
 # One run tries all of a rung; the next, where none of it lowers F. In units of each curvature.
 LADDER = ((0.0, 0.1, 3.0), (30.0, 300.0, 3000.0))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 import torch
 
-from dashred.discovery.normal_equations import solve
-from dashred.discovery.objective import Normal
+from dashred.inference.fit.least_squares import Normal
+from dashred.inference.fit.normal_equations import solve
 
 
 def test_what_is_not_singular_is_solved_as_it_is() -> None:

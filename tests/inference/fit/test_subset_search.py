@@ -8,8 +8,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.discovery.objective import Normal
-from dashred.discovery.subsets import Eliminated, backward_path, small_sets
+from dashred.inference.fit.least_squares import Normal
+from dashred.inference.fit.subset_search import Eliminated, backward_path, small_sets
 
 MODES, CANDIDATES, SAMPLES = 4, 6, 50
 
@@ -71,7 +71,7 @@ def test_chunks_change_nothing(
 ) -> None:
     sets = list(combinations(range(CANDIDATES), 3))
     whole = found[2].costs(sets)
-    monkeypatch.setattr("dashred.discovery.subsets.CHUNK", 3)
+    monkeypatch.setattr("dashred.inference.fit.subset_search.CHUNK", 3)
     torch.testing.assert_close(found[2].costs(sets), whole, rtol=0, atol=1e-12)
 
 

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 import pytest
 import torch
 
-from dashred.discovery.gauss_newton import minimise
-from dashred.discovery.neighbours import Set
-from dashred.discovery.objective import Objective
-from dashred.discovery.selection import Selection, penalty, polish, select
+from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.levenberg_marquardt import minimise
+from dashred.inference.fit.stepwise_moves import Set
+from dashred.inference.fit.stepwise_selection import Selection, penalty, polish, select
 from tests.swing import FORCES, Swing, noisy
 from tests.waves import Waves, fitted
 
@@ -95,12 +95,12 @@ def test_rivals_whose_refits_get_stuck_are_fitted_to_the_end(
     swing: Swing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without a step of their own, sets stand where the linearisation about another put them."""
-    monkeypatch.setattr("dashred.discovery.selection.CHORD_STEPS", 1)
+    monkeypatch.setattr("dashred.inference.fit.stepwise_selection.CHORD_STEPS", 1)
     found = searched(problem(swing, "one term", 0))
     best, *others = found.tried
     [rival] = [t for t in others if len(t.members) == 1][:1]
     assert rival.cost - polish(found.objective, rival, 1e-8).cost < 0.01
-    monkeypatch.setattr("dashred.discovery.selection.RIVALS", 0)
+    monkeypatch.setattr("dashred.inference.fit.stepwise_selection.RIVALS", 0)
     stuck = searched(problem(swing, "one term", 0))
     left = next(t for t in stuck.tried if t.members == rival.members)
     assert left.cost > rival.cost + 0.01
@@ -128,8 +128,8 @@ def test_a_proposal_is_always_among_the_tried(swing: Swing) -> None:
 @pytest.fixture
 def _narrow(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have no sets refitted at first but the empty one and the proposals."""
-    monkeypatch.setattr("dashred.discovery.neighbours.REFITTED", {1: 0, 2: 0, 3: 0})
-    monkeypatch.setattr("dashred.discovery.neighbours.LARGEST_ON_PATH", 0)
+    monkeypatch.setattr("dashred.inference.fit.stepwise_moves.REFITTED", {1: 0, 2: 0, 3: 0})
+    monkeypatch.setattr("dashred.inference.fit.stepwise_moves.LARGEST_ON_PATH", 0)
 
 
 @pytest.mark.usefixtures("_narrow")
@@ -144,7 +144,7 @@ def test_moves_mend_a_search_that_began_elsewhere(swing: Swing, wrong: tuple[str
 
 @pytest.mark.usefixtures("_narrow")
 def test_a_search_cut_short_is_not_exhausted(swing: Swing, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dashred.discovery.selection.ROUNDS", 1)
+    monkeypatch.setattr("dashred.inference.fit.stepwise_selection.ROUNDS", 1)
     found = searched(problem(swing, "drag and a hardening spring", 0))
     assert found.tried[0].members != () and not found.exhausted
 

@@ -9,8 +9,8 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.candidates import Candidate, forcing_of
-from dashred.discovery.gauss_newton import Fitted
-from dashred.discovery.objective import Normal, Objective
+from dashred.inference.fit.least_squares import Normal, Objective
+from dashred.inference.fit.levenberg_marquardt import Fitted
 from dashred.physics.forcing import Forcing
 from dashred.physics.window import Window
 

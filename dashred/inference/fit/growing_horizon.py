@@ -13,9 +13,9 @@ import torch
 from torch import Tensor
 
 from dashred.core.progress import Report
-from dashred.discovery.gauss_newton import Fitted, minimise
-from dashred.discovery.objective import Objective
-from dashred.discovery.subsets import Eliminated
+from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
+from dashred.inference.fit.subset_search import Eliminated
 
 GROWTH = 1.3
 # A stage that fails is tried again with a shorter stretch.

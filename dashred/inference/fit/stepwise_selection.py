@@ -10,10 +10,10 @@ import torch
 from torch import Tensor
 
 from dashred.core.progress import Report
-from dashred.discovery.gauss_newton import chord_refits, minimise
-from dashred.discovery.neighbours import Set, neighbours, promising
-from dashred.discovery.objective import Objective
-from dashred.discovery.subsets import Eliminated
+from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.levenberg_marquardt import chord_refits, minimise
+from dashred.inference.fit.stepwise_moves import Set, neighbours, promising
+from dashred.inference.fit.subset_search import Eliminated
 
 ROUNDS = 6
 CHORD_STEPS = 6

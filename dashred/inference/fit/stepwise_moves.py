@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from dashred.discovery.subsets import Eliminated, backward_path, small_sets
+from dashred.inference.fit.subset_search import Eliminated, backward_path, small_sets
 
 Set = tuple[int, ...]
 

@@ -14,8 +14,8 @@ from jaxtyping import Float
 from scipy.linalg import qr
 from torch import Tensor
 
-from dashred.discovery.normal_equations import solve
-from dashred.discovery.objective import Normal
+from dashred.inference.fit.least_squares import Normal
+from dashred.inference.fit.normal_equations import solve
 
 CHUNK = 20000
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from dashred.discovery.objective import Normal
+from dashred.inference.fit.least_squares import Normal
 
 
 def test_residuals_are_as_small_as_the_numbers_that_were_taken_from_them() -> None:

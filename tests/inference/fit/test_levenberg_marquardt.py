@@ -9,8 +9,15 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.discovery.gauss_newton import LADDER, Fitted, Refits, _step, chord_refits, minimise
-from dashred.discovery.objective import Normal, Objective
+from dashred.inference.fit.least_squares import Normal, Objective
+from dashred.inference.fit.levenberg_marquardt import (
+    LADDER,
+    Fitted,
+    Refits,
+    _step,
+    chord_refits,
+    minimise,
+)
 from tests.swing import DRIVES, TIMES, Swing, noisy, ridge
 
 SIGMA, PRIOR = 0.05, (0.5, 0.02, 1.0, 0.3)

@@ -9,9 +9,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.discovery.gauss_newton import minimise
-from dashred.discovery.law import Law, posterior
-from dashred.discovery.objective import Objective
+from dashred.inference.fit.law import Law, posterior
+from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.levenberg_marquardt import minimise
 from tests import laws
 from tests.swing import DRIVES, Swing, noisy, ridge
 

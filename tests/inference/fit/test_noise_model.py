@@ -8,7 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.discovery.noise_model import LARGEST_CORRELATION, NoiseModel
+from dashred.inference.fit.noise_model import LARGEST_CORRELATION, NoiseModel
 
 RHO = 0.6
 

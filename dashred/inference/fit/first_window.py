@@ -7,8 +7,8 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from dashred.discovery.gauss_newton import Fitted, minimise
-from dashred.discovery.objective import Objective
+from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 
 # Over longer stretches a front that is a little off, or chaos, has many false minima. What so few
 # readings leave open of the start the prior holds until there are more, however many modes it has.

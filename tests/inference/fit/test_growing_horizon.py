@@ -10,10 +10,10 @@ from statistics import median
 import pytest
 from torch import Tensor
 
-from dashred.discovery.first_window import first_samples, fit_first_window
-from dashred.discovery.gauss_newton import Fitted, minimise
-from dashred.discovery.horizon import GROWTH, LOST, Walk, walk
-from dashred.discovery.objective import Objective
+from dashred.inference.fit.first_window import first_samples, fit_first_window
+from dashred.inference.fit.growing_horizon import GROWTH, LOST, Walk, walk
+from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 from tests.swing import FORCES, TIMES, Swing, noisy
 
 SIGMA, TIGHT = 0.05, 0.05
@@ -86,7 +86,7 @@ def test_what_blows_up_is_not_near_the_level(
         lost = len(objective.recorded) > LATE
         return replace(found, cost=math.inf, chi2=math.nan) if lost else found
 
-    monkeypatch.setattr("dashred.discovery.horizon.minimise", blown)
+    monkeypatch.setattr("dashred.inference.fit.growing_horizon.minimise", blown)
     found = walked(swing, missing)
     assert not found.reached and LATE - 5 <= found.samples <= LATE
     assert all(math.isfinite(level) for _, level in found.levels)
@@ -105,7 +105,7 @@ def test_a_walk_that_costs_too_much_is_given_up(
     swing: Swing, missing: Tensor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     objective = swing.objective(NAMES, missing, SIGMA, TIGHT)
-    monkeypatch.setattr("dashred.discovery.horizon.EFFORT", 1)
+    monkeypatch.setattr("dashred.inference.fit.growing_horizon.EFFORT", 1)
     found = walk(objective, fitted(objective), 6, len(NAMES), silent)
     assert not found.reached and 6 < found.samples < len(TIMES)
     assert len(found.readings) == found.samples

@@ -17,9 +17,9 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from dashred.discovery.candidates import Candidate
-from dashred.discovery.noise_model import NoiseModel
-from dashred.discovery.normal_equations import solve
 from dashred.discovery.shooting import Shooting
+from dashred.inference.fit.noise_model import NoiseModel
+from dashred.inference.fit.normal_equations import solve
 
 
 class Trials(NamedTuple):

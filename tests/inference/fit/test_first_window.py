@@ -6,10 +6,10 @@ import dataclasses
 
 import torch
 
-from dashred.discovery.first_window import SAMPLES, first_samples, fit_first_window
-from dashred.discovery.gauss_newton import minimise
-from dashred.discovery.objective import Objective
 from dashred.discovery.starts import LinearStart
+from dashred.inference.fit.first_window import SAMPLES, first_samples, fit_first_window
+from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.levenberg_marquardt import minimise
 from tests.swing import Swing, noisy
 
 SIGMA = 0.05
