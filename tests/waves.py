@@ -14,17 +14,17 @@ from torch import Tensor
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
 from dashred.discovery.beyond import candidates_beyond
-from dashred.discovery.candidates import Candidate, build_candidates, forcing_of
 from dashred.discovery.cause import Cause
 from dashred.discovery.hypothesis import Guess, Hypothesis, first_unknowns, pose
-from dashred.discovery.law_simulator import Simulator
-from dashred.discovery.local_shooting import found_by, localised
-from dashred.discovery.shooting import Shooting
 from dashred.discovery.starts import StartModel
 from dashred.inference.fit.law import law_of
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import grow, minimise
 from dashred.inference.fit.noise_model import NoiseModel
+from dashred.inference.forward.candidate_simulator import Simulator
+from dashred.inference.forward.candidates import Candidate, build_candidates, forcing_of
+from dashred.inference.forward.forward_model import Shooting
+from dashred.inference.forward.windowed_model import found_by, localised
 from dashred.physics.library import evaluate_terms
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
 from dashred.physics.simulate import simulate

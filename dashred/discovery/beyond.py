@@ -10,7 +10,6 @@ import torch
 from torch import Tensor
 
 from dashred.core.errors import InputError
-from dashred.discovery.candidates import Candidate, build_candidates
 from dashred.discovery.cause import Cause
 from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.hypothesis import Hypothesis
@@ -20,6 +19,7 @@ from dashred.inference.fit.law import law_of
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.subset_search import Eliminated
+from dashred.inference.forward.candidates import Candidate, build_candidates
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
 

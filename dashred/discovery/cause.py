@@ -7,10 +7,10 @@ from functools import cached_property
 
 from torch import Tensor
 
-from dashred.discovery.local_shooting import found_by
 from dashred.inference.fit.law import Law, law_of
 from dashred.inference.fit.least_squares import Normal, Objective
 from dashred.inference.fit.levenberg_marquardt import Fitted, grow, minimise, minimise_on
+from dashred.inference.forward.windowed_model import found_by
 
 STEPS, TOLERANCE = 10, 1e-4
 # A score this much worse than the best is out of the question.

@@ -14,10 +14,10 @@ from itertools import product
 import torch
 from torch import Tensor
 
-from dashred.discovery.faulty_shooting import MovedShooting, OffsetShooting, columns_of
 from dashred.inference.fit.least_squares import Normal, Objective
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 from dashred.inference.fit.normal_equations import solve
+from dashred.inference.forward.faulty_sensor_model import MovedShooting, OffsetShooting, columns_of
 from dashred.physics.grid import Axis
 
 # How far off a sensor may be, as a share of the axis, over what its readings are differentiated,

@@ -14,9 +14,9 @@ from itertools import product
 import torch
 from torch import Tensor
 
-from dashred.discovery.driven_shooting import DrivenShooting
 from dashred.inference.fit.least_squares import Normal, Objective
 from dashred.inference.fit.levenberg_marquardt import grow, minimise
+from dashred.inference.forward.forced_model import DrivenShooting
 from dashred.physics.pulses import Pulses
 
 # Of a forcing: along each axis, by how many there are, for every cell is a column of the Jacobian;

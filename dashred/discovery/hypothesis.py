@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dashred.discovery.candidates import Candidate
-from dashred.discovery.local_shooting import LocalShooting, found_by
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
+from dashred.inference.forward.candidates import Candidate
+from dashred.inference.forward.windowed_model import LocalShooting, found_by
 from dashred.physics.window import Shape
 
 # Prior std of a window's log width.

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dashred.discovery.candidates import Candidate
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 from dashred.inference.fit.subset_search import Eliminated
+from dashred.inference.forward.candidates import Candidate
 from dashred.physics.algebra import Call, Expr, Name, Number, call, multiply, split_coefficient
 from dashred.physics.algebra import substitute as put_in
 from dashred.physics.differentiate import differentiate

@@ -15,9 +15,9 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.cause import Cause, ended
-from dashred.discovery.local_shooting import LocalShooting
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
+from dashred.inference.forward.windowed_model import LocalShooting
 
 # Windows whose score is no farther than this from the best may yet be the best; of so many.
 NEAR, MOST = 20.0, 4

@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dashred.discovery.candidates import Candidate
-from dashred.discovery.driven_shooting import DrivenShooting
 from dashred.discovery.free_forcing import FreeForcing
 from dashred.discovery.hypothesis import Hypothesis
-from dashred.discovery.local_shooting import as_terms, localised
 from dashred.discovery.window_columns import pieces_of, windows_of
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.subset_search import Eliminated
+from dashred.inference.forward.candidates import Candidate
+from dashred.inference.forward.forced_model import DrivenShooting
+from dashred.inference.forward.windowed_model import as_terms, localised
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.faults import Fault
-from dashred.discovery.faulty_shooting import columns_of
 from dashred.inference.fit.least_squares import Normal, Objective
 from dashred.inference.fit.normal_equations import solve
+from dashred.inference.forward.faulty_sensor_model import columns_of
 
 # A sample this many σ off what the other sensors and neighbours say is a spike.
 SPIKE = 5.0

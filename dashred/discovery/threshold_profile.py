@@ -13,9 +13,9 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.cause import Cause
-from dashred.discovery.local_shooting import LocalShooting
 from dashred.inference.fit.law import Z95, Law
 from dashred.inference.fit.levenberg_marquardt import chord_refits
+from dashred.inference.forward.windowed_model import LocalShooting
 
 # Thresholds that are tried on either side: from a share of the std that the curvature gives, to the
 # farthest state that is visited.

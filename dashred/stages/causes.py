@@ -10,16 +10,16 @@ from torch import Tensor
 
 from dashred.core.progress import Report
 from dashred.discovery.beyond import candidates_beyond
-from dashred.discovery.candidates import Candidate, replaced_terms
 from dashred.discovery.cause import Cause
 from dashred.discovery.causes import Additions, Weighed, weigh
 from dashred.discovery.discovered import AMBIGUOUS
-from dashred.discovery.law_simulator import Simulator
 from dashred.inference.fit.law import Law, law_of
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import grow, minimise
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.fit.stepwise_selection import Tried
+from dashred.inference.forward.candidate_simulator import Simulator
+from dashred.inference.forward.candidates import Candidate, replaced_terms
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.physics.window import shapes_of

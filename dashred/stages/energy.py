@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from dashred.core.findings.law_schema import EnergyLost, Share
-from dashred.discovery.candidates import forcing_of
 from dashred.inference.fit.law import Law
+from dashred.inference.forward.candidates import forcing_of
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System
 

@@ -7,15 +7,15 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from dashred.discovery.candidates import Candidate
-from dashred.discovery.episodes import clocks, operator_of, side_by_side
-from dashred.discovery.episodes_simulator import simulator_of
-from dashred.discovery.law_simulator import Simulator
-from dashred.discovery.shooting import Shooting
 from dashred.discovery.starts import StartModel
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.noise_model import NoiseModel
+from dashred.inference.forward.candidate_simulator import Simulator
+from dashred.inference.forward.candidates import Candidate
+from dashred.inference.forward.episodes import clocks, operator_of, side_by_side
+from dashred.inference.forward.episodes_simulator import simulator_of
+from dashred.inference.forward.forward_model import Shooting
 from dashred.physics.resolution import Resolution
 from dashred.physics.window import Shape
 from dashred.stages.problem import Problem

@@ -8,12 +8,12 @@ from dataclasses import replace
 import torch
 
 from dashred.core.progress import Report
-from dashred.discovery.candidates import Candidate
-from dashred.discovery.law_simulator import Simulator
 from dashred.inference.fit.first_window import first_samples
 from dashred.inference.fit.growing_horizon import Walk, walk
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.stepwise_selection import Selection, select
+from dashred.inference.forward.candidate_simulator import Simulator
+from dashred.inference.forward.candidates import Candidate
 from dashred.stages.objectives import pose_objective
 from dashred.stages.problem import Problem
 from dashred.stages.seeding import Seed

@@ -15,12 +15,12 @@ from dashred.data.sensors import Sensor
 from dashred.discovery.cause import Cause
 from dashred.discovery.fault_in_units import fitted_fault_in_units
 from dashred.discovery.faults import fit_fault, predicted
-from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.lawless import faults
-from dashred.discovery.shooting import Shooting
 from dashred.discovery.suspects import suspects
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.fit.least_squares import Objective
+from dashred.inference.forward.candidate_simulator import Simulator
+from dashred.inference.forward.forward_model import Shooting
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
 from dashred.physics.simulate import simulate
 from tests import laws

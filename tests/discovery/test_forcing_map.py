@@ -8,7 +8,7 @@ import pytest
 
 from dashred.discovery.forcing_map import map_of
 from dashred.discovery.free_forcing import force
-from dashred.discovery.local_shooting import localised
+from dashred.inference.forward.windowed_model import localised
 from dashred.physics.window import box
 from tests.waves import TIMES, Waves, fitted
 

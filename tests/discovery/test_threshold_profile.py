@@ -9,10 +9,10 @@ import pytest
 import torch
 
 from dashred.discovery.cause import Cause
-from dashred.discovery.local_shooting import LocalShooting
 from dashred.discovery.threshold_profile import with_profile
 from dashred.inference.fit.law import Z95, law_of
 from dashred.inference.fit.levenberg_marquardt import minimise
+from dashred.inference.forward.windowed_model import LocalShooting
 from dashred.physics.window import gate, onset
 from tests.waves import LOCAL_SIGMA, Waves, in_window
 

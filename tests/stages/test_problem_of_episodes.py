@@ -14,8 +14,8 @@ from dashred.data.episodes import Episode, Episodes
 from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
-from dashred.discovery.episodes_simulator import EpisodesSimulator
 from dashred.inference.fit.law import SensorFault
+from dashred.inference.forward.episodes_simulator import EpisodesSimulator
 from dashred.stages.assimilation import sensor_data
 from dashred.stages.objectives import exact_simulator, pose_objective
 from dashred.stages.problem import Problem, pose

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from dashred.discovery.candidates import Candidate, forcing_of
 from dashred.inference.fit.least_squares import Normal, Objective
 from dashred.inference.fit.levenberg_marquardt import Fitted
+from dashred.inference.forward.candidates import Candidate, forcing_of
 from dashred.physics.forcing import Forcing
 from dashred.physics.window import Window
 

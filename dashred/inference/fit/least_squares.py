@@ -16,10 +16,10 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from dashred.discovery.candidates import Candidate
-from dashred.discovery.shooting import Shooting
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.fit.normal_equations import solve
+from dashred.inference.forward.candidates import Candidate
+from dashred.inference.forward.forward_model import Shooting
 
 
 class Trials(NamedTuple):

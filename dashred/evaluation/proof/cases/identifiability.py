@@ -16,9 +16,7 @@ import torch
 from torch import Tensor
 
 from dashred.config import load_config
-from dashred.discovery.candidates import Candidate, indices_by_name
 from dashred.discovery.hypothesis import Hypothesis
-from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.starts import nearest
 from dashred.evaluation.proof.cases.case_record import Kind
 from dashred.evaluation.proof.cases.draw import Case
@@ -27,6 +25,8 @@ from dashred.evaluation.proof.cases.oracle import DECIDABLE, known
 from dashred.evaluation.twins.recorder import expression_of
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.subset_search import Eliminated, small_sets
+from dashred.inference.forward.candidate_simulator import Simulator
+from dashred.inference.forward.candidates import Candidate, indices_by_name
 from dashred.physics.system import Term
 from dashred.physics.window import shapes_of
 from dashred.stages.objectives import exact_simulator, pose_objective

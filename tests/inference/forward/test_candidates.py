@@ -10,7 +10,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.discovery.candidates import (
+from dashred.inference.forward.candidates import (
     Candidate,
     build_candidates,
     forcing_of,

@@ -8,10 +8,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.discovery.candidates import forcing_of
-from dashred.discovery.driven_shooting import DrivenShooting
-from dashred.discovery.local_shooting import LocalShooting, localised
-from dashred.discovery.shooting import Shooting
+from dashred.inference.forward.candidates import forcing_of
+from dashred.inference.forward.forced_model import DrivenShooting
+from dashred.inference.forward.forward_model import Shooting
+from dashred.inference.forward.windowed_model import LocalShooting, localised
 from dashred.physics.pulses import Pulses
 from dashred.physics.simulate import simulate
 from dashred.physics.window import Shape, box, gate, onset

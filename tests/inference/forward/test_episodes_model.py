@@ -6,7 +6,16 @@ import pytest
 import torch
 
 from dashred.discovery.cause import Cause
-from dashred.discovery.episodes import (
+from dashred.discovery.fault_in_units import fault_in_units
+from dashred.discovery.faults import Fault, fit_fault
+from dashred.discovery.left_out import beside_the_fault
+from dashred.discovery.suspects import suspects
+from dashred.inference.fit.law import law_of
+from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.levenberg_marquardt import minimise
+from dashred.inference.fit.noise_model import NoiseModel
+from dashred.inference.forward.candidate_simulator import Simulator
+from dashred.inference.forward.episodes import (
     clocks,
     one_after_another,
     operator_of,
@@ -14,18 +23,9 @@ from dashred.discovery.episodes import (
     side_by_side,
     starts_of,
 )
-from dashred.discovery.episodes_simulator import simulator_of
-from dashred.discovery.fault_in_units import fault_in_units
-from dashred.discovery.faults import Fault, fit_fault
-from dashred.discovery.law_simulator import Simulator
-from dashred.discovery.left_out import beside_the_fault
-from dashred.discovery.local_shooting import LocalShooting
-from dashred.discovery.shooting import Shooting
-from dashred.discovery.suspects import suspects
-from dashred.inference.fit.law import law_of
-from dashred.inference.fit.least_squares import Objective
-from dashred.inference.fit.levenberg_marquardt import minimise
-from dashred.inference.fit.noise_model import NoiseModel
+from dashred.inference.forward.episodes_simulator import simulator_of
+from dashred.inference.forward.forward_model import Shooting
+from dashred.inference.forward.windowed_model import LocalShooting
 from dashred.physics.pulses import Pulses
 from dashred.physics.window import onset
 from tests.swing import Swing, noisy

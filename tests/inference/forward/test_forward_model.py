@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 import torch
 
-from dashred.discovery.driven_shooting import DrivenShooting
-from dashred.discovery.law_simulator import Simulator
-from dashred.discovery.shooting import Shooting
 from dashred.discovery.starts import LinearStart
+from dashred.inference.forward.candidate_simulator import Simulator
+from dashred.inference.forward.forced_model import DrivenShooting
+from dashred.inference.forward.forward_model import Shooting
 from dashred.physics.pulses import Pulses
 from tests.waves import TIMES, Waves
 
@@ -42,7 +42,7 @@ def test_samples_are_observed_together_as_one_by_one(
     shooting = far_off(waves, STEP)
     z, xi = torch.zeros(2).double(), torch.zeros(2).double()
     expected = shooting._columns(z, xi)
-    monkeypatch.setattr("dashred.discovery.shooting.AT_ONCE", at_once)
+    monkeypatch.setattr("dashred.inference.forward.forward_model.AT_ONCE", at_once)
     torch.testing.assert_close(shooting._columns(z, xi), expected, rtol=1e-8, atol=1e-10)
     assert expected.shape == (len(TIMES), len(waves.operator.sensors), 4)
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-from dashred.discovery.candidates import Candidate, forcing_of
+from dashred.inference.forward.candidates import Candidate, forcing_of
 from dashred.physics.forcing import Forcing
 from dashred.physics.ode_tangents import supports_ode, tangent_ode
 from dashred.physics.pulses import Drive, Pulses

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dashred.discovery.candidates import Candidate, forcing_of
-from dashred.discovery.shooting import Shooting
 from dashred.inference.fit.least_squares import Objective
+from dashred.inference.forward.candidates import Candidate, forcing_of
+from dashred.inference.forward.forward_model import Shooting
 from dashred.physics.algebra import Number, multiply
 from dashred.physics.pulses import Drive, Pulses
 from dashred.physics.system import Term

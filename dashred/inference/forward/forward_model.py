@@ -10,9 +10,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
-from dashred.discovery.candidates import Candidate, forcing_of
-from dashred.discovery.law_simulator import Simulator
 from dashred.discovery.starts import StartModel
+from dashred.inference.forward.candidate_simulator import Simulator
+from dashred.inference.forward.candidates import Candidate, forcing_of
 from dashred.physics.pulses import Drive, Pulses
 
 DIFFERENCE = 1e-5
@@ -45,7 +45,7 @@ class Shooting:
         candidates: what ξ multiplies.
         operator: H of the fit sensors.
         times: clock of the recording's part that is fitted, ``(time,)``; of several episodes as
-            :mod:`dashred.discovery.episodes` has them.
+            :mod:`dashred.inference.forward.episodes` has them.
     """
 
     simulator: Simulator

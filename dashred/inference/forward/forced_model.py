@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dashred.discovery.shooting import Shooting
+from dashred.inference.forward.forward_model import Shooting
 from dashred.physics.pulses import Drive, Pulses
 
 

@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator, Sequence
 import torch
 from torch import Tensor
 
-from dashred.discovery.candidates import Candidate
-from dashred.discovery.episodes import one_after_another, running
-from dashred.discovery.law_simulator import Simulator
+from dashred.inference.forward.candidate_simulator import Simulator
+from dashred.inference.forward.candidates import Candidate
+from dashred.inference.forward.episodes import one_after_another, running
 from dashred.physics.forcing import Forcing
 from dashred.physics.pulses import Drive, Pulses
 from dashred.physics.system import Term

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
-from dashred.discovery.shooting import Linearisation, Shooting
+from dashred.inference.forward.forward_model import Linearisation, Shooting
 
 
 @dataclass(frozen=True)
