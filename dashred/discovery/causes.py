@@ -13,10 +13,6 @@ from torch import Tensor
 
 from dashred.core.progress import Report
 from dashred.discovery.beyond import laws_beyond
-from dashred.discovery.cause import HOPELESS, Cause, by_score, refitted
-from dashred.discovery.discovered import AMBIGUOUS, MISSING
-from dashred.discovery.forcing_map import ForcingMap
-from dashred.discovery.free_forcing import FreeForcing, force
 from dashred.discovery.lawless import faults, wider_starts
 from dashred.discovery.local_laws import local_laws
 from dashred.discovery.on_top import screened_on_top
@@ -30,6 +26,10 @@ from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate
+from dashred.inference.hypotheses.forcing_map import ForcingMap
+from dashred.inference.hypotheses.free_forcing import FreeForcing, force
+from dashred.inference.hypotheses.hypothesis_fit import HOPELESS, Cause, by_score, refitted
+from dashred.inference.hypotheses.result import AMBIGUOUS, MISSING
 
 # χ²/n, under the noise that a free forcing leaves, of what needs no further explanation.
 EXPLAINED = 1.1

@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 from torch import Tensor
 
 from dashred.core.progress import Report
-from dashred.discovery.cause import Cause, by_score
-from dashred.discovery.discovered import MISSING
-from dashred.discovery.free_forcing import FreeForcing, force
+from dashred.inference.hypotheses.free_forcing import FreeForcing, force
+from dashred.inference.hypotheses.hypothesis_fit import Cause, by_score
+from dashred.inference.hypotheses.result import MISSING
 
 # How often terms are screened anew about a better law's trajectory.
 ROUNDS = 3

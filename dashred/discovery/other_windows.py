@@ -14,10 +14,10 @@ from itertools import islice
 import torch
 from torch import Tensor
 
-from dashred.discovery.cause import Cause, ended
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 from dashred.inference.forward.windowed_model import LocalShooting
+from dashred.inference.hypotheses.hypothesis_fit import Cause, ended
 
 # Windows whose score is no farther than this from the best may yet be the best; of so many.
 NEAR, MOST = 20.0, 4

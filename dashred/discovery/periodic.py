@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dashred.discovery.cause import Cause
 from dashred.inference.fit.law import law_of
 from dashred.inference.fit.least_squares import Normal, Objective
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.subset_search import Eliminated
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.forced_model import DrivenShooting
+from dashred.inference.hypotheses.hypothesis_fit import Cause
 from dashred.physics.library import build_library, resolve
 from dashred.physics.pulses import Pulses
 from dashred.physics.system import System

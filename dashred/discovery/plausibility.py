@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from dashred.discovery.discovered import Discovered
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import Candidate
+from dashred.inference.hypotheses.result import Discovered
 
 
 def plausibility(discovered: Discovered) -> list[tuple[Law, float]]:

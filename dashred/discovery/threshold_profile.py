@@ -12,10 +12,10 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from dashred.discovery.cause import Cause
 from dashred.inference.fit.law import Z95, Law
 from dashred.inference.fit.levenberg_marquardt import chord_refits
 from dashred.inference.forward.windowed_model import LocalShooting
+from dashred.inference.hypotheses.hypothesis_fit import Cause
 
 # Thresholds that are tried on either side: from a share of the std that the curvature gives, to the
 # farthest state that is visited.

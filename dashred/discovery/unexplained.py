@@ -7,11 +7,7 @@ from dataclasses import dataclass, replace
 from torch import Tensor
 
 from dashred.core.progress import Report
-from dashred.discovery.cause import Cause
-from dashred.discovery.discovered import MISSING
 from dashred.discovery.faults import Fault
-from dashred.discovery.forcing_map import ForcingMap, map_of
-from dashred.discovery.free_forcing import FreeForcing, force
 from dashred.discovery.left_out import (
     fault_beneath,
     faulty_or_not,
@@ -21,6 +17,10 @@ from dashred.discovery.left_out import (
 from dashred.discovery.own_noise import noise_left_by, refitted_under
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import Objective
+from dashred.inference.hypotheses.forcing_map import ForcingMap, map_of
+from dashred.inference.hypotheses.free_forcing import FreeForcing, force
+from dashred.inference.hypotheses.hypothesis_fit import Cause
+from dashred.inference.hypotheses.result import MISSING
 
 # A law of more candidates may imitate one that acts somewhere only, or is beyond the library; of so
 # many, one beyond it, or in a window of the same equations.

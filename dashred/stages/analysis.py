@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from torch import Tensor
 
-from dashred.discovery.discovered import Discovered
+from dashred.inference.hypotheses.result import Discovered
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.learning import Learned
 from dashred.stages.problem import Problem

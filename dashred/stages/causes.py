@@ -10,9 +10,7 @@ from torch import Tensor
 
 from dashred.core.progress import Report
 from dashred.discovery.beyond import candidates_beyond
-from dashred.discovery.cause import Cause
 from dashred.discovery.causes import Additions, Weighed, weigh
-from dashred.discovery.discovered import AMBIGUOUS
 from dashred.inference.fit.law import Law, law_of
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import grow, minimise
@@ -20,6 +18,8 @@ from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.fit.stepwise_selection import Tried
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate, replaced_terms
+from dashred.inference.hypotheses.hypothesis_fit import Cause
+from dashred.inference.hypotheses.result import AMBIGUOUS
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.physics.window import shapes_of

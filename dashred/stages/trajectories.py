@@ -8,9 +8,9 @@ import torch
 from torch import Tensor
 
 from dashred.core.progress import stage
-from dashred.discovery.discovered import Discovered
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import forcing_of
+from dashred.inference.hypotheses.result import Discovered
 from dashred.physics.simulate import simulate
 from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal

@@ -12,7 +12,6 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
-from dashred.discovery.cause import Cause
 from dashred.discovery.fault_in_units import fitted_fault_in_units
 from dashred.discovery.faults import fit_fault, predicted
 from dashred.discovery.lawless import faults
@@ -21,6 +20,7 @@ from dashred.inference.fit.law import SensorFault
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.forward_model import Shooting
+from dashred.inference.hypotheses.hypothesis_fit import Cause
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
 from dashred.physics.simulate import simulate
 from tests import laws

@@ -7,11 +7,11 @@ import math
 import pytest
 import torch
 
-from dashred.discovery.cause import Cause
 from dashred.discovery.periodic import Wave, periodic_laws
 from dashred.inference.fit.law import law_of
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.candidates import Candidate
+from dashred.inference.hypotheses.hypothesis_fit import Cause
 from dashred.physics.library import build_library, evaluate_terms, resolve
 from tests.waves import Waves, fitted
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 import torch
 
-from dashred.discovery.cause import Cause
 from dashred.discovery.fault_in_units import fault_in_units
 from dashred.discovery.faults import Fault, fit_fault
 from dashred.discovery.left_out import beside_the_fault
@@ -26,6 +25,7 @@ from dashred.inference.forward.episodes import (
 from dashred.inference.forward.episodes_simulator import simulator_of
 from dashred.inference.forward.forward_model import Shooting
 from dashred.inference.forward.windowed_model import LocalShooting
+from dashred.inference.hypotheses.hypothesis_fit import Cause
 from dashred.physics.pulses import Pulses
 from dashred.physics.window import onset
 from tests.swing import Swing, noisy

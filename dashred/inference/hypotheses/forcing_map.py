@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from dashred.discovery.free_forcing import FreeForcing
 from dashred.inference.forward.forced_model import DrivenShooting
+from dashred.inference.hypotheses.free_forcing import FreeForcing
 from dashred.physics.system import System
 
 

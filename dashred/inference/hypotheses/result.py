@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from dashred.discovery.forcing_map import ForcingMap
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate
+from dashred.inference.hypotheses.forcing_map import ForcingMap
 
 # Evidence that a free forcing has to gain for something to be missing (design §4.3.8).
 MISSING = 4.0

@@ -8,10 +8,10 @@ from dataclasses import replace
 import pytest
 import torch
 
-from dashred.discovery import free_forcing
-from dashred.discovery.discovered import MISSING
-from dashred.discovery.free_forcing import FreeForcing, evidence, fit_free_forcing, force
 from dashred.inference.fit.least_squares import Normal
+from dashred.inference.hypotheses import free_forcing
+from dashred.inference.hypotheses.free_forcing import FreeForcing, evidence, fit_free_forcing, force
+from dashred.inference.hypotheses.result import MISSING
 from dashred.physics.pulses import Pulses
 from tests.waves import TIMES, Waves, fitted
 

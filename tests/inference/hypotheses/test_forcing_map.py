@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from dashred.discovery.forcing_map import map_of
-from dashred.discovery.free_forcing import force
 from dashred.inference.forward.windowed_model import localised
+from dashred.inference.hypotheses.forcing_map import map_of
+from dashred.inference.hypotheses.free_forcing import force
 from dashred.physics.window import box
 from tests.waves import TIMES, Waves, fitted
 

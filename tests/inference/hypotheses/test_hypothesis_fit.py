@@ -9,10 +9,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.discovery import cause as settling
-from dashred.discovery.cause import FAR, LOST, Cause, settled
 from dashred.inference.fit.law import law_of
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise, minimise_on
+from dashred.inference.hypotheses import hypothesis_fit as settling
+from dashred.inference.hypotheses.hypothesis_fit import FAR, LOST, Cause, settled
 from tests.waves import Waves
 
 SIGMA, XI = 0.02, -0.25
