@@ -11,10 +11,10 @@ import torch
 from dashred.core.mlflow.metric_names import metric_name
 from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import stage
-from dashred.discovery.causes import Weighed
 from dashred.inference.fit.law import Law, posterior
 from dashred.inference.fit.stepwise_selection import Selection, Tried, better, polish, select
 from dashred.inference.forward.candidates import Candidate, build_candidates, indices_by_name
+from dashred.inference.hypotheses.comparison.compare_hypotheses import Weighed
 from dashred.inference.hypotheses.result import MISSING, BestOfSize, Discovered
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.resolution import Resolution

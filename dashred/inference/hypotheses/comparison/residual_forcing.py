@@ -14,9 +14,9 @@ from dashred.discovery.left_out import (
     forced_without,
     nothing_without,
 )
-from dashred.discovery.own_noise import noise_left_by, refitted_under
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import Objective
+from dashred.inference.hypotheses.comparison.noise_reestimation import noise_left_by, refitted_under
 from dashred.inference.hypotheses.forcing_map import ForcingMap, map_of
 from dashred.inference.hypotheses.free_forcing import FreeForcing, force
 from dashred.inference.hypotheses.hypothesis_fit import Cause

@@ -15,17 +15,24 @@ from dashred.core.progress import Report
 from dashred.discovery.beyond import laws_beyond
 from dashred.discovery.lawless import faults, wider_starts
 from dashred.discovery.local_laws import local_laws
-from dashred.discovery.on_top import screened_on_top
-from dashred.discovery.own_noise import refitted_under, refitted_under_own_noise
 from dashred.discovery.periodic import periodic_laws
-from dashred.discovery.simpler import simpler_from_the_best
 from dashred.discovery.threshold_profile import with_profile
-from dashred.discovery.unexplained import SIMPLE, Unexplained, look_for_unexplained
 from dashred.inference.fit.law import Law, unlike
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate
+from dashred.inference.hypotheses.comparison.backward_elimination import simpler_from_the_best
+from dashred.inference.hypotheses.comparison.noise_reestimation import (
+    refitted_under,
+    refitted_under_own_noise,
+)
+from dashred.inference.hypotheses.comparison.repeated_screening import screened_on_top
+from dashred.inference.hypotheses.comparison.residual_forcing import (
+    SIMPLE,
+    Unexplained,
+    look_for_unexplained,
+)
 from dashred.inference.hypotheses.forcing_map import ForcingMap
 from dashred.inference.hypotheses.free_forcing import FreeForcing, force
 from dashred.inference.hypotheses.hypothesis_fit import HOPELESS, Cause, by_score, refitted
