@@ -13,7 +13,6 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
-from dashred.discovery.beyond import candidates_beyond
 from dashred.discovery.hypothesis import Guess, Hypothesis, first_unknowns, pose
 from dashred.discovery.starts import StartModel
 from dashred.inference.fit.law import law_of
@@ -24,6 +23,7 @@ from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate, build_candidates, forcing_of
 from dashred.inference.forward.forward_model import Shooting
 from dashred.inference.forward.windowed_model import found_by, localised
+from dashred.inference.hypotheses.extended.extended_library import candidates_beyond
 from dashred.inference.hypotheses.hypothesis_fit import Cause
 from dashred.physics.library import evaluate_terms
 from dashred.physics.prior import StartPrior, field_rms, nominal_start

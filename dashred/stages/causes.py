@@ -9,7 +9,6 @@ import torch
 from torch import Tensor
 
 from dashred.core.progress import Report
-from dashred.discovery.beyond import candidates_beyond
 from dashred.inference.fit.law import Law, law_of
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import grow, minimise
@@ -18,6 +17,7 @@ from dashred.inference.fit.stepwise_selection import Tried
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate, replaced_terms
 from dashred.inference.hypotheses.comparison.compare_hypotheses import Additions, Weighed, weigh
+from dashred.inference.hypotheses.extended.extended_library import candidates_beyond
 from dashred.inference.hypotheses.hypothesis_fit import Cause
 from dashred.inference.hypotheses.result import AMBIGUOUS
 from dashred.physics.library import evaluate_terms

@@ -7,7 +7,6 @@ import math
 import pytest
 import torch
 
-from dashred.discovery.beyond import laws_beyond
 from dashred.discovery.hypothesis import Guess, Hypothesis, first_unknowns, pose
 from dashred.discovery.local_laws import local_laws
 from dashred.discovery.screening import eliminated, screen
@@ -17,6 +16,7 @@ from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.windowed_model import found_by, localised
 from dashred.inference.hypotheses.comparison.repeated_screening import screened_on_top
 from dashred.inference.hypotheses.comparison.residual_forcing import look_for_unexplained
+from dashred.inference.hypotheses.extended.extended_library import laws_beyond
 from dashred.inference.hypotheses.free_forcing import FreeForcing, force
 from dashred.inference.hypotheses.hypothesis_fit import Cause
 from dashred.physics.window import box, gate

@@ -12,10 +12,8 @@ from dataclasses import dataclass, replace
 from torch import Tensor
 
 from dashred.core.progress import Report
-from dashred.discovery.beyond import laws_beyond
 from dashred.discovery.lawless import faults, wider_starts
 from dashred.discovery.local_laws import local_laws
-from dashred.discovery.periodic import periodic_laws
 from dashred.discovery.threshold_profile import with_profile
 from dashred.inference.fit.law import Law, unlike
 from dashred.inference.fit.least_squares import Objective
@@ -33,6 +31,8 @@ from dashred.inference.hypotheses.comparison.residual_forcing import (
     Unexplained,
     look_for_unexplained,
 )
+from dashred.inference.hypotheses.extended.extended_library import laws_beyond
+from dashred.inference.hypotheses.extended.periodic_forcing import periodic_laws
 from dashred.inference.hypotheses.forcing_map import ForcingMap
 from dashred.inference.hypotheses.free_forcing import FreeForcing, force
 from dashred.inference.hypotheses.hypothesis_fit import HOPELESS, Cause, by_score, refitted

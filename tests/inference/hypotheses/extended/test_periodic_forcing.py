@@ -7,10 +7,10 @@ import math
 import pytest
 import torch
 
-from dashred.discovery.periodic import Wave, periodic_laws
 from dashred.inference.fit.law import law_of
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.candidates import Candidate
+from dashred.inference.hypotheses.extended.periodic_forcing import Wave, periodic_laws
 from dashred.inference.hypotheses.hypothesis_fit import Cause
 from dashred.physics.library import build_library, evaluate_terms, resolve
 from tests.waves import Waves, fitted

@@ -11,13 +11,20 @@ from torch import Tensor
 
 from dashred.core.errors import InputError
 from dashred.discovery.hypothesis import Hypothesis
-from dashred.discovery.inner_constants import Tunable, moved, slopes_of, tunable, tune, within_reach
 from dashred.discovery.screening import eliminated
 from dashred.inference.fit.law import law_of
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.subset_search import Eliminated
 from dashred.inference.forward.candidates import Candidate, build_candidates
+from dashred.inference.hypotheses.extended.nonlinear_constants import (
+    Tunable,
+    moved,
+    slopes_of,
+    tunable,
+    tune,
+    within_reach,
+)
 from dashred.inference.hypotheses.free_forcing import FreeForcing
 from dashred.inference.hypotheses.hypothesis_fit import Cause
 from dashred.physics.library import build_library

@@ -9,9 +9,14 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.discovery.inner_constants import moved, tunable, tune, within_reach
 from dashred.inference.fit.subset_search import Eliminated
 from dashred.inference.forward.candidates import Candidate
+from dashred.inference.hypotheses.extended.nonlinear_constants import (
+    moved,
+    tunable,
+    tune,
+    within_reach,
+)
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from tests import laws
