@@ -5,10 +5,6 @@ from __future__ import annotations
 import pytest
 import torch
 
-from dashred.discovery.fault_in_units import fault_in_units
-from dashred.discovery.faults import Fault, fit_fault
-from dashred.discovery.left_out import beside_the_fault
-from dashred.discovery.suspects import suspects
 from dashred.inference.fit.law import law_of
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import minimise
@@ -26,6 +22,10 @@ from dashred.inference.forward.episodes_simulator import simulator_of
 from dashred.inference.forward.forward_model import Shooting
 from dashred.inference.forward.windowed_model import LocalShooting
 from dashred.inference.hypotheses.hypothesis_fit import Cause
+from dashred.inference.hypotheses.sensors.fault_in_units import fault_in_units
+from dashred.inference.hypotheses.sensors.faults import Fault, fit_fault
+from dashred.inference.hypotheses.sensors.leave_one_sensor_out import beside_the_fault
+from dashred.inference.hypotheses.sensors.suspects import suspects
 from dashred.physics.pulses import Pulses
 from dashred.physics.window import onset
 from tests.swing import Swing, noisy

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from torch import Tensor
 
 from dashred.core.progress import Report
-from dashred.discovery.lawless import faults, wider_starts
 from dashred.discovery.local_laws import local_laws
 from dashred.discovery.threshold_profile import with_profile
 from dashred.inference.fit.law import Law, unlike
@@ -37,6 +36,7 @@ from dashred.inference.hypotheses.forcing_map import ForcingMap
 from dashred.inference.hypotheses.free_forcing import FreeForcing, force
 from dashred.inference.hypotheses.hypothesis_fit import HOPELESS, Cause, by_score, refitted
 from dashred.inference.hypotheses.result import AMBIGUOUS, MISSING
+from dashred.inference.hypotheses.sensors.sensor_and_start_faults import faults, wider_starts
 
 # χ²/n, under the noise that a free forcing leaves, of what needs no further explanation.
 EXPLAINED = 1.1

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from dashred.discovery.left_out import Beside, beside_the_fault
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.hypotheses.free_forcing import FreeForcing
 from dashred.inference.hypotheses.hypothesis_fit import HOPELESS, Cause, by_score, refitted, settled
+from dashred.inference.hypotheses.sensors.leave_one_sensor_out import Beside, beside_the_fault
 
 
 def noise_left_by(forced: FreeForcing) -> NoiseModel:

@@ -7,13 +7,6 @@ from dataclasses import dataclass, replace
 from torch import Tensor
 
 from dashred.core.progress import Report
-from dashred.discovery.faults import Fault
-from dashred.discovery.left_out import (
-    fault_beneath,
-    faulty_or_not,
-    forced_without,
-    nothing_without,
-)
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.hypotheses.comparison.noise_reestimation import noise_left_by, refitted_under
@@ -21,6 +14,13 @@ from dashred.inference.hypotheses.forcing_map import ForcingMap, map_of
 from dashred.inference.hypotheses.free_forcing import FreeForcing, force
 from dashred.inference.hypotheses.hypothesis_fit import Cause
 from dashred.inference.hypotheses.result import MISSING
+from dashred.inference.hypotheses.sensors.faults import Fault
+from dashred.inference.hypotheses.sensors.leave_one_sensor_out import (
+    fault_beneath,
+    faulty_or_not,
+    forced_without,
+    nothing_without,
+)
 
 # A law of more candidates may imitate one that acts somewhere only, or is beyond the library; of so
 # many, one beyond it, or in a window of the same equations.

@@ -9,7 +9,6 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.discovery.left_out import beside_the_fault, faulty_or_not
 from dashred.inference.fit.law import Law, law_of
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.windowed_model import localised
@@ -18,6 +17,10 @@ from dashred.inference.hypotheses.extended.nonlinear_constants import tunable
 from dashred.inference.hypotheses.free_forcing import force
 from dashred.inference.hypotheses.hypothesis_fit import Cause
 from dashred.inference.hypotheses.result import AMBIGUOUS, MISSING
+from dashred.inference.hypotheses.sensors.leave_one_sensor_out import (
+    beside_the_fault,
+    faulty_or_not,
+)
 from dashred.physics.window import Shape, box, gate, onset
 from tests.waves import TIMES, Waves, fitted
 

@@ -12,15 +12,15 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
-from dashred.discovery.fault_in_units import fitted_fault_in_units
-from dashred.discovery.faults import fit_fault, predicted
-from dashred.discovery.lawless import faults
-from dashred.discovery.suspects import suspects
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.forward_model import Shooting
 from dashred.inference.hypotheses.hypothesis_fit import Cause
+from dashred.inference.hypotheses.sensors.fault_in_units import fitted_fault_in_units
+from dashred.inference.hypotheses.sensors.faults import fit_fault, predicted
+from dashred.inference.hypotheses.sensors.sensor_and_start_faults import faults
+from dashred.inference.hypotheses.sensors.suspects import suspects
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
 from dashred.physics.simulate import simulate
 from tests import laws

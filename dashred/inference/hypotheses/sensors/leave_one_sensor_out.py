@@ -10,9 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from dashred.discovery.fault_in_units import fault_in_units
-from dashred.discovery.faults import Fault, predicted_faults
-from dashred.discovery.suspects import suspects
 from dashred.inference.fit.law import law_of
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import minimise
@@ -20,6 +17,9 @@ from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.faulty_sensor_model import columns_of
 from dashred.inference.hypotheses.free_forcing import FreeForcing
 from dashred.inference.hypotheses.hypothesis_fit import Cause, refitted
+from dashred.inference.hypotheses.sensors.fault_in_units import fault_in_units
+from dashred.inference.hypotheses.sensors.faults import Fault, predicted_faults
+from dashred.inference.hypotheses.sensors.suspects import suspects
 
 # A forcing is coarse: what it leaves at a sensor may look like a fault that gains as much as this,
 # in units of the misfit that it leaves everywhere.

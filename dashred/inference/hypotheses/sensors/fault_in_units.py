@@ -5,10 +5,10 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from dashred.discovery.faults import Fault, TestedFault
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.forward.faulty_sensor_model import columns_of
+from dashred.inference.hypotheses.sensors.faults import Fault, TestedFault
 
 
 def fitted_fault_in_units(objective: Objective, tested: TestedFault) -> SensorFault:

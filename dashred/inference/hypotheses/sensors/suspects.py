@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import torch
 from torch import Tensor
 
-from dashred.discovery.faults import Fault
 from dashred.inference.fit.least_squares import Normal, Objective
 from dashred.inference.fit.normal_equations import solve
 from dashred.inference.forward.faulty_sensor_model import columns_of
+from dashred.inference.hypotheses.sensors.faults import Fault
 
 # A sample this many σ off what the other sensors and neighbours say is a spike.
 SPIKE = 5.0
