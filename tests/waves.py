@@ -13,7 +13,6 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
-from dashred.discovery.hypothesis import Guess, Hypothesis, first_unknowns, pose
 from dashred.discovery.starts import StartModel
 from dashred.inference.fit.law import law_of
 from dashred.inference.fit.least_squares import Objective
@@ -25,6 +24,12 @@ from dashred.inference.forward.forward_model import Shooting
 from dashred.inference.forward.windowed_model import found_by, localised
 from dashred.inference.hypotheses.extended.extended_library import candidates_beyond
 from dashred.inference.hypotheses.hypothesis_fit import Cause
+from dashred.inference.hypotheses.windows.windowed_hypothesis import (
+    Guess,
+    Hypothesis,
+    first_unknowns,
+    pose,
+)
 from dashred.physics.library import evaluate_terms
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
 from dashred.physics.simulate import simulate

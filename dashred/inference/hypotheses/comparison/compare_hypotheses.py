@@ -12,8 +12,6 @@ from dataclasses import dataclass, replace
 from torch import Tensor
 
 from dashred.core.progress import Report
-from dashred.discovery.local_laws import local_laws
-from dashred.discovery.threshold_profile import with_profile
 from dashred.inference.fit.law import Law, unlike
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.noise_model import NoiseModel
@@ -37,6 +35,8 @@ from dashred.inference.hypotheses.free_forcing import FreeForcing, force
 from dashred.inference.hypotheses.hypothesis_fit import HOPELESS, Cause, by_score, refitted
 from dashred.inference.hypotheses.result import AMBIGUOUS, MISSING
 from dashred.inference.hypotheses.sensors.sensor_and_start_faults import faults, wider_starts
+from dashred.inference.hypotheses.windows.threshold_likelihood import with_profile
+from dashred.inference.hypotheses.windows.windowed_laws import local_laws
 
 # χ²/n, under the noise that a free forcing leaves, of what needs no further explanation.
 EXPLAINED = 1.1

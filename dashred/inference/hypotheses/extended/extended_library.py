@@ -10,8 +10,6 @@ import torch
 from torch import Tensor
 
 from dashred.core.errors import InputError
-from dashred.discovery.hypothesis import Hypothesis
-from dashred.discovery.screening import eliminated
 from dashred.inference.fit.law import law_of
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import minimise
@@ -27,6 +25,8 @@ from dashred.inference.hypotheses.extended.nonlinear_constants import (
 )
 from dashred.inference.hypotheses.free_forcing import FreeForcing
 from dashred.inference.hypotheses.hypothesis_fit import Cause
+from dashred.inference.hypotheses.windows.screening import eliminated
+from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
 

@@ -13,15 +13,21 @@ from dataclasses import replace
 
 from torch import Tensor
 
-from dashred.discovery.hypothesis import Hypothesis, Tested, first_unknowns, pose, test
-from dashred.discovery.other_windows import from_other_windows
-from dashred.discovery.screening import Screened, screen
 from dashred.inference.fit.law import law_of
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import grow, minimise_on
 from dashred.inference.hypotheses.free_forcing import FreeForcing
 from dashred.inference.hypotheses.hypothesis_fit import HOPELESS, Cause, by_score, settled
 from dashred.inference.hypotheses.result import AMBIGUOUS
+from dashred.inference.hypotheses.windows.screening import Screened, screen
+from dashred.inference.hypotheses.windows.window_restarts import from_other_windows
+from dashred.inference.hypotheses.windows.windowed_hypothesis import (
+    Hypothesis,
+    Tested,
+    first_unknowns,
+    pose,
+    test,
+)
 
 # Hypotheses that are fitted, of which so many to the end; of one kind of window, and of one kind
 # and law, not more than some: before its edges are fitted, a window screens worse than it is.

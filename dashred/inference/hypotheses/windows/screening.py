@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dashred.discovery.hypothesis import Hypothesis
-from dashred.discovery.window_columns import pieces_of, windows_of
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.subset_search import Eliminated
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.forced_model import DrivenShooting
 from dashred.inference.forward.windowed_model import as_terms, localised
 from dashred.inference.hypotheses.free_forcing import FreeForcing
+from dashred.inference.hypotheses.windows.window_columns import pieces_of, windows_of
+from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis
 
 
 @dataclass(frozen=True)

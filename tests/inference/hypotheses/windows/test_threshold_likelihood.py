@@ -8,11 +8,11 @@ from dataclasses import replace
 import pytest
 import torch
 
-from dashred.discovery.threshold_profile import with_profile
 from dashred.inference.fit.law import Z95, law_of
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.windowed_model import LocalShooting
 from dashred.inference.hypotheses.hypothesis_fit import Cause
+from dashred.inference.hypotheses.windows.threshold_likelihood import with_profile
 from dashred.physics.window import gate, onset
 from tests.waves import LOCAL_SIGMA, Waves, in_window
 

@@ -14,9 +14,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dashred.discovery.hypothesis import LOG_WIDTH, Guess
 from dashred.inference.fit.subset_search import Eliminated
 from dashred.inference.forward.candidates import Candidate
+from dashred.inference.hypotheses.windows.windowed_hypothesis import LOG_WIDTH, Guess
 from dashred.physics.grid import Axis
 from dashred.physics.linearisation import NotSeparableError, Separator
 from dashred.physics.system import System

@@ -8,9 +8,9 @@ from dataclasses import replace
 import pytest
 import torch
 
-from dashred.discovery.other_windows import NEAR, from_other_windows
 from dashred.inference.forward.windowed_model import LocalShooting
 from dashred.inference.hypotheses.hypothesis_fit import Cause
+from dashred.inference.hypotheses.windows.window_restarts import NEAR, from_other_windows
 from dashred.physics.window import box, gate, onset
 from tests.waves import Waves, in_window
 

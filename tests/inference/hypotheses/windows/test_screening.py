@@ -7,9 +7,6 @@ import math
 import pytest
 import torch
 
-from dashred.discovery.hypothesis import Guess, Hypothesis, first_unknowns, pose
-from dashred.discovery.local_laws import local_laws
-from dashred.discovery.screening import eliminated, screen
 from dashred.inference.fit.law import law_of
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import minimise
@@ -19,6 +16,14 @@ from dashred.inference.hypotheses.comparison.residual_forcing import look_for_un
 from dashred.inference.hypotheses.extended.extended_library import laws_beyond
 from dashred.inference.hypotheses.free_forcing import FreeForcing, force
 from dashred.inference.hypotheses.hypothesis_fit import Cause
+from dashred.inference.hypotheses.windows.screening import eliminated, screen
+from dashred.inference.hypotheses.windows.windowed_hypothesis import (
+    Guess,
+    Hypothesis,
+    first_unknowns,
+    pose,
+)
+from dashred.inference.hypotheses.windows.windowed_laws import local_laws
 from dashred.physics.window import box, gate
 from tests.waves import Waves, fitted
 
