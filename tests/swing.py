@@ -15,12 +15,12 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
-from dashred.discovery.starts import LinearStart
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.forward_model import Shooting
+from dashred.inference.initial_state.start_models import LinearStart
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term
 from tests import laws

@@ -13,7 +13,6 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
-from dashred.discovery.starts import StartModel
 from dashred.inference.fit.law import law_of
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import grow, minimise
@@ -30,6 +29,7 @@ from dashred.inference.hypotheses.windows.windowed_hypothesis import (
     first_unknowns,
     pose,
 )
+from dashred.inference.initial_state.start_models import StartModel
 from dashred.physics.library import evaluate_terms
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
 from dashred.physics.simulate import simulate

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from dashred.discovery.starts import StartModel
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.noise_model import NoiseModel
@@ -16,6 +15,7 @@ from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.episodes import clocks, operator_of, side_by_side
 from dashred.inference.forward.episodes_simulator import simulator_of
 from dashred.inference.forward.forward_model import Shooting
+from dashred.inference.initial_state.start_models import StartModel
 from dashred.physics.resolution import Resolution
 from dashred.physics.window import Shape
 from dashred.stages.problem import Problem

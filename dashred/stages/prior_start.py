@@ -12,10 +12,10 @@ import torch
 from torch import Tensor
 
 from dashred.core.progress import Report
-from dashred.discovery.starts import StartModel, nearest
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 from dashred.inference.fit.stepwise_selection import Selection, select
+from dashred.inference.initial_state.start_models import StartModel, nearest
 
 STEPS, TOLERANCE = 10, 1e-4
 # A start that the prior reaches fits as well about it; far out, its prior holds it back a little.

@@ -8,12 +8,12 @@ import torch
 from torch import Tensor
 
 from dashred.discovery.correction import correct
-from dashred.discovery.starts import LinearStart
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.forward_model import Shooting
+from dashred.inference.initial_state.start_models import LinearStart
 from dashred.stages.objectives import sound_noise
 from dashred.stages.problem import Problem
 

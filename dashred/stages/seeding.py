@@ -11,12 +11,17 @@ from torch import Tensor
 
 from dashred.core.progress import Report
 from dashred.data.recording import Recording
-from dashred.discovery.seeds import NetworkEstimate, Readings, SeedSettings, make_seeds
-from dashred.discovery.starts import StartModel
 from dashred.inference.fit.first_window import first_samples, fit_first_window
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.episodes import operator_of, side_by_side, starts_of
+from dashred.inference.initial_state.first_guesses import (
+    NetworkEstimate,
+    Readings,
+    SeedSettings,
+    make_seeds,
+)
+from dashred.inference.initial_state.start_models import StartModel
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.library import resolve
 from dashred.stages.assimilation import Assimilated

@@ -11,8 +11,8 @@ from torch import Tensor
 
 from dashred.core.progress import stage
 from dashred.data.observation_operator import ObservationOperator
-from dashred.discovery.starts import StartModel
 from dashred.inference.forward.episodes import starts_of
+from dashred.inference.initial_state.start_models import StartModel
 from dashred.physics.ensemble import Discrepancies, Ensemble, draw_ensemble
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
 from dashred.physics.resolution import Resolution, check_resolution, least_scale

@@ -10,7 +10,7 @@ from torch import Tensor
 from dashred.config import Config
 from dashred.core.errors import InputError
 from dashred.core.progress import stage
-from dashred.discovery.analogs import window_misfits
+from dashred.inference.initial_state.analogs import window_misfits
 from dashred.physics.ensemble import Ensemble
 from dashred.stages.problem import Problem
 

@@ -6,7 +6,7 @@ import math
 
 import torch
 
-from dashred.discovery.starts import LinearStart
+from dashred.inference.initial_state.start_models import LinearStart
 from dashred.stages.seeding import Seed, ranked
 
 MODEL = LinearStart(torch.zeros(2).double(), torch.eye(2).double())

@@ -8,7 +8,7 @@ from typing import Any, cast
 import pytest
 import torch
 
-from dashred.discovery.starts import nearest
+from dashred.inference.initial_state.start_models import nearest
 from dashred.stages import causes
 from dashred.stages.problem import Problem
 

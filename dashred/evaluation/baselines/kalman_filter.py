@@ -16,15 +16,15 @@ from statistics import NormalDist
 import torch
 from torch import Tensor
 
-from dashred.discovery.ensemble_filter import (
+from dashred.evaluation.baselines.estimate import Estimated, TermEntry
+from dashred.evaluation.baselines.localisation import radii, radius_in_words
+from dashred.inference.forward.candidates import stable_limit
+from dashred.inference.initial_state.ensemble_filter import (
     Filtered,
     FilterLostError,
     FilterSettings,
     ensemble_filter,
 )
-from dashred.evaluation.baselines.estimate import Estimated, TermEntry
-from dashred.evaluation.baselines.localisation import radii, radius_in_words
-from dashred.inference.forward.candidates import stable_limit
 from dashred.physics.ensemble import Ensemble, term_scales
 from dashred.physics.library import resolve
 from dashred.physics.system import Term

@@ -18,9 +18,13 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.data.sensors import Sensor
-from dashred.discovery.localisation import distances, gaspari_cohn, sensor_distances
 from dashred.evaluation.baselines.estimate import Estimated
 from dashred.evaluation.baselines.localisation import radii, radius_in_words
+from dashred.inference.initial_state.covariance_tapers import (
+    distances,
+    gaspari_cohn,
+    sensor_distances,
+)
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.grid import Grid
 from dashred.stages.problem import Problem

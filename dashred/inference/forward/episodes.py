@@ -20,7 +20,7 @@ import torch
 from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
-from dashred.discovery.starts import StartModel
+from dashred.inference.initial_state.start_models import StartModel
 
 
 def clocks(times: Sequence[Tensor]) -> Tensor:

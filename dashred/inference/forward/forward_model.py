@@ -10,9 +10,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
-from dashred.discovery.starts import StartModel
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate, forcing_of
+from dashred.inference.initial_state.start_models import StartModel
 from dashred.physics.pulses import Drive, Pulses
 
 DIFFERENCE = 1e-5

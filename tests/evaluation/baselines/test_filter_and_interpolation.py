@@ -8,11 +8,11 @@ from torch import Tensor
 
 from dashred.config import load_config
 from dashred.data.sensors import Sensor
-from dashred.discovery.linear_estimate import linear_estimate
 from dashred.evaluation.baselines import kalman_filter, optimal_interpolation
 from dashred.evaluation.baselines.kalman_filter import filter_augmented, filter_state
 from dashred.evaluation.baselines.optimal_interpolation import Taper, best_linear
 from dashred.evaluation.twins import record_command
+from dashred.inference.initial_state.linear_estimate import linear_estimate
 from dashred.physics.ensemble import Ensemble, term_scales
 from dashred.physics.grid import Axis, Grid
 from dashred.physics.simulate import simulate

@@ -14,7 +14,6 @@ import torch
 from dashred.config import frozen_input, load_config
 from dashred.core.findings.findings import write_json_atomic
 from dashred.core.system_errors import RefusedError
-from dashred.discovery.ensemble_filter import FilterLostError
 from dashred.evaluation.baselines import kalman_filter
 from dashred.evaluation.baselines.analyse import FIELDS, LAWS, attempt
 from dashred.evaluation.baselines.estimate import Estimated
@@ -25,6 +24,7 @@ from dashred.evaluation.comparison.kept_comparison import UNRESOLVED, read_compa
 from dashred.evaluation.comparison.method_scores import _compared, compare
 from dashred.evaluation.comparison.run import _finished, _settled, compared_row
 from dashred.evaluation.twins.sealing import Concealed, SealedTerm
+from dashred.inference.initial_state.ensemble_filter import FilterLostError
 
 
 def test_a_method_that_raises_is_its_own_failure() -> None:

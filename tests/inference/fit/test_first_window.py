@@ -6,10 +6,10 @@ import dataclasses
 
 import torch
 
-from dashred.discovery.starts import LinearStart
 from dashred.inference.fit.first_window import SAMPLES, first_samples, fit_first_window
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import minimise
+from dashred.inference.initial_state.start_models import LinearStart
 from tests.swing import Swing, noisy
 
 SIGMA = 0.05

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 import torch
 
-from dashred.discovery.starts import LinearStart
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.forced_model import DrivenShooting
 from dashred.inference.forward.forward_model import Shooting
+from dashred.inference.initial_state.start_models import LinearStart
 from dashred.physics.pulses import Pulses
 from tests.waves import TIMES, Waves
 

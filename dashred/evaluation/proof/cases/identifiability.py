@@ -16,7 +16,6 @@ import torch
 from torch import Tensor
 
 from dashred.config import load_config
-from dashred.discovery.starts import nearest
 from dashred.evaluation.proof.cases.case_record import Kind
 from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.proof.cases.effect_size import Concealed
@@ -27,6 +26,7 @@ from dashred.inference.fit.subset_search import Eliminated, small_sets
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate, indices_by_name
 from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis
+from dashred.inference.initial_state.start_models import nearest
 from dashred.physics.system import Term
 from dashred.physics.window import shapes_of
 from dashred.stages.objectives import exact_simulator, pose_objective

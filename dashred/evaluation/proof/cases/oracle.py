@@ -19,7 +19,6 @@ import xarray as xr
 from torch import Tensor
 
 from dashred.config import load_config
-from dashred.discovery.starts import StartModel, nearest
 from dashred.evaluation.proof.cases.case_record import Oracle
 from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.proof.cases.effect_size import Concealed
@@ -30,6 +29,7 @@ from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate, build_candidates
 from dashred.inference.hypotheses.windows.windowed_hypothesis import Guess, Hypothesis
+from dashred.inference.initial_state.start_models import StartModel, nearest
 from dashred.physics.library import resolve
 from dashred.physics.system import Term
 from dashred.physics.window import Shape, shapes_of

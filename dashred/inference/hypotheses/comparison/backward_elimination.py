@@ -11,10 +11,10 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from dashred.discovery.starts import StartModel, nearest
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.hypotheses.hypothesis_fit import Cause, by_score, ended
 from dashred.inference.hypotheses.sensors.leave_one_sensor_out import Beside, beside_the_fault
+from dashred.inference.initial_state.start_models import StartModel, nearest
 
 STEPS, TOLERANCE = 10, 1e-4
 

@@ -8,7 +8,6 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from dashred.discovery.starts import ScaledStart
 from dashred.inference.fit.law import Law, law_of
 from dashred.inference.fit.least_squares import Normal, Objective
 from dashred.inference.fit.levenberg_marquardt import Fitted, growing, minimise
@@ -17,6 +16,7 @@ from dashred.inference.hypotheses.hypothesis_fit import Cause
 from dashred.inference.hypotheses.sensors.fault_in_units import fitted_fault_in_units
 from dashred.inference.hypotheses.sensors.faults import TestedFault, fit_fault, predicted_faults
 from dashred.inference.hypotheses.sensors.suspects import suspects
+from dashred.inference.initial_state.start_models import ScaledStart
 
 # Faults that are fitted, of those that the linearised problem says explain something; of which so
 # many are fitted on, where they leave less than this share of the misfit.

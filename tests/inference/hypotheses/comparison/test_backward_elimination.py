@@ -7,13 +7,13 @@ from dataclasses import replace
 import pytest
 import torch
 
-from dashred.discovery.starts import ScaledStart
 from dashred.inference.fit.law import law_of
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.hypotheses.comparison.backward_elimination import simpler_from_the_best
 from dashred.inference.hypotheses.hypothesis_fit import Cause
 from dashred.inference.hypotheses.sensors.leave_one_sensor_out import Beside, beside_the_fault
+from dashred.inference.initial_state.start_models import ScaledStart
 from tests.waves import Waves, fitted
 
 SIGMA = 0.02

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from dashred.discovery.starts import ScaledStart
 from dashred.inference.hypotheses.hypothesis_fit import Cause
 from dashred.inference.hypotheses.sensors.sensor_and_start_faults import wider_starts
+from dashred.inference.initial_state.start_models import ScaledStart
 from tests import laws
 from tests.waves import Waves, fitted
 

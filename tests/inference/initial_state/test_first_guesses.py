@@ -13,8 +13,13 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
-from dashred.discovery.seeds import NetworkEstimate, Readings, SeedSettings, make_seeds
-from dashred.discovery.starts import LinearStart, StartModel
+from dashred.inference.initial_state.first_guesses import (
+    NetworkEstimate,
+    Readings,
+    SeedSettings,
+    make_seeds,
+)
+from dashred.inference.initial_state.start_models import LinearStart, StartModel
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
 from dashred.physics.simulate import simulate

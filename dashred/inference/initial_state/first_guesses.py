@@ -15,10 +15,14 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
-from dashred.discovery.analogs import Analogs, nearest_analogs
-from dashred.discovery.ensemble_filter import FilterLostError, FilterSettings, ensemble_filter
-from dashred.discovery.linear_estimate import Estimate, leading_modes, linear_estimate
-from dashred.discovery.starts import LinearStart, StartModel
+from dashred.inference.initial_state.analogs import Analogs, nearest_analogs
+from dashred.inference.initial_state.ensemble_filter import (
+    FilterLostError,
+    FilterSettings,
+    ensemble_filter,
+)
+from dashred.inference.initial_state.linear_estimate import Estimate, leading_modes, linear_estimate
+from dashred.inference.initial_state.start_models import LinearStart, StartModel
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.prior import StartPrior, field_rms
 from dashred.physics.system import System, Term

@@ -11,13 +11,17 @@ import torch
 from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
-from dashred.discovery.ensemble_filter import (
+from dashred.inference.initial_state.covariance_tapers import (
+    distances,
+    gaspari_cohn,
+    sensor_distances,
+)
+from dashred.inference.initial_state.ensemble_filter import (
     Filtered,
     FilterLostError,
     FilterSettings,
     ensemble_filter,
 )
-from dashred.discovery.localisation import distances, gaspari_cohn, sensor_distances
 from dashred.physics.forcing import Forcing
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from dashred.discovery.starts import LinearStart
+from dashred.inference.initial_state.start_models import LinearStart
 
 # Modes this far below the strongest are rounding: centred anomalies are linearly dependent.
 SMALLEST = 1e-6

@@ -17,7 +17,11 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
-from dashred.discovery.localisation import distances, gaspari_cohn, sensor_distances
+from dashred.inference.initial_state.covariance_tapers import (
+    distances,
+    gaspari_cohn,
+    sensor_distances,
+)
 from dashred.physics.library import resolve
 from dashred.physics.simulator import compiled_if_long
 from dashred.physics.system import System, Term
