@@ -8,8 +8,8 @@ from torch import Tensor
 
 from dashred.core.mlflow.metric_names import metric_name
 from dashred.core.mlflow.run import Run
-from dashred.discovery.latent import LatentProblem, LatentSindy
-from dashred.discovery.regression import SparseFit
+from dashred.inference.latent_sindy.latent_sindy import LatentProblem, LatentSindy
+from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.models.assimilation import Assimilation
 from dashred.models.shred import reconstruct
 

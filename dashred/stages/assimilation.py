@@ -13,8 +13,8 @@ from torch import Tensor
 from callbacks import BestState, LatentDiscovery, RMSECurves, StageProgress
 from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import stage
-from dashred.discovery.latent import LatentProblem
-from dashred.discovery.regression import SparseFit
+from dashred.inference.latent_sindy.latent_sindy import LatentProblem
+from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.models.assimilation import AssimilatedEncoder, Assimilation
 from dashred.models.shred import SHRED, reconstruct
 from dashred.physics.ensemble import term_scales

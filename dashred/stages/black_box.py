@@ -15,8 +15,8 @@ from dashred.config import Config, config_sha256
 from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import stage
 from dashred.data.recording import Recording
-from dashred.discovery.latent import LatentProblem
-from dashred.discovery.operator_inference import SnapshotSteps
+from dashred.inference.latent_sindy.latent_sindy import LatentProblem
+from dashred.inference.latent_sindy.operator_inference import SnapshotSteps
 from dashred.models.assimilation import AssimilatedEncoder
 from dashred.models.shred import reconstruct
 from dashred.output import clear_output, named_output

@@ -20,12 +20,12 @@ from numpy._core.multiarray import _reconstruct  # how NumPy pickles an array
 
 from dashred.core.files.atomic import whole_file
 from dashred.core.progress import CONSOLE
-from dashred.discovery.regression import SparseFit
 from dashred.inference.fit.law import Law, SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.forcing_map import ForcingMap
 from dashred.inference.hypotheses.result import BestOfSize, Discovered
+from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.physics import nodes
 from dashred.physics.system import Term
 from dashred.physics.window import Shape, Window

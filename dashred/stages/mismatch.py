@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from dashred.discovery.operator_inference import SnapshotSteps
+from dashred.inference.latent_sindy.operator_inference import SnapshotSteps
 from dashred.models.shred import reconstruct
 from dashred.sensing.windows import windows
 from dashred.stages.learning import Learned

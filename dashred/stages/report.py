@@ -11,8 +11,8 @@ from dashred.core.findings.schema import Findings
 from dashred.core.progress import stage
 from dashred.core.units import in_brackets, time_label
 from dashred.discovery.location import law_tendency
-from dashred.discovery.regression import SparseFit
 from dashred.discovery.wording import words
+from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.physics.system import Term
 from dashred.reporting import html
 from dashred.reporting.figure_names import (

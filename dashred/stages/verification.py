@@ -22,8 +22,8 @@ from dashred.core.findings.schema import (
 )
 from dashred.discovery.explanation import alternatives, explain, smaller
 from dashred.discovery.location import locate
-from dashred.discovery.regression import SparseFit
 from dashred.discovery.verdict import unexplained, verdict
+from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.physics.resolution import Resolution
 from dashred.stages.analysis import Analysis
 from dashred.stages.corrected import NAME as CORRECTED

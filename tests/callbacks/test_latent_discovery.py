@@ -14,7 +14,7 @@ from dashred.config import load_config
 from dashred.core.mlflow.metric_names import metric_name
 from dashred.core.mlflow.tracker import Tracker
 from dashred.data.observation_operator import ObservationOperator
-from dashred.discovery.latent import LatentProblem
+from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.models.assimilation import Assimilation
 from dashred.physics.ensemble import term_scales
 from dashred.physics.simulate import simulate

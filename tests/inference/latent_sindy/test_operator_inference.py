@@ -7,7 +7,7 @@ import torch
 
 from dashred.config import Integrator
 from dashred.config import System as Declared
-from dashred.discovery.operator_inference import SnapshotSteps
+from dashred.inference.latent_sindy.operator_inference import SnapshotSteps
 from dashred.physics.library import build_library
 from dashred.physics.system import System
 from dashred.sensing.pod import POD

@@ -10,7 +10,7 @@ import numpy as np
 from pysindy.optimizers import SSR, STLSQ
 from sklearn.linear_model import lars_path_gram
 
-from dashred.discovery.blocks import Array, Blocks
+from dashred.inference.latent_sindy.blocks import Array, Blocks
 
 FOLDS = 5
 # Directions of the Gram matrix below this share of the largest are rounding errors.

@@ -8,9 +8,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from dashred.discovery.blocks import Blocks
-from dashred.discovery.history import HistoryEncoder
-from dashred.discovery.tangents import RELATIVE_STEP, Step
+from dashred.inference.latent_sindy.blocks import Blocks
+from dashred.inference.latent_sindy.sensor_encoding import HistoryEncoder
+from dashred.inference.latent_sindy.step_sensitivities import RELATIVE_STEP, Step
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 

@@ -12,11 +12,11 @@ from torch import Tensor
 from dashred.config import load_config
 from dashred.core.errors import InputError
 from dashred.data.observation_operator import ObservationOperator
-from dashred.discovery.algorithms import compressed_search
-from dashred.discovery.history import HistoryEncoder
-from dashred.discovery.latent import LatentProblem, LatentSindy
-from dashred.discovery.regression import SparseFit, sparse_fit
-from dashred.discovery.tangents import forecast_steps, tangents
+from dashred.inference.latent_sindy.algorithms import compressed_search
+from dashred.inference.latent_sindy.latent_sindy import LatentProblem, LatentSindy
+from dashred.inference.latent_sindy.sensor_encoding import HistoryEncoder
+from dashred.inference.latent_sindy.sparse_regression import SparseFit, sparse_fit
+from dashred.inference.latent_sindy.step_sensitivities import forecast_steps, tangents
 from dashred.models.assimilation import AssimilatedEncoder, LatentTransform
 from dashred.physics.ensemble import term_scales
 from dashred.physics.simulate import simulate

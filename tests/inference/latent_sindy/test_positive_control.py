@@ -13,9 +13,9 @@ import torch
 
 from dashred.config import load_config
 from dashred.data.observation_operator import ObservationOperator
-from dashred.discovery.latent import LatentProblem, LatentSindy
 from dashred.evaluation.twins.recorder import clock_of, observe, simulate_truth
 from dashred.evaluation.twins.twin_file import read_twin
+from dashred.inference.latent_sindy.latent_sindy import LatentProblem, LatentSindy
 from dashred.models.assimilation import AssimilatedEncoder, LatentTransform
 from dashred.models.shred import SHRED
 from dashred.physics.ensemble import term_scales

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from dashred.discovery.tangents import Step
+from dashred.inference.latent_sindy.step_sensitivities import Step
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.sensing.pod import POD

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dashred.discovery.blocks import Blocks
-from dashred.discovery.regression import SparseFit, sparse_fit
+from dashred.inference.latent_sindy.blocks import Blocks
+from dashred.inference.latent_sindy.sparse_regression import SparseFit, sparse_fit
 
 BLOCKS, ROWS, TERMS = 15, 40, 12
 THRESHOLD, BOOTSTRAPS = 0.05, 10

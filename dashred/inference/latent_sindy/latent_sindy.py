@@ -13,10 +13,10 @@ from torch import Tensor
 from dashred import config as schema
 from dashred.core.errors import InputError
 from dashred.data.observation_operator import ObservationOperator
-from dashred.discovery.algorithms import compressed_advancing, compressed_search
-from dashred.discovery.history import HistoryEncoder
-from dashred.discovery.regression import SparseFit, sparse_fit
-from dashred.discovery.tangents import SimulatorSteps, Step, Steps
+from dashred.inference.latent_sindy.algorithms import compressed_advancing, compressed_search
+from dashred.inference.latent_sindy.sensor_encoding import HistoryEncoder
+from dashred.inference.latent_sindy.sparse_regression import SparseFit, sparse_fit
+from dashred.inference.latent_sindy.step_sensitivities import SimulatorSteps, Step, Steps
 from dashred.models.assimilation import AssimilatedEncoder
 from dashred.physics.system import System, Term
 
