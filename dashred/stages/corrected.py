@@ -12,9 +12,9 @@ import yaml
 from dashred.config import Config, read_file
 from dashred.config.commandline import PLACE
 from dashred.core.files.atomic import write_text_atomic
-from dashred.discovery.correction import correct
-from dashred.discovery.explanation import law_in_words
 from dashred.inference.fit.law import Law
+from dashred.inference.results.corrected_system import correct
+from dashred.inference.results.explanation import law_in_words
 from dashred.physics.system import System
 
 NAME = "corrected.yaml"
@@ -30,7 +30,7 @@ def write_corrected(
     """Write the configuration of the corrected simulator, whole or not at all.
 
     It holds what the user's file and command line hold, with the equations and parameters of
-    :func:`dashred.discovery.correction.correct`; the defaults stay with ``conf/base.yaml``. No
+    :func:`dashred.inference.results.corrected_system.correct`; the defaults stay with ``conf/base.yaml``. No
     path is in it, so it runs from wherever it lies.
     """
     values = _layer(config)

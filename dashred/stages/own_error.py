@@ -13,8 +13,8 @@ import torch
 from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
-from dashred.discovery.correction import correct
 from dashred.inference.fit.law import Law
+from dashred.inference.results.corrected_system import correct
 from dashred.physics.resolution import refine
 from dashred.physics.simulate import simulate
 from dashred.stages.problem import Problem

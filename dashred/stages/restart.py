@@ -7,13 +7,13 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from dashred.discovery.correction import correct
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.forward_model import Shooting
 from dashred.inference.initial_state.start_models import LinearStart
+from dashred.inference.results.corrected_system import correct
 from dashred.stages.objectives import sound_noise
 from dashred.stages.problem import Problem
 

@@ -6,8 +6,8 @@ import torch
 from torch import Tensor
 
 from dashred.core.findings.law_schema import StructureChanged, StructureFound
-from dashred.discovery.structure_change import stays_port_hamiltonian, structure_changes
 from dashred.inference.fit.law import Law
+from dashred.inference.results.structure_change import stays_port_hamiltonian, structure_changes
 from dashred.physics.port_hamiltonian import PortHamiltonian
 from dashred.physics.system import System
 from dashred.physics.visited import Visited

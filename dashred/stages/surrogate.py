@@ -11,9 +11,9 @@ from torch import Tensor
 from dashred.core.errors import InputError
 from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import Report, stage
-from dashred.discovery.correction import correct
 from dashred.inference.fit.law import Law
 from dashred.inference.initial_state.start_models import ScaledStart
+from dashred.inference.results.corrected_system import correct
 from dashred.models.latency import seconds_a_step
 from dashred.models.shred import reconstruct
 from dashred.physics.ensemble import Ensemble, draw_ensemble

@@ -20,10 +20,10 @@ from dashred.core.findings.schema import (
     Splits,
     new_findings,
 )
-from dashred.discovery.explanation import alternatives, explain, smaller
-from dashred.discovery.location import locate
-from dashred.discovery.verdict import unexplained, verdict
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
+from dashred.inference.results.explanation import alternatives, explain, smaller
+from dashred.inference.results.location import locate
+from dashred.inference.results.verdict import unexplained, verdict
 from dashred.physics.resolution import Resolution
 from dashred.stages.analysis import Analysis
 from dashred.stages.corrected import NAME as CORRECTED

@@ -5,7 +5,6 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from dashred.discovery.correction import correct
 from dashred.inference.fit.first_window import fit_first_window
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import Objective
@@ -13,6 +12,7 @@ from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.forward_model import Shooting
 from dashred.inference.initial_state.start_models import StartModel
+from dashred.inference.results.corrected_system import correct
 from dashred.physics.system import System
 from dashred.stages.objectives import sound_noise, trace_std
 from dashred.stages.problem import Problem

@@ -10,9 +10,9 @@ import torch
 from torch import Tensor
 
 from dashred.config import Config, load_config
-from dashred.discovery.correction import correct
-from dashred.discovery.parameter_change import is_exact
 from dashred.inference.fit.law import Law
+from dashred.inference.results.corrected_system import correct
+from dashred.inference.results.parameter_change import is_exact
 from dashred.physics.library import evaluate_terms
 from dashred.physics.measured import Measured
 from dashred.physics.system import System, Term

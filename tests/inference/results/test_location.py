@@ -9,10 +9,10 @@ import torch
 from torch import Tensor
 
 from dashred.core.findings.law_schema import Where
-from dashred.discovery.location import law_tendency, locate
-from dashred.discovery.regime import regime
 from dashred.inference.fit.law import Law
 from dashred.inference.hypotheses.result import Discovered
+from dashred.inference.results.location import law_tendency, locate
+from dashred.inference.results.regime import regime
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from tests import laws

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from dashred.discovery.parameter_change import parameter_change
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import Candidate
+from dashred.inference.results.parameter_change import parameter_change
 from dashred.physics.algebra import Name, Number, Product, names
 from dashred.physics.port_hamiltonian import Part, PortHamiltonian, alike
 from dashred.physics.quadrature import integral

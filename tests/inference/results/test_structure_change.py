@@ -10,8 +10,8 @@ import pytest
 import torch
 
 from dashred.config import load_config
-from dashred.discovery.structure_change import stays_port_hamiltonian, structure_changes
 from dashred.inference.forward.candidates import Candidate
+from dashred.inference.results.structure_change import stays_port_hamiltonian, structure_changes
 from dashred.physics.measured import Measured
 from dashred.physics.port_hamiltonian import PortHamiltonian
 from dashred.physics.system import System

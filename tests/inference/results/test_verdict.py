@@ -8,9 +8,9 @@ from dataclasses import replace
 import pytest
 import torch
 
-from dashred.discovery.verdict import unexplained, verdict
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
+from dashred.inference.results.verdict import unexplained, verdict
 from dashred.physics.system import System
 from dashred.physics.window import Window, gate
 from tests import laws

@@ -10,11 +10,11 @@ from scipy.stats import chi2
 from torch import Tensor
 
 from dashred.core.findings.law_schema import Forcing, Profile, SensorGain, Where
-from dashred.discovery.explanation import region_of
-from dashred.discovery.regime import regime
 from dashred.inference.fit.law import Law
 from dashred.inference.hypotheses.forcing_map import ForcingMap
 from dashred.inference.hypotheses.result import Discovered
+from dashred.inference.results.explanation import region_of
+from dashred.inference.results.regime import regime
 from dashred.physics import algebra
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term

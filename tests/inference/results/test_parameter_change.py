@@ -7,8 +7,8 @@ import math
 import pytest
 import torch
 
-from dashred.discovery.correction import correct, with_parameters
-from dashred.discovery.parameter_change import is_exact, parameter_change
+from dashred.inference.results.corrected_system import correct, with_parameters
+from dashred.inference.results.parameter_change import is_exact, parameter_change
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from tests import laws

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from dashred.discovery.parameter_change import exact_change
 from dashred.inference.fit.law import Law
+from dashred.inference.results.parameter_change import exact_change
 from dashred.physics.algebra import ZERO, multiply
 from dashred.physics.differentiate import parameter_slopes
 from dashred.physics.system import System, Term
@@ -16,7 +16,7 @@ def correct(system: System, law: Law) -> System:
     """Return the system that the law says is real.
 
     Its tendency is ``N + Σ ξ θ`` exactly: a parameter has the value that does what the law says,
-    where there is one (:mod:`dashred.discovery.parameter_change`); of the others (``alpha`` in
+    where there is one (:mod:`dashred.inference.results.parameter_change`); of the others (``alpha`` in
     ``exp(u/alpha)``) the law is the tangent, which is added as a term.
     """
     changed: dict[str, float] = {}
