@@ -21,8 +21,8 @@ from dashred.data.recording import Recording
 from dashred.data.resampling import own_step, resample_all
 from dashred.data.sensors import Sensor
 from dashred.data.splits import Split, hold_out, split_recording
-from dashred.discovery.fault_wording import fault_in_words
 from dashred.inference.fit.law import SensorFault
+from dashred.inference.wording.fault_wording import fault_in_words
 from dashred.physics.algebra import names
 from dashred.physics.library import build_library
 from dashred.physics.snapshot_file import open_snapshots

@@ -10,9 +10,9 @@ from dashred.core.findings.law_schema import Where
 from dashred.core.findings.schema import Findings
 from dashred.core.progress import stage
 from dashred.core.units import in_brackets, time_label
-from dashred.discovery.wording import words
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.inference.results.location import law_tendency
+from dashred.inference.wording.wording import words
 from dashred.physics.system import Term
 from dashred.reporting import html
 from dashred.reporting.figure_names import (

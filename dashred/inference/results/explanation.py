@@ -15,12 +15,12 @@ from dashred.core.findings.law_schema import (
 )
 from dashred.core.formatting import number, rounded
 from dashred.core.units import measured
-from dashred.discovery.wording import words
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.result import AMBIGUOUS, Discovered
 from dashred.inference.results.parameter_change import exact_change, is_exact, parameter_change
 from dashred.inference.results.posterior_probabilities import inclusion
+from dashred.inference.wording.wording import words
 from dashred.physics.algebra import Expr
 from dashred.physics.system import System
 from dashred.physics.term_units import coefficient_unit

@@ -9,11 +9,11 @@ from typing import Any
 from torch import Tensor
 
 from dashred.core.findings.schema import Verdict
-from dashred.discovery.fault_wording import fault_in_words
 from dashred.inference.fit.law import Law, SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.hypotheses.result import MISSING, Discovered
 from dashred.inference.results.posterior_probabilities import plausibility
+from dashred.inference.wording.fault_wording import fault_in_words
 
 FaultTold = Callable[[SensorFault], str]
 # Share of the misfit that is not noise, beyond which no start alone explains a recording: residuals

@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from dashred.discovery.fault_wording import fault_in_words
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.windowed_model import localised
@@ -15,6 +14,7 @@ from dashred.inference.hypotheses.result import BestOfSize
 from dashred.inference.results.corrected_system import correct
 from dashred.inference.results.explanation import alternatives, explain, law_in_words, smaller
 from dashred.inference.results.posterior_probabilities import plausibility
+from dashred.inference.wording.fault_wording import fault_in_words
 from dashred.physics.grid import Axis
 from dashred.physics.system import System
 from dashred.physics.window import box, gate, onset

@@ -10,8 +10,8 @@ import math
 from collections.abc import Mapping
 
 from dashred.core.units import TIME, measured
-from dashred.discovery.sized_term import SizedTerm, meaning
-from dashred.discovery.spatial_wording import spatial_words, steep_words
+from dashred.inference.wording.sized_term import SizedTerm, meaning
+from dashred.inference.wording.spatial_wording import spatial_words, steep_words
 from dashred.physics.algebra import ONE, Call, Expr, Name, split_coefficient
 from dashred.physics.system import System
 

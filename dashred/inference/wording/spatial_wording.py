@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dashred.discovery.sized_term import SizedTerm, meaning, printed
-from dashred.discovery.spatial_shape import is_spatial, read_derivative
+from dashred.inference.wording.sized_term import SizedTerm, meaning, printed
+from dashred.inference.wording.spatial_shape import is_spatial, read_derivative
 from dashred.physics import algebra
 from dashred.physics.algebra import ONE, Call, Derivative, Expr, Name, Number, Power
 
