@@ -48,7 +48,7 @@ def check(config: Config) -> Page:
     from dashred.checkup.splits import about_splits
     from dashred.core.mlflow.server import check_server
     from dashred.core.threads import use_threads
-    from dashred.device import check_device
+    from dashred.models.device import check_device
     from dashred.output import check_output
 
     check_device(config)

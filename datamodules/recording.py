@@ -9,7 +9,7 @@ from lightning import LightningDataModule
 from torch import Tensor
 
 from dashred.data.recording import Recording
-from dashred.sensing.windows import windows
+from dashred.models.lag_windows import windows
 from datamodules.batches import Batches, ordered_batches, shuffled_batches
 
 

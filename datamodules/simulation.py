@@ -8,10 +8,10 @@ from lightning import LightningDataModule
 from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
+from dashred.models.lag_windows import windows
+from dashred.models.pod import POD
+from dashred.models.scaler import Scaler
 from dashred.physics.ensemble import Ensemble
-from dashred.sensing.pod import POD
-from dashred.sensing.scaler import Scaler
-from dashred.sensing.windows import windows
 from datamodules.batches import Batches, ordered_batches, shuffled_batches
 
 VALIDATION_BATCH = 1024

@@ -11,12 +11,12 @@ from dashred.config import load_config
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
+from dashred.models.pod import POD
+from dashred.models.scaler import Scaler
 from dashred.models.shred import SHRED
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term
-from dashred.sensing.pod import POD
-from dashred.sensing.scaler import Scaler
 
 TEXT = """
 system:

@@ -10,8 +10,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from dashred.sensing.pod import POD
-from dashred.sensing.scaler import Scaler
+from dashred.models.pod import POD
+from dashred.models.scaler import Scaler
 
 # What makes up a POD, and the name of a dense layer's weights.
 BASIS = ("mean", "modes", "scale", "energy")

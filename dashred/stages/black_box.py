@@ -18,12 +18,12 @@ from dashred.data.recording import Recording
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.inference.latent_sindy.operator_inference import SnapshotSteps
 from dashred.models.assimilation import AssimilatedEncoder
+from dashred.models.lag_windows import windows
 from dashred.models.shred import reconstruct
 from dashred.output import clear_output, named_output
 from dashred.parent_run import open_parent
 from dashred.physics.library import evaluate_terms
 from dashred.run_notes import conclude, describe
-from dashred.sensing.windows import windows
 from dashred.stages import assimilation, learning, mismatch, problem, provenance, snapshot_runs
 from dashred.stages.checkpoints import Checkpoints
 from dashred.stages.problem import Problem

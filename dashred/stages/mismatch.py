@@ -9,8 +9,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.inference.latent_sindy.operator_inference import SnapshotSteps
+from dashred.models.lag_windows import windows
 from dashred.models.shred import reconstruct
-from dashred.sensing.windows import windows
 from dashred.stages.learning import Learned
 from dashred.stages.problem import Problem
 from dashred.stages.snapshot_runs import SnapshotRuns

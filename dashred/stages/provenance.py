@@ -19,7 +19,7 @@ from dashred.core.findings.findings import sha256_of, write_json_atomic
 from dashred.core.findings.schema import Findings
 from dashred.core.mlflow.tracker import Tracker
 from dashred.core.threads import use_threads
-from dashred.device import check_device
+from dashred.models.device import check_device
 from dashred.output import results_in
 from dashred.reporting.summary import print_summary, summary
 

@@ -16,6 +16,7 @@ from dashred.inference.initial_state.start_models import ScaledStart
 from dashred.inference.results.corrected_system import correct
 from dashred.models.latency import seconds_a_step
 from dashred.models.shred import reconstruct
+from dashred.models.surrogate_model import log_surrogate
 from dashred.physics.ensemble import Ensemble, draw_ensemble
 from dashred.physics.prior import StartPrior
 from dashred.physics.simulate import simulate
@@ -25,7 +26,6 @@ from dashred.stages.learning import Learned, train_shred
 from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal, shares, together
 from dashred.stages.trajectories import Trajectories
-from dashred.surrogate_model import log_surrogate
 
 # What run.json calls the seconds of one step of the corrected surrogate.
 STEP = "one step of the corrected SHRED"

@@ -10,11 +10,11 @@ import torch
 from lightning import Trainer, seed_everything
 from torch import Tensor
 
+from dashred.models.lag_windows import windows
+from dashred.models.pod import POD
+from dashred.models.scaler import Scaler
 from dashred.models.shred import SHRED, reconstruct
 from dashred.models.simulation_training import SimulationTraining, _drawn_once
-from dashred.sensing.pod import POD
-from dashred.sensing.scaler import Scaler
-from dashred.sensing.windows import windows
 from datamodules.batches import ordered_batches, shuffled_batches
 
 LAGS, POINTS, SENSORS = 8, 32, 3

@@ -11,9 +11,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.inference.latent_sindy.step_sensitivities import Step
+from dashred.models.pod import POD
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
-from dashred.sensing.pod import POD
 
 # What is tried: POD modes whose products are features, and ridge penalties as shares of the
 # features' mean square.

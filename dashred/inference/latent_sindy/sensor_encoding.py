@@ -9,7 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
-from dashred.sensing.windows import windows
+from dashred.models.lag_windows import windows
 
 Encode = Callable[[Float[Tensor, "batch lag sensor"]], Float[Tensor, "batch latent"]]
 

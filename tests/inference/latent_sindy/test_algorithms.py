@@ -18,10 +18,10 @@ from dashred.inference.latent_sindy.sensor_encoding import HistoryEncoder
 from dashred.inference.latent_sindy.sparse_regression import SparseFit, sparse_fit
 from dashred.inference.latent_sindy.step_sensitivities import forecast_steps, tangents
 from dashred.models.assimilation import AssimilatedEncoder, LatentTransform
+from dashred.models.lag_windows import windows
 from dashred.physics.ensemble import term_scales
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System
-from dashred.sensing.windows import windows
 from tests import ring
 
 LAGS = 6

@@ -17,15 +17,15 @@ from dashred.evaluation.twins.recorder import clock_of, observe, simulate_truth
 from dashred.evaluation.twins.twin_file import read_twin
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem, LatentSindy
 from dashred.models.assimilation import AssimilatedEncoder, LatentTransform
+from dashred.models.lag_windows import windows
+from dashred.models.pod import POD
+from dashred.models.scaler import Scaler
 from dashred.models.shred import SHRED
 from dashred.physics.ensemble import term_scales
 from dashred.physics.library import build_library
 from dashred.physics.prior import nominal_start
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System
-from dashred.sensing.pod import POD
-from dashred.sensing.scaler import Scaler
-from dashred.sensing.windows import windows
 
 LATENT = 64
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from dashred.sensing.scaler import Scaler
+from dashred.models.scaler import Scaler
 
 
 def data():

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from dashred.core.errors import InputError
-from dashred.sensing.windows import fill_missing, windows
+from dashred.models.lag_windows import fill_missing, windows
 
 NAN = float("nan")
 

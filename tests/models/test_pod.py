@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from dashred.sensing.pod import POD
+from dashred.models.pod import POD
 
 
 def random(*shape, seed=0):
