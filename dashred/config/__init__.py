@@ -34,7 +34,7 @@ from dashred.config.schema.settings import (
     Tracking,
 )
 from dashred.config.source import Source, read_file
-from dashred.config.system_schema import Axis, Integrator, System
+from dashred.physics.system_schema import Axis, Integrator, System
 
 __all__ = [
     "Assimilation",

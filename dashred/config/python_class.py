@@ -12,8 +12,8 @@ from typing import Any
 
 from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import Where
-from dashred.config.system_schema import System
 from dashred.core.errors import InputError
+from dashred.physics.system_schema import System
 
 KEY = "system.class"
 DOTTED = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)+\Z")

@@ -17,9 +17,9 @@ from dashred.core.threads import in_threads
 from dashred.physics.compiled_step import Modes, Plan, march_row
 from dashred.physics.compiled_tendency import CompiledTendency
 from dashred.physics.forcing import Forcing
+from dashred.physics.forcing_basis import Drive
 from dashred.physics.integrators.etdrk4 import coefficients
 from dashred.physics.integrators.schedule import schedule
-from dashred.physics.pulses import Drive
 from dashred.physics.system import System, Term
 from dashred.physics.window import Shape
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from dashred.physics.algebra import ZERO, Expr
 from dashred.physics.compiled_step import Modes, Parts
+from dashred.physics.forcing_basis import Drive
 from dashred.physics.kernel import Array, Body, compile_kernel, read_by
 from dashred.physics.linear import symbols
 from dashred.physics.linearisation import (
@@ -20,7 +21,6 @@ from dashred.physics.linearisation import (
     Separator,
     separate,
 )
-from dashred.physics.pulses import Drive
 from dashred.physics.spectral import Spectral
 from dashred.physics.system import System, Term
 from dashred.physics.tendency import two_thirds

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cached_property
 
-from dashred.config import system_schema as schema
 from dashred.core.errors import InputError
 from dashred.physics import algebra
+from dashred.physics import system_schema as schema
 from dashred.physics.algebra import Expr
 from dashred.physics.definitions import Definitions, check_order
 from dashred.physics.expression import Vocabulary, parse
-from dashred.physics.integrators import METHODS
+from dashred.physics.methods import METHODS
 from dashred.physics.reflection import Reflection
 
 

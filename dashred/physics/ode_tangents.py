@@ -15,9 +15,9 @@ from torch import Tensor
 from dashred.physics.algebra import Expr, add, scale
 from dashred.physics.differentiate import NotDifferentiableError, differentiate
 from dashred.physics.forcing import Forcing
+from dashred.physics.forcing_basis import Drive, Pulses
 from dashred.physics.integrators.schedule import Step, schedule
 from dashred.physics.pointwise import Array, Pointwise
-from dashred.physics.pulses import Drive, Pulses
 from dashred.physics.scalar_program import NO_NUMBER, scalar_program
 from dashred.physics.system import System, Term
 

@@ -15,7 +15,6 @@ import torch
 from torch import Tensor
 
 from dashred.config.schema.types import nearest
-from dashred.config.system_schema import Structure
 from dashred.core.errors import InputError
 from dashred.physics.algebra import (
     ZERO,
@@ -35,8 +34,9 @@ from dashred.physics.algebra import (
 from dashred.physics.differentiate import differentiate
 from dashred.physics.linearisation import NotSeparableError, Separator, applied
 from dashred.physics.quadrature import integral
+from dashred.physics.sampled_states import Visited, bare, evaluated
 from dashred.physics.system import System
-from dashred.physics.visited import Visited, bare, evaluated
+from dashred.physics.system_schema import Structure
 
 # Relative error up to which two expressions are the same.
 SAME = 1e-8

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from dashred.core.errors import InputError
 from dashred.physics.forcing import Forcing
+from dashred.physics.forcing_basis import Drive
 from dashred.physics.integrators.etdrk4 import Steppers
 from dashred.physics.integrators.ode import (
     FIXED,
@@ -20,7 +21,6 @@ from dashred.physics.integrators.ode import (
 )
 from dashred.physics.integrators.schedule import schedule
 from dashred.physics.integrators.ssprk3 import SSPRK3
-from dashred.physics.pulses import Drive
 from dashred.physics.system import System
 from dashred.physics.tendency import GridTendency, SpectralTendency
 

@@ -13,8 +13,8 @@ from dashred.physics.algebra import multiply
 from dashred.physics.compiled_march import CompiledMarch
 from dashred.physics.compiled_ode import CompiledOde
 from dashred.physics.forcing import Forcing
+from dashred.physics.forcing_basis import Drive
 from dashred.physics.linearisation import NotSeparableError
-from dashred.physics.pulses import Drive
 from dashred.physics.simulate import is_long, simulate
 from dashred.physics.system import System, Term
 from dashred.physics.weights import Columns

@@ -9,8 +9,8 @@ from dashred.core.findings.law_schema import StructureChanged, StructureFound
 from dashred.inference.fit.law import Law
 from dashred.inference.results.structure_change import stays_port_hamiltonian, structure_changes
 from dashred.physics.port_hamiltonian import PortHamiltonian
+from dashred.physics.sampled_states import Visited
 from dashred.physics.system import System
-from dashred.physics.visited import Visited
 
 # States, spread evenly over a trajectory, at which a structure is looked at.
 STATES = 20

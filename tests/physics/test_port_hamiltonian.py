@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 import torch
 
-from dashred.config.system_schema import Structure
 from dashred.core.errors import InputError
 from dashred.physics.algebra import to_text
 from dashred.physics.port_hamiltonian import PortHamiltonian, variation
+from dashred.physics.sampled_states import Visited, evaluated
 from dashred.physics.system import System
-from dashred.physics.visited import Visited, evaluated
+from dashred.physics.system_schema import Structure
 from tests import laws
 
 SPRING = """

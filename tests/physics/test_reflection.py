@@ -12,9 +12,9 @@ from torch import Tensor
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
 from dashred.physics.forcing import Forcing
+from dashred.physics.forcing_basis import Pulses
 from dashred.physics.library import evaluate_terms, resolve
 from dashred.physics.prior import StartPrior, field_rms, nominal_start
-from dashred.physics.pulses import Pulses
 from dashred.physics.simulate import simulate
 from dashred.physics.simulator import compiled
 from dashred.physics.system import System, Term

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import Where
-from dashred.config.system_schema import System
 from dashred.core.errors import InputError
+from dashred.physics.system_schema import System
 
 # What is said with equations, of equations.
 OF_EQUATIONS = (

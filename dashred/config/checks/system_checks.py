@@ -12,8 +12,8 @@ from typing import Any
 
 from dashred.config.layers import evaluate
 from dashred.config.schema.types import Where, nearest
-from dashred.config.system_schema import System
 from dashred.core.errors import InputError
+from dashred.physics.system_schema import System
 
 SMOOTH = ("length", "modes")
 PROCESS = ("kind", *SMOOTH, "apply")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dashred.config.layers import where_in
 from dashred.config.schema.types import nearest
-from dashred.config.system_schema import System
 from dashred.core.errors import InputError
 from dashred.core.units import TIME, check_same, check_unit, split_unit
+from dashred.physics.system_schema import System
 
 
 def settle_units(system: System, lines: dict[str, str]) -> None:

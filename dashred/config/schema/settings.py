@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from dashred.config.schema.recording import Recording, Splits
-from dashred.config.system_schema import System
 from dashred.core.limits import Count, Limit, NonNegative, Positive, Time, Unit
+from dashred.physics.system_schema import System
 
 
 @dataclass

@@ -11,8 +11,8 @@ from torch import Tensor
 
 from dashred.inference.forward.candidates import Candidate, forcing_of
 from dashred.physics.forcing import Forcing
+from dashred.physics.forcing_basis import Drive, Pulses
 from dashred.physics.ode_tangents import supports_ode, tangent_ode
-from dashred.physics.pulses import Drive, Pulses
 from dashred.physics.simulator import Run, compiled
 from dashred.physics.system import System, Term
 from dashred.physics.tangent_linear import supports, tangent_linear

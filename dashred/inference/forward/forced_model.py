@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from dashred.inference.forward.forward_model import Shooting
-from dashred.physics.pulses import Drive, Pulses
+from dashred.physics.forcing_basis import Drive, Pulses
 
 
 @dataclass(frozen=True)

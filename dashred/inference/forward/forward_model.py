@@ -13,7 +13,7 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate, forcing_of
 from dashred.inference.initial_state.start_models import StartModel
-from dashred.physics.pulses import Drive, Pulses
+from dashred.physics.forcing_basis import Drive, Pulses
 
 DIFFERENCE = 1e-5
 # Numbers of tangents that are observed together: calls of few would cost more than their sums.

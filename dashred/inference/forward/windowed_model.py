@@ -12,7 +12,7 @@ from dashred.inference.fit.least_squares import Objective
 from dashred.inference.forward.candidates import Candidate, forcing_of
 from dashred.inference.forward.forward_model import Shooting
 from dashred.physics.algebra import Number, multiply
-from dashred.physics.pulses import Drive, Pulses
+from dashred.physics.forcing_basis import Drive, Pulses
 from dashred.physics.system import Term
 from dashred.physics.window import Shape, Window
 

@@ -17,7 +17,7 @@ from torch import Tensor
 from dashred.inference.fit.least_squares import Normal, Objective
 from dashred.inference.fit.levenberg_marquardt import grow, minimise
 from dashred.inference.forward.forced_model import DrivenShooting
-from dashred.physics.pulses import Pulses
+from dashred.physics.forcing_basis import Pulses
 
 # Of a forcing: along each axis, by how many there are, for every cell is a column of the Jacobian;
 # and in time.

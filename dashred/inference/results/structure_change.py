@@ -21,8 +21,8 @@ from dashred.inference.results.parameter_change import parameter_change
 from dashred.physics.algebra import Name, Number, Product, names
 from dashred.physics.port_hamiltonian import Part, PortHamiltonian, alike
 from dashred.physics.quadrature import integral
+from dashred.physics.sampled_states import Visited, bare, evaluated, waves_of
 from dashred.physics.system import Term
-from dashred.physics.visited import Visited, bare, evaluated, waves_of
 
 # Of the energy that is moved: less is the grid's own error.
 CONSERVED = 1e-4

@@ -26,7 +26,7 @@ from dashred.inference.hypotheses.sensors.fault_in_units import fault_in_units
 from dashred.inference.hypotheses.sensors.faults import Fault, fit_fault
 from dashred.inference.hypotheses.sensors.leave_one_sensor_out import beside_the_fault
 from dashred.inference.hypotheses.sensors.suspects import suspects
-from dashred.physics.pulses import Pulses
+from dashred.physics.forcing_basis import Pulses
 from dashred.physics.window import onset
 from tests.swing import Swing, noisy
 

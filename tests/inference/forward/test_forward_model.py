@@ -9,7 +9,7 @@ from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.forced_model import DrivenShooting
 from dashred.inference.forward.forward_model import Shooting
 from dashred.inference.initial_state.start_models import LinearStart
-from dashred.physics.pulses import Pulses
+from dashred.physics.forcing_basis import Pulses
 from tests.waves import TIMES, Waves
 
 STEP, LONGER = 0.01, 0.25

@@ -12,7 +12,7 @@ from dashred.inference.fit.least_squares import Normal
 from dashred.inference.hypotheses import free_forcing
 from dashred.inference.hypotheses.free_forcing import FreeForcing, evidence, fit_free_forcing, force
 from dashred.inference.hypotheses.result import MISSING
-from dashred.physics.pulses import Pulses
+from dashred.physics.forcing_basis import Pulses
 from tests.waves import TIMES, Waves, fitted
 
 SIGMA = 0.02

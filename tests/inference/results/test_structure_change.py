@@ -14,8 +14,8 @@ from dashred.inference.forward.candidates import Candidate
 from dashred.inference.results.structure_change import stays_port_hamiltonian, structure_changes
 from dashred.physics.measured import Measured
 from dashred.physics.port_hamiltonian import PortHamiltonian
+from dashred.physics.sampled_states import Visited
 from dashred.physics.system import System
-from dashred.physics.visited import Visited
 from tests import laws
 from tests.physics.test_port_hamiltonian import (
     SPRING,

@@ -21,8 +21,8 @@ from dashred.inference.fit.subset_search import Eliminated
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.forced_model import DrivenShooting
 from dashred.inference.hypotheses.hypothesis_fit import Cause
+from dashred.physics.forcing_basis import Pulses
 from dashred.physics.library import build_library, resolve
-from dashred.physics.pulses import Pulses
 from dashred.physics.system import System
 
 # Knots in time, and how many of them a period has at least: between two a forcing is straight.

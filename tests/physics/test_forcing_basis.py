@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from dashred.physics.forcing import Forcing
+from dashred.physics.forcing_basis import Drive, Pulses
 from dashred.physics.prior import nominal_start
-from dashred.physics.pulses import Drive, Pulses
 from dashred.physics.simulate import simulate
 from dashred.physics.simulator import Interpreted, compiled
 from dashred.physics.system import System
