@@ -125,7 +125,7 @@ def reached_from(start: str) -> set[str]:
 
 DYNAMIC = {"__import__", "import_module", "exec", "eval", "runpy"}
 EXCEPT = {
-    "dashred.physics.expression_writer": {"exec"},
+    "dashred.physics.backends.codegen": {"exec"},
     "dashred.config.python_class": {"import_module"},
 }
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dashred.core.errors import InputError, nearest
 from dashred.data.sensors import Sensor
-from dashred.physics.measured import NOTHING, Measured
+from dashred.physics.backends.input_signals import NOTHING, Measured
 
 
 @dataclass(frozen=True, eq=False)

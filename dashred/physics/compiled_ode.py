@@ -12,11 +12,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from dashred.physics.backends.numba_backend import KERNEL, REAL, Array, Body, compile_kernel
 from dashred.physics.compiled_step import between
 from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive
 from dashred.physics.integrators.schedule import schedule
-from dashred.physics.kernel import KERNEL, REAL, Array, Body, compile_kernel
 from dashred.physics.system import System, Term
 from dashred.physics.weights import Columns
 from dashred.physics.window import Shape

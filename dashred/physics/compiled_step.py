@@ -16,7 +16,7 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
-from dashred.physics.kernel import Array, Kernel
+from dashred.physics.backends.numba_backend import Array, Kernel
 
 Modes = NDArray[np.complex128]
 Indices = NDArray[np.int64]

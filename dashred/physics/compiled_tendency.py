@@ -9,9 +9,9 @@ import torch
 from numpy.typing import NDArray
 
 from dashred.physics.algebra import ZERO, Expr
+from dashred.physics.backends.numba_backend import Array, Body, compile_kernel, read_by
 from dashred.physics.compiled_step import Modes, Parts
 from dashred.physics.forcing_basis import Drive
-from dashred.physics.kernel import Array, Body, compile_kernel, read_by
 from dashred.physics.linear import symbols
 from dashred.physics.linearisation import (
     OPERAND,

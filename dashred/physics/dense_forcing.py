@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
+from dashred.physics.backends.torch_backend import Program
 from dashred.physics.forcing import Forcing, RowwiseForcing
 from dashred.physics.operators import Operators
-from dashred.physics.program import Program
 from dashred.physics.value import Value
 
 # Measured on 192 trajectories of 256 points with 48 terms: gathering and scattering the carriers

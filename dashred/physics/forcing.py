@@ -9,8 +9,8 @@ import torch
 from torch import Tensor
 
 from dashred.physics.algebra import Expr
+from dashred.physics.backends.torch_backend import Program
 from dashred.physics.operators import Operators
-from dashred.physics.program import Program
 from dashred.physics.system import Term
 from dashred.physics.value import Value
 

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from dashred.core.errors import InputError
 from dashred.physics import algebra
-from dashred.physics.program import Program
+from dashred.physics.backends.torch_backend import Program
 from dashred.physics.system import System, Term
 from dashred.physics.value import Value
 

@@ -9,8 +9,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.physics.algebra import Expr, Number, substitute
+from dashred.physics.backends.torch_backend import Program
 from dashred.physics.grid import Grid
-from dashred.physics.program import Program
 from dashred.physics.reflection import side
 from dashred.physics.system import System
 

@@ -14,12 +14,12 @@ import torch
 from numpy.typing import NDArray
 
 from dashred.physics.algebra import Expr, add, scale
+from dashred.physics.backends.numpy_backend import Array, Pointwise
 from dashred.physics.compiled_step import between
 from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive
 from dashred.physics.linear import symbols
 from dashred.physics.linearisation import Input, Separated, separate
-from dashred.physics.pointwise import Array, Pointwise
 from dashred.physics.spectral import Spectral
 from dashred.physics.system import System
 from dashred.physics.tendency import two_thirds

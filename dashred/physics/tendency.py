@@ -6,11 +6,11 @@ import torch
 from torch import Tensor
 
 from dashred.physics.algebra import ZERO, names
+from dashred.physics.backends.torch_backend import Program
 from dashred.physics.dense_forcing import TermwiseForcing, forcing_evaluator
 from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive
 from dashred.physics.linear import split_linear, symbols
-from dashred.physics.program import Program
 from dashred.physics.spectral import Spectral
 from dashred.physics.system import System, Term
 from dashred.physics.value import Value, total

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from dashred.physics.algebra import Expr, Number, multiply, substitute
-from dashred.physics.kernel import Factor
+from dashred.physics.backends.numba_backend import Factor
 from dashred.physics.window import Shape, Window
 
 

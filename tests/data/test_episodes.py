@@ -17,7 +17,7 @@ from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
 from dashred.data.resampling import resample_all
 from dashred.data.sensors import Sensor
-from dashred.physics.measured import Measured
+from dashred.physics.backends.input_signals import Measured
 
 MANY = settings(
     max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from dashred.core.errors import InputError
+from dashred.physics.backends.input_signals import Measured
 from dashred.physics.library import (
     build_library,
     default_terms,
@@ -15,7 +16,6 @@ from dashred.physics.library import (
     refuse_collinear,
     uninformative_terms,
 )
-from dashred.physics.measured import Measured
 from dashred.physics.system import System
 
 AXES = [

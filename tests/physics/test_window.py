@@ -8,9 +8,9 @@ import pytest
 import torch
 
 from dashred.physics.algebra import Expr, Name
+from dashred.physics.backends.torch_backend import Program
 from dashred.physics.grid import Axis
 from dashred.physics.operators import NoSpace
-from dashred.physics.program import Program
 from dashred.physics.value import Value
 from dashred.physics.window import Shape, Window, box, gate, onset
 

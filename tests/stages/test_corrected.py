@@ -13,8 +13,8 @@ from dashred.config import Config, load_config
 from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import correct
 from dashred.inference.results.parameter_change import is_exact
+from dashred.physics.backends.input_signals import Measured
 from dashred.physics.library import evaluate_terms
-from dashred.physics.measured import Measured
 from dashred.physics.system import System, Term
 from dashred.stages.corrected import write_corrected
 from tests import laws

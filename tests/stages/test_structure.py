@@ -10,7 +10,7 @@ import torch
 
 from dashred.config import load_config
 from dashred.core.errors import InputError
-from dashred.physics.measured import Measured
+from dashred.physics.backends.input_signals import Measured
 from dashred.physics.prior import nominal_start
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System

@@ -15,7 +15,7 @@ from dashred.data.io.csv_table import Table, read_table, separated_otherwise
 from dashred.data.io.sensors_table import read_sensors
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.sensors import RESERVED, Described, Sensor, readable
-from dashred.physics.measured import Measured
+from dashred.physics.backends.input_signals import Measured
 
 
 def read_csv(path: str, sensors_table: str | None, system: Described) -> Episodes:

@@ -20,7 +20,7 @@ from dashred.data.checks import check_covered, check_input, checked_recording
 from dashred.data.episodes import Episode, Episodes, Stretch, stretches
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.sensors import Described, Sensor, check_names, check_sensor
-from dashred.physics.measured import Measured
+from dashred.physics.backends.input_signals import Measured
 
 if TYPE_CHECKING:
     import xarray as xr

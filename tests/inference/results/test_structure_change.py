@@ -12,7 +12,7 @@ import torch
 from dashred.config import load_config
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.results.structure_change import stays_port_hamiltonian, structure_changes
-from dashred.physics.measured import Measured
+from dashred.physics.backends.input_signals import Measured
 from dashred.physics.port_hamiltonian import PortHamiltonian
 from dashred.physics.sampled_states import Visited
 from dashred.physics.system import System

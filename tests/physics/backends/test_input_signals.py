@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 
+from dashred.physics.backends.input_signals import Array, Measured
 from dashred.physics.compiled_ode import CompiledOde
-from dashred.physics.measured import Array, Measured
 from dashred.physics.simulate import simulate
 from dashred.physics.simulator import compiled
 from dashred.physics.system import System

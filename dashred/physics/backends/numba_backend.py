@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.physics.algebra import Expr, names
-from dashred.physics.expression_writer import Writer, define
-from dashred.physics.measured import NOTHING, Measured
+from dashred.physics.backends.codegen import Writer, define
+from dashred.physics.backends.input_signals import NOTHING, Measured
 
 Array = NDArray[np.float64]
 Kernel = Callable[[Array, Array, float, Array, Array], None]

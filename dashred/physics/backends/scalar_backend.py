@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from dashred.physics.algebra import Expr
-from dashred.physics.expression_writer import Writer, define
+from dashred.physics.backends.codegen import Writer, define
 
 Scalars = Callable[..., tuple[float, ...]]
 # What Python raises where an array would hold an infinity or no number (a fractional power of a

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dashred.physics.expression_writer import CODE
-from dashred.physics.pointwise import Pointwise
-from dashred.physics.scalar_program import NO_NUMBER, scalar_program
+from dashred.physics.backends.codegen import CODE
+from dashred.physics.backends.numpy_backend import Pointwise
+from dashred.physics.backends.scalar_backend import NO_NUMBER, scalar_program
 from dashred.physics.system import System
 from tests import laws
 
