@@ -160,7 +160,7 @@ def evaluate(text: str, key: str, where: Where) -> float:
         InputError: the text is not a number, and why.
     """
     # Imported late: nothing else of the configuration needs the equation language.
-    from dashred.physics.expression import number
+    from dashred.physics.expressions.parser import number
 
     try:
         return number(text, where=where(key))

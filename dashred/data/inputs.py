@@ -8,9 +8,9 @@ from torch import Tensor
 
 from dashred.config import Config
 from dashred.core.errors import InputError
-from dashred.physics.algebra import names
 from dashred.physics.backends.input_signals import NOTHING, Measured
 from dashred.physics.backends.torch_backend import Program
+from dashred.physics.expressions.algebra import names
 from dashred.physics.operators import NoSpace
 from dashred.physics.system import System
 from dashred.physics.value import Value

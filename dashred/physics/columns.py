@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.physics import column_kernels as kernels
-from dashred.physics.algebra import Expr
 from dashred.physics.base_march import STAGES, BaseMarch
+from dashred.physics.expressions.algebra import Expr
 from dashred.physics.integrators.schedule import Step
 from dashred.physics.separated_tendency import Modes
 from dashred.physics.sources import Sources

@@ -8,12 +8,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from dashred.physics.algebra import ZERO, Expr
 from dashred.physics.backends.numba_backend import Array, Body, compile_kernel, read_by
 from dashred.physics.compiled_step import Modes, Parts
-from dashred.physics.forcing_basis import Drive
-from dashred.physics.linear import symbols
-from dashred.physics.linearisation import (
+from dashred.physics.expressions.algebra import ZERO, Expr
+from dashred.physics.expressions.linear import symbols
+from dashred.physics.expressions.semilinear import (
     OPERAND,
     Input,
     NotSeparableError,
@@ -21,6 +20,7 @@ from dashred.physics.linearisation import (
     Separator,
     separate,
 )
+from dashred.physics.forcing_basis import Drive
 from dashred.physics.spectral import Spectral
 from dashred.physics.system import System, Term
 from dashred.physics.tendency import two_thirds
@@ -32,7 +32,7 @@ CPU = torch.device("cpu")
 
 
 class CompiledTendency:
-    """``û' = Lû + N(û, t)``, separated (:mod:`dashred.physics.linearisation`) and compiled once.
+    """``û' = Lû + N(û, t)``, separated (:mod:`dashred.physics.expressions.semilinear`) and compiled once.
 
     Args:
         system: a spectral system.
@@ -40,7 +40,7 @@ class CompiledTendency:
         shapes: of the windows in which it may carry them; those that are pointwise alone.
 
     Raises:
-        NotSeparableError, ArithmeticError: see :func:`dashred.physics.linearisation.separate`.
+        NotSeparableError, ArithmeticError: see :func:`dashred.physics.expressions.semilinear.separate`.
     """
 
     def __init__(

@@ -6,13 +6,13 @@ from collections.abc import Callable
 from functools import cached_property
 
 from dashred.core.errors import InputError
-from dashred.physics import algebra
 from dashred.physics import system_schema as schema
-from dashred.physics.algebra import Expr
 from dashred.physics.definitions import Definitions, check_order
-from dashred.physics.expression import Vocabulary, parse
+from dashred.physics.expressions import algebra
+from dashred.physics.expressions.algebra import Expr
+from dashred.physics.expressions.parser import Vocabulary, parse
+from dashred.physics.expressions.reflection import Reflection
 from dashred.physics.methods import METHODS
-from dashred.physics.reflection import Reflection
 
 
 class Declaration:
@@ -88,7 +88,7 @@ class Declaration:
         """Parse an expression over the system's names; ``key`` locates it in the config.
 
         Raises:
-            InputError: see :func:`dashred.physics.expression.parse`.
+            InputError: see :func:`dashred.physics.expressions.parser.parse`.
         """
         vocabulary = Vocabulary(self.names | extra, tuple(self.config.axes), equation)
         return parse(str(text), vocabulary, where=self.where(key))

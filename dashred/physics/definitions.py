@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 from dashred.core.errors import InputError
-from dashred.physics.algebra import Expr, Number, names, substitute, to_text
-from dashred.physics.expression_size import DEEPEST, MOST_PARTS, Size, size_of
+from dashred.physics.expressions.algebra import Expr, Number, names, substitute, to_text
+from dashred.physics.expressions.expression_size import DEEPEST, MOST_PARTS, Size, size_of
 
 
 def check_order(

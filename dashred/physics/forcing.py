@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from dashred.physics.algebra import Expr
 from dashred.physics.backends.torch_backend import Program
+from dashred.physics.expressions.algebra import Expr
 from dashred.physics.operators import Operators
 from dashred.physics.system import Term
 from dashred.physics.value import Value

@@ -10,8 +10,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from dashred.physics.expressions.reflection import side
 from dashred.physics.grid import Axis
-from dashred.physics.reflection import side
 from dashred.physics.system import System
 
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-from dashred.physics.reflection import side
+from dashred.physics.expressions.reflection import side
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class Axis:
     """One spatial axis: points at ``j·length/points`` from 0 on.
 
     A periodic axis is a ring itself. One with ends is half of a ring, of which the other half is
-    its mirror image (:mod:`dashred.physics.reflection`): point ``2·points - j`` that of point j.
+    its mirror image (:mod:`dashred.physics.expressions.reflection`): point ``2·points - j`` that of point j.
 
     Attributes:
         name: its coordinate.

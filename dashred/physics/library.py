@@ -9,8 +9,8 @@ import torch
 from torch import Tensor
 
 from dashred.core.errors import InputError
-from dashred.physics import algebra
 from dashred.physics.backends.torch_backend import Program
+from dashred.physics.expressions import algebra
 from dashred.physics.system import System, Term
 from dashred.physics.value import Value
 

@@ -12,10 +12,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dashred.physics.algebra import Expr, add, scale
 from dashred.physics.backends.numpy_backend import Array, Pointwise
 from dashred.physics.backends.scalar_backend import NO_NUMBER, scalar_program
-from dashred.physics.differentiate import NotDifferentiableError, differentiate
+from dashred.physics.expressions.algebra import Expr, add, scale
+from dashred.physics.expressions.differentiate import NotDifferentiableError, differentiate
 from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive, Pulses
 from dashred.physics.integrators.schedule import Step, schedule

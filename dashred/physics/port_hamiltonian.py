@@ -16,7 +16,7 @@ from torch import Tensor
 
 from dashred.config.schema.types import nearest
 from dashred.core.errors import InputError
-from dashred.physics.algebra import (
+from dashred.physics.expressions.algebra import (
     ZERO,
     Call,
     Derivative,
@@ -31,8 +31,8 @@ from dashred.physics.algebra import (
     substitute,
     to_text,
 )
-from dashred.physics.differentiate import differentiate
-from dashred.physics.linearisation import NotSeparableError, Separator, applied
+from dashred.physics.expressions.differentiate import differentiate
+from dashred.physics.expressions.semilinear import NotSeparableError, Separator, applied
 from dashred.physics.quadrature import integral
 from dashred.physics.sampled_states import Visited, bare, evaluated
 from dashred.physics.system import System

@@ -10,11 +10,11 @@ import torch
 from torch import Tensor
 
 from dashred.core.errors import InputError
-from dashred.physics.algebra import Expr, names
 from dashred.physics.backends.torch_backend import Program
-from dashred.physics.expression import number
+from dashred.physics.expressions.algebra import Expr, names
+from dashred.physics.expressions.parser import number
+from dashred.physics.expressions.reflection import side
 from dashred.physics.grid import Axis, Grid
-from dashred.physics.reflection import side
 from dashred.physics.simulate import Progress, check_finite, simulate
 from dashred.physics.system import System
 from dashred.physics.value import Value

@@ -8,10 +8,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from dashred.physics.algebra import Expr, Number, substitute
 from dashred.physics.backends.torch_backend import Program
+from dashred.physics.expressions.algebra import Expr, Number, substitute
+from dashred.physics.expressions.reflection import side
 from dashred.physics.grid import Grid
-from dashred.physics.reflection import side
 from dashred.physics.system import System
 
 # States that are drawn of each wavelength.

@@ -13,13 +13,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from dashred.physics.algebra import Expr, add, scale
 from dashred.physics.backends.numpy_backend import Array, Pointwise
 from dashred.physics.compiled_step import between
+from dashred.physics.expressions.algebra import Expr, add, scale
+from dashred.physics.expressions.linear import symbols
+from dashred.physics.expressions.semilinear import Input, Separated, separate
 from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive
-from dashred.physics.linear import symbols
-from dashred.physics.linearisation import Input, Separated, separate
 from dashred.physics.spectral import Spectral
 from dashred.physics.system import System
 from dashred.physics.tendency import two_thirds
@@ -35,7 +35,7 @@ def separated(system: System, forcing: Forcing | None) -> Separated:
     What the equations and the forcing's terms share is computed once.
 
     Raises:
-        NotSeparableError, ArithmeticError: see :func:`dashred.physics.linearisation.separate`.
+        NotSeparableError, ArithmeticError: see :func:`dashred.physics.expressions.semilinear.separate`.
     """
     added = {field: [expr] for field, expr in system.resolved.items()}
     if forcing is not None:

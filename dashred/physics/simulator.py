@@ -9,12 +9,12 @@ from typing import Protocol, Self
 import torch
 from torch import Tensor
 
-from dashred.physics.algebra import multiply
 from dashred.physics.compiled_march import CompiledMarch
 from dashred.physics.compiled_ode import CompiledOde
+from dashred.physics.expressions.algebra import multiply
+from dashred.physics.expressions.semilinear import NotSeparableError
 from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive
-from dashred.physics.linearisation import NotSeparableError
 from dashred.physics.simulate import is_long, simulate
 from dashred.physics.system import System, Term
 from dashred.physics.weights import Columns

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import torch
 
-from dashred.physics.algebra import ZERO, Expr, add
 from dashred.physics.backends.numpy_backend import Array
 from dashred.physics.backends.torch_backend import Program
+from dashred.physics.expressions.algebra import ZERO, Expr, add
+from dashred.physics.expressions.linear import split_linear
+from dashred.physics.expressions.semilinear import NotSeparableError, Separator
 from dashred.physics.forcing_basis import Pulses
-from dashred.physics.linear import split_linear
-from dashred.physics.linearisation import NotSeparableError, Separator
 from dashred.physics.separated_tendency import Inputs, Modes, mask_of, symbol_of
 from dashred.physics.system import System, Term
 from dashred.physics.transforms import to_modes

@@ -9,8 +9,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from dashred.physics import algebra
-from dashred.physics.algebra import Expr, Number
+from dashred.physics.expressions import algebra
+from dashred.physics.expressions.algebra import Expr, Number
 
 SIGNS = {"add": "+", "sub": "-", "mul": "*", "truediv": "/", "div": "/", "pow": "**"}
 NAMES = {"multiply": "mul", "subtract": "sub", "absolute": "abs", "divide": "div"}

@@ -11,12 +11,12 @@ import torch
 from torch import Tensor
 
 from dashred import config as schema
-from dashred.physics import algebra
-from dashred.physics.algebra import Expr
 from dashred.physics.backends.input_signals import NOTHING, Array, Measured
 from dashred.physics.backends.torch_backend import Program
 from dashred.physics.declaration import Declaration
-from dashred.physics.expression import number
+from dashred.physics.expressions import algebra
+from dashred.physics.expressions.algebra import Expr
+from dashred.physics.expressions.parser import number
 from dashred.physics.grid import Axis, Grid
 from dashred.physics.operators import FiniteDifferences, NoSpace, Operators, Spectral
 from dashred.physics.value import Value

@@ -18,14 +18,14 @@ import torch
 from torch import Tensor
 
 from dashred.core.threads import in_threads
-from dashred.physics.algebra import ZERO
 from dashred.physics.backends.numpy_backend import Pointwise
 from dashred.physics.base_march import STAGES, BaseMarch, Stage
 from dashred.physics.columns import Block, ColumnMarch
+from dashred.physics.expressions.algebra import ZERO
+from dashred.physics.expressions.semilinear import NotSeparableError, separate
 from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive, Pulses
 from dashred.physics.integrators.schedule import Step, schedule
-from dashred.physics.linearisation import NotSeparableError, separate
 from dashred.physics.separated_tendency import Modes, SeparatedTendency
 from dashred.physics.sources import Sources
 from dashred.physics.system import System, Term

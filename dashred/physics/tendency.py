@@ -5,12 +5,12 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from dashred.physics.algebra import ZERO, names
 from dashred.physics.backends.torch_backend import Program
 from dashred.physics.dense_forcing import TermwiseForcing, forcing_evaluator
+from dashred.physics.expressions.algebra import ZERO, names
+from dashred.physics.expressions.linear import split_linear, symbols
 from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive
-from dashred.physics.linear import split_linear, symbols
 from dashred.physics.spectral import Spectral
 from dashred.physics.system import System, Term
 from dashred.physics.value import Value, total

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 from dashred.core.units import ONE, TIME, Unit, parse_unit
-from dashred.physics.algebra import (
+from dashred.physics.expressions.algebra import (
     Call,
     Derivative,
     Expr,

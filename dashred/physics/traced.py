@@ -13,8 +13,8 @@ from typing import Any, Protocol
 import torch
 from torch import Tensor
 
-from dashred.physics import algebra
-from dashred.physics.algebra import Name
+from dashred.physics.expressions import algebra
+from dashred.physics.expressions.algebra import Name
 from dashred.physics.operators import Operators
 from dashred.physics.symbol import NotTraceableError, Symbol, expression_of
 from dashred.physics.system import System

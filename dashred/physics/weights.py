@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from dashred.physics.algebra import Expr, Number, multiply, substitute
 from dashred.physics.backends.numba_backend import Factor
+from dashred.physics.expressions.algebra import Expr, Number, multiply, substitute
 from dashred.physics.window import Shape, Window
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from dashred.core.units import measured
-from dashred.physics.algebra import (
+from dashred.physics.expressions.algebra import (
     ONE,
     Expr,
     Name,
@@ -24,7 +24,7 @@ from dashred.physics.algebra import (
     scale,
     substitute,
 )
-from dashred.physics.differentiate import differentiate
+from dashred.physics.expressions.differentiate import differentiate
 from dashred.physics.grid import Axis
 from dashred.physics.system import System
 

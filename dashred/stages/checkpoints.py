@@ -26,7 +26,7 @@ from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.forcing_map import ForcingMap
 from dashred.inference.hypotheses.result import BestOfSize, Discovered
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
-from dashred.physics import nodes
+from dashred.physics.expressions import nodes
 from dashred.physics.system import Term
 from dashred.physics.window import Shape, Window
 from dashred.stages.assimilation import Assimilated

@@ -23,7 +23,7 @@ from dashred.data.sensors import Sensor
 from dashred.data.splits import Split, hold_out, split_recording
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.wording.fault_wording import fault_in_words
-from dashred.physics.algebra import names
+from dashred.physics.expressions.algebra import names
 from dashred.physics.library import build_library
 from dashred.physics.snapshot_file import open_snapshots
 from dashred.physics.snapshots import Snapshots

@@ -15,7 +15,7 @@ from dashred.data.io.csv_table import Table, is_number, read_table, separated_ot
 from dashred.data.io.reader import read_episodes
 from dashred.data.recording import Recording
 from dashred.data.sensors import RESERVED
-from dashred.physics.expression import RESERVED as LANGUAGE
+from dashred.physics.expressions.parser import RESERVED as LANGUAGE
 
 OF_A_SENSOR = ("name", "field", "std", "unit")
 POINTS = {1: 64, 2: 32}

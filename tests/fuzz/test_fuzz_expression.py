@@ -9,9 +9,16 @@ from hypothesis import assume
 from hypothesis import strategies as st
 
 from dashred.core.errors import InputError
-from dashred.physics import algebra
-from dashred.physics.algebra import Expr, Number
-from dashred.physics.expression import FUNCTIONS, LONGEST, OPERATORS, Vocabulary, number, parse
+from dashred.physics.expressions import algebra
+from dashred.physics.expressions.algebra import Expr, Number
+from dashred.physics.expressions.parser import (
+    FUNCTIONS,
+    LONGEST,
+    OPERATORS,
+    Vocabulary,
+    number,
+    parse,
+)
 from tests.fuzz.examples import fuzzed
 
 LINE = Vocabulary(frozenset({"u", "v", "nu", "x", "t"}), ("x",), "u")

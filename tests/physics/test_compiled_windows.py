@@ -9,9 +9,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.physics.algebra import multiply
 from dashred.physics.compiled_march import CompiledMarch
 from dashred.physics.compiled_ode import CompiledOde
+from dashred.physics.expressions.algebra import multiply
 from dashred.physics.forcing import Forcing
 from dashred.physics.prior import nominal_start
 from dashred.physics.simulate import simulate

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from dashred.core.errors import InputError
-from dashred.physics.algebra import to_text
+from dashred.physics.expressions.algebra import to_text
 from dashred.physics.port_hamiltonian import PortHamiltonian, variation
 from dashred.physics.sampled_states import Visited, evaluated
 from dashred.physics.system import System

@@ -8,8 +8,8 @@ import pytest
 import torch
 
 from dashred.core.errors import InputError
-from dashred.physics.algebra import to_text
-from dashred.physics.linear import split_linear
+from dashred.physics.expressions.algebra import to_text
+from dashred.physics.expressions.linear import split_linear
 from dashred.physics.prior import nominal_start
 from dashred.physics.system import Term
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from dashred.physics.differentiate import parameter_tendency
+from dashred.physics.expressions.differentiate import parameter_tendency
 from dashred.physics.forcing import Forcing
 from dashred.physics.library import resolve
 from dashred.physics.prior import nominal_start

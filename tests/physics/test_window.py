@@ -7,8 +7,8 @@ import math
 import pytest
 import torch
 
-from dashred.physics.algebra import Expr, Name
 from dashred.physics.backends.torch_backend import Program
+from dashred.physics.expressions.algebra import Expr, Name
 from dashred.physics.grid import Axis
 from dashred.physics.operators import NoSpace
 from dashred.physics.value import Value

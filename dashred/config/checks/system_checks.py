@@ -64,7 +64,7 @@ def _check_front(system: System, where: Where) -> None:
 
 
 def _check_names(system: System, where: Where) -> None:
-    from dashred.physics.expression import RESERVED
+    from dashred.physics.expressions.parser import RESERVED
 
     taken: dict[str, str] = {}
     for section in ("axes", "fields", "parameters", "let", "inputs"):

@@ -19,8 +19,8 @@ import torch
 from torch import Tensor
 
 from dashred.evaluation.baselines.estimate import Estimated, TermEntry
-from dashred.physics.algebra import Expr, add
-from dashred.physics.linear import is_linear, split_linear, symbols
+from dashred.physics.expressions.algebra import Expr, add
+from dashred.physics.expressions.linear import is_linear, split_linear, symbols
 from dashred.physics.prior import StartPrior
 from dashred.physics.spectral import Spectral
 from dashred.physics.system import System, Term

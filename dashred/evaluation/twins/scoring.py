@@ -14,8 +14,8 @@ import xarray as xr
 
 from dashred import config as schema
 from dashred.evaluation.twins.window_kinds import TrueWindow, kind_found, kind_of
-from dashred.physics import algebra
-from dashred.physics.algebra import Expr, Number
+from dashred.physics.expressions import algebra
+from dashred.physics.expressions.algebra import Expr, Number
 from dashred.physics.system import System
 
 METHODS = (

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from dashred.config import Config, read_file
 from dashred.core.errors import InputError
-from dashred.physics.expression import number
+from dashred.physics.expressions.parser import number
 
 if TYPE_CHECKING:
     from dashred.evaluation.twins.sealing import Concealed, SealedTerm

@@ -11,7 +11,7 @@ from torch import Tensor
 from dashred.inference.fit.least_squares import Objective
 from dashred.inference.forward.candidates import Candidate, forcing_of
 from dashred.inference.forward.forward_model import Shooting
-from dashred.physics.algebra import Number, multiply
+from dashred.physics.expressions.algebra import Number, multiply
 from dashred.physics.forcing_basis import Drive, Pulses
 from dashred.physics.system import Term
 from dashred.physics.window import Shape, Window

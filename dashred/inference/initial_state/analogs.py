@@ -16,8 +16,8 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
-from dashred.physics.algebra import names
 from dashred.physics.ensemble import Ensemble
+from dashred.physics.expressions.algebra import names
 from dashred.physics.grid import Axis
 from dashred.physics.library import resolve
 from dashred.physics.system import System, Term

@@ -9,7 +9,7 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
-from dashred.physics.algebra import Expr, names
+from dashred.physics.expressions.algebra import Expr, names
 from dashred.physics.forcing import Forcing
 from dashred.physics.library import resolve
 from dashred.physics.simulate import simulate

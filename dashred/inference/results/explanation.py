@@ -21,7 +21,7 @@ from dashred.inference.hypotheses.result import AMBIGUOUS, Discovered
 from dashred.inference.results.parameter_change import exact_change, is_exact, parameter_change
 from dashred.inference.results.posterior_probabilities import inclusion
 from dashred.inference.wording.wording import words
-from dashred.physics.algebra import Expr
+from dashred.physics.expressions.algebra import Expr
 from dashred.physics.system import System
 from dashred.physics.term_units import coefficient_unit
 

@@ -15,7 +15,7 @@ from dashred.inference.hypotheses.forcing_map import ForcingMap
 from dashred.inference.hypotheses.result import Discovered
 from dashred.inference.results.explanation import region_of
 from dashred.inference.results.regime import regime
-from dashred.physics import algebra
+from dashred.physics.expressions import algebra
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 

@@ -10,8 +10,14 @@ from __future__ import annotations
 
 import math
 
-from dashred.physics.algebra import Expr, Number, split_coefficient, substitute, summands
-from dashred.physics.differentiate import parameter_slopes
+from dashred.physics.expressions.algebra import (
+    Expr,
+    Number,
+    split_coefficient,
+    substitute,
+    summands,
+)
+from dashred.physics.expressions.differentiate import parameter_slopes
 from dashred.physics.system import System
 
 # Of Runge and Kutta's method, from the old value to the new.

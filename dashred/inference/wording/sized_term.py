@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dashred.core.formatting import MINUS, pretty, with_error
 from dashred.core.units import TIME, measured, shown
-from dashred.physics import algebra
-from dashred.physics.algebra import ONE, Expr, Name, Number, Power, Product
+from dashred.physics.expressions import algebra
+from dashred.physics.expressions.algebra import ONE, Expr, Name, Number, Power, Product
 from dashred.physics.system import System
 from dashred.physics.term_units import coefficient_unit
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dashred.physics import algebra
-from dashred.physics.algebra import Call, Derivative, Expr, Flux
+from dashred.physics.expressions import algebra
+from dashred.physics.expressions.algebra import Call, Derivative, Expr, Flux
 
 
 def read_derivative(spatial: Expr) -> tuple[Expr, int, str] | None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dashred.inference.wording.sized_term import SizedTerm, meaning, printed
 from dashred.inference.wording.spatial_shape import is_spatial, read_derivative
-from dashred.physics import algebra
-from dashred.physics.algebra import ONE, Call, Derivative, Expr, Name, Number, Power
+from dashred.physics.expressions import algebra
+from dashred.physics.expressions.algebra import ONE, Call, Derivative, Expr, Name, Number, Power
 
 
 def steep_words(term: SizedTerm) -> str | None:

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dashred.core.units import TIME, measured
 from dashred.inference.wording.sized_term import SizedTerm, meaning
 from dashred.inference.wording.spatial_wording import spatial_words, steep_words
-from dashred.physics.algebra import ONE, Call, Expr, Name, split_coefficient
+from dashred.physics.expressions.algebra import ONE, Call, Expr, Name, split_coefficient
 from dashred.physics.system import System
 
 DEGREES = {1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from dashred.physics.algebra import Call, Expr, Name, Number, Power, Product, Sum
+from dashred.physics.expressions.algebra import Call, Expr, Name, Number, Power, Product, Sum
 
 CODE = {
     "sin": "math.sin({0})",

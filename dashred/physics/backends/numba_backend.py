@@ -16,9 +16,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.physics.algebra import Expr, names
 from dashred.physics.backends.codegen import Writer, define
 from dashred.physics.backends.input_signals import NOTHING, Measured
+from dashred.physics.expressions.algebra import Expr, names
 
 Array = NDArray[np.float64]
 Kernel = Callable[[Array, Array, float, Array, Array], None]

@@ -10,7 +10,7 @@ from operator import add, mul
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.physics.algebra import (
+from dashred.physics.expressions.algebra import (
     Call,
     Expr,
     Name,

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from types import SimpleNamespace
 from typing import Any
 
-from dashred.physics.algebra import Expr
 from dashred.physics.backends.codegen import Writer, define
+from dashred.physics.expressions.algebra import Expr
 
 Scalars = Callable[..., tuple[float, ...]]
 # What Python raises where an array would hold an infinity or no number (a fractional power of a

@@ -8,7 +8,7 @@ from functools import reduce
 import torch
 from torch import Tensor
 
-from dashred.physics.algebra import (
+from dashred.physics.expressions.algebra import (
     Call,
     Derivative,
     Expr,

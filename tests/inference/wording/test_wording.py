@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dashred.inference.wording.wording import words
-from dashred.physics import algebra
+from dashred.physics.expressions import algebra
 from dashred.physics.library import default_terms
 from dashred.physics.system import System
 from tests import laws

@@ -17,9 +17,17 @@ from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 from dashred.inference.fit.subset_search import Eliminated
 from dashred.inference.forward.candidates import Candidate
-from dashred.physics.algebra import Call, Expr, Name, Number, call, multiply, split_coefficient
-from dashred.physics.algebra import substitute as put_in
-from dashred.physics.differentiate import differentiate
+from dashred.physics.expressions.algebra import (
+    Call,
+    Expr,
+    Name,
+    Number,
+    call,
+    multiply,
+    split_coefficient,
+)
+from dashred.physics.expressions.algebra import substitute as put_in
+from dashred.physics.expressions.differentiate import differentiate
 from dashred.physics.system import Term
 
 FUNCTIONS = ("sin", "cos", "tanh", "exp")

@@ -17,8 +17,8 @@ from torch import Tensor
 from dashred.inference.fit.subset_search import Eliminated
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.windows.windowed_hypothesis import LOG_WIDTH, Guess
+from dashred.physics.expressions.semilinear import NotSeparableError, Separator
 from dashred.physics.grid import Axis
-from dashred.physics.linearisation import NotSeparableError, Separator
 from dashred.physics.system import System
 from dashred.physics.window import Shape, Window, box, gate, onset
 

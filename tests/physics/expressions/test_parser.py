@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dashred.core.errors import InputError
-from dashred.physics import algebra
-from dashred.physics.expression import FUNCTIONS, OPERATORS, Vocabulary, number, parse
+from dashred.physics.expressions import algebra
+from dashred.physics.expressions.parser import FUNCTIONS, OPERATORS, Vocabulary, number, parse
 
 LINE = Vocabulary(frozenset({"u", "lam", "alpha", "x", "t"}), ("x",), "u")
 ODE = Vocabulary(frozenset({"theta", "omega", "t"}))

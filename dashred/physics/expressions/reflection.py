@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from functools import reduce
 
-from dashred.physics.algebra import (
+from dashred.physics.expressions.algebra import (
     Call,
     Derivative,
     Expr,

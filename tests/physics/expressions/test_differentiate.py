@@ -6,11 +6,15 @@ import pytest
 import torch
 
 from dashred.config import load_config
-from dashred.physics.algebra import Flux, Name, substitute, to_text
 from dashred.physics.backends.torch_backend import Program
-from dashred.physics.differentiate import NotDifferentiableError, differentiate, parameter_tendency
-from dashred.physics.expression import Vocabulary, number, parse
-from dashred.physics.nodes import Number
+from dashred.physics.expressions.algebra import Flux, Name, substitute, to_text
+from dashred.physics.expressions.differentiate import (
+    NotDifferentiableError,
+    differentiate,
+    parameter_tendency,
+)
+from dashred.physics.expressions.nodes import Number
+from dashred.physics.expressions.parser import Vocabulary, number, parse
 from dashred.physics.prior import nominal_start
 from dashred.physics.system import System
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 
-from dashred.physics.nodes import (
+from dashred.physics.expressions.nodes import (
     Call,
     Derivative,
     Expr,

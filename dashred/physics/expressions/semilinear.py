@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from dashred.physics.algebra import (
+from dashred.physics.expressions.algebra import (
     ZERO,
     Call,
     Derivative,
@@ -33,8 +33,8 @@ from dashred.physics.algebra import (
     summands,
     to_text,
 )
-from dashred.physics.differentiate import differentiate
-from dashred.physics.linear import split_linear
+from dashred.physics.expressions.differentiate import differentiate
+from dashred.physics.expressions.linear import split_linear
 
 OPERAND = Name("·")
 """Stands for what an operator acts on: no name of the language looks like it."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from dashred.physics.algebra import (
+from dashred.physics.expressions.algebra import (
     Call,
     Derivative,
     Expr,

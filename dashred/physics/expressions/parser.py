@@ -16,8 +16,8 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from dashred.core.errors import InputError, nearest
-from dashred.physics import algebra
-from dashred.physics.algebra import Expr, Name, Number
+from dashred.physics.expressions import algebra
+from dashred.physics.expressions.algebra import Expr, Name, Number
 
 FUNCTIONS = frozenset(algebra.CONSTANT)
 OPERATORS = frozenset({"d", "lap", "inv_lap", "grad2", "flux"})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from dashred.physics.algebra import (
+from dashred.physics.expressions.algebra import (
     ONE,
     ZERO,
     Call,

@@ -1,6 +1,6 @@
 """The nodes of an expression's tree, and how a tree is read and written.
 
-Build trees with :mod:`dashred.physics.algebra`, which keeps them in normal form.
+Build trees with :mod:`dashred.physics.expressions.algebra`, which keeps them in normal form.
 """
 
 from __future__ import annotations

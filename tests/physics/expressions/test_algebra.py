@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dashred.physics import algebra
-from dashred.physics.algebra import Name, Number, substitute, to_text
-from dashred.physics.expression import HIGHEST_ORDER, Vocabulary, parse
+from dashred.physics.expressions import algebra
+from dashred.physics.expressions.algebra import Name, Number, substitute, to_text
+from dashred.physics.expressions.parser import HIGHEST_ORDER, Vocabulary, parse
 
 LINE = Vocabulary(frozenset({"u", "v", "a", "x", "t"}), ("x",), "u")
 PLANE = Vocabulary(frozenset({"u", "v", "a", "x", "y", "t"}), ("x", "y"), "u")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from dashred.physics.nodes import Expr, Name, children
+from dashred.physics.expressions.nodes import Expr, Name, children
 
 MOST_PARTS, DEEPEST = 5000, 100
 
