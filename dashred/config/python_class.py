@@ -76,8 +76,8 @@ def with_equations(settings: Settings, where: Where) -> System:
     """
     # Imported late: torch takes seconds, and few systems have a class.
     from dashred.physics import system as physics
-    from dashred.physics.symbol import NotTraceableError
-    from dashred.physics.traced import equations_differ, trace
+    from dashred.physics.external.tracing import equations_differ, trace
+    from dashred.physics.external.tracing_values import NotTraceableError
 
     system, place = settings.system, where(KEY)
     simulator = _made(str(system.class_), place)

@@ -24,9 +24,9 @@ from dashred.data.splits import Split, hold_out, split_recording
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.wording.fault_wording import fault_in_words
 from dashred.physics.expressions.algebra import names
+from dashred.physics.external.snapshot_file import open_snapshots
+from dashred.physics.external.snapshots import Snapshots
 from dashred.physics.library import build_library
-from dashred.physics.snapshot_file import open_snapshots
-from dashred.physics.snapshots import Snapshots
 from dashred.physics.system import System, Term
 
 # From so many episodes on, the last is held out whole.

@@ -15,8 +15,8 @@ from torch import Tensor
 
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import Name
+from dashred.physics.external.tracing_values import NotTraceableError, Symbol, expression_of
 from dashred.physics.operators import Operators
-from dashred.physics.symbol import NotTraceableError, Symbol, expression_of
 from dashred.physics.system import System
 from dashred.physics.tendency import GridTendency
 from dashred.physics.value import Value

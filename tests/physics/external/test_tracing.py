@@ -11,9 +11,9 @@ import torch
 
 from dashred.config import Axis, Integrator
 from dashred.config import System as Declared
-from dashred.physics.symbol import NotTraceableError
+from dashred.physics.external.tracing import equations_differ, trace
+from dashred.physics.external.tracing_values import NotTraceableError
 from dashred.physics.system import System
-from dashred.physics.traced import equations_differ, trace
 
 Rule = Callable[[Any, Any, Any, Any], Any]
 
