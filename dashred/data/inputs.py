@@ -11,9 +11,9 @@ from dashred.core.errors import InputError
 from dashred.physics.backends.input_signals import NOTHING, Measured
 from dashred.physics.backends.torch_backend import Program
 from dashred.physics.expressions.algebra import names
-from dashred.physics.operators import NoSpace
+from dashred.physics.grids.grid_value import Value
+from dashred.physics.grids.operators import NoSpace
 from dashred.physics.system import System
-from dashred.physics.value import Value
 
 
 def driven(system: System, config: Config, times: Tensor) -> Measured:

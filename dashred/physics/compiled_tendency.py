@@ -21,10 +21,10 @@ from dashred.physics.expressions.semilinear import (
     separate,
 )
 from dashred.physics.forcing_basis import Drive
-from dashred.physics.spectral import Spectral
+from dashred.physics.grids.spectral import Spectral
+from dashred.physics.grids.transforms import to_modes
 from dashred.physics.system import System, Term
 from dashred.physics.tendency import two_thirds
-from dashred.physics.transforms import to_modes
 from dashred.physics.weights import Columns
 from dashred.physics.window import Shape
 

@@ -10,9 +10,9 @@ from torch import Tensor
 
 from dashred.physics.backends.torch_backend import Program
 from dashred.physics.expressions.algebra import Expr
-from dashred.physics.operators import Operators
+from dashred.physics.grids.grid_value import Value
+from dashred.physics.grids.operators import Operators
 from dashred.physics.system import Term
-from dashred.physics.value import Value
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from dashred.physics.expressions.reflection import side
-from dashred.physics.grid import Axis
+from dashred.physics.grids.grid import Axis
 from dashred.physics.system import System
 
 

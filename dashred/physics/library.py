@@ -11,8 +11,8 @@ from torch import Tensor
 from dashred.core.errors import InputError
 from dashred.physics.backends.torch_backend import Program
 from dashred.physics.expressions import algebra
+from dashred.physics.grids.grid_value import Value
 from dashred.physics.system import System, Term
-from dashred.physics.value import Value
 
 COLLINEAR = 1e-9
 

@@ -33,7 +33,7 @@ from dashred.physics.expressions.algebra import (
 )
 from dashred.physics.expressions.differentiate import differentiate
 from dashred.physics.expressions.semilinear import NotSeparableError, Separator, applied
-from dashred.physics.quadrature import integral
+from dashred.physics.grids.quadrature import integral
 from dashred.physics.sampled_states import Visited, bare, evaluated
 from dashred.physics.system import System
 from dashred.physics.system_schema import Structure

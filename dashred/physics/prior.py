@@ -14,10 +14,10 @@ from dashred.physics.backends.torch_backend import Program
 from dashred.physics.expressions.algebra import Expr, names
 from dashred.physics.expressions.parser import number
 from dashred.physics.expressions.reflection import side
-from dashred.physics.grid import Axis, Grid
+from dashred.physics.grids.grid import Axis, Grid
+from dashred.physics.grids.grid_value import Value
 from dashred.physics.simulate import Progress, check_finite, simulate
 from dashred.physics.system import System
-from dashred.physics.value import Value
 
 SMALLEST_VARIANCE = 1e-12
 

@@ -11,7 +11,7 @@ from torch import Tensor
 from dashred.physics.backends.torch_backend import Program
 from dashred.physics.expressions.algebra import Expr, Number, substitute
 from dashred.physics.expressions.reflection import side
-from dashred.physics.grid import Grid
+from dashred.physics.grids.grid import Grid
 from dashred.physics.system import System
 
 # States that are drawn of each wavelength.

@@ -20,10 +20,10 @@ from dashred.physics.expressions.linear import symbols
 from dashred.physics.expressions.semilinear import Input, Separated, separate
 from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive
-from dashred.physics.spectral import Spectral
+from dashred.physics.grids.spectral import Spectral
+from dashred.physics.grids.transforms import from_modes, to_modes
 from dashred.physics.system import System
 from dashred.physics.tendency import two_thirds
-from dashred.physics.transforms import from_modes, to_modes
 
 Modes = NDArray[Any]
 """Of the fields, ``(field, state, *modes)``, if nothing else is said."""

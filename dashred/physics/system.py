@@ -17,9 +17,9 @@ from dashred.physics.declaration import Declaration
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import Expr
 from dashred.physics.expressions.parser import number
-from dashred.physics.grid import Axis, Grid
-from dashred.physics.operators import FiniteDifferences, NoSpace, Operators, Spectral
-from dashred.physics.value import Value
+from dashred.physics.grids.grid import Axis, Grid
+from dashred.physics.grids.grid_value import Value
+from dashred.physics.grids.operators import FiniteDifferences, NoSpace, Operators, Spectral
 
 
 @dataclasses.dataclass(frozen=True)

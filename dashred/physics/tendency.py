@@ -11,9 +11,9 @@ from dashred.physics.expressions.algebra import ZERO, names
 from dashred.physics.expressions.linear import split_linear, symbols
 from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive
-from dashred.physics.spectral import Spectral
+from dashred.physics.grids.grid_value import Value, total
+from dashred.physics.grids.spectral import Spectral
 from dashred.physics.system import System, Term
-from dashred.physics.value import Value, total
 
 
 class GridTendency:

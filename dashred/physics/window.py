@@ -25,7 +25,7 @@ from dashred.physics.expressions.algebra import (
     substitute,
 )
 from dashred.physics.expressions.differentiate import differentiate
-from dashred.physics.grid import Axis
+from dashred.physics.grids.grid import Axis
 from dashred.physics.system import System
 
 

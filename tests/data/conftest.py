@@ -12,7 +12,7 @@ from torch import Tensor
 
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
-from dashred.physics.grid import Axis
+from dashred.physics.grids.grid import Axis
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from dashred.data.io.stated_units import StatedUnits
 from dashred.data.noise_level import noise_std
 from dashred.data.recording import Recording
 from dashred.data.resampling import resample_all
-from dashred.physics.grid import Axis
+from dashred.physics.grids.grid import Axis
 from tests.fuzz.examples import fuzzed
 
 

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from dashred.core.errors import InputError
-from dashred.physics.grid import Axis, Grid
+from dashred.physics.grids.grid import Axis, Grid
 from dashred.physics.prior import StartPrior, gaussian_process_modes, nominal_start
 
 LINE = Grid((Axis("x", 2 * math.pi, 64),))

@@ -9,9 +9,9 @@ import torch
 
 from dashred.physics.backends.torch_backend import Program
 from dashred.physics.expressions.algebra import Expr, Name
-from dashred.physics.grid import Axis
-from dashred.physics.operators import NoSpace
-from dashred.physics.value import Value
+from dashred.physics.grids.grid import Axis
+from dashred.physics.grids.grid_value import Value
+from dashred.physics.grids.operators import NoSpace
 from dashred.physics.window import Shape, Window, box, gate, onset
 
 LENGTH = 20.0

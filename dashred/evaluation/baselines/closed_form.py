@@ -21,8 +21,8 @@ from torch import Tensor
 from dashred.evaluation.baselines.estimate import Estimated, TermEntry
 from dashred.physics.expressions.algebra import Expr, add
 from dashred.physics.expressions.linear import is_linear, split_linear, symbols
+from dashred.physics.grids.spectral import Spectral
 from dashred.physics.prior import StartPrior
-from dashred.physics.spectral import Spectral
 from dashred.physics.system import System, Term
 from dashred.stages.problem import Problem
 

@@ -26,7 +26,7 @@ from dashred.inference.initial_state.covariance_tapers import (
     sensor_distances,
 )
 from dashred.physics.ensemble import Ensemble
-from dashred.physics.grid import Grid
+from dashred.physics.grids.grid import Grid
 from dashred.stages.problem import Problem
 
 

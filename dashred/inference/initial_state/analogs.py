@@ -18,7 +18,7 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
 from dashred.physics.ensemble import Ensemble
 from dashred.physics.expressions.algebra import names
-from dashred.physics.grid import Axis
+from dashred.physics.grids.grid import Axis
 from dashred.physics.library import resolve
 from dashred.physics.system import System, Term
 

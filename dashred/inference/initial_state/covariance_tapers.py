@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from dashred.physics.grid import Grid
+from dashred.physics.grids.grid import Grid
 
 
 def gaspari_cohn(distance: Tensor, radius: float) -> Tensor:

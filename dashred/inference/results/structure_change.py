@@ -19,8 +19,8 @@ from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.results.parameter_change import parameter_change
 from dashred.physics.expressions.algebra import Name, Number, Product, names
+from dashred.physics.grids.quadrature import integral
 from dashred.physics.port_hamiltonian import Part, PortHamiltonian, alike
-from dashred.physics.quadrature import integral
 from dashred.physics.sampled_states import Visited, bare, evaluated, waves_of
 from dashred.physics.system import Term
 

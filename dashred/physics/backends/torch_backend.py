@@ -22,8 +22,8 @@ from dashred.physics.expressions.algebra import (
     names,
     split_coefficient,
 )
-from dashred.physics.operators import Operators
-from dashred.physics.value import Value, total
+from dashred.physics.grids.grid_value import Value, total
+from dashred.physics.grids.operators import Operators
 
 Step = Callable[[list[Value], Mapping[str, Value], Operators], Value]
 

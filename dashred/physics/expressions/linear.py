@@ -17,7 +17,7 @@ from dashred.physics.expressions.algebra import (
     split_coefficient,
     summands,
 )
-from dashred.physics.spectral import Spectral
+from dashred.physics.grids.spectral import Spectral
 
 
 def split_linear(equation: Expr, field: str) -> tuple[list[Expr], Expr]:

@@ -12,7 +12,7 @@ from dashred.core.files.damaged_files import reading
 from dashred.core.files.external_links import check_folder, check_hdf5
 from dashred.core.units import TIME, check_same, check_unit
 from dashred.physics.external.snapshots import Snapshots
-from dashred.physics.grid import Axis
+from dashred.physics.grids.grid import Axis
 from dashred.physics.system import System
 
 if TYPE_CHECKING:

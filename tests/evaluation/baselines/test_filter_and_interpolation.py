@@ -14,7 +14,7 @@ from dashred.evaluation.baselines.optimal_interpolation import Taper, best_linea
 from dashred.evaluation.twins import record_command
 from dashred.inference.initial_state.linear_estimate import linear_estimate
 from dashred.physics.ensemble import Ensemble, term_scales
-from dashred.physics.grid import Axis, Grid
+from dashred.physics.grids.grid import Axis, Grid
 from dashred.physics.simulate import simulate
 from dashred.stages import problem, simulation
 from dashred.stages.problem import Problem

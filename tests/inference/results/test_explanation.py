@@ -15,7 +15,7 @@ from dashred.inference.results.corrected_system import correct
 from dashred.inference.results.explanation import alternatives, explain, law_in_words, smaller
 from dashred.inference.results.posterior_probabilities import plausibility
 from dashred.inference.wording.fault_wording import fault_in_words
-from dashred.physics.grid import Axis
+from dashred.physics.grids.grid import Axis
 from dashred.physics.system import System
 from dashred.physics.window import box, gate, onset
 from tests import laws

@@ -18,7 +18,7 @@ from dashred.inference.fit.least_squares import Normal, Objective
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 from dashred.inference.fit.normal_equations import solve
 from dashred.inference.forward.faulty_sensor_model import MovedShooting, OffsetShooting, columns_of
-from dashred.physics.grid import Axis
+from dashred.physics.grids.grid import Axis
 
 # How far off a sensor may be, as a share of the axis, over what its readings are differentiated,
 # and where it is looked for first: a front is narrower than what a sensor may be off.

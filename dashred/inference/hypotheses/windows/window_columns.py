@@ -18,7 +18,7 @@ from dashred.inference.fit.subset_search import Eliminated
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.windows.windowed_hypothesis import LOG_WIDTH, Guess
 from dashred.physics.expressions.semilinear import NotSeparableError, Separator
-from dashred.physics.grid import Axis
+from dashred.physics.grids.grid import Axis
 from dashred.physics.system import System
 from dashred.physics.window import Shape, Window, box, gate, onset
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from dashred.physics.grid import Grid
-from dashred.physics.spectral import Spectral
-from dashred.physics.value import Value, on_points, on_whole_grid, total
+from dashred.physics.grids.grid import Grid
+from dashred.physics.grids.grid_value import Value, on_points, on_whole_grid, total
+from dashred.physics.grids.spectral import Spectral
 
 
 class FiniteDifferences:

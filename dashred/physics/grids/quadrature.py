@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from dashred.physics.grid import Axis, Grid
+from dashred.physics.grids.grid import Axis, Grid
 
 
 def integral(grid: Grid, field: Float[Tensor, "*batch_and_grid"]) -> Float[Tensor, "*batch"]:

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from dashred.physics.grid import Grid
-from dashred.physics.value import Part, Value, combine, of_parts, on_whole_grid
+from dashred.physics.grids.grid import Grid
+from dashred.physics.grids.grid_value import Part, Value, combine, of_parts, on_whole_grid
 
 Weighted = tuple[float, Tensor]
 

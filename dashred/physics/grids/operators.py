@@ -10,10 +10,10 @@ from typing import Protocol
 
 from torch import Tensor
 
-from dashred.physics.finite_differences import FiniteDifferences
-from dashred.physics.grid import Grid
-from dashred.physics.spectral import Spectral
-from dashred.physics.value import Value, on_points, total
+from dashred.physics.grids.finite_differences import FiniteDifferences
+from dashred.physics.grids.grid import Grid
+from dashred.physics.grids.grid_value import Value, on_points, total
+from dashred.physics.grids.spectral import Spectral
 
 __all__ = ["FiniteDifferences", "NoSpace", "Operators", "Spectral", "Value", "total"]
 

@@ -7,8 +7,8 @@ import math
 import pytest
 import torch
 
-from dashred.physics.grid import Axis, Grid
-from dashred.physics.quadrature import integral
+from dashred.physics.grids.grid import Axis, Grid
+from dashred.physics.grids.quadrature import integral
 
 L = 3.0
 

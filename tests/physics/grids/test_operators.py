@@ -7,10 +7,10 @@ import math
 import pytest
 import torch
 
-from dashred.physics.finite_differences import FiniteDifferences
-from dashred.physics.grid import Axis, Grid
-from dashred.physics.spectral import Spectral
-from dashred.physics.value import Value
+from dashred.physics.grids.finite_differences import FiniteDifferences
+from dashred.physics.grids.grid import Axis, Grid
+from dashred.physics.grids.grid_value import Value
+from dashred.physics.grids.spectral import Spectral
 
 LENGTH = 3.0
 K = 2 * math.pi / LENGTH

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from dashred.physics.grid import Grid
+from dashred.physics.grids.grid import Grid
 
 
 class Part:
