@@ -11,7 +11,7 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.models.lag_windows import windows
 from dashred.models.pod import POD
 from dashred.models.scaler import Scaler
-from dashred.physics.ensemble import Ensemble
+from dashred.physics.runs.ensemble import Ensemble
 from datamodules.batches import Batches, ordered_batches, shuffled_batches
 
 VALIDATION_BATCH = 1024

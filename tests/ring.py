@@ -14,7 +14,7 @@ from dashred.data.sensors import Sensor
 from dashred.models.pod import POD
 from dashred.models.scaler import Scaler
 from dashred.models.shred import SHRED
-from dashred.physics.ensemble import Ensemble
+from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term
 

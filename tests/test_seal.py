@@ -315,8 +315,8 @@ def recorded(config):
 
 
 def test_no_member_of_the_ensemble_starts_where_the_truth_does(quick) -> None:
-    from dashred.physics.ensemble import draw_ensemble
-    from dashred.physics.prior import StartPrior, nominal_start
+    from dashred.physics.runs.ensemble import draw_ensemble
+    from dashred.physics.runs.initial_state_prior import StartPrior, nominal_start
     from dashred.physics.simulate import simulate
 
     for seed in range(3):

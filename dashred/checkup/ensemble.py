@@ -13,7 +13,7 @@ from dashred.checkup.simulator import Simulated
 from dashred.checkup.situation import STREAM, Situation
 from dashred.checkup.to_do import still
 from dashred.core.errors import InputError
-from dashred.physics.ensemble import Discrepancies, draw_round
+from dashred.physics.runs.ensemble import Discrepancies, draw_round
 from dashred.stages.structure import check_structure
 
 # Members that are tried at once, rounds, and the seconds that a round may take.

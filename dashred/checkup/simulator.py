@@ -15,8 +15,8 @@ from dashred.checkup.to_do import still
 from dashred.core.errors import InputError
 from dashred.data.observation_operator import ObservationOperator
 from dashred.physics.library import refuse_collinear, uninformative_terms
-from dashred.physics.prior import StartPrior, field_rms, nominal_start
-from dashred.physics.resolution import Readings, doubling_error, least_scale
+from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
+from dashred.physics.runs.resolution import Readings, doubling_error, least_scale
 from dashred.physics.simulate import check_finite, simulate
 from dashred.physics.system import System, Term
 

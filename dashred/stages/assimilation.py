@@ -17,7 +17,7 @@ from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.models.assimilation import AssimilatedEncoder, Assimilation
 from dashred.models.shred import SHRED, reconstruct
-from dashred.physics.ensemble import term_scales
+from dashred.physics.runs.ensemble import term_scales
 from dashred.stages.learning import make_trainer
 from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal

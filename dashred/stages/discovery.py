@@ -16,8 +16,8 @@ from dashred.inference.fit.stepwise_selection import Selection, Tried, better, p
 from dashred.inference.forward.candidates import Candidate, build_candidates, indices_by_name
 from dashred.inference.hypotheses.comparison.compare_hypotheses import Weighed
 from dashred.inference.hypotheses.result import MISSING, BestOfSize, Discovered
-from dashred.physics.ensemble import Ensemble
-from dashred.physics.resolution import Resolution
+from dashred.physics.runs.ensemble import Ensemble
+from dashred.physics.runs.resolution import Resolution
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.causes import inflated, weigh_causes
 from dashred.stages.learning import Learned

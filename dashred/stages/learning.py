@@ -16,7 +16,7 @@ from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import stage
 from dashred.models.shred import SHRED
 from dashred.models.simulation_training import SimulationTraining
-from dashred.physics.ensemble import Ensemble
+from dashred.physics.runs.ensemble import Ensemble
 from dashred.stages.problem import Problem
 from datamodules import SimulationDataModule
 

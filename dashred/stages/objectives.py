@@ -16,7 +16,7 @@ from dashred.inference.forward.episodes import clocks, operator_of, side_by_side
 from dashred.inference.forward.episodes_simulator import simulator_of
 from dashred.inference.forward.forward_model import Shooting
 from dashred.inference.initial_state.start_models import StartModel
-from dashred.physics.resolution import Resolution
+from dashred.physics.runs.resolution import Resolution
 from dashred.physics.window import Shape
 from dashred.stages.problem import Problem
 

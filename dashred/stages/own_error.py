@@ -1,7 +1,7 @@
 """Is the simulator resolved where the recording begins, too?
 
 Before anything is fitted, the resolution is checked from the simulator's own start
-(:mod:`dashred.physics.resolution`). A recording may begin far from that, where the same step is too
+(:mod:`dashred.physics.runs.resolution`). A recording may begin far from that, where the same step is too
 long: what the simulator gets wrong there could pass for physics that acts at large values alone.
 """
 
@@ -15,7 +15,7 @@ from torch import Tensor
 from dashred.data.observation_operator import ObservationOperator
 from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import correct
-from dashred.physics.resolution import refine
+from dashred.physics.runs.resolution import refine
 from dashred.physics.simulate import simulate
 from dashred.stages.problem import Problem
 

@@ -22,8 +22,8 @@ from dashred.inference.initial_state.first_guesses import (
     make_seeds,
 )
 from dashred.inference.initial_state.start_models import StartModel
-from dashred.physics.ensemble import Ensemble
 from dashred.physics.library import resolve
+from dashred.physics.runs.ensemble import Ensemble
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.learning import Learned
 from dashred.stages.objectives import (

@@ -13,9 +13,9 @@ from dashred.core.progress import stage
 from dashred.data.observation_operator import ObservationOperator
 from dashred.inference.forward.episodes import starts_of
 from dashred.inference.initial_state.start_models import StartModel
-from dashred.physics.ensemble import Discrepancies, Ensemble, draw_ensemble
-from dashred.physics.prior import StartPrior, field_rms, nominal_start
-from dashred.physics.resolution import Resolution, check_resolution, least_scale
+from dashred.physics.runs.ensemble import Discrepancies, Ensemble, draw_ensemble
+from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
+from dashred.physics.runs.resolution import Resolution, check_resolution, least_scale
 from dashred.physics.simulate import check_finite, simulate
 from dashred.physics.system import System
 from dashred.stages.problem import Problem

@@ -17,8 +17,8 @@ from dashred.inference.results.corrected_system import correct
 from dashred.models.latency import seconds_a_step
 from dashred.models.shred import reconstruct
 from dashred.models.surrogate_model import log_surrogate
-from dashred.physics.ensemble import Ensemble, draw_ensemble
-from dashred.physics.prior import StartPrior
+from dashred.physics.runs.ensemble import Ensemble, draw_ensemble
+from dashred.physics.runs.initial_state_prior import StartPrior
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System
 from dashred.stages.assimilation import sensor_data

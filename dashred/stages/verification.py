@@ -24,7 +24,7 @@ from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.inference.results.explanation import alternatives, explain, smaller
 from dashred.inference.results.location import locate
 from dashred.inference.results.verdict import unexplained, verdict
-from dashred.physics.resolution import Resolution
+from dashred.physics.runs.resolution import Resolution
 from dashred.stages.analysis import Analysis
 from dashred.stages.corrected import NAME as CORRECTED
 from dashred.stages.corrected import write_corrected

@@ -16,7 +16,7 @@ from dashred.core.mlflow.tracker import Tracker
 from dashred.data.observation_operator import ObservationOperator
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.models.assimilation import Assimilation
-from dashred.physics.ensemble import term_scales
+from dashred.physics.runs.ensemble import term_scales
 from dashred.physics.simulate import simulate
 from datamodules import RecordingDataModule
 from tests import ring

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from dashred.data.observation_operator import ObservationOperator
-from dashred.physics.ensemble import Ensemble
+from dashred.physics.runs.ensemble import Ensemble
 from datamodules import SimulationDataModule
 from datamodules.simulation import LAST_AGAIN
 from tests import ring

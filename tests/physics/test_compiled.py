@@ -15,7 +15,7 @@ from dashred.core.threads import use_threads
 from dashred.physics.compiled_march import CompiledMarch
 from dashred.physics.compiled_ode import CompiledOde
 from dashred.physics.forcing import Forcing
-from dashred.physics.prior import nominal_start
+from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.simulate import simulate
 from dashred.physics.simulator import Interpreted, Run, compiled
 from dashred.physics.system import System, Term

@@ -13,7 +13,7 @@ from dashred.physics.compiled_march import CompiledMarch
 from dashred.physics.compiled_ode import CompiledOde
 from dashred.physics.expressions.algebra import multiply
 from dashred.physics.forcing import Forcing
-from dashred.physics.prior import nominal_start
+from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.simulate import simulate
 from dashred.physics.simulator import Interpreted, compiled
 from dashred.physics.system import System, Term

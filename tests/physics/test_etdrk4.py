@@ -9,7 +9,7 @@ import pytest
 import torch
 from scipy.special import ive
 
-from dashred.physics.prior import nominal_start
+from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.simulate import simulate
 
 BURGERS = """

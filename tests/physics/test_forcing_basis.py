@@ -10,7 +10,7 @@ import torch
 
 from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive, Pulses
-from dashred.physics.prior import nominal_start
+from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.simulate import simulate
 from dashred.physics.simulator import Interpreted, compiled
 from dashred.physics.system import System

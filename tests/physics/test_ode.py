@@ -11,7 +11,7 @@ from scipy.special import ellipj, ellipk
 
 from dashred.core.errors import InputError
 from dashred.physics.integrators.ode import round_up, substeps
-from dashred.physics.prior import nominal_start
+from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.simulate import simulate
 
 AMPLITUDE, RATE = 2.0, 3.0

@@ -8,7 +8,7 @@ import torch
 from dashred.core.errors import InputError
 from dashred.physics.forcing import Forcing
 from dashred.physics.library import resolve
-from dashred.physics.prior import nominal_start
+from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.simulate import check_finite, simulate
 from dashred.physics.system import Term
 from dashred.physics.tendency import GridTendency

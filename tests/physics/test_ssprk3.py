@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from dashred.physics.integrators.ssprk3 import SSPRK3
-from dashred.physics.prior import nominal_start
+from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.simulate import simulate
 
 

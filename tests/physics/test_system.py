@@ -10,7 +10,7 @@ import torch
 from dashred.core.errors import InputError
 from dashred.physics.expressions.algebra import to_text
 from dashred.physics.expressions.linear import split_linear
-from dashred.physics.prior import nominal_start
+from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.system import Term
 
 TEXT = """

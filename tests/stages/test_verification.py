@@ -8,7 +8,7 @@ import torch
 import xarray as xr
 
 from dashred.config import load_config
-from dashred.physics.resolution import Resolution
+from dashred.physics.runs.resolution import Resolution
 from dashred.physics.system import System
 from dashred.stages import field_files, held_out, verification
 from dashred.stages.problem import pose

@@ -22,7 +22,7 @@ from dashred.evaluation.baselines.estimate import Estimated, TermEntry
 from dashred.physics.expressions.algebra import Expr, add
 from dashred.physics.expressions.linear import is_linear, split_linear, symbols
 from dashred.physics.grids.spectral import Spectral
-from dashred.physics.prior import StartPrior
+from dashred.physics.runs.initial_state_prior import StartPrior
 from dashred.physics.system import System, Term
 from dashred.stages.problem import Problem
 

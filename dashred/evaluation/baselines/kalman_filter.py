@@ -25,8 +25,8 @@ from dashred.inference.initial_state.ensemble_filter import (
     FilterSettings,
     ensemble_filter,
 )
-from dashred.physics.ensemble import Ensemble, term_scales
 from dashred.physics.library import resolve
+from dashred.physics.runs.ensemble import Ensemble, term_scales
 from dashred.physics.system import Term
 from dashred.stages.problem import Problem
 

@@ -25,8 +25,8 @@ from dashred.inference.initial_state.covariance_tapers import (
     gaspari_cohn,
     sensor_distances,
 )
-from dashred.physics.ensemble import Ensemble
 from dashred.physics.grids.grid import Grid
+from dashred.physics.runs.ensemble import Ensemble
 from dashred.stages.problem import Problem
 
 

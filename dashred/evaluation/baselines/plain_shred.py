@@ -5,7 +5,7 @@ from __future__ import annotations
 from dashred.core.mlflow.tracker import Tracker
 from dashred.evaluation.baselines.estimate import Estimated
 from dashred.models.shred import reconstruct
-from dashred.physics.ensemble import Ensemble
+from dashred.physics.runs.ensemble import Ensemble
 from dashred.stages.assimilation import sensor_data
 from dashred.stages.learning import train_shred
 from dashred.stages.problem import Problem

@@ -20,7 +20,12 @@ from dashred.evaluation.twins.faulty_sensors import correlated, moved, reported
 from dashred.inference.initial_state.start_models import ScaledStart
 from dashred.inference.results.corrected_system import with_parameters
 from dashred.physics.expressions.algebra import Expr, multiply
-from dashred.physics.prior import StartPrior, field_rms, nominal_start, spread_in_percent
+from dashred.physics.runs.initial_state_prior import (
+    StartPrior,
+    field_rms,
+    nominal_start,
+    spread_in_percent,
+)
 from dashred.physics.simulate import Progress, check_finite, simulate
 from dashred.physics.system import System, Term
 from dashred.physics.window import box, gate, onset

@@ -16,10 +16,10 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
-from dashred.physics.ensemble import Ensemble
 from dashred.physics.expressions.algebra import names
 from dashred.physics.grids.grid import Axis
 from dashred.physics.library import resolve
+from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.system import System, Term
 
 MOVES = 64

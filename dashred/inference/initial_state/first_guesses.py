@@ -23,8 +23,8 @@ from dashred.inference.initial_state.ensemble_filter import (
 )
 from dashred.inference.initial_state.linear_estimate import Estimate, leading_modes, linear_estimate
 from dashred.inference.initial_state.start_models import LinearStart, StartModel
-from dashred.physics.ensemble import Ensemble
-from dashred.physics.prior import StartPrior, field_rms
+from dashred.physics.runs.ensemble import Ensemble
+from dashred.physics.runs.initial_state_prior import StartPrior, field_rms
 from dashred.physics.system import System, Term
 
 

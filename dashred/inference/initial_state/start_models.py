@@ -17,7 +17,7 @@ class StartModel(Protocol):
     """A prior on starts: ``u₀ = start(z)`` with z ~ N(0, I) (design §4.2).
 
     Shooting looks for z, so the model is both the seed (z = 0) and its scale.
-    :class:`dashred.physics.prior.StartPrior` is one, and it is not affine.
+    :class:`dashred.physics.runs.initial_state_prior.StartPrior` is one, and it is not affine.
     """
 
     @property

@@ -13,7 +13,7 @@ import xarray as xr
 from dashred.config import load_config
 from dashred.evaluation.baselines.closed_form import Traces, closed_form, eigenvalues, fit_modes
 from dashred.evaluation.twins import record_command
-from dashred.physics.prior import StartPrior, gaussian_process_modes
+from dashred.physics.runs.initial_state_prior import StartPrior, gaussian_process_modes
 from dashred.physics.system import System
 from dashred.stages import problem, simulation
 from dashred.stages.problem import Problem

@@ -13,8 +13,8 @@ from dashred.evaluation.baselines.kalman_filter import filter_augmented, filter_
 from dashred.evaluation.baselines.optimal_interpolation import Taper, best_linear
 from dashred.evaluation.twins import record_command
 from dashred.inference.initial_state.linear_estimate import linear_estimate
-from dashred.physics.ensemble import Ensemble, term_scales
 from dashred.physics.grids.grid import Axis, Grid
+from dashred.physics.runs.ensemble import Ensemble, term_scales
 from dashred.physics.simulate import simulate
 from dashred.stages import problem, simulation
 from dashred.stages.problem import Problem

@@ -20,8 +20,8 @@ from dashred.inference.initial_state.first_guesses import (
     make_seeds,
 )
 from dashred.inference.initial_state.start_models import LinearStart, StartModel
-from dashred.physics.ensemble import Ensemble
-from dashred.physics.prior import StartPrior, field_rms, nominal_start
+from dashred.physics.runs.ensemble import Ensemble
+from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System, Term
 from tests.ring import SENSORS, TIMES, ensemble, linear_system

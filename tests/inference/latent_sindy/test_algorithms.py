@@ -19,7 +19,7 @@ from dashred.inference.latent_sindy.sparse_regression import SparseFit, sparse_f
 from dashred.inference.latent_sindy.step_sensitivities import forecast_steps, tangents
 from dashred.models.assimilation import AssimilatedEncoder, LatentTransform
 from dashred.models.lag_windows import windows
-from dashred.physics.ensemble import term_scales
+from dashred.physics.runs.ensemble import term_scales
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System
 from tests import ring

@@ -21,9 +21,9 @@ from dashred.models.lag_windows import windows
 from dashred.models.pod import POD
 from dashred.models.scaler import Scaler
 from dashred.models.shred import SHRED
-from dashred.physics.ensemble import term_scales
 from dashred.physics.library import build_library
-from dashred.physics.prior import nominal_start
+from dashred.physics.runs.ensemble import term_scales
+from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.simulate import simulate
 from dashred.physics.system import System
 

@@ -15,7 +15,7 @@ from dashred.physics.expressions.differentiate import (
 )
 from dashred.physics.expressions.nodes import Number
 from dashred.physics.expressions.parser import Vocabulary, number, parse
-from dashred.physics.prior import nominal_start
+from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.system import System
 
 POINTWISE = [

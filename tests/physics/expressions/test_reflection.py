@@ -14,7 +14,7 @@ from dashred.data.sensors import Sensor
 from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Pulses
 from dashred.physics.library import evaluate_terms, resolve
-from dashred.physics.prior import StartPrior, field_rms, nominal_start
+from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
 from dashred.physics.simulate import simulate
 from dashred.physics.simulator import compiled
 from dashred.physics.system import System, Term

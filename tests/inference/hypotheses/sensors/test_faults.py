@@ -21,7 +21,7 @@ from dashred.inference.hypotheses.sensors.fault_in_units import fitted_fault_in_
 from dashred.inference.hypotheses.sensors.faults import fit_fault, predicted
 from dashred.inference.hypotheses.sensors.sensor_and_start_faults import faults
 from dashred.inference.hypotheses.sensors.suspects import suspects
-from dashred.physics.prior import StartPrior, field_rms, nominal_start
+from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
 from dashred.physics.simulate import simulate
 from tests import laws
 from tests.waves import TIMES, Waves, fitted

@@ -10,7 +10,11 @@ import torch
 
 from dashred.core.errors import InputError
 from dashred.physics.grids.grid import Axis, Grid
-from dashred.physics.prior import StartPrior, gaussian_process_modes, nominal_start
+from dashred.physics.runs.initial_state_prior import (
+    StartPrior,
+    gaussian_process_modes,
+    nominal_start,
+)
 
 LINE = Grid((Axis("x", 2 * math.pi, 64),))
 ODD = Grid((Axis("x", 2 * math.pi, 33),))

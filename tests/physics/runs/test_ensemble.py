@@ -7,10 +7,10 @@ import pytest
 import torch
 
 from dashred.core.errors import InputError
-from dashred.physics.ensemble import Discrepancies, draw_ensemble, term_scales
 from dashred.physics.forcing import Forcing
 from dashred.physics.library import build_library, evaluate_terms, resolve
-from dashred.physics.prior import StartPrior, nominal_start
+from dashred.physics.runs.ensemble import Discrepancies, draw_ensemble, term_scales
+from dashred.physics.runs.initial_state_prior import StartPrior, nominal_start
 from dashred.physics.simulate import simulate
 from dashred.physics.system import Term
 
