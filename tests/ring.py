@@ -15,7 +15,7 @@ from dashred.models.pod import POD
 from dashred.models.scaler import Scaler
 from dashred.models.shred import SHRED
 from dashred.physics.runs.ensemble import Ensemble
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
 
 TEXT = """

@@ -21,7 +21,7 @@ from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.forward_model import Shooting
 from dashred.inference.initial_state.start_models import LinearStart
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
 from tests import laws
 

@@ -149,7 +149,7 @@ def test_the_walk_sees_lazy_and_relative_imports() -> None:
 
 def test_the_analysis_reaches_nothing_that_knows_the_truth() -> None:
     reached = reached_by_the_analysis()
-    assert {"dashred.stages.report", "dashred.physics.simulate", "callbacks"} <= reached
+    assert {"dashred.stages.report", "dashred.physics.solvers.simulate", "callbacks"} <= reached
     assert not reached & SECRET_MODULES
 
 
@@ -317,7 +317,7 @@ def recorded(config):
 def test_no_member_of_the_ensemble_starts_where_the_truth_does(quick) -> None:
     from dashred.physics.runs.ensemble import draw_ensemble
     from dashred.physics.runs.initial_state_prior import StartPrior, nominal_start
-    from dashred.physics.simulate import simulate
+    from dashred.physics.solvers.simulate import simulate
 
     for seed in range(3):
         config = config_of(quick, f"seed={seed}")
@@ -350,7 +350,7 @@ def test_the_recorders_chance_changes_with_the_law_and_with_the_seed(quick) -> N
 
 def test_the_truth_runs_at_doubled_resolution(quick) -> None:
     """Its distance to the simulator's own run is the doubling error: small, but not zero."""
-    from dashred.physics.simulate import simulate
+    from dashred.physics.solvers.simulate import simulate
 
     small = ("system.parameters.nu=0.1", "system.axes.x.points=24", "system.spread.u=0")
     times, truth, _, system = recorded(config_of(quick, "twin=null", *small))

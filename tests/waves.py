@@ -32,7 +32,7 @@ from dashred.inference.hypotheses.windows.windowed_hypothesis import (
 from dashred.inference.initial_state.start_models import StartModel
 from dashred.physics.library import evaluate_terms
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
 from dashred.physics.window import Shape, shapes_of
 from tests import laws

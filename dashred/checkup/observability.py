@@ -15,7 +15,7 @@ from dashred.checkup.simulator import Simulated
 from dashred.checkup.situation import Situation
 from dashred.data.observation_operator import ObservationOperator
 from dashred.physics.ode_tangents import supports_ode, tangent_ode
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.physics.tangent_linear import supports, tangent_linear
 

@@ -17,7 +17,7 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.physics.library import refuse_collinear, uninformative_terms
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
 from dashred.physics.runs.resolution import Readings, doubling_error, least_scale
-from dashred.physics.simulate import check_finite, simulate
+from dashred.physics.solvers.simulate import check_finite, simulate
 from dashred.physics.system import System, Term
 
 # Seconds for the nominal run, and for the run at doubled resolution.

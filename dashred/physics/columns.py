@@ -13,8 +13,8 @@ from dashred.physics import column_kernels as kernels
 from dashred.physics.base_march import STAGES, BaseMarch
 from dashred.physics.expressions.algebra import Expr
 from dashred.physics.grids.transforms import from_modes, to_modes
-from dashred.physics.integrators.schedule import Step
 from dashred.physics.separated_tendency import Modes
+from dashred.physics.solvers.schedule import Step
 from dashred.physics.sources import Sources
 
 Real = NDArray[Any]

@@ -16,9 +16,9 @@ from dashred.physics.backends.numpy_backend import Array, Pointwise
 from dashred.physics.backends.scalar_backend import NO_NUMBER, scalar_program
 from dashred.physics.expressions.algebra import Expr, add, scale
 from dashred.physics.expressions.differentiate import NotDifferentiableError, differentiate
-from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive, Pulses
-from dashred.physics.integrators.schedule import Step, schedule
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.schedule import Step, schedule
 from dashred.physics.system import System, Term
 
 # Kutta's 3/8 rule, which the trajectories themselves are integrated by: of a linear equation along

@@ -14,16 +14,16 @@ import torch
 from numpy.typing import NDArray
 
 from dashred.physics.backends.numpy_backend import Array, Pointwise
-from dashred.physics.compiled_step import between
 from dashred.physics.expressions.algebra import Expr, add, scale
 from dashred.physics.expressions.linear import symbols
 from dashred.physics.expressions.semilinear import Input, Separated, separate
-from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive
 from dashred.physics.grids.spectral import Spectral
 from dashred.physics.grids.transforms import from_modes, to_modes
+from dashred.physics.solvers.compiled_step import between
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.rhs import two_thirds
 from dashred.physics.system import System
-from dashred.physics.tendency import two_thirds
 
 Modes = NDArray[Any]
 """Of the fields, ``(field, state, *modes)``, if nothing else is said."""

@@ -2,7 +2,7 @@
 
 ``δu' = Lδu + N'(u)δu + θ_k(u)`` is stepped along the stages of one base trajectory. Since ETDRK4
 is linear in its stages, the derivative of its step is its step of the linearised tendency: the
-columns are exact derivatives of what :func:`dashred.physics.simulate.simulate` computes.
+columns are exact derivatives of what :func:`dashred.physics.solvers.simulate.simulate` computes.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from dashred.physics.base_march import STAGES, BaseMarch, Stage
 from dashred.physics.columns import Block, ColumnMarch
 from dashred.physics.expressions.algebra import ZERO
 from dashred.physics.expressions.semilinear import NotSeparableError, separate
-from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive, Pulses
-from dashred.physics.integrators.schedule import Step, schedule
 from dashred.physics.separated_tendency import Modes, SeparatedTendency
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.schedule import Step, schedule
 from dashred.physics.sources import Sources
 from dashred.physics.system import System, Term
 

@@ -10,7 +10,7 @@ from torch import Tensor
 from dashred.core.findings.law_schema import EnergyLost, Share
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import forcing_of
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 
 # Laws drawn from the posterior for the error bars.

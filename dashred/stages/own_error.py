@@ -16,7 +16,7 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import correct
 from dashred.physics.runs.resolution import refine
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.stages.problem import Problem
 
 # How much of the fit is looked at: later on, in chaos, every difference grows.

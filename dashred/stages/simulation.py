@@ -16,7 +16,7 @@ from dashred.inference.initial_state.start_models import StartModel
 from dashred.physics.runs.ensemble import Discrepancies, Ensemble, draw_ensemble
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
 from dashred.physics.runs.resolution import Resolution, check_resolution, least_scale
-from dashred.physics.simulate import check_finite, simulate
+from dashred.physics.solvers.simulate import check_finite, simulate
 from dashred.physics.system import System
 from dashred.stages.problem import Problem
 

@@ -19,7 +19,7 @@ from dashred.models.shred import reconstruct
 from dashred.models.surrogate_model import log_surrogate
 from dashred.physics.runs.ensemble import Ensemble, draw_ensemble
 from dashred.physics.runs.initial_state_prior import StartPrior
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.stages.assimilation import sensor_data
 from dashred.stages.learning import Learned, train_shred

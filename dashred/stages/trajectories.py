@@ -11,7 +11,7 @@ from dashred.core.progress import stage
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import forcing_of
 from dashred.inference.hypotheses.result import Discovered
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal
 from dashred.stages.whole_episode import fit_starts

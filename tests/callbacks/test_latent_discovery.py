@@ -17,7 +17,7 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.models.assimilation import Assimilation
 from dashred.physics.runs.ensemble import term_scales
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from datamodules import RecordingDataModule
 from tests import ring
 

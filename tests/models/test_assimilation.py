@@ -13,7 +13,7 @@ from callbacks import BestState, RMSECurves
 from dashred.data.observation_operator import ObservationOperator
 from dashred.models.assimilation import Assimilation, LatentTransform
 from dashred.models.shred import SHRED, reconstruct
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from datamodules import RecordingDataModule
 from tests import ring
 

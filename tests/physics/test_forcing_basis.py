@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import torch
 
-from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive, Pulses
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.simulate import simulate
-from dashred.physics.simulator import Interpreted, compiled
+from dashred.physics.solvers.compiled_simulator import Interpreted, compiled
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.physics.tangent_linear import tangent_linear
 from tests import laws

@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 import torch
 
-from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive, Pulses
 from dashred.physics.library import resolve
 from dashred.physics.ode_tangents import supports_ode, tangent_ode
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.simulate import simulate
-from dashred.physics.simulator import compiled
+from dashred.physics.solvers.compiled_simulator import compiled
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
 from tests import laws
 

@@ -6,10 +6,10 @@ import pytest
 import torch
 
 from dashred.physics.expressions.differentiate import parameter_tendency
-from dashred.physics.forcing import Forcing
 from dashred.physics.library import resolve
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import Term
 from dashred.physics.tangent_linear import supports, tangent_linear
 

@@ -18,7 +18,7 @@ from dashred.config import System as Declared
 from dashred.core.errors import InputError
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.stages.mismatch import Mismatch, Missed
 

@@ -17,7 +17,7 @@ from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from tests.conftest import QUICK, Ended
 

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from dashred.config import load_config
 from dashred.inference.fit.law import Law, SensorFault
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.stages.problem import Problem, pose
 from dashred.stages.restart import SAMPLES, restart

@@ -12,7 +12,7 @@ from dashred.config import load_config
 from dashred.core.errors import InputError
 from dashred.physics.backends.input_signals import Measured
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.stages.structure import check_structure
 

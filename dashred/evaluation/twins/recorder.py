@@ -26,7 +26,7 @@ from dashred.physics.runs.initial_state_prior import (
     nominal_start,
     spread_in_percent,
 )
-from dashred.physics.simulate import Progress, check_finite, simulate
+from dashred.physics.solvers.simulate import Progress, check_finite, simulate
 from dashred.physics.system import System, Term
 from dashred.physics.window import box, gate, onset
 

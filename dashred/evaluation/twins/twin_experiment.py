@@ -40,7 +40,7 @@ CLOCK = "recording.every="
 STORE = "mlflow.store.tracking.sqlalchemy_store"
 # What each process needs sooner or later, beside its entry point's own imports.
 NEEDED = {
-    "record": ("dashred.data.io.write_netcdf", "dashred.physics.simulate"),
+    "record": ("dashred.data.io.write_netcdf", "dashred.physics.solvers.simulate"),
     "train": ("dashred.stages.report", STORE),
     "score": ("dashred.evaluation.twins.scoring", "dashred.reporting.figures", STORE),
 }

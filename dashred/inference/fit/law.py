@@ -11,7 +11,7 @@ from torch import Tensor
 from dashred.inference.fit.least_squares import Normal, Objective
 from dashred.inference.fit.levenberg_marquardt import Fitted
 from dashred.inference.forward.candidates import Candidate, forcing_of
-from dashred.physics.forcing import Forcing
+from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.window import Window
 
 # Two-sided 95 % of a normal distribution.

@@ -12,9 +12,9 @@ from torch import Tensor
 from dashred.physics.expressions.differentiate import parameter_tendency
 from dashred.physics.expressions.linear import split_linear, symbols
 from dashred.physics.expressions.reflection import without_sides
-from dashred.physics.forcing import Forcing
 from dashred.physics.grids.spectral import Spectral
 from dashred.physics.library import COLLINEAR, evaluate_terms, resolve
+from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
 from dashred.physics.window import Window
 

@@ -10,8 +10,8 @@ from torch import Tensor
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.episodes import one_after_another, running
-from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive, Pulses
+from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import Term
 from dashred.physics.window import Window
 

@@ -23,7 +23,7 @@ from dashred.inference.initial_state.covariance_tapers import (
     sensor_distances,
 )
 from dashred.physics.library import resolve
-from dashred.physics.simulator import compiled_if_long
+from dashred.physics.solvers.compiled_simulator import compiled_if_long
 from dashred.physics.system import System, Term
 
 FEWEST_LEFT = 0.5

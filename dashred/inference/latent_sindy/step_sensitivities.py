@@ -10,9 +10,9 @@ import torch
 from torch import Tensor
 
 from dashred.physics.expressions.algebra import Expr, names
-from dashred.physics.forcing import Forcing
 from dashred.physics.library import resolve
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
 
 RELATIVE_STEP = 1e-3

@@ -18,8 +18,8 @@ from dashred.physics.expressions.algebra import Name
 from dashred.physics.external.tracing_values import NotTraceableError, Symbol, expression_of
 from dashred.physics.grids.grid_value import Value
 from dashred.physics.grids.operators import Operators
+from dashred.physics.solvers.rhs import GridTendency
 from dashred.physics.system import System
-from dashred.physics.tendency import GridTendency
 
 ALIKE = 1e-9
 # States about these values are tried: what is only computed of positive ones, too.

@@ -11,9 +11,9 @@ import torch
 from torch import Tensor
 
 from dashred.core.errors import InputError
-from dashred.physics.forcing import Forcing
 from dashred.physics.library import evaluate_terms, resolve
-from dashred.physics.simulate import Progress, simulate
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.simulate import Progress, simulate
 from dashred.physics.system import System, Term
 
 MOST_ROUNDS = 20

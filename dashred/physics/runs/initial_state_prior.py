@@ -16,7 +16,7 @@ from dashred.physics.expressions.parser import number
 from dashred.physics.expressions.reflection import side
 from dashred.physics.grids.grid import Axis, Grid
 from dashred.physics.grids.grid_value import Value
-from dashred.physics.simulate import Progress, check_finite, simulate
+from dashred.physics.solvers.simulate import Progress, check_finite, simulate
 from dashred.physics.system import System
 
 SMALLEST_VARIANCE = 1e-12

@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from dashred.physics.simulate import Progress, simulate
+from dashred.physics.solvers.simulate import Progress, simulate
 from dashred.physics.system import System
 
 Readings = Callable[[System, Tensor], Tensor]

@@ -15,7 +15,7 @@ from dashred.evaluation.twins import record_command
 from dashred.inference.initial_state.linear_estimate import linear_estimate
 from dashred.physics.grids.grid import Axis, Grid
 from dashred.physics.runs.ensemble import Ensemble, term_scales
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.stages import problem, simulation
 from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal

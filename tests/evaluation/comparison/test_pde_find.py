@@ -13,7 +13,7 @@ import torch
 from dashred.config import load_config
 from dashred.evaluation.comparison.pde_find import low_rank, pde_find, wiener
 from dashred.physics.library import build_library
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 
 TIMES = 0.05 * torch.arange(81, dtype=torch.float64)

@@ -113,7 +113,7 @@ def test_residuals_and_chi2_leave_missing_samples_out(linear: Objective) -> None
 
 
 def test_the_law_runs_as_it_was_fitted(linear: Objective, swing: Swing) -> None:
-    from dashred.physics.simulate import simulate
+    from dashred.physics.solvers.simulate import simulate
 
     law, phi = fitted(linear, (0, 3))
     run = simulate(swing.system, law.start[None], linear.shooting.times, law.forcing())

@@ -18,7 +18,7 @@ from dashred.inference.forward.candidates import (
 )
 from dashred.physics.library import evaluate_terms
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
 from tests import laws
 

@@ -13,7 +13,7 @@ from dashred.inference.forward.forced_model import DrivenShooting
 from dashred.inference.forward.forward_model import Shooting
 from dashred.inference.forward.windowed_model import LocalShooting, localised
 from dashred.physics.forcing_basis import Pulses
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.window import Shape, box, gate, onset
 from tests.waves import TIMES, Waves
 

@@ -22,8 +22,8 @@ from dashred.inference.initial_state.ensemble_filter import (
     FilterSettings,
     ensemble_filter,
 )
-from dashred.physics.forcing import Forcing
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
 from tests.ring import SENSORS, linear_system
 

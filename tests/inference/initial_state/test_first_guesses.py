@@ -22,7 +22,7 @@ from dashred.inference.initial_state.first_guesses import (
 from dashred.inference.initial_state.start_models import LinearStart, StartModel
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
 from tests.ring import SENSORS, TIMES, ensemble, linear_system
 

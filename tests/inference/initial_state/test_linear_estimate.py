@@ -12,7 +12,7 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.inference.initial_state.analogs import nearest_analogs
 from dashred.inference.initial_state.linear_estimate import Estimate, leading_modes, linear_estimate
 from dashred.physics.runs.ensemble import Ensemble
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
 from tests.ring import SENSORS, TIMES, ensemble, linear_system
 

@@ -20,7 +20,7 @@ from dashred.inference.latent_sindy.step_sensitivities import forecast_steps, ta
 from dashred.models.assimilation import AssimilatedEncoder, LatentTransform
 from dashred.models.lag_windows import windows
 from dashred.physics.runs.ensemble import term_scales
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from tests import ring
 

@@ -24,7 +24,7 @@ from dashred.models.shred import SHRED
 from dashred.physics.library import build_library
 from dashred.physics.runs.ensemble import term_scales
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 
 LATENT = 64

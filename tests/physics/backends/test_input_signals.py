@@ -9,9 +9,9 @@ import pytest
 import torch
 
 from dashred.physics.backends.input_signals import Array, Measured
-from dashred.physics.compiled_ode import CompiledOde
-from dashred.physics.simulate import simulate
-from dashred.physics.simulator import compiled
+from dashred.physics.solvers.compiled_rk4 import CompiledOde
+from dashred.physics.solvers.compiled_simulator import compiled
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.physics.tangent_linear import tangent_linear
 from tests import laws

@@ -11,12 +11,12 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
-from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Pulses
 from dashred.physics.library import evaluate_terms, resolve
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
-from dashred.physics.simulate import simulate
-from dashred.physics.simulator import compiled
+from dashred.physics.solvers.compiled_simulator import compiled
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
 from dashred.physics.tangent_linear import tangent_linear
 from dashred.physics.window import shapes_of

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from dashred.physics.runs.resolution import check_resolution, doubling_error, least_scale
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from tests import laws
 

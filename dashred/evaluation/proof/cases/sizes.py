@@ -29,7 +29,7 @@ from dashred.evaluation.twins.recorder import (
 )
 from dashred.evaluation.twins.twin_file import Twin, twin_of
 from dashred.physics.library import evaluate_terms
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
 
 # Shares of an equation's tendency, or of a parameter's value: where the search begins, and the most

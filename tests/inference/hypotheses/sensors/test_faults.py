@@ -22,7 +22,7 @@ from dashred.inference.hypotheses.sensors.faults import fit_fault, predicted
 from dashred.inference.hypotheses.sensors.sensor_and_start_faults import faults
 from dashred.inference.hypotheses.sensors.suspects import suspects
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 from tests import laws
 from tests.waves import TIMES, Waves, fitted
 

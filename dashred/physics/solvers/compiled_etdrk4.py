@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from dashred.core.threads import in_threads
-from dashred.physics.compiled_step import Modes, Plan, march_row
-from dashred.physics.compiled_tendency import CompiledTendency
-from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive
-from dashred.physics.integrators.etdrk4 import coefficients
-from dashred.physics.integrators.schedule import schedule
+from dashred.physics.solvers.compiled_rhs import CompiledTendency
+from dashred.physics.solvers.compiled_step import Modes, Plan, march_row
+from dashred.physics.solvers.etdrk4 import coefficients
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.schedule import schedule
 from dashred.physics.system import System, Term
 from dashred.physics.window import Shape
 
@@ -27,7 +27,7 @@ Progress = Callable[[float], None]
 
 
 class CompiledMarch:
-    """The same trajectories as :func:`dashred.physics.simulate.simulate`, several times as fast.
+    """The same trajectories as :func:`dashred.physics.solvers.simulate.simulate`, several times as fast.
 
     Worth its seconds of compilation where many runs are made of one system.
 
@@ -66,7 +66,7 @@ class CompiledMarch:
             start: ``(batch, field, *grid)`` at ``times[0]``.
             times: output times, ``(time,)``.
             weights: coefficient of every term, ``(batch, term)``; with windows, as
-                :class:`dashred.physics.weights.Columns` lays them out.
+                :class:`dashred.physics.solvers.batch_coefficients.Columns` lays them out.
             drive: a free forcing of every trajectory.
             progress: called with the fraction done.
         """
@@ -107,7 +107,7 @@ def march_compiled(
     forcing: Forcing | None,
     progress: Progress | None,
 ) -> Tensor:
-    """Return what :func:`dashred.physics.simulate.simulate` returns, compiled for this run.
+    """Return what :func:`dashred.physics.solvers.simulate.simulate` returns, compiled for this run.
 
     Raises:
         NotSeparableError, ArithmeticError: the equations cannot be taken apart.

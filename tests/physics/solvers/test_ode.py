@@ -10,9 +10,9 @@ import torch
 from scipy.special import ellipj, ellipk
 
 from dashred.core.errors import InputError
-from dashred.physics.integrators.ode import round_up, substeps
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.ode import round_up, substeps
+from dashred.physics.solvers.simulate import simulate
 
 AMPLITUDE, RATE = 2.0, 3.0
 TIMES = np.array([0.0, 0.1, 0.37, 1.0, 1.01, 2.5, 4.0])

@@ -6,13 +6,13 @@ import torch
 from torch import Tensor
 
 from dashred.physics.backends.torch_backend import Program
-from dashred.physics.dense_forcing import TermwiseForcing, forcing_evaluator
 from dashred.physics.expressions.algebra import ZERO, names
 from dashred.physics.expressions.linear import split_linear, symbols
-from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive
 from dashred.physics.grids.grid_value import Value, total
 from dashred.physics.grids.spectral import Spectral
+from dashred.physics.solvers.dense_forcing import TermwiseForcing, forcing_evaluator
+from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 import torch
 
-from dashred.physics.dense_forcing import DenseForcing, forcing_evaluator
-from dashred.physics.forcing import Forcing, RowwiseForcing
+from dashred.physics.solvers.dense_forcing import DenseForcing, forcing_evaluator
+from dashred.physics.solvers.forcing import Forcing, RowwiseForcing
 from dashred.physics.system import System, Term
 
 TEXTS = {"u": ("1", "u*v", "sin(2*pi*x/5)", "u*d(v, x)"), "v": ("v**3", "d(u, x, 3)")}

@@ -9,7 +9,6 @@ import torch
 from numpy.typing import NDArray
 
 from dashred.physics.backends.numba_backend import Array, Body, compile_kernel, read_by
-from dashred.physics.compiled_step import Modes, Parts
 from dashred.physics.expressions.algebra import ZERO, Expr
 from dashred.physics.expressions.linear import symbols
 from dashred.physics.expressions.semilinear import (
@@ -23,9 +22,10 @@ from dashred.physics.expressions.semilinear import (
 from dashred.physics.forcing_basis import Drive
 from dashred.physics.grids.spectral import Spectral
 from dashred.physics.grids.transforms import to_modes
+from dashred.physics.solvers.batch_coefficients import Columns
+from dashred.physics.solvers.compiled_step import Modes, Parts
+from dashred.physics.solvers.rhs import two_thirds
 from dashred.physics.system import System, Term
-from dashred.physics.tendency import two_thirds
-from dashred.physics.weights import Columns
 from dashred.physics.window import Shape
 
 CPU = torch.device("cpu")

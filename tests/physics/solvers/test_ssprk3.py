@@ -7,9 +7,9 @@ import math
 import pytest
 import torch
 
-from dashred.physics.integrators.ssprk3 import SSPRK3
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
+from dashred.physics.solvers.ssprk3 import SSPRK3
 
 
 def test_it_is_of_order_three_in_time():

@@ -9,20 +9,20 @@ import torch
 from torch import Tensor
 
 from dashred.core.errors import InputError
-from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive
-from dashred.physics.integrators.etdrk4 import Steppers
-from dashred.physics.integrators.ode import (
+from dashred.physics.solvers.etdrk4 import Steppers
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.ode import (
     FIXED,
     integrate_adaptive,
     integrate_fixed,
     round_up,
     substeps,
 )
-from dashred.physics.integrators.schedule import schedule
-from dashred.physics.integrators.ssprk3 import SSPRK3
+from dashred.physics.solvers.rhs import GridTendency, SpectralTendency
+from dashred.physics.solvers.schedule import schedule
+from dashred.physics.solvers.ssprk3 import SSPRK3
 from dashred.physics.system import System
-from dashred.physics.tendency import GridTendency, SpectralTendency
 
 # Of so few trajectories a step costs its calls: compiling wins from so many steps on.
 FEW, MANY_STEPS = 8, 500
@@ -56,8 +56,8 @@ def simulate(
         their steps for the whole batch, so there up to the tolerance.
     """
     if drive is None and _long(system, start, times, forcing):
-        from dashred.physics.compiled_march import march_compiled
-        from dashred.physics.compiled_ode import integrate_compiled
+        from dashred.physics.solvers.compiled_etdrk4 import march_compiled
+        from dashred.physics.solvers.compiled_rk4 import integrate_compiled
 
         run = march_compiled if system.axes else integrate_compiled
         return run(system, start, times, forcing, progress)

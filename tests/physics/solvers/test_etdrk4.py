@@ -10,7 +10,7 @@ import torch
 from scipy.special import ive
 
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.simulate import simulate
+from dashred.physics.solvers.simulate import simulate
 
 BURGERS = """
 axes: {{x: {{length: 2*pi, points: {points}}}}}

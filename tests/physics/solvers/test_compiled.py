@@ -12,12 +12,12 @@ import torch
 from torch import Tensor
 
 from dashred.core.threads import use_threads
-from dashred.physics.compiled_march import CompiledMarch
-from dashred.physics.compiled_ode import CompiledOde
-from dashred.physics.forcing import Forcing
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.simulate import simulate
-from dashred.physics.simulator import Interpreted, Run, compiled
+from dashred.physics.solvers.compiled_etdrk4 import CompiledMarch
+from dashred.physics.solvers.compiled_rk4 import CompiledOde
+from dashred.physics.solvers.compiled_simulator import Interpreted, Run, compiled
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
 from tests import laws
 
@@ -104,7 +104,7 @@ class Case:
 @pytest.fixture(autouse=True)
 def _interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have ``simulate`` interpret however long a run: it is what compiled code is held to."""
-    monkeypatch.setattr("dashred.physics.simulate.MANY_STEPS", math.inf)
+    monkeypatch.setattr("dashred.physics.solvers.simulate.MANY_STEPS", math.inf)
 
 
 @pytest.fixture(scope="module")

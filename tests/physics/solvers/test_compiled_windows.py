@@ -9,15 +9,15 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.physics.compiled_march import CompiledMarch
-from dashred.physics.compiled_ode import CompiledOde
 from dashred.physics.expressions.algebra import multiply
-from dashred.physics.forcing import Forcing
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.simulate import simulate
-from dashred.physics.simulator import Interpreted, compiled
+from dashred.physics.solvers.batch_coefficients import Columns
+from dashred.physics.solvers.compiled_etdrk4 import CompiledMarch
+from dashred.physics.solvers.compiled_rk4 import CompiledOde
+from dashred.physics.solvers.compiled_simulator import Interpreted, compiled
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
-from dashred.physics.weights import Columns
 from dashred.physics.window import Window, box, gate, onset, shapes_of
 from tests import laws
 

@@ -8,9 +8,9 @@ import torch
 from torch import Tensor
 
 from dashred.physics.backends.torch_backend import Program
-from dashred.physics.forcing import Forcing, RowwiseForcing
 from dashred.physics.grids.grid_value import Value
 from dashred.physics.grids.operators import Operators
+from dashred.physics.solvers.forcing import Forcing, RowwiseForcing
 
 # Measured on 192 trajectories of 256 points with 48 terms: gathering and scattering the carriers
 # of a term costs about four times its evaluation on every trajectory.

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-from dashred.physics.integrators.ode import round_up
+from dashred.physics.solvers.ode import round_up
 
 
 class Step(NamedTuple):

@@ -9,15 +9,15 @@ from typing import Protocol, Self
 import torch
 from torch import Tensor
 
-from dashred.physics.compiled_march import CompiledMarch
-from dashred.physics.compiled_ode import CompiledOde
 from dashred.physics.expressions.algebra import multiply
 from dashred.physics.expressions.semilinear import NotSeparableError
-from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive
-from dashred.physics.simulate import is_long, simulate
+from dashred.physics.solvers.batch_coefficients import Columns
+from dashred.physics.solvers.compiled_etdrk4 import CompiledMarch
+from dashred.physics.solvers.compiled_rk4 import CompiledOde
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.simulate import is_long, simulate
 from dashred.physics.system import System, Term
-from dashred.physics.weights import Columns
 from dashred.physics.window import Shape
 
 
@@ -29,7 +29,7 @@ class Run(Protocol):
     ) -> Tensor:
         """Return ``(batch, time, field, *grid)`` for the weights and forcing of each trajectory.
 
-        Weights ``(batch, term)``; with windows, as :class:`dashred.physics.weights.Columns` has
+        Weights ``(batch, term)``; with windows, as :class:`dashred.physics.solvers.batch_coefficients.Columns` has
         them.
         """
 

@@ -13,19 +13,19 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from dashred.physics.backends.numba_backend import KERNEL, REAL, Array, Body, compile_kernel
-from dashred.physics.compiled_step import between
-from dashred.physics.forcing import Forcing
 from dashred.physics.forcing_basis import Drive
-from dashred.physics.integrators.schedule import schedule
+from dashred.physics.solvers.batch_coefficients import Columns
+from dashred.physics.solvers.compiled_step import between
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.schedule import schedule
 from dashred.physics.system import System, Term
-from dashred.physics.weights import Columns
 from dashred.physics.window import Shape
 
 Progress = Callable[[float], None]
 
 
 class CompiledOde:
-    """The same trajectories as :func:`dashred.physics.simulate.simulate` by ``rk4``.
+    """The same trajectories as :func:`dashred.physics.solvers.simulate.simulate` by ``rk4``.
 
     Worth its second of compilation where many runs are made of one system.
 
@@ -65,7 +65,7 @@ class CompiledOde:
             start: ``(batch, field)`` at ``times[0]``.
             times: output times, ``(time,)``.
             weights: coefficient of every term, ``(batch, term)``; with windows, as
-                :class:`dashred.physics.weights.Columns` lays them out.
+                :class:`dashred.physics.solvers.batch_coefficients.Columns` lays them out.
             drive: a free forcing of every trajectory.
         """
         if drive is None:
@@ -93,7 +93,7 @@ def integrate_compiled(
     forcing: Forcing | None,
     progress: Progress | None,
 ) -> Tensor:
-    """Return what :func:`dashred.physics.simulate.simulate` returns, compiled for this run."""
+    """Return what :func:`dashred.physics.solvers.simulate.simulate` returns, compiled for this run."""
     if forcing is None:
         forcing = Forcing((), torch.zeros((len(start), 0), dtype=torch.float64))
     found = CompiledOde(system, forcing.terms)(start, times, forcing.coefficients)

@@ -6,12 +6,12 @@ import pytest
 import torch
 
 from dashred.core.errors import InputError
-from dashred.physics.forcing import Forcing
 from dashred.physics.library import resolve
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.simulate import check_finite, simulate
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.rhs import GridTendency
+from dashred.physics.solvers.simulate import check_finite, simulate
 from dashred.physics.system import Term
-from dashred.physics.tendency import GridTendency
 
 SYSTEMS = ["burgers", "reaction", "plane", "oscillator"]
 TIMES = torch.tensor([0.5, 0.6, 0.93, 1.0, 1.7]).double()
