@@ -14,7 +14,7 @@ from dashred.physics.solvers.compiled_simulator import Interpreted, compiled
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
-from dashred.physics.tangent_linear import tangent_linear
+from dashred.physics.tangents.tangent_linear import tangent_linear
 from tests import laws
 
 REST = "recording: {twin: a, sensors: 4, noise: 0, duration: 4, every: 0.1}\n"

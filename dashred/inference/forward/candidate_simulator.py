@@ -11,12 +11,12 @@ from torch import Tensor
 
 from dashred.inference.forward.candidates import Candidate, forcing_of
 from dashred.physics.forcing_basis import Drive, Pulses
-from dashred.physics.ode_tangents import supports_ode, tangent_ode
 from dashred.physics.solvers.batch_coefficients import Columns
 from dashred.physics.solvers.compiled_simulator import Run, compiled
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
-from dashred.physics.tangent_linear import supports, tangent_linear
+from dashred.physics.tangents.ode_tangents import supports_ode, tangent_ode
+from dashred.physics.tangents.tangent_linear import supports, tangent_linear
 from dashred.physics.window import Shape, Window
 
 

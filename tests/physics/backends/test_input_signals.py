@@ -13,7 +13,7 @@ from dashred.physics.solvers.compiled_rk4 import CompiledOde
 from dashred.physics.solvers.compiled_simulator import compiled
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
-from dashred.physics.tangent_linear import tangent_linear
+from dashred.physics.tangents.tangent_linear import tangent_linear
 from tests import laws
 
 CIRCUIT = """

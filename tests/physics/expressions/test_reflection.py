@@ -18,7 +18,7 @@ from dashred.physics.solvers.compiled_simulator import compiled
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
-from dashred.physics.tangent_linear import tangent_linear
+from dashred.physics.tangents.tangent_linear import tangent_linear
 from dashred.physics.window import shapes_of
 from tests import laws
 

@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.physics import column_kernels as kernels
-from dashred.physics.base_march import STAGES, BaseMarch
 from dashred.physics.expressions.algebra import Expr
 from dashred.physics.grids.transforms import from_modes, to_modes
-from dashred.physics.separated_tendency import Modes
 from dashred.physics.solvers.schedule import Step
-from dashred.physics.sources import Sources
+from dashred.physics.tangents import column_kernels as kernels
+from dashred.physics.tangents.reference_trajectory import STAGES, BaseMarch
+from dashred.physics.tangents.semilinear_rhs import Modes
+from dashred.physics.tangents.sources import Sources
 
 Real = NDArray[Any]
 

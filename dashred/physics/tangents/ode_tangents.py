@@ -61,7 +61,7 @@ def tangent_ode(
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Yield state and tangents at every output time: ``δ' = N'(u) δ + s(u, t)``.
 
-    The same as :func:`dashred.physics.tangent_linear.tangent_linear` for systems without axes.
+    The same as :func:`dashred.physics.tangents.tangent_linear.tangent_linear` for systems without axes.
 
     Args:
         system: one that :func:`supports_ode` tells yes of.

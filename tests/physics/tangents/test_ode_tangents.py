@@ -9,12 +9,12 @@ import torch
 
 from dashred.physics.forcing_basis import Drive, Pulses
 from dashred.physics.library import resolve
-from dashred.physics.ode_tangents import supports_ode, tangent_ode
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.compiled_simulator import compiled
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
+from dashred.physics.tangents.ode_tangents import supports_ode, tangent_ode
 from tests import laws
 
 TIMES = torch.tensor([0.5, 0.6, 0.93, 1.0, 1.7, 3.1]).double()

@@ -10,9 +10,9 @@ import numpy as np
 
 from dashred.physics.backends.numpy_backend import Array
 from dashred.physics.grids.transforms import from_modes, to_modes
-from dashred.physics.separated_tendency import Modes, SeparatedTendency
 from dashred.physics.solvers.etdrk4 import coefficient_slopes, coefficients
 from dashred.physics.solvers.schedule import Step
+from dashred.physics.tangents.semilinear_rhs import Modes, SeparatedTendency
 
 STAGES = 4
 

@@ -19,16 +19,16 @@ from torch import Tensor
 
 from dashred.core.threads import in_threads
 from dashred.physics.backends.numpy_backend import Pointwise
-from dashred.physics.base_march import STAGES, BaseMarch, Stage
-from dashred.physics.columns import Block, ColumnMarch
 from dashred.physics.expressions.algebra import ZERO
 from dashred.physics.expressions.semilinear import NotSeparableError, separate
 from dashred.physics.forcing_basis import Drive, Pulses
-from dashred.physics.separated_tendency import Modes, SeparatedTendency
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.schedule import Step, schedule
-from dashred.physics.sources import Sources
 from dashred.physics.system import System, Term
+from dashred.physics.tangents.reference_trajectory import STAGES, BaseMarch, Stage
+from dashred.physics.tangents.semilinear_rhs import Modes, SeparatedTendency
+from dashred.physics.tangents.sensitivity_columns import Block, ColumnMarch
+from dashred.physics.tangents.sources import Sources
 
 POINTS_AT_ONCE = 2**12
 """Stages times grid points whose slopes and sources are computed together: they stay in cache."""

@@ -11,7 +11,7 @@ from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import Term
-from dashred.physics.tangent_linear import supports, tangent_linear
+from dashred.physics.tangents.tangent_linear import supports, tangent_linear
 
 TIMES = torch.tensor([0.5, 0.6, 0.93, 1.0, 1.7]).double()
 
@@ -144,8 +144,8 @@ def test_single_precision_is_close(case):
 def test_chunks_of_steps_and_columns_change_nothing(case, monkeypatch):
     system, forcing, sources = case
     states, whole = jacobian(system, forcing, sources)
-    monkeypatch.setattr("dashred.physics.tangent_linear.POINTS_AT_ONCE", 1)
-    monkeypatch.setattr("dashred.physics.tangent_linear.COLUMN_POINTS", 1)
+    monkeypatch.setattr("dashred.physics.tangents.tangent_linear.POINTS_AT_ONCE", 1)
+    monkeypatch.setattr("dashred.physics.tangents.tangent_linear.COLUMN_POINTS", 1)
     same, pieces = jacobian(system, forcing, sources)
     torch.testing.assert_close(same, states, rtol=1e-10, atol=1e-10)
     torch.testing.assert_close(pieces, whole, rtol=1e-9, atol=1e-9)

@@ -17,8 +17,8 @@ from dashred.physics.expressions.semilinear import NotSeparableError, Separator
 from dashred.physics.forcing_basis import Pulses
 from dashred.physics.grids.grid_value import Value, on_whole_grid
 from dashred.physics.grids.transforms import to_modes
-from dashred.physics.separated_tendency import Inputs, Modes, mask_of, symbol_of
 from dashred.physics.system import System, Term
+from dashred.physics.tangents.semilinear_rhs import Inputs, Modes, mask_of, symbol_of
 
 Places = list[tuple[int, int, int]]
 
