@@ -25,7 +25,7 @@ shows them, every block with what it means, and what is yours to fill in marked 
   output=FILE.yaml    where to write; default: the recording's name with .yaml, in this folder.
                       A file that is there already is left as it is
 
-Then: python -m dashred.check conf=FILE.yaml
+Then: python -m dashred.pipeline.check.command conf=FILE.yaml
 """
 
 
@@ -65,7 +65,9 @@ def main(argv: list[str]) -> int:
     if not guessed.axes and len(guessed.fields) > MANY_FIELDS:
         print("so many columns are hardly the fields of an ODE: if they are sensors of a field in")
         print("space, say where they are: sensors=TABLE.csv (see --help)")
-    print(f"next: fill in the lines marked {TO_DO}, then python -m dashred.check conf={output}")
+    print(
+        f"next: fill in the lines marked {TO_DO}, then python -m dashred.pipeline.check.command conf={output}"
+    )
     return DONE
 
 

@@ -21,7 +21,7 @@ HEAD = """\
 #
 # Lines marked {to_do} are yours to fill in: take the mark away when that is done. All other values
 # are guesses from the recording, or defaults, which you may change. Then
-#   python -m dashred.check conf={name}    says within seconds what is wrong, doubtful or left to do
+#   python -m dashred.pipeline.check.command conf={name}    says within seconds what is wrong, doubtful or left to do
 #   python -m dashred.train conf={name}    finds what the simulator leaves out
 # Every other key, with its meaning and default: python -m dashred.reference
 

@@ -61,7 +61,7 @@ def run(words: list[str], folder: Path) -> None:
         timeout=LONGEST,
     )
     # What init has written is checked before the reader has filled it in.
-    open_lines = words[2] == "dashred.check" and " left to do (!)" in ended.stdout
+    open_lines = words[2] == "dashred.pipeline.check.command" and " left to do (!)" in ended.stdout
     assert ended.returncode == (2 if open_lines else 0), f"{shlex.join(words)}\n{ended.stderr}"
     assert "Traceback" not in ended.stderr
     assert ended.stdout.strip()

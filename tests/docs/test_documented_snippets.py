@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from dashred import check
 from dashred.config import load_config
 from dashred.data.io.reader import read_recording
 from dashred.physics.system import System
+from dashred.pipeline.check import command
 from tests.conftest import CHECKOUT
 from tests.documents import snippets
 
@@ -51,7 +51,7 @@ def test_a_system_with_an_input_is_checked(
     t = 0.05 * np.arange(200)
     # q' = (1 - q/C)/R from an empty capacitor: q = C (1 - exp(-t/RC)), R C = 1
     written(folder / "capacitor.csv", {"time": t, "q": (1 - np.exp(-t)) / 2, "voltage": t**0})
-    assert check.main(["conf=capacitor.yaml"]) == 0
+    assert command.main(["conf=capacitor.yaml"]) == 0
     said = capsys.readouterr().out
     assert "200 samples of 1 sensor" in said and "It is resolved" in said
     assert "x " not in {line.strip()[:2] for line in said.splitlines()}
@@ -72,7 +72,7 @@ def test_snapshots_that_are_described_are_checked(
     )
     readings = {name: np.exp(-0.1 * t) * np.sin(at - t) for name, at in places.items()}
     written(folder / "real.csv", {"time": t} | readings)
-    assert check.main(["conf=burgers.yaml"]) == 0
+    assert command.main(["conf=burgers.yaml"]) == 0
     said = capsys.readouterr().out
     assert f"{SAMPLES} samples of 8 sensors" in said and f"{MEMBERS} runs" in said
     assert "Roughly 30 s" in said

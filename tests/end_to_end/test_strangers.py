@@ -237,7 +237,11 @@ def test_a_dollar_in_a_name_is_no_mathematics(tmp_path) -> None:
 def test_a_module_in_the_folder_that_the_user_is_in_does_not_run(tmp_path: Path, entry) -> None:
     for name in ("yaml", "numpy", "torch", "typing_extensions", "mlflow", "sitecustomize"):
         (tmp_path / f"{name}.py").write_text("open('ran', 'w').close()\n")
-    words = ["dashred.check"] if entry == "standby" else ["conf=rde", "recording.path=none.csv"]
+    words = (
+        ["dashred.pipeline.check.command"]
+        if entry == "standby"
+        else ["conf=rde", "recording.path=none.csv"]
+    )
     command = [sys.executable, "-m", f"dashred.{entry}", *words]
     environment = os.environ | {"PYTHONPATH": str(CHECKOUT)}
     done = subprocess.run(

@@ -12,7 +12,6 @@ import torch
 import xarray as xr
 from torch import Tensor
 
-from dashred import check
 from dashred.config import Axis, Integrator, load_config
 from dashred.config import System as Declared
 from dashred.core.errors import InputError
@@ -20,6 +19,7 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
+from dashred.pipeline.check import command
 from dashred.stages.mismatch import Mismatch, Missed
 
 CONFIG = """\
@@ -207,10 +207,10 @@ def test_too_few_runs_are_refused(given, train) -> None:
 
 def test_a_check_tells_what_there_is_to_learn_from(given, capsys) -> None:
     own = f"conf={given / 'box.yaml'}"
-    assert check.main([own]) == 0
+    assert command.main([own]) == 0
     said = capsys.readouterr().out
     assert "32 runs of 51 snapshots at the clock's step of 0.1, cut into" in " ".join(said.split())
     assert "times as much as in the snapshots" in said
     few = ("simulation.members=3", "simulation.held_out=1", "shred.lags=30")
     with pytest.raises(InputError, match="too few to learn from"):
-        check.main([own, *few])
+        command.main([own, *few])

@@ -10,14 +10,14 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from dashred.checkup.remark import Remark, doubtful
-from dashred.checkup.simulator import Simulated
-from dashred.checkup.situation import Situation
 from dashred.data.observation_operator import ObservationOperator
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.physics.tangents.ode_tangents import supports_ode, tangent_ode
 from dashred.physics.tangents.tangent_linear import supports, tangent_linear
+from dashred.pipeline.check.context import Situation
+from dashred.pipeline.check.remark import Remark, doubtful
+from dashred.pipeline.check.simulator import Simulated
 
 # Seconds for the tangents, and the most columns that are carried.
 SECONDS, MOST = 2.0, 48

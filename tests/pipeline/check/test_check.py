@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dashred import check, init
+from dashred import init
 from dashred.core.errors import InputError
+from dashred.pipeline.check import command
 from tests.starter.strangers import bar_csv, swing_csv
 
 SWING = """\
@@ -44,7 +45,7 @@ def rows_of(folder: Path) -> list[str]:
 
 def said(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> str:
     """Return what a check prints, its lines joined."""
-    assert check.main(list(words)) == code
+    assert command.main(list(words)) == code
     return re.sub(r"\s+", " ", capsys.readouterr().out)
 
 
@@ -164,7 +165,7 @@ def test_a_wrong_recording_is_refused(tmp_path: Path) -> None:
     swing(tmp_path)
     rows = rows_of(tmp_path)
     with pytest.raises(InputError, match="time is repeated"):
-        check.main([f"conf={swing(tmp_path, [*rows[:50], *rows[49:]])}"])
+        command.main([f"conf={swing(tmp_path, [*rows[:50], *rows[49:]])}"])
 
 
 def test_a_field_that_no_sensor_feels_is_named(
@@ -192,7 +193,7 @@ def test_too_long_a_step_is_not_resolved(
 
 def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     """Return what a check prints that ends with 2, its lines joined."""
-    assert check.main(list(words)) == 2
+    assert command.main(list(words)) == 2
     return re.sub(r"\s+", " ", capsys.readouterr().out)
 
 
@@ -219,12 +220,12 @@ def test_what_this_machine_does_not_have_is_told_at_once(
     monkeypatch.setattr("torch.cuda.device_count", lambda: 0)
     conf = f"conf={swing(tmp_path)}"
     with pytest.raises(InputError, match="0 CUDA devices, not 'cuda'"):
-        check.main([conf, "device=cuda"])
+        command.main([conf, "device=cuda"])
     for key in ("output", "tracking.root"):
         with pytest.raises(InputError, match=r"cannot be made: .*swing\.csv is no folder"):
-            check.main([conf, f"{key}={tmp_path / 'swing.csv' / 'new'}"])
+            command.main([conf, f"{key}={tmp_path / 'swing.csv' / 'new'}"])
     with pytest.raises(InputError, match="no MLflow server answers"):
-        check.main([conf, "tracking.root=http://127.0.0.1:9"])
+        command.main([conf, "tracking.root=http://127.0.0.1:9"])
 
 
 def test_the_unit_of_the_clock_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -263,7 +264,7 @@ def test_terms_that_no_data_can_tell_apart_are_wrong(
 ) -> None:
     """A decay from 1 is never negative: its sign is the constant."""
     words = ["system.equations.x=-0.1*x", "library={x: [1, sign(x)], v: [v]}"]
-    assert check.main([f"conf={swing(tmp_path)}", *words]) == 2
+    assert command.main([f"conf={swing(tmp_path)}", *words]) == 2
     found = capsys.readouterr().out
     assert "x the terms '1' and 'sign(x)' are proportional" in found
     assert "1 wrong (x)" in found

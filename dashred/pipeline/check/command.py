@@ -1,4 +1,4 @@
-"""Say what is wrong or doubtful before a run: ``python -m dashred.check conf=my.yaml``.
+"""Say what is wrong or doubtful before a run: ``python -m dashred.pipeline.check.command conf=my.yaml``.
 
 Reads what a run would read, never a twin's truth, and writes nothing. It ends with 0 where a run
 could begin, whatever is doubtful, and with 2 where the input is wrong or a line is left to do.
@@ -9,10 +9,10 @@ from __future__ import annotations
 import sys
 from itertools import chain
 
-from dashred.checkup.page import Page
 from dashred.config import Config, load_config
 from dashred.config.checks.placeholders import open_lines
 from dashred.core.errors import DONE, WRONG_INPUT, run_entry
+from dashred.pipeline.check.page import Page
 
 
 def main(argv: list[str]) -> int:
@@ -28,7 +28,7 @@ def check(config: Config) -> Page:
     Raises:
         InputError: whatever a run would refuse.
     """
-    from dashred.checkup.to_do import left_to_do
+    from dashred.pipeline.check.placeholders import left_to_do
 
     page = Page()
     print(f"{config.system.title}: {config.where('')}", flush=True)
@@ -37,19 +37,19 @@ def check(config: Config) -> Page:
     # Imported late: torch takes a second, and what is left to do needs none of it.
     import torch
 
-    from dashred.checkup.agreement import about_agreement
-    from dashred.checkup.ensemble import about_ensemble, about_structure
-    from dashred.checkup.observability import about_observability, look
-    from dashred.checkup.recording import about_recording
-    from dashred.checkup.run_time import about_run_time, about_snapshots_run_time
-    from dashred.checkup.simulator import about_simulator, run_nominal
-    from dashred.checkup.situation import situation_of
-    from dashred.checkup.snapshots import about_snapshots
-    from dashred.checkup.splits import about_splits
     from dashred.core.mlflow.server import check_server
     from dashred.core.threads import use_threads
     from dashred.models.device import check_device
     from dashred.output import check_output
+    from dashred.pipeline.check.agreement import about_agreement
+    from dashred.pipeline.check.context import situation_of
+    from dashred.pipeline.check.ensemble import about_ensemble, about_structure
+    from dashred.pipeline.check.observability import about_observability, look
+    from dashred.pipeline.check.recording import about_recording
+    from dashred.pipeline.check.run_time import about_run_time, about_snapshots_run_time
+    from dashred.pipeline.check.simulator import about_simulator, run_nominal
+    from dashred.pipeline.check.snapshots import about_snapshots
+    from dashred.pipeline.check.splits import about_splits
 
     check_device(config)
     check_output(config)

@@ -7,13 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 import torch
 
-from dashred.checkup.remark import Remark, doubtful
-from dashred.checkup.run_time import BATCHED
-from dashred.checkup.simulator import Simulated
-from dashred.checkup.situation import STREAM, Situation
-from dashred.checkup.to_do import still
 from dashred.core.errors import InputError
 from dashred.physics.runs.ensemble import Discrepancies, draw_round
+from dashred.pipeline.check.context import STREAM, Situation
+from dashred.pipeline.check.placeholders import still
+from dashred.pipeline.check.remark import Remark, doubtful
+from dashred.pipeline.check.run_time import BATCHED
+from dashred.pipeline.check.simulator import Simulated
 from dashred.stages.structure import check_structure
 
 # Members that are tried at once, rounds, and the seconds that a round may take.

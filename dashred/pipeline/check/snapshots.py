@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 import torch
 
-from dashred.checkup.agreement import sizes_compared
-from dashred.checkup.remark import Remark, counted
+from dashred.pipeline.check.agreement import sizes_compared
+from dashred.pipeline.check.remark import Remark, counted
 from dashred.stages.problem import Problem
 from dashred.stages.snapshot_runs import stretch_length
 

@@ -7,13 +7,13 @@ from collections.abc import Iterator
 import torch
 from torch import Tensor
 
-from dashred.checkup.observability import Seen
-from dashred.checkup.remark import Remark, doubtful, some
-from dashred.checkup.simulator import Simulated
-from dashred.checkup.situation import Situation
-from dashred.checkup.to_do import still
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.splits import Split
+from dashred.pipeline.check.context import Situation
+from dashred.pipeline.check.observability import Seen
+from dashred.pipeline.check.placeholders import still
+from dashred.pipeline.check.remark import Remark, doubtful, some
+from dashred.pipeline.check.simulator import Simulated
 
 # Factors by which what is read and what is simulated may differ in size.
 OTHER_SIZE = 5.0

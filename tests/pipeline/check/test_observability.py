@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import torch
 
-from dashred.checkup.observability import look
-from dashred.checkup.simulator import run_nominal
-from dashred.checkup.situation import situation_of
 from dashred.config import load_config
+from dashred.pipeline.check.context import situation_of
+from dashred.pipeline.check.observability import look
+from dashred.pipeline.check.simulator import run_nominal
 
 DECAY = """\
 system:

@@ -9,9 +9,6 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from dashred.checkup.remark import Remark, doubtful
-from dashred.checkup.situation import Situation
-from dashred.checkup.to_do import still
 from dashred.core.errors import InputError
 from dashred.data.observation_operator import ObservationOperator
 from dashred.physics.library import refuse_collinear, uninformative_terms
@@ -19,6 +16,9 @@ from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nomi
 from dashred.physics.runs.resolution import Readings, doubling_error, least_scale
 from dashred.physics.solvers.simulate import check_finite, simulate
 from dashred.physics.system import System, Term
+from dashred.pipeline.check.context import Situation
+from dashred.pipeline.check.placeholders import still
+from dashred.pipeline.check.remark import Remark, doubtful
 
 # Seconds for the nominal run, and for the run at doubled resolution.
 RUN, DOUBLED = 2.0, 3.0

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from dashred.checkup.remark import Remark, some
-from dashred.checkup.situation import Situation
+from dashred.pipeline.check.context import Situation
+from dashred.pipeline.check.remark import Remark, some
 
 
 def about_splits(situation: Situation) -> Iterator[Remark]:

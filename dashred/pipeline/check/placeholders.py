@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from dashred.checkup.remark import Remark
 from dashred.config import Config
 from dashred.config.checks.placeholders import open_lines
+from dashred.pipeline.check.remark import Remark
 
 
 def left_to_do(config: Config) -> Iterator[Remark]:

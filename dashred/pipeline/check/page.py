@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable
 
-from dashred.checkup.remark import Remark
+from dashred.pipeline.check.remark import Remark
 
 MARKS = {"fine": " ", "doubtful": "?", "to do": "!", "wrong": "x"}
 WIDTH = 98

@@ -9,8 +9,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.checkup.remark import Remark, counted, doubtful, some
-from dashred.checkup.situation import Situation
 from dashred.core.errors import InputError
 from dashred.core.units import measured
 from dashred.data.io.missing_sentinels import missing_marks
@@ -18,6 +16,8 @@ from dashred.data.noise_level import noise_std
 from dashred.data.recording import Recording
 from dashred.data.resampling import GAP, own_step
 from dashred.data.time_scale import A_PERIOD, samples_a_change, suggested_step
+from dashred.pipeline.check.context import Situation
+from dashred.pipeline.check.remark import Remark, counted, doubtful, some
 
 # Steps that differ from the mean by more than this share make a clock irregular.
 IRREGULAR = 0.05

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from dashred.checkup.observability import Seen
-from dashred.checkup.remark import Remark
-from dashred.checkup.simulator import Simulated
-from dashred.checkup.situation import Situation
 from dashred.config import Config
+from dashred.pipeline.check.context import Situation
+from dashred.pipeline.check.observability import Seen
+from dashred.pipeline.check.remark import Remark
+from dashred.pipeline.check.simulator import Simulated
 
 # Seconds that every run takes: imports, figures, MLflow.
 ALWAYS = 12.0
