@@ -56,10 +56,11 @@ def analyse(config: Config) -> Path:
     from dashred.attempt import began_with, end
     from dashred.output import clear_output, named_output
     from dashred.parent_run import open_parent
+    from dashred.pipeline.discovery import discovery
+    from dashred.pipeline.discovery.identifiable_terms import told_apart
     from dashred.run_notes import conclude, describe
     from dashred.stages import (
         assimilation,
-        discovery,
         learning,
         problem,
         provenance,
@@ -72,7 +73,6 @@ def analyse(config: Config) -> Path:
     from dashred.stages.analysis import Analysis
     from dashred.stages.checkpoints import Checkpoints
     from dashred.stages.structure import check_structure
-    from dashred.stages.told_apart import told_apart
 
     provenance.prepare_torch(config)
     posed = problem.pose(config)

@@ -90,7 +90,7 @@ def test_the_same_command_in_the_same_folder_goes_on(
     quick, twin_run, train, monkeypatch, tmp_path
 ) -> None:
     with monkeypatch.context() as patch:
-        patch.setattr("dashred.stages.discovery.discover", interrupted)
+        patch.setattr("dashred.pipeline.discovery.discovery.discover", interrupted)
         assert train(f"conf={quick}").code == 130
     run_id, _ = parent_of(tmp_path / "mlruns")
     monkeypatch.setattr("dashred.stages.learning.train_shred", no_second_time)

@@ -23,12 +23,12 @@ from dashred.models.shred import reconstruct
 from dashred.output import clear_output, named_output
 from dashred.parent_run import open_parent
 from dashred.physics.library import evaluate_terms
+from dashred.pipeline.discovery.identifiable_terms import told_apart
 from dashred.run_notes import conclude, describe
 from dashred.stages import assimilation, learning, mismatch, problem, provenance, snapshot_runs
 from dashred.stages.checkpoints import Checkpoints
 from dashred.stages.problem import Problem
 from dashred.stages.snapshot_runs import SnapshotRuns
-from dashred.stages.told_apart import told_apart
 
 # The longest step that is learnt is such a part of the fit window: drift shows over long ones.
 LONG = 5

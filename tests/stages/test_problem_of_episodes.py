@@ -16,8 +16,8 @@ from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.forward.episodes_simulator import EpisodesSimulator
+from dashred.pipeline.discovery.objectives import exact_simulator, pose_objective
 from dashred.stages.assimilation import sensor_data
-from dashred.stages.objectives import exact_simulator, pose_objective
 from dashred.stages.problem import Problem, pose
 from dashred.stages.simulation import shares, simulate_ensemble, simulate_nominal
 

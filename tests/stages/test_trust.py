@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from dashred.inference.initial_state.start_models import nearest
-from dashred.stages import causes
+from dashred.pipeline.discovery import hypothesis_stage
 from dashred.stages.problem import Problem
 
 
@@ -22,9 +22,9 @@ def test_noise_far_above_the_stated_one_is_no_noise(monkeypatch, found, stated, 
     split = SimpleNamespace(fit=SimpleNamespace(sensors=sensors))
     problem = cast(Problem, SimpleNamespace(split=split))
     believed = SimpleNamespace(std=torch.ones(2))
-    monkeypatch.setattr(causes, "fit_noise", lambda _: believed)
+    monkeypatch.setattr(hypothesis_stage, "fit_noise", lambda _: believed)
     noise: Any = SimpleNamespace(std=torch.tensor([found, found]))
-    assert causes.inflated(problem, noise) is inflated
+    assert hypothesis_stage.inflated(problem, noise) is inflated
 
 
 def test_a_start_is_found_again_in_a_prior_that_is_not_linear() -> None:

@@ -67,8 +67,8 @@ def analyse(config: Config) -> None:
     from dashred.evaluation.baselines.optimal_interpolation import optimal_interpolation
     from dashred.evaluation.baselines.plain_shred import plain_shred
     from dashred.output import make_output
+    from dashred.pipeline.discovery.identifiable_terms import told_apart
     from dashred.stages import problem, provenance, simulation
-    from dashred.stages.told_apart import told_apart
 
     assert config.output is not None
     provenance.prepare_torch(config)

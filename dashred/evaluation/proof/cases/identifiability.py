@@ -29,7 +29,7 @@ from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis
 from dashred.inference.initial_state.start_models import nearest
 from dashred.physics.system import Term
 from dashred.physics.window import shapes_of
-from dashred.stages.objectives import exact_simulator, pose_objective
+from dashred.pipeline.discovery.objectives import exact_simulator, pose_objective
 from dashred.stages.problem import Problem, pose
 
 # Kinds whose laws act everywhere: of these alone all rivals can be listed.

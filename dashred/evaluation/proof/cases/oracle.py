@@ -33,10 +33,10 @@ from dashred.inference.initial_state.start_models import StartModel, nearest
 from dashred.physics.library import resolve
 from dashred.physics.system import Term
 from dashred.physics.window import Shape, shapes_of
-from dashred.stages.objectives import exact_simulator, pose_objective
+from dashred.pipeline.discovery.identifiable_terms import told_apart
+from dashred.pipeline.discovery.objectives import exact_simulator, pose_objective
 from dashred.stages.problem import Problem, pose
 from dashred.stages.simulation import simulate_nominal
-from dashred.stages.told_apart import told_apart
 
 # What a true form has to beat others by for a case to be decidable.
 DECIDABLE = 6.0

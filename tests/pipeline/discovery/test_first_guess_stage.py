@@ -7,7 +7,7 @@ import math
 import torch
 
 from dashred.inference.initial_state.start_models import LinearStart
-from dashred.stages.seeding import Seed, ranked
+from dashred.pipeline.discovery.first_guess_stage import Seed, ranked
 
 MODEL = LinearStart(torch.zeros(2).double(), torch.eye(2).double())
 

@@ -24,14 +24,14 @@ from dashred.inference.initial_state.first_guesses import (
 from dashred.inference.initial_state.start_models import StartModel
 from dashred.physics.library import resolve
 from dashred.physics.runs.ensemble import Ensemble
-from dashred.stages.assimilation import Assimilated
-from dashred.stages.learning import Learned
-from dashred.stages.objectives import (
+from dashred.pipeline.discovery.objectives import (
     for_each_episode,
     noise_share,
     pose_objective,
     trace_std,
 )
+from dashred.stages.assimilation import Assimilated
+from dashred.stages.learning import Learned
 from dashred.stages.problem import Problem
 from dashred.stages.simulation import Nominal
 

@@ -23,10 +23,10 @@ from dashred.inference.hypotheses.result import AMBIGUOUS
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.physics.window import shapes_of
-from dashred.stages.objectives import fit_noise, simulator_with
-from dashred.stages.prior_start import about, about_the_prior
+from dashred.pipeline.discovery.first_guess_stage import Seed
+from dashred.pipeline.discovery.objectives import fit_noise, simulator_with
+from dashred.pipeline.discovery.prior_start import about, about_the_prior
 from dashred.stages.problem import Problem
-from dashred.stages.seeding import Seed
 from dashred.stages.simulation import Nominal
 
 STEPS, TOLERANCE = 10, 1e-4

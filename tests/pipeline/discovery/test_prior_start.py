@@ -11,7 +11,7 @@ from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.stepwise_selection import Selection, select
 from dashred.inference.initial_state.start_models import LinearStart, StartModel
-from dashred.stages.prior_start import about, about_the_prior, select_about_the_prior
+from dashred.pipeline.discovery.prior_start import about, about_the_prior, select_about_the_prior
 from tests.swing import Swing, noisy
 
 SIGMA = 0.02

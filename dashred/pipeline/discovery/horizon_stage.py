@@ -14,9 +14,9 @@ from dashred.inference.fit.least_squares import Objective
 from dashred.inference.fit.stepwise_selection import Selection, select
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate
-from dashred.stages.objectives import pose_objective
+from dashred.pipeline.discovery.first_guess_stage import Seed
+from dashred.pipeline.discovery.objectives import pose_objective
 from dashred.stages.problem import Problem
-from dashred.stages.seeding import Seed
 
 # Of the laws that were tried, those that are tried again over more of the record.
 TRIED_AGAIN = 6
