@@ -59,7 +59,7 @@ def find_system(word: str) -> tuple[Path, str]:
         hint = _systems(word)
         if path.suffix == ".csv" and path.is_file():
             what = f"{word} is a recording, no configuration"
-            hint = f"python -m dashred.init path={word} writes a first one for it"
+            hint = f"python -m dashred.pipeline.init.command path={word} writes a first one for it"
         raise InputError(what, where=PLACE, hint=hint)
     if not path.is_file():
         raise InputError("there is no such file", where=word, hint=_systems(path.stem))

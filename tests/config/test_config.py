@@ -410,7 +410,10 @@ def test_a_recording_is_no_system_and_init_makes_one(
     Path("swing.csv").touch()
     with pytest.raises(InputError, match=r"swing\.csv is a recording, no configuration") as caught:
         load_config(["conf=swing.csv"], entry="train")
-    assert caught.value.hint == "python -m dashred.init path=swing.csv writes a first one for it"
+    assert (
+        caught.value.hint
+        == "python -m dashred.pipeline.init.command path=swing.csv writes a first one for it"
+    )
 
 
 def test_an_unknown_system_gets_the_nearest_and_the_list() -> None:

@@ -9,12 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from dashred import init, reference, train
+from dashred import reference, train
 from dashred.config import load_config
 from dashred.core.errors import InputError
 from dashred.core.files.user_path import check_address, given_path
 from dashred.core.mlflow.server import check_server
 from dashred.data.io import fetch
+from dashred.pipeline.init import command
 
 LONG = "x" * 300
 NOBODY = "~nobody-of-that-name/a"
@@ -30,9 +31,9 @@ def test_home_is_the_home_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     ("main", "word"),
     [
         (train.main, "conf={}.yaml"),
-        (init.main, "path={}.csv"),
-        (init.main, "sensors={}.csv"),
-        (init.main, "output={}.yaml"),
+        (command.main, "path={}.csv"),
+        (command.main, "sensors={}.csv"),
+        (command.main, "output={}.yaml"),
         (fetch.main, "path={}.csv"),
         (reference.main, "path={}.md"),
         (train.main, "recording.path={}.csv"),
@@ -44,7 +45,7 @@ def test_a_name_that_no_file_can_have(
     main: Callable[[list[str]], int], word: str, name: str
 ) -> None:
     words = [word.format(name)]
-    if main is init.main and not word.startswith("path"):
+    if main is command.main and not word.startswith("path"):
         words.append("path=my.csv")
     if main is train.main and not word.startswith("conf"):
         words.append("conf=rde")

@@ -1,4 +1,4 @@
-"""Write a first configuration for your own recording: ``python -m dashred.init path=FILE.csv``."""
+"""Write a first configuration for your own recording: ``python -m dashred.pipeline.init.command path=FILE.csv``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dashred.core.files.user_path import given_path
 
 KEYS = ("path", "sensors", "output")
 USAGE = """\
-usage: python -m dashred.init path=FILE.csv [sensors=TABLE.csv] [output=FILE.yaml]
+usage: python -m dashred.pipeline.init.command path=FILE.csv [sensors=TABLE.csv] [output=FILE.yaml]
 
 Reads a recording and writes a first configuration for it: fields, start, steps as the recording
 shows them, every block with what it means, and what is yours to fill in marked TO DO.
@@ -42,9 +42,9 @@ def main(argv: list[str]) -> int:
 
     from dashred.config.checks.placeholders import TO_DO
     from dashred.core.files.atomic import write_text_atomic
-    from dashred.starter.columns import MANY_FIELDS, read_own
-    from dashred.starter.document import document
-    from dashred.starter.guess import guess, longest
+    from dashred.pipeline.init.columns import MANY_FIELDS, read_own
+    from dashred.pipeline.init.document import document
+    from dashred.pipeline.init.guess import guess, longest
 
     guessed, episodes = read_own(path, table)
     seen = [None if file is None else _seen_from(output, file) for file in (path, table)]
@@ -72,7 +72,7 @@ def main(argv: list[str]) -> int:
 
 
 def _read_words(argv: list[str]) -> dict[str, str]:
-    example = "python -m dashred.init path=my.csv"
+    example = "python -m dashred.pipeline.init.command path=my.csv"
     words = read_path_words(argv, KEYS, "which recording?", example)
     if Path(words["path"]).suffix.lower() != ".csv":
         hint = "a NetCDF recording describes itself: write its configuration after conf/rde.yaml"

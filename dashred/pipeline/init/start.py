@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.starter.columns import GuessedAxis
+from dashred.pipeline.init.columns import GuessedAxis
 
 # Waves along each axis: of one alone some derivatives would be proportional.
 WAVES = 2

@@ -7,7 +7,7 @@ import pytest
 
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
-from dashred.starter.relations import find_rates
+from dashred.pipeline.init.relations import find_rates
 
 
 def recording(noise: float, step: float, **columns: np.ndarray) -> Recording:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dashred.starter.columns import GuessedAxis
-from dashred.starter.start import start_expression
+from dashred.pipeline.init.columns import GuessedAxis
+from dashred.pipeline.init.start import start_expression
 
 
 def value_of(expression: str, **coordinates: float) -> float:

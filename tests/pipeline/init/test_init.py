@@ -6,17 +6,18 @@ import math
 from pathlib import Path
 
 import pytest
+from tests.starter.strangers import bar_csv, swing_csv
 
-from dashred import init, train
+from dashred import train
 from dashred.config import Config, load_config
 from dashred.config.checks.placeholders import refuse_open_lines
 from dashred.core.errors import InputError
-from tests.starter.strangers import bar_csv, swing_csv
+from dashred.pipeline.init import command
 
 
 def written(tmp_path: Path, *words: str) -> tuple[Config, str]:
     output = tmp_path / "mine.yaml"
-    assert init.main([*words, f"output={output}"]) == 0
+    assert command.main([*words, f"output={output}"]) == 0
     return load_config([f"conf={output}"], entry="train"), output.read_text(encoding="utf-8")
 
 
@@ -103,7 +104,7 @@ def test_a_file_that_is_there_is_left_as_it_is(tmp_path: Path) -> None:
     output = tmp_path / "mine.yaml"
     output.write_text("mine")
     with pytest.raises(InputError, match="already"):
-        init.main([f"path={swing_csv(tmp_path)}", f"output={output}"])
+        command.main([f"path={swing_csv(tmp_path)}", f"output={output}"])
     assert output.read_text() == "mine"
 
 
@@ -120,7 +121,7 @@ def test_headers_that_no_equation_can_hold_are_refused(
     tmp_path: Path, header: str, says: str
 ) -> None:
     with pytest.raises(InputError) as told:
-        init.main([f"path={swing_csv(tmp_path, header)}", f"output={tmp_path / 'mine.yaml'}"])
+        command.main([f"path={swing_csv(tmp_path, header)}", f"output={tmp_path / 'mine.yaml'}"])
     assert says in str(told.value)
     assert not (tmp_path / "mine.yaml").exists()
 
@@ -138,7 +139,7 @@ def test_headers_that_no_equation_can_hold_are_refused(
 )
 def test_wrong_words_say_what_to_do(words: list[str], says: str) -> None:
     with pytest.raises(InputError) as told:
-        init.main(words)
+        command.main(words)
     assert says in str(told.value)
 
 
@@ -160,7 +161,7 @@ def test_a_table_that_no_configuration_can_hold_is_refused(
     (tmp_path / "table.csv").write_text(table)
     places = [f"path={tmp_path / 'my.csv'}", f"sensors={tmp_path / 'table.csv'}"]
     with pytest.raises(InputError) as told:
-        init.main([*places, f"output={tmp_path / 'mine.yaml'}"])
+        command.main([*places, f"output={tmp_path / 'mine.yaml'}"])
     assert says in str(told.value)
     assert not (tmp_path / "mine.yaml").exists()
 
@@ -170,7 +171,7 @@ def test_hundreds_of_columns_are_no_ode(tmp_path: Path) -> None:
     rows = [f"{t}," + ",".join(["1.0"] * 300) + "\n" for t in range(30)]
     (tmp_path / "wide.csv").write_text(f"time,{names}\n" + "".join(rows))
     with pytest.raises(InputError, match="300 columns beside the time") as told:
-        init.main([f"path={tmp_path / 'wide.csv'}", f"output={tmp_path / 'mine.yaml'}"])
+        command.main([f"path={tmp_path / 'wide.csv'}", f"output={tmp_path / 'mine.yaml'}"])
     assert "sensors=TABLE.csv" in str(told.value)
 
 

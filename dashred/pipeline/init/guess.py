@@ -14,9 +14,9 @@ from dashred.data.noise_level import noise_std
 from dashred.data.recording import Recording
 from dashred.data.resampling import fuller_step, own_step
 from dashred.data.time_scale import samples_a_change, suggested_step
-from dashred.starter.columns import Guessed
-from dashred.starter.relations import Rate, find_rates
-from dashred.starter.start import start_expression
+from dashred.pipeline.init.columns import Guessed
+from dashred.pipeline.init.relations import Rate, find_rates
+from dashred.pipeline.init.start import start_expression
 
 # Steps of the integrator in one of the recording's.
 STEPS_A_SAMPLE = 5

@@ -10,14 +10,14 @@ from dashred.config.schema.types import NAME
 from dashred.config.source import SCALARS
 from dashred.data.recording import Recording
 from dashred.data.resampling import fuller_step, own_step
-from dashred.starter.columns import Guessed
-from dashred.starter.guess import Guess
+from dashred.pipeline.init.columns import Guessed
+from dashred.pipeline.init.guess import Guess
 
 PLAIN = re.compile(r"[A-Za-z0-9_./~][A-Za-z0-9_./~ ()+-]*\Z")
 WHERE_COMMENTS_STAND = 30
 
 HEAD = """\
-# A first configuration for {recording}, written by `python -m dashred.init`.
+# A first configuration for {recording}, written by `python -m dashred.pipeline.init.command`.
 #
 # Lines marked {to_do} are yours to fill in: take the mark away when that is done. All other values
 # are guesses from the recording, or defaults, which you may change. Then
