@@ -49,6 +49,6 @@ $(READY): requirements.lock pyproject.toml | $(BIN)/pip
 	@echo "installing into $(VENV): some minutes, this once"
 	$(BIN)/python -m pip install -qq --no-compile --requirement requirements.lock
 	$(BIN)/python -m pip install -qq --no-deps --no-build-isolation --editable .
-	PYTHONDONTWRITEBYTECODE= $(BIN)/python -c "import dashred.stages.report, dashred.evaluation.twins.scoring, \
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -c "import dashred.pipeline.outputs.report, dashred.evaluation.twins.scoring, \
 	    lightning, mlflow.pytorch, mlflow.store.tracking.sqlalchemy_store, xarray"
 	@touch $@

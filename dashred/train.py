@@ -58,13 +58,13 @@ def analyse(config: Config) -> Path:
     from dashred.parent_run import open_parent
     from dashred.pipeline.discovery import discovery
     from dashred.pipeline.discovery.identifiable_terms import told_apart
+    from dashred.pipeline.outputs import report
     from dashred.run_notes import conclude, describe
     from dashred.stages import (
         assimilation,
         learning,
         problem,
         provenance,
-        report,
         simulation,
         surrogate,
         trajectories,

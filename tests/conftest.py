@@ -201,7 +201,7 @@ def train(
     def run(*words: str, folder: Path = tmp_path, figures: bool = False) -> Ended:
         output, root = folder / "output", folder / "mlruns"
         if not figures:
-            monkeypatch.setattr("dashred.stages.report.report", lambda *_: [])
+            monkeypatch.setattr("dashred.pipeline.outputs.report.report", lambda *_: [])
             monkeypatch.setattr("dashred.evaluation.twins.truth_figures.draw_truth", lambda *_: [])
         places = [f"output={output}", f"tracking.root={root}"]
         try:

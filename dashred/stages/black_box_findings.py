@@ -9,8 +9,8 @@ import numpy as np
 
 from dashred.core.findings.schema import Findings, Fit, Latent, Verdict, misfit, new_findings
 from dashred.data.recording import Recording
+from dashred.pipeline.outputs.field_files import write_estimates
 from dashred.stages.black_box import BlackBoxAnalysis, whole
-from dashred.stages.field_files import write_estimates
 from dashred.stages.held_out import relative_rmse
 from dashred.stages.mismatch import Missed
 from dashred.stages.problem import Problem

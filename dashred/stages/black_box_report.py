@@ -9,6 +9,8 @@ import numpy as np
 from dashred.core.findings.schema import Findings
 from dashred.core.progress import stage
 from dashred.core.units import in_brackets, time_label
+from dashred.pipeline.outputs.report import TITLES, varying
+from dashred.pipeline.outputs.sensor_figures import all_sensors, draw_sensors
 from dashred.reporting import html
 from dashred.reporting.figure_names import OF_SNAPSHOTS
 from dashred.reporting.figures import (
@@ -23,8 +25,6 @@ from dashred.reporting.summary import summary
 from dashred.stages.black_box import BlackBoxAnalysis
 from dashred.stages.problem import Problem
 from dashred.stages.provenance import git_commit
-from dashred.stages.report import TITLES, varying
-from dashred.stages.sensor_figures import all_sensors, draw_sensors
 
 
 def report(

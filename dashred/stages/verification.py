@@ -25,11 +25,11 @@ from dashred.inference.results.explanation import alternatives, explain, smaller
 from dashred.inference.results.location import locate
 from dashred.inference.results.verdict import unexplained, verdict
 from dashred.physics.runs.resolution import Resolution
+from dashred.pipeline.outputs.corrected_config import NAME as CORRECTED
+from dashred.pipeline.outputs.corrected_config import write_corrected
+from dashred.pipeline.outputs.field_files import write_episodes
 from dashred.stages.analysis import Analysis
-from dashred.stages.corrected import NAME as CORRECTED
-from dashred.stages.corrected import write_corrected
 from dashred.stages.energy import energy_lost
-from dashred.stages.field_files import write_episodes
 from dashred.stages.held_out import errors_of_held_out
 from dashred.stages.own_error import own_error
 from dashred.stages.problem import Problem

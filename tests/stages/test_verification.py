@@ -10,7 +10,8 @@ import xarray as xr
 from dashred.config import load_config
 from dashred.physics.runs.resolution import Resolution
 from dashred.physics.system import System
-from dashred.stages import field_files, held_out, verification
+from dashred.pipeline.outputs import field_files
+from dashred.stages import held_out, verification
 from dashred.stages.problem import pose
 
 

@@ -140,7 +140,7 @@ def _plain(config: Config) -> Config:
 
 def _write(output: Path, posed: Problem, ended: dict[str, Ended], run_id: str) -> None:
     from dashred.core.findings.findings import sha256_of, write_json_atomic
-    from dashred.stages.field_files import write_estimates
+    from dashred.pipeline.outputs.field_files import write_estimates
 
     fields = {name: one.found.states for name, one in ended.items() if one.found is not None}
     count = len(posed.split.fit.times)

@@ -41,7 +41,7 @@ STORE = "mlflow.store.tracking.sqlalchemy_store"
 # What each process needs sooner or later, beside its entry point's own imports.
 NEEDED = {
     "record": ("dashred.data.io.write_netcdf", "dashred.physics.solvers.simulate"),
-    "train": ("dashred.stages.report", STORE),
+    "train": ("dashred.pipeline.outputs.report", STORE),
     "score": ("dashred.evaluation.twins.scoring", "dashred.reporting.figures", STORE),
 }
 

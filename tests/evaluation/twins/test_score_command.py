@@ -16,7 +16,7 @@ from dashred.core.findings.findings import freeze, write_json_atomic
 from dashred.evaluation.twins import cause_scoring, score_command, scoring
 from dashred.evaluation.twins.sealing import SealedTerm, Truth, open_seal, seal
 from dashred.physics.system import System
-from dashred.stages.field_files import write_estimates
+from dashred.pipeline.outputs.field_files import write_estimates
 
 LAW = (SealedTerm("u", "u**3", -0.1), SealedTerm("u", "sin(u)", 0.2))
 

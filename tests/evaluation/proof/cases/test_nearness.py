@@ -22,7 +22,7 @@ from dashred.evaluation.proof.cases.nearness import (
 )
 from dashred.evaluation.twins.sealing import Concealed as Hidden
 from dashred.evaluation.twins.sealing import SealedTerm
-from dashred.stages.field_files import write_estimates
+from dashred.pipeline.outputs.field_files import write_estimates
 
 
 def concealed(*terms: SealedTerm, **more: Any) -> Concealed:

@@ -16,7 +16,7 @@ from dashred.data.io.write_netcdf import write_netcdf
 from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.proof.cases.effect_size import Concealed, conceal
 from dashred.evaluation.proof.cases.oracle import _nearest_rival, consult
-from dashred.stages.field_files import write_estimates
+from dashred.pipeline.outputs.field_files import write_estimates
 
 CHECKOUT = Path(__file__).resolve().parents[4]
 TERM = {"equation": "v", "term": "v**2", "coefficient": 1.0}

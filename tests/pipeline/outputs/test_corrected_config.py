@@ -16,7 +16,7 @@ from dashred.inference.results.parameter_change import is_exact
 from dashred.physics.backends.input_signals import Measured
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
-from dashred.stages.corrected import write_corrected
+from dashred.pipeline.outputs.corrected_config import write_corrected
 from tests import laws
 
 

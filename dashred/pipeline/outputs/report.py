@@ -14,6 +14,12 @@ from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.inference.results.location import law_tendency
 from dashred.inference.wording.wording import words
 from dashred.physics.system import Term
+from dashred.pipeline.outputs.sensor_figures import (
+    draw_forecast,
+    draw_traces,
+    draw_verification,
+    draw_whole_episode,
+)
 from dashred.reporting import html
 from dashred.reporting.figure_names import (
     OF_EQUATIONS,
@@ -43,12 +49,6 @@ from dashred.stages.analysis import Analysis
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.problem import Problem
 from dashred.stages.provenance import git_commit
-from dashred.stages.sensor_figures import (
-    draw_forecast,
-    draw_traces,
-    draw_verification,
-    draw_whole_episode,
-)
 
 PANELS = ("simulation", "dashred", "corrected")
 TITLES = {"alg1": "Algorithm 1", "alg2": "Algorithm 2"}
