@@ -22,7 +22,7 @@ def main(argv: list[str]) -> int:
     """Run the analysis, or the twin experiment around it."""
     helping = {"--help", "-h"} & set(argv)
     if not helping and any(word.startswith("resume=") for word in argv):
-        from dashred.resume import resume
+        from dashred.pipeline.run.resume import resume
 
         return resume(argv)
     config = load_config(argv, entry="train")
@@ -53,25 +53,18 @@ def analyse(config: Config) -> Path:
     Raises:
         InputError: the input is wrong; nothing is written then, though the folder may be made.
     """
-    from dashred.attempt import began_with, end
-    from dashred.output import clear_output, named_output
-    from dashred.parent_run import open_parent
     from dashred.pipeline.discovery import discovery
     from dashred.pipeline.discovery.identifiable_terms import told_apart
     from dashred.pipeline.outputs import report
-    from dashred.run_notes import conclude, describe
-    from dashred.stages import (
-        assimilation,
-        learning,
-        problem,
-        provenance,
-        simulation,
-        surrogate,
-        trajectories,
-    )
+    from dashred.pipeline.run import provenance
+    from dashred.pipeline.run.checkpoints import Checkpoints
+    from dashred.pipeline.run.output_dir import clear_output, named_output
+    from dashred.pipeline.run.parent_run import open_parent
+    from dashred.pipeline.run.run_manifest import began_with, end
+    from dashred.pipeline.run.run_tags import conclude, describe
+    from dashred.stages import assimilation, learning, problem, simulation, surrogate, trajectories
     from dashred.stages import verification as verify
     from dashred.stages.analysis import Analysis
-    from dashred.stages.checkpoints import Checkpoints
     from dashred.stages.structure import check_structure
 
     provenance.prepare_torch(config)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from dashred.core.errors import DONE, InputError
 from dashred.core.findings.findings import check_freeze
-from dashred.output import make_output
+from dashred.pipeline.run.output_dir import make_output
 from dashred.proof.isolation import LIMIT, analyst, bare_copy
 from dashred.reporting.verdict_words import verdict_lines
 

@@ -9,7 +9,7 @@ from dashred.core.progress import CONSOLE
 from dashred.evaluation.proof.cases.draw import seed_of
 from dashred.evaluation.proof.cases.kept_case import Kept
 from dashred.evaluation.proof.scoring.targets import TARGETS
-from dashred.output import make_output
+from dashred.pipeline.run.output_dir import make_output
 from dashred.proof.appendix import analyse_pendulum
 from dashred.proof.document import write_document
 from dashred.proof.figures import save_figures

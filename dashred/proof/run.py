@@ -28,7 +28,7 @@ from dashred.evaluation.proof.scoring.judge import unjudged
 from dashred.evaluation.proof.scoring.score_case import score_case
 from dashred.evaluation.twins.kept_seal import SEALED
 from dashred.evaluation.twins.sealing import seal
-from dashred.output import make_output
+from dashred.pipeline.run.output_dir import make_output
 from dashred.proof.isolation import LIMIT, Analyst, AnalystLostError, analyst, bare_copy
 from dashred.proof.words import Request
 

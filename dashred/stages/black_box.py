@@ -10,7 +10,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dashred.attempt import SNAPSHOTS, began_with, end
 from dashred.config import Config, config_sha256
 from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import stage
@@ -20,13 +19,15 @@ from dashred.inference.latent_sindy.operator_inference import SnapshotSteps
 from dashred.models.assimilation import AssimilatedEncoder
 from dashred.models.lag_windows import windows
 from dashred.models.shred import reconstruct
-from dashred.output import clear_output, named_output
-from dashred.parent_run import open_parent
 from dashred.physics.library import evaluate_terms
 from dashred.pipeline.discovery.identifiable_terms import told_apart
-from dashred.run_notes import conclude, describe
-from dashred.stages import assimilation, learning, mismatch, problem, provenance, snapshot_runs
-from dashred.stages.checkpoints import Checkpoints
+from dashred.pipeline.run import provenance
+from dashred.pipeline.run.checkpoints import Checkpoints
+from dashred.pipeline.run.output_dir import clear_output, named_output
+from dashred.pipeline.run.parent_run import open_parent
+from dashred.pipeline.run.run_manifest import SNAPSHOTS, began_with, end
+from dashred.pipeline.run.run_tags import conclude, describe
+from dashred.stages import assimilation, learning, mismatch, problem, snapshot_runs
 from dashred.stages.problem import Problem
 from dashred.stages.snapshot_runs import SnapshotRuns
 

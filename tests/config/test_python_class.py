@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from dashred.attempt import begin, words_of
 from dashred.config import Config, frozen_input, load_config
 from dashred.core.errors import InputError
+from dashred.pipeline.run.run_manifest import begin, words_of
 from tests.conftest import CHECKOUT
 from tests.documents import snippets
 

@@ -21,7 +21,7 @@ from dashred.core.system_errors import told
 from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
-from dashred.output import clear_output, make_output
+from dashred.pipeline.run.output_dir import clear_output, make_output
 from dashred.reporting.style import save_figure
 
 CHECKOUT = Path(__file__).resolve().parents[2]

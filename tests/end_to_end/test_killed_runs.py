@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from dashred.attempt import pointed_to
+from dashred.pipeline.run.run_manifest import pointed_to
 from tests.conftest import Ended, run_command
 from tests.killing import kill_when, start
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
+from dashred.pipeline.run.run_tags import found_in_short, headline
 from dashred.reporting.style import new_figure, save_figure
-from dashred.run_notes import found_in_short, headline
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 PENDULUM = CHECKOUT.parent / "shared" / "data" / "pendulum_single" / "recording.csv"

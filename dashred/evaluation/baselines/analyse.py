@@ -66,9 +66,10 @@ def analyse(config: Config) -> None:
     from dashred.evaluation.baselines.kalman_filter import filter_augmented, filter_state
     from dashred.evaluation.baselines.optimal_interpolation import optimal_interpolation
     from dashred.evaluation.baselines.plain_shred import plain_shred
-    from dashred.output import make_output
     from dashred.pipeline.discovery.identifiable_terms import told_apart
-    from dashred.stages import problem, provenance, simulation
+    from dashred.pipeline.run import provenance
+    from dashred.pipeline.run.output_dir import make_output
+    from dashred.stages import problem, simulation
 
     assert config.output is not None
     provenance.prepare_torch(config)

@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from dashred.evaluation.benchmark.plan import Row
-from dashred.output import make_output
+from dashred.pipeline.run.output_dir import make_output
 
 POLL_SECONDS = 0.1
 GRACE_SECONDS = 15.0

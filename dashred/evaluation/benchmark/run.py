@@ -30,7 +30,7 @@ from dashred.evaluation.benchmark.table import (
     to_markdown,
     to_rich,
 )
-from dashred.output import make_output
+from dashred.pipeline.run.output_dir import make_output
 
 # A log or a pipe has no width of its own, and tables are wide.
 WIDE = 240

@@ -72,7 +72,7 @@ def compare(folder: Path, noise: float, seed: int) -> Comparison:
         InputError: something is missing, or was changed after it was frozen.
     """
     from dashred.evaluation.twins.sealing import open_seal
-    from dashred.stages.provenance import git_commit
+    from dashred.pipeline.run.provenance import git_commit
 
     findings = json.loads((folder / "findings.json").read_text(encoding="utf-8"))
     comparison = Comparison(

@@ -25,7 +25,7 @@ from dashred.evaluation.comparison.kept_comparison import (
 from dashred.evaluation.comparison.kept_rows import rows_of_page
 from dashred.evaluation.comparison.method_scores import read_others
 from dashred.evaluation.comparison.ratios import ComparedRow, as_metrics
-from dashred.output import make_output
+from dashred.pipeline.run.output_dir import make_output
 
 LOG = "other_methods.txt"
 

@@ -46,8 +46,8 @@ def record(config: Config, output: Path) -> None:
     from dashred.evaluation.twins.recorder import clock_of, observe, simulate_truth
     from dashred.evaluation.twins.sealing import Truth, seal
     from dashred.evaluation.twins.twin_file import read_twin
-    from dashred.output import make_output
     from dashred.physics.system import System
+    from dashred.pipeline.run.output_dir import make_output
 
     torch.set_num_threads(1)
     use_threads(config.threads)

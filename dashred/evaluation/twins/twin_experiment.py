@@ -16,8 +16,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from dashred.attempt import RECORDING as READ
-from dashred.attempt import began_with, pointed_to, read_began
 from dashred.config import Config, load_config
 from dashred.config.commandline import PLACE
 from dashred.core.errors import DONE, OUR_FAILURE, WRONG_INPUT, InputError
@@ -26,10 +24,12 @@ from dashred.core.mlflow.store import Store, open_store, status_of
 from dashred.core.mlflow.tracker import Tracker
 from dashred.evaluation.twins.kept_seal import SEALED, drop_seal, keep_seal, kept_seal
 from dashred.evaluation.twins.twin_file import entry_of
-from dashred.output import named_output
-from dashred.parent_run import cut_short, experiment_of
+from dashred.pipeline.run.output_dir import named_output
+from dashred.pipeline.run.parent_run import cut_short, experiment_of
+from dashred.pipeline.run.run_manifest import RECORDING as READ
+from dashred.pipeline.run.run_manifest import began_with, pointed_to, read_began
+from dashred.pipeline.run.run_tags import name_of
 from dashred.reporting.figure_names import OF_THE_TRUTH
-from dashred.run_notes import name_of
 
 OWN = ("output=", "tracking.run=", "tracking.parent=")
 # Of what describes the twin, the step of the analysis clock alone is the analysis' business.

@@ -40,7 +40,6 @@ def check(config: Config) -> Page:
     from dashred.core.mlflow.server import check_server
     from dashred.core.threads import use_threads
     from dashred.models.device import check_device
-    from dashred.output import check_output
     from dashred.pipeline.check.agreement import about_agreement
     from dashred.pipeline.check.context import situation_of
     from dashred.pipeline.check.ensemble import about_ensemble, about_structure
@@ -50,6 +49,7 @@ def check(config: Config) -> Page:
     from dashred.pipeline.check.simulator import about_simulator, run_nominal
     from dashred.pipeline.check.snapshots import about_snapshots
     from dashred.pipeline.check.splits import about_splits
+    from dashred.pipeline.run.output_dir import check_output
 
     check_device(config)
     check_output(config)

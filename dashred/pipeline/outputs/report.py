@@ -20,6 +20,7 @@ from dashred.pipeline.outputs.sensor_figures import (
     draw_verification,
     draw_whole_episode,
 )
+from dashred.pipeline.run.provenance import git_commit
 from dashred.reporting import html
 from dashred.reporting.figure_names import (
     OF_EQUATIONS,
@@ -48,7 +49,6 @@ from dashred.reporting.verdict_words import nearly_all
 from dashred.stages.analysis import Analysis
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.problem import Problem
-from dashred.stages.provenance import git_commit
 
 PANELS = ("simulation", "dashred", "corrected")
 TITLES = {"alg1": "Algorithm 1", "alg2": "Algorithm 2"}

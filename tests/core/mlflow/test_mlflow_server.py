@@ -21,9 +21,9 @@ from urllib.request import urlopen
 import numpy as np
 import pytest
 
-from dashred.attempt import pointed_to
 from dashred.core.errors import InputError
 from dashred.core.mlflow.tracker import Tracker
+from dashred.pipeline.run.run_manifest import pointed_to
 from tests.conftest import CHECKOUT, Ended
 from tests.documents import snippets
 from tests.killing import kill_when, start

@@ -21,7 +21,7 @@ from dashred.evaluation.benchmark.arguments import read_seeds, read_words
 from dashred.evaluation.benchmark.plan import Row, plan
 from dashred.evaluation.benchmark.summary import as_metrics, summarise
 from dashred.evaluation.benchmark.table import finished_line, notes, rows_grid, to_markdown
-from dashred.output import make_output
+from dashred.pipeline.run.output_dir import make_output
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 

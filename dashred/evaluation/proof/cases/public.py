@@ -24,7 +24,7 @@ from dashred.data.recording import Recording
 from dashred.evaluation.proof.cases.descriptions import hidden_in_words
 from dashred.evaluation.proof.cases.draw import Case, draw_cases, seed_of
 from dashred.evaluation.proof.cases.effect_size import Concealed, conceal
-from dashred.output import make_output
+from dashred.pipeline.run.output_dir import make_output
 
 HASHES = "hashes.json"
 # Enough to read σ off the noise, and no digits that would tell one machine from another.

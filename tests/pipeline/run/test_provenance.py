@@ -11,9 +11,9 @@ import torch
 from dashred.config import Config, load_config
 from dashred.core.errors import InputError
 from dashred.core.threads import use_threads
-from dashred.output import check_output, clear_output, make_output, named_output
+from dashred.pipeline.run import provenance
+from dashred.pipeline.run.output_dir import check_output, clear_output, make_output, named_output
 from dashred.reporting.style import new_figure, save_figure
-from dashred.stages import provenance
 
 
 @pytest.fixture(autouse=True)

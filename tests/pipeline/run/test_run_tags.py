@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from dashred.core.findings.schema import misfit, new_findings
-from dashred.run_notes import found_in_short, headline, note
+from dashred.pipeline.run.run_tags import found_in_short, headline, note
 
 
 def findings(**known: Any) -> dict[str, Any]:

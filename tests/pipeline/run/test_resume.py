@@ -13,11 +13,11 @@ from typing import Any
 import pytest
 import torch
 
-from dashred.attempt import BEGAN, WORDS, begin, words_of
 from dashred.config import bundled, frozen_input, load_config
 from dashred.core.errors import InputError
-from dashred.resume import named_folder, read_words
-from dashred.stages.checkpoints import Checkpoints
+from dashred.pipeline.run.checkpoints import Checkpoints
+from dashred.pipeline.run.resume import named_folder, read_words
+from dashred.pipeline.run.run_manifest import BEGAN, WORDS, begin, words_of
 
 # Of a twin's noise: a number that nothing else has.
 NOISE = "0.0213578"
@@ -246,7 +246,7 @@ def test_a_checkpoint_that_would_run_code_is_not_read(tmp_path, monkeypatch) -> 
 def test_seconds_of_an_earlier_attempt_are_counted_once(tmp_path, monkeypatch) -> None:
     clock = iter([10.0, 17.5, 20.0, 22.0])
     monkeypatch.setattr(
-        "dashred.stages.checkpoints.time", SimpleNamespace(perf_counter=lambda: next(clock))
+        "dashred.pipeline.run.checkpoints.time", SimpleNamespace(perf_counter=lambda: next(clock))
     )
     first = Checkpoints(tmp_path, {})
     first.stage("shred", lambda: {"a": 1})
@@ -269,5 +269,5 @@ def test_a_checkpoint_that_was_cut_off_is_made_anew(tmp_path) -> None:
 def test_what_other_code_has_found_is_found_again(tmp_path: Path, monkeypatch) -> None:
     kept = Checkpoints(tmp_path, {})
     assert kept.stage("count", lambda: 1) == kept.stage("count", lambda: 2) == 1
-    monkeypatch.setattr("dashred.stages.checkpoints.git_commit", lambda: "another")
+    monkeypatch.setattr("dashred.pipeline.run.checkpoints.git_commit", lambda: "another")
     assert kept.stage("count", lambda: 2) == kept.stage("count", lambda: 3) == 2

@@ -1,4 +1,4 @@
-"""Analyse one recording after another: ``python -m dashred.analyst``.
+"""Analyse one recording after another: ``python -m dashred.pipeline.run.worker``.
 
 Its imports, and the kernels that it compiles, serve them all. Each line of stdin is JSON, the words
 of one ``dashred.train`` and where it prints to: ``{"words": [...], "log": FILE}``. Each is answered

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dashred.attempt import FROZEN, differences, end, present, read_began, words_of
 from dashred.config.commandline import BASE, PLACE
 from dashred.config.layers import absolute, store_root
 from dashred.config.source import read_file
@@ -19,7 +18,15 @@ from dashred.core.mlflow.store import INTERRUPTED, Store, status_of, store_of_ru
 from dashred.core.mlflow.tracker import Tracker
 from dashred.evaluation.twins.kept_seal import kept_seal
 from dashred.evaluation.twins.twin_experiment import EndedError, score, standby, tell, wait
-from dashred.output import make_output
+from dashred.pipeline.run.output_dir import make_output
+from dashred.pipeline.run.run_manifest import (
+    FROZEN,
+    differences,
+    end,
+    present,
+    read_began,
+    words_of,
+)
 
 KEYS = ("resume", "output", "tracking.root", "trust")
 

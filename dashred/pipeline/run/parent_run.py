@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from dashred.attempt import begin, differences, point_to, pointed_to, read_began
 from dashred.config import Config
 from dashred.core.errors import InputError
 from dashred.core.job_control import alone_in
 from dashred.core.mlflow.store import INTERRUPTED, Store, open_store, status_of
 from dashred.core.mlflow.tracker import Tracker
-from dashred.run_notes import name_of
+from dashred.pipeline.run.run_manifest import begin, differences, point_to, pointed_to, read_began
+from dashred.pipeline.run.run_tags import name_of
 
 
 def experiment_of(config: Config) -> str:

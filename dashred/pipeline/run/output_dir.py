@@ -6,11 +6,11 @@ import os
 from pathlib import Path
 from tempfile import TemporaryFile
 
-from dashred.attempt import POINTER
 from dashred.config import Config
 from dashred.core.errors import InputError
 from dashred.core.files.atomic import clear_partial
 from dashred.core.files.user_path import is_server
+from dashred.pipeline.run.run_manifest import POINTER
 from dashred.reporting.figure_names import drawn_by_us
 
 FREEZE = "freeze.json"

@@ -12,7 +12,6 @@ from pathlib import Path
 import torch
 from threadpoolctl import threadpool_limits
 
-from dashred.attempt import FROZEN
 from dashred.config import Config
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.findings import sha256_of, write_json_atomic
@@ -20,7 +19,8 @@ from dashred.core.findings.schema import Findings
 from dashred.core.mlflow.tracker import Tracker
 from dashred.core.threads import use_threads
 from dashred.models.device import check_device
-from dashred.output import results_in
+from dashred.pipeline.run.output_dir import results_in
+from dashred.pipeline.run.run_manifest import FROZEN
 from dashred.reporting.summary import print_summary, summary
 
 
@@ -47,7 +47,7 @@ def prepare_torch(config: Config) -> None:
 
 def git_commit() -> str:
     """Return the commit of the checkout, with ``+`` if it has changes, or ``unknown``."""
-    root = Path(__file__).resolve().parents[2]
+    root = Path(__file__).resolve().parents[3]
     commands = (["git", "rev-parse", "HEAD"], ["git", "status", "--porcelain", "-uno"])
     try:
         commit, changes = (

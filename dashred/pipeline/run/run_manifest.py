@@ -24,7 +24,7 @@ from dashred.core.errors import InputError
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.findings import versions, write_json_atomic
 
-CHECKOUT = Path(__file__).resolve().parents[1]
+CHECKOUT = Path(__file__).resolve().parents[3]
 PACKAGES = ("dashred", "datamodules", "callbacks")
 CONFIGURATION, RECORDING = "the configuration", "the recording"
 SNAPSHOTS, CODE = "the snapshots", "the code of dashred"
