@@ -39,7 +39,7 @@ def main(argv: list[str]) -> int:
             hint="give recording.path=FILE, or recording.twin=NAME for a twin experiment",
         )
     if config.system.snapshots is not None:
-        from dashred.stages.black_box import analyse_snapshots
+        from dashred.pipeline.snapshots.black_box import analyse_snapshots
 
         analyse_snapshots(config)
     else:

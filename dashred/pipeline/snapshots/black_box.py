@@ -27,9 +27,10 @@ from dashred.pipeline.run.output_dir import clear_output, named_output
 from dashred.pipeline.run.parent_run import open_parent
 from dashred.pipeline.run.run_manifest import SNAPSHOTS, began_with, end
 from dashred.pipeline.run.run_tags import conclude, describe
-from dashred.stages import assimilation, learning, mismatch, problem, snapshot_runs
+from dashred.pipeline.snapshots import mismatch, snapshot_runs
+from dashred.pipeline.snapshots.snapshot_runs import SnapshotRuns
+from dashred.stages import assimilation, learning, problem
 from dashred.stages.problem import Problem
-from dashred.stages.snapshot_runs import SnapshotRuns
 
 # The longest step that is learnt is such a part of the fit window: drift shows over long ones.
 LONG = 5
@@ -63,7 +64,7 @@ def analyse_snapshots(config: Config) -> Path:
     Raises:
         InputError: the input is wrong; nothing is written then, though the folder may be made.
     """
-    from dashred.stages import black_box_findings, black_box_report
+    from dashred.pipeline.snapshots import black_box_findings, black_box_report
 
     provenance.prepare_torch(config)
     posed = problem.pose(config)

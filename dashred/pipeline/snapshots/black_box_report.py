@@ -12,6 +12,7 @@ from dashred.core.units import in_brackets, time_label
 from dashred.pipeline.outputs.report import TITLES, varying
 from dashred.pipeline.outputs.sensor_figures import all_sensors, draw_sensors
 from dashred.pipeline.run.provenance import git_commit
+from dashred.pipeline.snapshots.black_box import BlackBoxAnalysis
 from dashred.reporting import html
 from dashred.reporting.figure_names import OF_SNAPSHOTS
 from dashred.reporting.figures import (
@@ -23,7 +24,6 @@ from dashred.reporting.figures import (
 )
 from dashred.reporting.gallery import Gallery
 from dashred.reporting.summary import summary
-from dashred.stages.black_box import BlackBoxAnalysis
 from dashred.stages.problem import Problem
 
 

@@ -20,7 +20,7 @@ from dashred.data.sensors import Sensor
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.pipeline.check import command
-from dashred.stages.mismatch import Mismatch, Missed
+from dashred.pipeline.snapshots.mismatch import Mismatch, Missed
 
 CONFIG = """\
 system:
@@ -93,7 +93,7 @@ def found(given, train, monkeypatch):
     """``found(*words)``: the findings, without figures, and how the command ended."""
 
     def run(*words: str) -> tuple[dict[str, Any], Any]:
-        monkeypatch.setattr("dashred.stages.black_box_report.report", lambda *_: [])
+        monkeypatch.setattr("dashred.pipeline.snapshots.black_box_report.report", lambda *_: [])
         ended = train(f"conf={given / 'box.yaml'}", *words)
         assert ended.code == 0, ended.err
         return json.loads(ended.read("findings.json")), ended
@@ -137,7 +137,7 @@ def test_a_recording_of_the_simulation_itself_shows_no_mismatch(found, given) ->
 
 def test_what_was_cut_short_goes_on_without_training_again(given, train, monkeypatch) -> None:
     words = (f"conf={given / 'box.yaml'}", "shred.epochs=2", "assimilation.epochs=2")
-    report = "dashred.stages.black_box_report.report"
+    report = "dashred.pipeline.snapshots.black_box_report.report"
     with monkeypatch.context() as patch:
         patch.setattr(report, lambda *_: [])
         once = train(*words)

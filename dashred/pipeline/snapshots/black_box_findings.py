@@ -10,9 +10,9 @@ import numpy as np
 from dashred.core.findings.schema import Findings, Fit, Latent, Verdict, misfit, new_findings
 from dashred.data.recording import Recording
 from dashred.pipeline.outputs.field_files import write_estimates
-from dashred.stages.black_box import BlackBoxAnalysis, whole
+from dashred.pipeline.snapshots.black_box import BlackBoxAnalysis, whole
+from dashred.pipeline.snapshots.mismatch import Missed
 from dashred.stages.held_out import relative_rmse
-from dashred.stages.mismatch import Missed
 from dashred.stages.problem import Problem
 from dashred.stages.verification import freeze_findings, proposals, source_of
 
