@@ -62,10 +62,10 @@ def analyse(config: Config) -> Path:
     from dashred.pipeline.run.parent_run import open_parent
     from dashred.pipeline.run.run_manifest import began_with, end
     from dashred.pipeline.run.run_tags import conclude, describe
+    from dashred.pipeline.verification import verification as verify
+    from dashred.pipeline.verification.structure import check_structure
     from dashred.stages import assimilation, learning, problem, simulation, surrogate, trajectories
-    from dashred.stages import verification as verify
     from dashred.stages.analysis import Analysis
-    from dashred.stages.structure import check_structure
 
     provenance.prepare_torch(config)
     posed = problem.pose(config)

@@ -14,7 +14,7 @@ from dashred.pipeline.check.placeholders import still
 from dashred.pipeline.check.remark import Remark, doubtful
 from dashred.pipeline.check.run_time import BATCHED
 from dashred.pipeline.check.simulator import Simulated
-from dashred.stages.structure import check_structure
+from dashred.pipeline.verification.structure import check_structure
 
 # Members that are tried at once, rounds, and the seconds that a round may take.
 MEMBERS, ROUNDS, SECONDS = 8, 3, 1.0

@@ -10,6 +10,7 @@ import numpy as np
 from dashred.core.findings.schema import Findings
 from dashred.core.units import time_label
 from dashred.data.recording import Recording
+from dashred.pipeline.verification.held_out import MISFITS
 from dashred.reporting.figures import (
     forecast_figure,
     sensor_traces,
@@ -17,7 +18,6 @@ from dashred.reporting.figures import (
 )
 from dashred.reporting.gallery import Gallery
 from dashred.stages.analysis import Analysis
-from dashred.stages.held_out import MISFITS
 from dashred.stages.problem import Problem
 from dashred.stages.trajectories import Trajectories
 

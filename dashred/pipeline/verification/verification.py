@@ -28,12 +28,12 @@ from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline.outputs.corrected_config import NAME as CORRECTED
 from dashred.pipeline.outputs.corrected_config import write_corrected
 from dashred.pipeline.outputs.field_files import write_episodes
+from dashred.pipeline.verification.energy import energy_lost
+from dashred.pipeline.verification.held_out import errors_of_held_out
+from dashred.pipeline.verification.numerical_error import own_error
+from dashred.pipeline.verification.structure import structure_changed
 from dashred.stages.analysis import Analysis
-from dashred.stages.energy import energy_lost
-from dashred.stages.held_out import errors_of_held_out
-from dashred.stages.own_error import own_error
 from dashred.stages.problem import Problem
-from dashred.stages.structure import structure_changed
 
 
 def verify(problem: Problem, analysis: Analysis) -> Findings:

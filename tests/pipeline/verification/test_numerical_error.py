@@ -12,7 +12,7 @@ from torch import Tensor
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import Law
 from dashred.physics.system import System
-from dashred.stages.own_error import BEGINNING, LARGEST, own_error
+from dashred.pipeline.verification.numerical_error import BEGINNING, LARGEST, own_error
 from tests import laws
 
 TEXT = """

@@ -14,7 +14,7 @@ from dashred.physics.backends.input_signals import Measured
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
-from dashred.stages.structure import check_structure
+from dashred.pipeline.verification.structure import check_structure
 
 
 @pytest.mark.parametrize("name", ["mass_spring", "wave"])

@@ -13,7 +13,7 @@ import torch
 from dashred.core.errors import InputError
 from dashred.inference.fit.law import Law
 from dashred.physics.system import System
-from dashred.stages.energy import energy_lost
+from dashred.pipeline.verification.energy import energy_lost
 from tests import laws
 
 TEXT = """
