@@ -15,8 +15,8 @@ from dashred.evaluation.proof.cases.case_record import KINDS, CaseRecord, Gain
 from dashred.evaluation.proof.scoring.outcomes import deviation, leading_right
 from dashred.evaluation.proof.scoring.statistics import Rate
 from dashred.evaluation.proof.scoring.targets import Records, cases, coefficients, nulls, of_kind
-from dashred.reporting.figures import save_figure
-from dashred.reporting.style import (
+from dashred.reporting.figures.save import save_figure
+from dashred.reporting.figures.style import (
     BLACK,
     BLUE,
     GREEN,

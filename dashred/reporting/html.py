@@ -7,7 +7,7 @@ from typing import Any
 
 from dashred.core.files.atomic import write_text_atomic
 from dashred.reporting import page_sections as sections
-from dashred.reporting.figure_names import FORECAST, METHOD, PROOF, WHAT, WHERE
+from dashred.reporting.figures.figure_names import FORECAST, METHOD, PROOF, WHAT, WHERE
 from dashred.reporting.headline import headline
 from dashred.reporting.page_parts import figures as drawn
 from dashred.reporting.page_parts import paragraphs

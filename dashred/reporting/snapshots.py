@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from dashred.core.units import NONE, TIME, in_brackets, measured
 from dashred.reporting.cells import Extent, cells_about, frame_points
+from dashred.reporting.figures.style import new_figure, style
 from dashred.reporting.method_names import method_name
-from dashred.reporting.style import new_figure, style
 
 Field = Float[np.ndarray, "time x y"]
 

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from dashred.reporting.cells import Extent, cells_about, frame_points
+from dashred.reporting.figures.style import GREY, new_figure, style
 from dashred.reporting.method_names import method_name
-from dashred.reporting.style import GREY, new_figure, style
 
 Field = Float[np.ndarray, "time x"]
 

@@ -22,7 +22,7 @@ from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.pipeline.run.output_dir import clear_output, make_output
-from dashred.reporting.style import save_figure
+from dashred.reporting.figures.style import save_figure
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 FULL = OSError(errno.ENOSPC, "No space left on device", "/out/findings.json")

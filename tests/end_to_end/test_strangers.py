@@ -22,7 +22,7 @@ from dashred.core.files.external_links import check_folder, check_hdf5
 from dashred.data.io.read_netcdf import read_netcdf
 from dashred.physics.external.snapshot_file import open_snapshots
 from dashred.physics.system import System
-from dashred.reporting.style import new_figure, save_figure
+from dashred.reporting.figures.style import new_figure, save_figure
 from tests.conftest import CHECKOUT, run_command
 
 # Whatever turns text or a file into running code.

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from dashred.pipeline.run.run_tags import found_in_short, headline
-from dashred.reporting.style import new_figure, save_figure
+from dashred.reporting.figures.style import new_figure, save_figure
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 PENDULUM = CHECKOUT.parent / "shared" / "data" / "pendulum_single" / "recording.csv"

@@ -9,14 +9,14 @@ import numpy as np
 import xarray as xr
 
 from dashred.core.units import in_brackets, time_label
-from dashred.reporting.figures import (
+from dashred.reporting.figures.gallery import Gallery
+from dashred.reporting.figures.save import (
     front_figure,
     rmse_against_time,
     snapshot_panels,
     space_time_panels,
     state_traces,
 )
-from dashred.reporting.gallery import Gallery
 from dashred.reporting.method_names import SHRED_UNCHANGED
 
 # More than these could not be told apart on one page.

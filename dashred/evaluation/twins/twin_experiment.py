@@ -29,7 +29,7 @@ from dashred.pipeline.run.parent_run import cut_short, experiment_of
 from dashred.pipeline.run.run_manifest import RECORDING as READ
 from dashred.pipeline.run.run_manifest import began_with, pointed_to, read_began
 from dashred.pipeline.run.run_tags import name_of
-from dashred.reporting.figure_names import OF_THE_TRUTH
+from dashred.reporting.figures.figure_names import OF_THE_TRUTH
 
 OWN = ("output=", "tracking.run=", "tracking.parent=")
 # Of what describes the twin, the step of the analysis clock alone is the analysis' business.
@@ -42,7 +42,7 @@ STORE = "mlflow.store.tracking.sqlalchemy_store"
 NEEDED = {
     "record": ("dashred.data.io.write_netcdf", "dashred.physics.solvers.simulate"),
     "train": ("dashred.pipeline.outputs.report", STORE),
-    "score": ("dashred.evaluation.twins.scoring", "dashred.reporting.figures", STORE),
+    "score": ("dashred.evaluation.twins.scoring", "dashred.reporting.figures.save", STORE),
 }
 
 

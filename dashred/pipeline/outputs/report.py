@@ -22,7 +22,7 @@ from dashred.pipeline.outputs.sensor_figures import (
 )
 from dashred.pipeline.run.provenance import git_commit
 from dashred.reporting import html
-from dashred.reporting.figure_names import (
+from dashred.reporting.figures.figure_names import (
     OF_EQUATIONS,
     PROOF,
     SENSORS,
@@ -30,7 +30,8 @@ from dashred.reporting.figure_names import (
     Captions,
     sensors_of_episode,
 )
-from dashred.reporting.figures import (
+from dashred.reporting.figures.gallery import Gallery
+from dashred.reporting.figures.save import (
     LatentPath,
     LawMap,
     accuracy_against_sparsity,
@@ -43,7 +44,6 @@ from dashred.reporting.figures import (
     space_time_panels,
     where_figure,
 )
-from dashred.reporting.gallery import Gallery
 from dashred.reporting.summary import summary
 from dashred.reporting.verdict_words import nearly_all
 from dashred.stages.analysis import Analysis

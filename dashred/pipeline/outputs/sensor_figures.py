@@ -11,12 +11,12 @@ from dashred.core.findings.schema import Findings
 from dashred.core.units import time_label
 from dashred.data.recording import Recording
 from dashred.pipeline.verification.held_out import MISFITS
-from dashred.reporting.figures import (
+from dashred.reporting.figures.gallery import Gallery
+from dashred.reporting.figures.save import (
     forecast_figure,
     sensor_traces,
     verification_figure,
 )
-from dashred.reporting.gallery import Gallery
 from dashred.stages.analysis import Analysis
 from dashred.stages.problem import Problem
 from dashred.stages.trajectories import Trajectories

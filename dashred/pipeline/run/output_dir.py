@@ -11,7 +11,7 @@ from dashred.core.errors import InputError
 from dashred.core.files.atomic import clear_partial
 from dashred.core.files.user_path import is_server
 from dashred.pipeline.run.run_manifest import POINTER
-from dashred.reporting.figure_names import drawn_by_us
+from dashred.reporting.figures.figure_names import drawn_by_us
 
 FREEZE = "freeze.json"
 # What an analysis leaves beside its figures. The next may not write all of it again, and what is

@@ -14,15 +14,15 @@ from dashred.pipeline.outputs.sensor_figures import all_sensors, draw_sensors
 from dashred.pipeline.run.provenance import git_commit
 from dashred.pipeline.snapshots.black_box import BlackBoxAnalysis
 from dashred.reporting import html
-from dashred.reporting.figure_names import OF_SNAPSHOTS
-from dashred.reporting.figures import (
+from dashred.reporting.figures.figure_names import OF_SNAPSHOTS
+from dashred.reporting.figures.gallery import Gallery
+from dashred.reporting.figures.save import (
     coefficients_against_epoch,
     epochs_and_values,
     learning_curves,
     snapshot_panels,
     space_time_panels,
 )
-from dashred.reporting.gallery import Gallery
 from dashred.reporting.summary import summary
 from dashred.stages.problem import Problem
 

@@ -13,7 +13,7 @@ from dashred.core.errors import InputError
 from dashred.core.threads import use_threads
 from dashred.pipeline.run import provenance
 from dashred.pipeline.run.output_dir import check_output, clear_output, make_output, named_output
-from dashred.reporting.style import new_figure, save_figure
+from dashred.reporting.figures.style import new_figure, save_figure
 
 
 @pytest.fixture(autouse=True)

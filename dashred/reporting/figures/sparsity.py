@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from dashred.reporting.style import CYCLE, GREEN, new_figure, style
+from dashred.reporting.figures.style import CYCLE, GREEN, new_figure, style
 
 RING: dict[str, Any] = {"markersize": 12, "markerfacecolor": "none", "markeredgewidth": 1.6}
 CHOSEN, REPORTED, ELSEWHERE = "ring: chosen", "ring: reported", "the law reported is none of these"

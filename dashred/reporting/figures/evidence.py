@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from dashred.core.formatting import pretty, with_error
 from dashred.core.units import measured
-from dashred.reporting.style import BLUE, GREY, VERMILION, new_figure, style
+from dashred.reporting.figures.style import BLUE, GREY, VERMILION, new_figure, style
 
 # Scores closer than this to the best are as good as the best (design §4.2.6).
 AMBIGUOUS = 6.0

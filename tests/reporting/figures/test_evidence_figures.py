@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.text import Text
 
-from dashred.reporting.figures import (
+from dashred.reporting.figures.save import (
     LawMap,
     evidence_figure,
     save_figure,
@@ -176,7 +176,7 @@ def test_without_test_sensors_the_bars_stand_alone_with_a_legend() -> None:
 
 
 def test_the_map_of_a_forcing_shows_the_equations_of_which_it_is_sure() -> None:
-    from dashred.reporting.figures import forcing_figure
+    from dashred.reporting.figures.save import forcing_figure
 
     size = np.zeros((4, 3))
     size[1] = 0.5

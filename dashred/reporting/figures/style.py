@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from dashred.core.files.atomic import whole_file
-from dashred.reporting.figure_names import SOFTWARE
+from dashred.reporting.figures.figure_names import SOFTWARE
 from dashred.reporting.method_names import SHRED_UNCHANGED
 
 BLACK, GREY, LIGHT = "#1a1a1a", "#8a8a8a", "#d9d9d9"

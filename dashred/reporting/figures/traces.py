@@ -8,8 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dashred.core.units import NONE, in_brackets
-from dashred.reporting.method_names import method_name
-from dashred.reporting.style import (
+from dashred.reporting.figures.style import (
     BLACK,
     legend_above,
     method_look,
@@ -17,6 +16,7 @@ from dashred.reporting.style import (
     shade_held_out,
     style,
 )
+from dashred.reporting.method_names import method_name
 
 MOST = 6
 DETAILED, DENSE = 2, 1000  # so few sensors with so many samples get a panel of detail each

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dashred.core.formatting import pretty
-from dashred.reporting.style import CYCLE, GREY, LIGHT, new_figure, style
+from dashred.reporting.figures.style import CYCLE, GREY, LIGHT, new_figure, style
 
 LABEL_GAP = 0.075  # least distance between two labels, as a fraction of the panel's height
 

@@ -7,8 +7,7 @@ from jaxtyping import Float, Int
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dashred.reporting.method_names import method_name
-from dashred.reporting.style import (
+from dashred.reporting.figures.style import (
     CYCLE,
     legend_above,
     method_look,
@@ -16,6 +15,7 @@ from dashred.reporting.style import (
     shade_held_out,
     style,
 )
+from dashred.reporting.method_names import method_name
 
 WIDE_RANGE = 30.0  # beyond this ratio a linear scale would hide the small curve
 

@@ -7,9 +7,9 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from dashred.core.units import NONE, in_brackets
-from dashred.reporting.style import GREY, legend_above, new_figure, style
-from dashred.reporting.traces import draw_sensor
-from dashred.reporting.verification import frame_recorded
+from dashred.reporting.figures.held_out import frame_recorded
+from dashred.reporting.figures.style import GREY, legend_above, new_figure, style
+from dashred.reporting.figures.traces import draw_sensor
 
 MOST = 3
 # Of the recording this much is shown before the forecast begins, as a share of the forecast.

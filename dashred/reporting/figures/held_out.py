@@ -8,14 +8,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dashred.core.units import NONE, in_brackets
-from dashred.reporting.method_names import method_name
-from dashred.reporting.style import (
+from dashred.reporting.figures.style import (
     COLOURS,
     new_figure,
     shade_held_out,
     style,
 )
-from dashred.reporting.traces import draw_sensor
+from dashred.reporting.figures.traces import draw_sensor
+from dashred.reporting.method_names import method_name
 
 MOST = 3
 COMPARED = ("before", "before_refit", "after")

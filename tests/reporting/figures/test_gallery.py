@@ -6,9 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from dashred.reporting.figure_names import OF_EQUATIONS, OF_THE_TRUTH, PROOF, WHERE, is_figure
-from dashred.reporting.gallery import Gallery
-from dashred.reporting.style import new_figure
+from dashred.reporting.figures.figure_names import (
+    OF_EQUATIONS,
+    OF_THE_TRUTH,
+    PROOF,
+    WHERE,
+    is_figure,
+)
+from dashred.reporting.figures.gallery import Gallery
+from dashred.reporting.figures.style import new_figure
 
 
 def test_a_page_shows_what_was_drawn_and_nothing_else_that_lies_there(tmp_path: Path) -> None:

@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dashred.core.formatting import pretty
-from dashred.reporting.coefficients import spread_out
-from dashred.reporting.figures import (
+from dashred.reporting.figures.coefficients import spread_out
+from dashred.reporting.figures.save import (
     LatentPath,
     accuracy_against_sparsity,
     coefficients_against_epoch,

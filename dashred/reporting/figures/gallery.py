@@ -6,8 +6,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from dashred.reporting.figure_names import Captions, is_figure
-from dashred.reporting.style import save_figure
+from dashred.reporting.figures.figure_names import Captions, is_figure
+from dashred.reporting.figures.style import save_figure
 
 
 class Gallery:
@@ -26,7 +26,7 @@ class Gallery:
         """Save a figure under one of the names by which a later run clears it away.
 
         Raises:
-            ValueError: :mod:`dashred.reporting.figure_names` has no such name.
+            ValueError: :mod:`dashred.reporting.figures.figure_names` has no such name.
         """
         if not is_figure(name):
             raise ValueError(f"no figure of ours is called {name!r}")

@@ -1,19 +1,19 @@
 """All figures of a run, from one place."""
 
-from dashred.reporting.accuracy import LatentPath, accuracy_against_sparsity
-from dashred.reporting.coefficients import coefficients_against_epoch
-from dashred.reporting.curves import epochs_and_values, learning_curves, rmse_against_time
-from dashred.reporting.evidence import evidence_figure
+from dashred.reporting.figures.coefficients import coefficients_against_epoch
+from dashred.reporting.figures.curves import epochs_and_values, learning_curves, rmse_against_time
+from dashred.reporting.figures.evidence import evidence_figure
+from dashred.reporting.figures.forecast import forecast_figure
+from dashred.reporting.figures.held_out import verification_figure
+from dashred.reporting.figures.sparsity import LatentPath, accuracy_against_sparsity
+from dashred.reporting.figures.style import save_figure
+from dashred.reporting.figures.traces import sensor_traces
 from dashred.reporting.forcing import forcing_figure
-from dashred.reporting.forecast import forecast_figure
 from dashred.reporting.front import front_figure
 from dashred.reporting.location import LawMap, where_figure
 from dashred.reporting.snapshots import snapshot_panels
 from dashred.reporting.space_time import space_time_panels
 from dashred.reporting.state_traces import state_traces
-from dashred.reporting.style import save_figure
-from dashred.reporting.traces import sensor_traces
-from dashred.reporting.verification import verification_figure
 
 __all__ = [
     "LatentPath",
