@@ -3,17 +3,17 @@
 from dashred.reporting.figures.coefficients import coefficients_against_epoch
 from dashred.reporting.figures.curves import epochs_and_values, learning_curves, rmse_against_time
 from dashred.reporting.figures.evidence import evidence_figure
+from dashred.reporting.figures.fields.forcing import forcing_figure
+from dashred.reporting.figures.fields.front import front_figure
+from dashred.reporting.figures.fields.location import LawMap, where_figure
+from dashred.reporting.figures.fields.snapshots import snapshot_panels
+from dashred.reporting.figures.fields.space_time import space_time_panels
+from dashred.reporting.figures.fields.state_traces import state_traces
 from dashred.reporting.figures.forecast import forecast_figure
 from dashred.reporting.figures.held_out import verification_figure
 from dashred.reporting.figures.sparsity import LatentPath, accuracy_against_sparsity
 from dashred.reporting.figures.style import save_figure
 from dashred.reporting.figures.traces import sensor_traces
-from dashred.reporting.forcing import forcing_figure
-from dashred.reporting.front import front_figure
-from dashred.reporting.location import LawMap, where_figure
-from dashred.reporting.snapshots import snapshot_panels
-from dashred.reporting.space_time import space_time_panels
-from dashred.reporting.state_traces import state_traces
 
 __all__ = [
     "LatentPath",

@@ -9,8 +9,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
+from dashred.reporting.figures.fields.space_time import mark_sensors
 from dashred.reporting.figures.style import BLUE, VERMILION, new_figure, style
-from dashred.reporting.space_time import mark_sensors
 
 # What lies within so many standard deviations of nothing is dotted.
 SURE = 2.0

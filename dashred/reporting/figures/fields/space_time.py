@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
-from dashred.reporting.cells import Extent, cells_about, frame_points
+from dashred.reporting.figures.fields.cells import Extent, cells_about, frame_points
 from dashred.reporting.figures.style import GREY, new_figure, style
 from dashred.reporting.method_names import method_name
 

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dashred.core.units import NONE, TIME, in_brackets, measured
-from dashred.reporting.cells import Extent, cells_about, frame_points
+from dashred.reporting.figures.fields.cells import Extent, cells_about, frame_points
 from dashred.reporting.figures.style import new_figure, style
 from dashred.reporting.method_names import method_name
 

@@ -13,7 +13,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from dashred.core.formatting import percent
 from dashred.core.units import NONE, in_brackets, time_label
-from dashred.reporting.cells import cells_about, frame_points
+from dashred.reporting.figures.fields.cells import cells_about, frame_points
+from dashred.reporting.figures.fields.space_time import mark_sensors
 from dashred.reporting.figures.style import (
     BLUE,
     GREEN,
@@ -24,7 +25,6 @@ from dashred.reporting.figures.style import (
     new_figure,
     style,
 )
-from dashred.reporting.space_time import mark_sensors
 from dashred.reporting.verdict_words import acting
 
 MOST_SENSORS = 18
