@@ -14,7 +14,7 @@ from dashred.core.findings.schema import (
     misfit,
     new_findings,
 )
-from dashred.reporting.page_sections import unexplained
+from dashred.reporting.page.sections import unexplained
 from dashred.reporting.summary import print_summary, summary
 
 SPLITS = Splits(

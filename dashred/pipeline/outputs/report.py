@@ -21,7 +21,6 @@ from dashred.pipeline.outputs.sensor_figures import (
     draw_whole_episode,
 )
 from dashred.pipeline.run.provenance import git_commit
-from dashred.reporting import html
 from dashred.reporting.figures.figure_names import (
     OF_EQUATIONS,
     PROOF,
@@ -44,6 +43,7 @@ from dashred.reporting.figures.save import (
     space_time_panels,
     where_figure,
 )
+from dashred.reporting.page import html
 from dashred.reporting.summary import summary
 from dashred.reporting.verdict_words import nearly_all
 from dashred.stages.analysis import Analysis

@@ -13,7 +13,6 @@ from dashred.pipeline.outputs.report import TITLES, varying
 from dashred.pipeline.outputs.sensor_figures import all_sensors, draw_sensors
 from dashred.pipeline.run.provenance import git_commit
 from dashred.pipeline.snapshots.black_box import BlackBoxAnalysis
-from dashred.reporting import html
 from dashred.reporting.figures.figure_names import OF_SNAPSHOTS
 from dashred.reporting.figures.gallery import Gallery
 from dashred.reporting.figures.save import (
@@ -23,6 +22,7 @@ from dashred.reporting.figures.save import (
     snapshot_panels,
     space_time_panels,
 )
+from dashred.reporting.page import html
 from dashred.reporting.summary import summary
 from dashred.stages.problem import Problem
 

@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 
 from dashred.core.findings.schema import Fit, Input, misfit, new_findings
-from dashred.reporting.equation_html import equations_html
 from dashred.reporting.headline import headline
-from dashred.reporting.html import write_html
-from dashred.reporting.page_provenance import provenance
-from dashred.reporting.page_sections import forecast, unexplained
+from dashred.reporting.page.equations import equations_html
+from dashred.reporting.page.html import write_html
+from dashred.reporting.page.provenance import provenance
+from dashred.reporting.page.sections import forecast, unexplained
 from dashred.reporting.summary import summary
 from dashred.reporting.verdict_words import verdict_lines
 

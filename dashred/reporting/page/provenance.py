@@ -5,7 +5,7 @@ from typing import Any
 
 from dashred.core.formatting import number
 from dashred.core.units import NONE, TIME, measured, shown
-from dashred.reporting.page_parts import paragraphs, section, table
+from dashred.reporting.page.parts import paragraphs, section, table
 from dashred.reporting.worth_words import UNTESTED
 
 

@@ -6,9 +6,9 @@ from typing import Any
 
 from dashred.core.formatting import number, percent, pretty, rounded
 from dashred.core.units import NONE, shown
-from dashred.reporting.equation_html import equations_html
 from dashred.reporting.method_names import AT_SENSORS, method_name
-from dashred.reporting.page_parts import paragraphs, section, table
+from dashred.reporting.page.equations import equations_html
+from dashred.reporting.page.parts import paragraphs, section, table
 from dashred.reporting.verdict_words import (
     alternative_in_words,
     certainty,
