@@ -10,7 +10,7 @@ from dashred.core.errors import DONE, InputError
 from dashred.core.findings.findings import check_freeze
 from dashred.pipeline.run.output_dir import make_output
 from dashred.proof.isolation import LIMIT, analyst, bare_copy
-from dashred.reporting.verdict_words import verdict_lines
+from dashred.reporting.text.verdict import verdict_lines
 
 FOLDER = "real-pendulum"
 TEXT = """\

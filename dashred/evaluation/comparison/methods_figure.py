@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from dashred.core.units import time_label
 from dashred.reporting.figures.style import method_look, new_figure, save_figure, style
-from dashred.reporting.method_names import SHRED_UNCHANGED, method_name
+from dashred.reporting.text.method_names import SHRED_UNCHANGED, method_name
 
 METHODS_FIGURE = "methods_truth.png"
 # In the order of the key; a family has one colour, its members their dashes.

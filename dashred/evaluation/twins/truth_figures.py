@@ -17,7 +17,7 @@ from dashred.reporting.figures.save import (
     space_time_panels,
     state_traces,
 )
-from dashred.reporting.method_names import SHRED_UNCHANGED
+from dashred.reporting.text.method_names import SHRED_UNCHANGED
 
 # More than these could not be told apart on one page.
 PANELS = ("simulation", "simulation_refit", "shred", SHRED_UNCHANGED, "dashred", "corrected")

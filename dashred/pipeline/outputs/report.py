@@ -44,8 +44,8 @@ from dashred.reporting.figures.save import (
     where_figure,
 )
 from dashred.reporting.page import html
-from dashred.reporting.summary import summary
-from dashred.reporting.verdict_words import nearly_all
+from dashred.reporting.text.summary import summary
+from dashred.reporting.text.verdict import nearly_all
 from dashred.stages.analysis import Analysis
 from dashred.stages.assimilation import Assimilated
 from dashred.stages.problem import Problem

@@ -21,7 +21,7 @@ from dashred.core.threads import use_threads
 from dashred.models.device import check_device
 from dashred.pipeline.run.output_dir import results_in
 from dashred.pipeline.run.run_manifest import FROZEN
-from dashred.reporting.summary import print_summary, summary
+from dashred.reporting.text.summary import print_summary, summary
 
 
 def prepare_torch(config: Config) -> None:

@@ -15,7 +15,7 @@ from dashred.core.findings.schema import Findings
 from dashred.core.mlflow.metric_names import metric_name
 from dashred.core.mlflow.run import NOTE, Run, flatten
 from dashred.core.mlflow.tracker import Tracker
-from dashred.reporting.verdict_words import verdict_lines
+from dashred.reporting.text.verdict import verdict_lines
 
 MOST_IN_A_NAME = 3
 PROOFS = {"test_sensors": "test sensors", "heldout_time": "held-out time"}

@@ -23,7 +23,7 @@ from dashred.reporting.figures.save import (
     space_time_panels,
 )
 from dashred.reporting.page import html
-from dashred.reporting.summary import summary
+from dashred.reporting.text.summary import summary
 from dashred.stages.problem import Problem
 
 

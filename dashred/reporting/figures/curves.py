@@ -15,7 +15,7 @@ from dashred.reporting.figures.style import (
     shade_held_out,
     style,
 )
-from dashred.reporting.method_names import method_name
+from dashred.reporting.text.method_names import method_name
 
 WIDE_RANGE = 30.0  # beyond this ratio a linear scale would hide the small curve
 

@@ -15,7 +15,7 @@ from dashred.reporting.figures.style import (
     style,
 )
 from dashred.reporting.figures.traces import draw_sensor
-from dashred.reporting.method_names import method_name
+from dashred.reporting.text.method_names import method_name
 
 MOST = 3
 COMPARED = ("before", "before_refit", "after")

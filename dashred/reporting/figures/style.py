@@ -17,7 +17,7 @@ from matplotlib.text import Text
 
 from dashred.core.files.atomic import whole_file
 from dashred.reporting.figures.figure_names import SOFTWARE
-from dashred.reporting.method_names import SHRED_UNCHANGED
+from dashred.reporting.text.method_names import SHRED_UNCHANGED
 
 BLACK, GREY, LIGHT = "#1a1a1a", "#8a8a8a", "#d9d9d9"
 ORANGE, SKY, GREEN = "#e69f00", "#56b4e9", "#009e73"

@@ -16,7 +16,7 @@ from dashred.reporting.figures.style import (
     shade_held_out,
     style,
 )
-from dashred.reporting.method_names import method_name
+from dashred.reporting.text.method_names import method_name
 
 MOST = 6
 DETAILED, DENSE = 2, 1000  # so few sensors with so many samples get a panel of detail each

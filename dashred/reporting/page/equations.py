@@ -7,7 +7,7 @@ from typing import Any
 
 from dashred.core.formatting import MINUS, number, pretty, rounded
 from dashred.core.units import NONE, measured
-from dashred.reporting.verdict_words import bounds
+from dashred.reporting.text.verdict import bounds
 
 
 def equations_html(findings: Mapping[str, Any]) -> str:

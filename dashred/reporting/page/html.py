@@ -7,13 +7,13 @@ from typing import Any
 
 from dashred.core.files.atomic import write_text_atomic
 from dashred.reporting.figures.figure_names import FORECAST, METHOD, PROOF, WHAT, WHERE
-from dashred.reporting.headline import headline
 from dashred.reporting.page import sections
 from dashred.reporting.page.parts import figures as drawn
 from dashred.reporting.page.parts import paragraphs
 from dashred.reporting.page.provenance import how_it_was_done, provenance
 from dashred.reporting.page.style import PAPER, SCREEN
-from dashred.reporting.verdict_words import VERDICTS, causes, law
+from dashred.reporting.text.headline import headline
+from dashred.reporting.text.verdict import VERDICTS, causes, law
 
 
 def write_html(

@@ -6,7 +6,7 @@ from typing import Any
 from dashred.core.formatting import number
 from dashred.core.units import NONE, TIME, measured, shown
 from dashred.reporting.page.parts import paragraphs, section, table
-from dashred.reporting.worth_words import UNTESTED
+from dashred.reporting.text.improvement import UNTESTED
 
 
 def how_it_was_done(findings: Mapping[str, Any], figures: str) -> str:

@@ -6,10 +6,11 @@ from typing import Any
 
 from dashred.core.formatting import number, percent, pretty, rounded
 from dashred.core.units import NONE, shown
-from dashred.reporting.method_names import AT_SENSORS, method_name
 from dashred.reporting.page.equations import equations_html
 from dashred.reporting.page.parts import paragraphs, section, table
-from dashred.reporting.verdict_words import (
+from dashred.reporting.text.improvement import reconstructed, unresolved, worth
+from dashred.reporting.text.method_names import AT_SENSORS, method_name
+from dashred.reporting.text.verdict import (
     alternative_in_words,
     certainty,
     consequences,
@@ -17,7 +18,6 @@ from dashred.reporting.verdict_words import (
     sentence,
     unknowable,
 )
-from dashred.reporting.worth_words import reconstructed, unresolved, worth
 
 PROOFS = {
     "test_sensors": "test sensors",

@@ -7,7 +7,7 @@ import xarray as xr
 
 from dashred.evaluation.comparison.ratios import FIELDS
 from dashred.evaluation.twins.truth_figures import joined
-from dashred.reporting.method_names import NAMES, SHRED_UNCHANGED
+from dashred.reporting.text.method_names import NAMES, SHRED_UNCHANGED
 
 
 def estimates(change: float) -> xr.Dataset:

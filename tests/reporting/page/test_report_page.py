@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 
 from dashred.core.findings.schema import Fit, Input, misfit, new_findings
-from dashred.reporting.headline import headline
 from dashred.reporting.page.equations import equations_html
 from dashred.reporting.page.html import write_html
 from dashred.reporting.page.provenance import provenance
 from dashred.reporting.page.sections import forecast, unexplained
-from dashred.reporting.summary import summary
-from dashred.reporting.verdict_words import verdict_lines
+from dashred.reporting.text.headline import headline
+from dashred.reporting.text.summary import summary
+from dashred.reporting.text.verdict import verdict_lines
 
 SYSTEM: dict[str, Any] = {
     "title": "Front <in> a ring & more",

@@ -25,7 +25,7 @@ from dashred.reporting.figures.style import (
     new_figure,
     style,
 )
-from dashred.reporting.verdict_words import acting
+from dashred.reporting.text.verdict import acting
 
 MOST_SENSORS = 18
 WITHOUT, WITH = "without the law", "with the law"

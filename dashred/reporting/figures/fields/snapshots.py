@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from dashred.core.units import NONE, TIME, in_brackets, measured
 from dashred.reporting.figures.fields.cells import Extent, cells_about, frame_points
 from dashred.reporting.figures.style import new_figure, style
-from dashred.reporting.method_names import method_name
+from dashred.reporting.text.method_names import method_name
 
 Field = Float[np.ndarray, "time x y"]
 

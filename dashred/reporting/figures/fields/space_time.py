@@ -11,7 +11,7 @@ from matplotlib.image import AxesImage
 
 from dashred.reporting.figures.fields.cells import Extent, cells_about, frame_points
 from dashred.reporting.figures.style import GREY, new_figure, style
-from dashred.reporting.method_names import method_name
+from dashred.reporting.text.method_names import method_name
 
 Field = Float[np.ndarray, "time x"]
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from dashred.core.units import NONE, in_brackets, time_label
 from dashred.reporting.figures.style import legend_above, method_look, new_figure, style
-from dashred.reporting.method_names import method_name
+from dashred.reporting.text.method_names import method_name
 
 # Errors below this share of the truth's std are not told apart.
 SMALLEST = 1e-5

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dashred.core.formatting import number
-from dashred.reporting.verdict_words import FEW, sentence
+from dashred.reporting.text.verdict import FEW, sentence
 
 # Where the words of a term end and its size begins.
 SIZE = re.compile(r"[,:]?\s+(?:by |with velocity |coefficient )?\(?[−-]?\d")

@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from dashred.core.units import NONE, TIME, measured
-from dashred.reporting.method_names import AT_SENSORS, method_name
-from dashred.reporting.verdict_words import sentence, verdict_lines
+from dashred.reporting.text.method_names import AT_SENSORS, method_name
+from dashred.reporting.text.verdict import sentence, verdict_lines
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -5,7 +5,7 @@ from typing import Any
 
 from dashred.core.formatting import number, percent, pretty, probability, rounded
 from dashred.core.units import NONE, measured
-from dashred.reporting.worth_words import UNTESTED, reconstructed, unresolved, worth
+from dashred.reporting.text.improvement import UNTESTED, reconstructed, unresolved, worth
 
 VERDICTS = {
     "missing-term": "a term is missing from the simulation",

@@ -15,7 +15,7 @@ from dashred.core.findings.schema import (
     new_findings,
 )
 from dashred.reporting.page.sections import unexplained
-from dashred.reporting.summary import print_summary, summary
+from dashred.reporting.text.summary import print_summary, summary
 
 SPLITS = Splits(
     inputs=["a", "b", "c"],
