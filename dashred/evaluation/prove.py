@@ -13,14 +13,14 @@ from dashred.core.errors import DONE, OUR_FAILURE, run_entry
 
 def main(argv: list[str]) -> int:
     """Run the cases that are not done, or score a kept draw again, and write the document."""
-    from dashred.proof.words import read_words
+    from dashred.evaluation.proof.arguments import read_words
 
     request = read_words(argv)
 
     # Whatever can be wrong with the words has been met by here: torch takes seconds to import.
+    from dashred.evaluation.proof.conclude import conclude
+    from dashred.evaluation.proof.run import run_proof
     from dashred.evaluation.proof.scoring.rescore import rescore
-    from dashred.proof.conclude import conclude
-    from dashred.proof.run import run_proof
 
     kept = run_proof(request) if request.scored_by is None else rescore(request)
     conclude(request, kept)

@@ -138,7 +138,7 @@ def bench_words(words: list[str], folder: Path) -> None:
 
 def proof_words(words: list[str], folder: Path) -> None:
     """Read the words of a proof; a draw that is named needs no clean checkout."""
-    from dashred.proof.words import read_words
+    from dashred.evaluation.proof.arguments import read_words
 
     read_words(["draw=words", *words[3:]])
 

@@ -10,7 +10,7 @@ from dashred.core.errors import InputError
 from dashred.core.findings.findings import write_json_atomic
 
 if TYPE_CHECKING:
-    from dashred.proof.words import Request
+    from dashred.evaluation.proof.arguments import Request
 
 DOCUMENT = "draw.json"
 

@@ -7,17 +7,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from tests.proof.invented import case as record_of
+from tests.proof.invented import dead
 
 from dashred.core.errors import InputError
 from dashred.core.findings.findings import freeze, write_json_atomic
+from dashred.evaluation.proof.arguments import read_words
 from dashred.evaluation.proof.cases.draw import draw_cases, seed_of
 from dashred.evaluation.proof.cases.kept_case import Kept, folder_of, keep, read_kept
 from dashred.evaluation.proof.cases.kept_draw import keep_draw, read_draw
 from dashred.evaluation.proof.cases.record_case import RecordedCase, record_case
 from dashred.evaluation.proof.scoring import rescore as again
-from dashred.proof.words import read_words
-from tests.proof.invented import case as record_of
-from tests.proof.invented import dead
 
 CASE = draw_cases(seed_of("test"), 1, 0)[0]
 
@@ -82,7 +82,7 @@ def test_a_draw_that_is_not_finished_is_refused_and_a_dead_case_stays_dead(drawn
 
 
 def test_the_words_take_the_draw_from_its_folder(drawn, monkeypatch) -> None:
-    monkeypatch.setattr("dashred.proof.words.commit_under_test", lambda: "c0ffee")
+    monkeypatch.setattr("dashred.evaluation.proof.arguments.commit_under_test", lambda: "c0ffee")
     request = read_words([f"score={drawn}"])
     assert (request.cases, request.nulls, request.draw, request.practice) == (1, 0, "test", True)
     assert (request.output, request.scored_by) == (drawn, "c0ffee")

@@ -9,6 +9,8 @@ from statistics import mean, median
 
 from dashred.core.files.atomic import write_text_atomic
 from dashred.evaluation.proof.cases.case_record import KINDS, CaseRecord, name_of
+from dashred.evaluation.proof.figures import FIGURES, WINDOWS, reliability
+from dashred.evaluation.proof.protocol import ProtocolFacts, protocol
 from dashred.evaluation.proof.scoring import outcomes
 from dashred.evaluation.proof.scoring.statistics import Rate, percent
 from dashred.evaluation.proof.scoring.targets import (
@@ -22,8 +24,6 @@ from dashred.evaluation.proof.scoring.targets import (
     nulls,
     of_kind,
 )
-from dashred.proof.figures import FIGURES, WINDOWS, reliability
-from dashred.proof.protocol import ProtocolFacts, protocol
 
 JUDGED = (
     "A share is judged by itself; its interval is Wilson's, at 95 %. What has no meaning for a "

@@ -19,7 +19,7 @@ from pathlib import Path
 from sysconfig import get_path
 from threading import Timer
 
-CHECKOUT = Path(__file__).resolve().parents[2]
+CHECKOUT = Path(__file__).resolve().parents[3]
 NEEDED = ("dashred", "datamodules", "callbacks", "conf")
 # Whatever draws, records, opens or scores.
 CONCEALED = (

@@ -7,7 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from dashred.proof.isolation import CONCEALED, AnalystLostError, analyst, bare_copy, python
+from dashred.evaluation.proof.isolation import (
+    CONCEALED,
+    AnalystLostError,
+    analyst,
+    bare_copy,
+    python,
+)
 from tests.test_seal import SECRET, reached_by_the_analysis
 
 

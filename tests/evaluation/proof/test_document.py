@@ -7,14 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from tests.proof.invented import case, dead, null, proof, wrong
 
 from dashred.evaluation.proof.cases.case_record import CaseRecord
+from dashred.evaluation.proof.document import document, write_document
+from dashred.evaluation.proof.figures import FIGURES
+from dashred.evaluation.proof.protocol import ProtocolFacts
 from dashred.evaluation.proof.scoring.outcomes import failings
 from dashred.evaluation.proof.scoring.targets import TARGETS
-from dashred.proof.document import document, write_document
-from dashred.proof.figures import FIGURES
-from dashred.proof.protocol import ProtocolFacts
-from tests.proof.invented import case, dead, null, proof, wrong
 
 FACTS = ProtocolFacts(
     commit="0123abc",

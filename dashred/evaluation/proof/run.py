@@ -18,19 +18,19 @@ from dashred.core.errors import DONE
 from dashred.core.findings.findings import check_freeze
 from dashred.core.job_control import alone_in, last_line, signals_as_interrupt
 from dashred.core.progress import CONSOLE
+from dashred.evaluation.proof.arguments import Request
 from dashred.evaluation.proof.cases.case_record import CaseRecord
 from dashred.evaluation.proof.cases.descriptions import ended_in_words
 from dashred.evaluation.proof.cases.draw import Case, draw_cases, seed_of
 from dashred.evaluation.proof.cases.kept_case import RECORDING, Kept, folder_of, keep, read_done
 from dashred.evaluation.proof.cases.kept_draw import keep_draw
 from dashred.evaluation.proof.cases.record_case import RecordedCase, record_case
+from dashred.evaluation.proof.isolation import LIMIT, Analyst, AnalystLostError, analyst, bare_copy
 from dashred.evaluation.proof.scoring.judge import unjudged
 from dashred.evaluation.proof.scoring.score_case import score_case
 from dashred.evaluation.twins.kept_seal import SEALED
 from dashred.evaluation.twins.sealing import seal
 from dashred.pipeline.run.output_dir import make_output
-from dashred.proof.isolation import LIMIT, Analyst, AnalystLostError, analyst, bare_copy
-from dashred.proof.words import Request
 
 LOG = "log.txt"
 

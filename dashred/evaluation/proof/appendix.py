@@ -8,8 +8,8 @@ from pathlib import Path
 
 from dashred.core.errors import DONE, InputError
 from dashred.core.findings.findings import check_freeze
+from dashred.evaluation.proof.isolation import LIMIT, analyst, bare_copy
 from dashred.pipeline.run.output_dir import make_output
-from dashred.proof.isolation import LIMIT, analyst, bare_copy
 from dashred.reporting.text.verdict import verdict_lines
 
 FOLDER = "real-pendulum"

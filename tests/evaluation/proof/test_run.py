@@ -11,17 +11,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-
-from dashred.core.errors import InputError
-from dashred.evaluation.proof.cases import kept_case
-from dashred.evaluation.proof.cases.draw import draw_cases, seed_of
-from dashred.evaluation.proof.scoring.rescore import rescore
-from dashred.proof import run as proof
-from dashred.proof.isolation import Analyst, AnalystLostError
-from dashred.proof.words import Request, read_words
 from tests.proof.invented import case as record_of
 
-CHECKOUT = Path(__file__).resolve().parents[2]
+from dashred.core.errors import InputError
+from dashred.evaluation.proof import run as proof
+from dashred.evaluation.proof.arguments import Request, read_words
+from dashred.evaluation.proof.cases import kept_case
+from dashred.evaluation.proof.cases.draw import draw_cases, seed_of
+from dashred.evaluation.proof.isolation import Analyst, AnalystLostError
+from dashred.evaluation.proof.scoring.rescore import rescore
+
+CHECKOUT = Path(__file__).resolve().parents[3]
 
 
 def request(folder: Path, cases: int) -> Request:
@@ -149,7 +149,9 @@ def test_wrong_words_are_refused(word) -> None:
 
 
 def test_the_commit_draws_unless_it_is_practice(monkeypatch) -> None:
-    monkeypatch.setattr("dashred.proof.words.commit_under_test", lambda: "c0ffee" * 6)
+    monkeypatch.setattr(
+        "dashred.evaluation.proof.arguments.commit_under_test", lambda: "c0ffee" * 6
+    )
     real = read_words(["cases=5"])
     assert real.draw == "c0ffee" * 6 and not real.practice
     assert real.output.name == "c0ffeec0ffee"

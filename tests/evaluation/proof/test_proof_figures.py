@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from tests.proof.invented import case, coefficient, dead, null, proof, wrong
 
 from dashred.evaluation.proof.cases.case_record import CaseRecord
-from dashred.evaluation.proof.scoring.statistics import Rate
-from dashred.proof.figures import (
+from dashred.evaluation.proof.figures import (
     FIGURES,
     coverage_figure,
     gains_figure,
@@ -20,7 +20,7 @@ from dashred.proof.figures import (
     save_figures,
     scores_figure,
 )
-from tests.proof.invented import case, coefficient, dead, null, proof, wrong
+from dashred.evaluation.proof.scoring.statistics import Rate
 
 
 def texts(figure: Figure) -> list[str]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dashred.core.errors import InputError, nearest
 from dashred.evaluation.proof.cases.kept_draw import read_draw
-from dashred.proof.isolation import CHECKOUT
+from dashred.evaluation.proof.isolation import CHECKOUT
 
 PLACE = "command line"
 KNOWN = ("cases", "nulls", "jobs", "output", "draw", "document", "pendulum", "score")
