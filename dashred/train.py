@@ -53,6 +53,15 @@ def analyse(config: Config) -> Path:
     Raises:
         InputError: the input is wrong; nothing is written then, though the folder may be made.
     """
+    from dashred.pipeline import (
+        assimilation,
+        problem,
+        simulation,
+        surrogate,
+        training,
+        trajectories,
+    )
+    from dashred.pipeline.analysis import Analysis
     from dashred.pipeline.discovery import discovery
     from dashred.pipeline.discovery.identifiable_terms import told_apart
     from dashred.pipeline.outputs import report
@@ -64,8 +73,6 @@ def analyse(config: Config) -> Path:
     from dashred.pipeline.run.run_tags import conclude, describe
     from dashred.pipeline.verification import verification as verify
     from dashred.pipeline.verification.structure import check_structure
-    from dashred.stages import assimilation, learning, problem, simulation, surrogate, trajectories
-    from dashred.stages.analysis import Analysis
 
     provenance.prepare_torch(config)
     posed = problem.pose(config)
@@ -94,7 +101,7 @@ def analyse(config: Config) -> Path:
             figures = report.report_unresolved(findings, output)
         else:
             learned = kept.stage(
-                "shred", lambda: learning.train_shred(posed, ensemble, run, seconds, "SHRED")
+                "shred", lambda: training.train_shred(posed, ensemble, run, seconds, "SHRED")
             )
             found = kept.stage(
                 "assimilate",

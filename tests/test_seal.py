@@ -166,7 +166,7 @@ def test_other_commands_that_read_a_recording_reach_nothing_that_knows_the_truth
 
 def test_other_methods_that_read_the_sensors_reach_nothing_that_knows_the_truth() -> None:
     reached = reached_from("dashred.evaluation.baselines.analyse")
-    assert {"dashred.stages.simulation", "dashred.evaluation.baselines.kalman_filter"} <= reached
+    assert {"dashred.pipeline.simulation", "dashred.evaluation.baselines.kalman_filter"} <= reached
     assert not reached & SECRET_MODULES
 
 

@@ -22,7 +22,7 @@ from dashred.core.system_errors import told
 
 if TYPE_CHECKING:
     from dashred.evaluation.baselines.estimate import Estimated
-    from dashred.stages.problem import Problem
+    from dashred.pipeline.problem import Problem
 
 FIELDS, LAWS = "baselines.nc", "baselines.json"
 METHODS = (
@@ -66,10 +66,10 @@ def analyse(config: Config) -> None:
     from dashred.evaluation.baselines.kalman_filter import filter_augmented, filter_state
     from dashred.evaluation.baselines.optimal_interpolation import optimal_interpolation
     from dashred.evaluation.baselines.plain_shred import plain_shred
+    from dashred.pipeline import problem, simulation
     from dashred.pipeline.discovery.identifiable_terms import told_apart
     from dashred.pipeline.run import provenance
     from dashred.pipeline.run.output_dir import make_output
-    from dashred.stages import problem, simulation
 
     assert config.output is not None
     provenance.prepare_torch(config)

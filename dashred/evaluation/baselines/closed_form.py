@@ -24,7 +24,7 @@ from dashred.physics.expressions.linear import is_linear, split_linear, symbols
 from dashred.physics.grids.spectral import Spectral
 from dashred.physics.runs.initial_state_prior import StartPrior
 from dashred.physics.system import System, Term
-from dashred.stages.problem import Problem
+from dashred.pipeline.problem import Problem
 
 STEPS, TOLERANCE = 50, 1e-10
 # A mode is an eigenfunction where what is left of L φ is rounding.

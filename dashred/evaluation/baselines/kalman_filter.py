@@ -28,7 +28,7 @@ from dashred.inference.initial_state.ensemble_filter import (
 from dashred.physics.library import resolve
 from dashred.physics.runs.ensemble import Ensemble, term_scales
 from dashred.physics.system import Term
-from dashred.stages.problem import Problem
+from dashred.pipeline.problem import Problem
 
 INFLATIONS = (1.0, 1.02, 1.1)
 # Prior std of a coefficient, told by the tendency that it makes: the last is that of our own fit.

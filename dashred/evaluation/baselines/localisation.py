@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from dashred.stages.problem import Problem
+from dashred.pipeline.problem import Problem
 
 # Of the longest axis.
 RADII = (math.inf, 0.3, 0.15)

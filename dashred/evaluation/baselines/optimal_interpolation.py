@@ -27,7 +27,7 @@ from dashred.inference.initial_state.covariance_tapers import (
 )
 from dashred.physics.grids.grid import Grid
 from dashred.physics.runs.ensemble import Ensemble
-from dashred.stages.problem import Problem
+from dashred.pipeline.problem import Problem
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from dashred.data.sensors import Sensor
 from dashred.data.splits import Split, split_recording
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
-from dashred.stages.problem import Problem, pose
+from dashred.pipeline.problem import Problem, pose
 
 # Places like a twin's: they come from a stream of the check's own, and tell nothing of any twin's.
 STREAM = 0xC4EC

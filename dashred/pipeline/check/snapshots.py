@@ -9,8 +9,8 @@ import torch
 
 from dashred.pipeline.check.agreement import sizes_compared
 from dashred.pipeline.check.remark import Remark, counted
+from dashred.pipeline.problem import Problem
 from dashred.pipeline.snapshots.snapshot_runs import stretch_length
-from dashred.stages.problem import Problem
 
 # Runs that are read: enough for the size of what they show.
 READ = 8

@@ -18,15 +18,15 @@ from dashred.inference.hypotheses.comparison.compare_hypotheses import Weighed
 from dashred.inference.hypotheses.result import MISSING, BestOfSize, Discovered
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
+from dashred.pipeline.assimilation import Assimilated
 from dashred.pipeline.discovery.first_guess_stage import fit_seeds
 from dashred.pipeline.discovery.horizon_stage import walk_from_seeds, walk_on, with_noise_after
 from dashred.pipeline.discovery.hypothesis_stage import inflated, weigh_causes
 from dashred.pipeline.discovery.objectives import exact_simulator, pose_objective, rough_simulator
 from dashred.pipeline.discovery.prior_start import about, select_about_the_prior
-from dashred.stages.assimilation import Assimilated
-from dashred.stages.learning import Learned
-from dashred.stages.problem import Problem
-from dashred.stages.simulation import Nominal
+from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation import Nominal
+from dashred.pipeline.training import Learned
 
 # A step that gains a smaller share of F ends a fit: of the law, and of the simulator as it is,
 # whose misfit is so large that more would be spent for nothing.

@@ -24,16 +24,16 @@ from dashred.inference.initial_state.first_guesses import (
 from dashred.inference.initial_state.start_models import StartModel
 from dashred.physics.library import resolve
 from dashred.physics.runs.ensemble import Ensemble
+from dashred.pipeline.assimilation import Assimilated
 from dashred.pipeline.discovery.objectives import (
     for_each_episode,
     noise_share,
     pose_objective,
     trace_std,
 )
-from dashred.stages.assimilation import Assimilated
-from dashred.stages.learning import Learned
-from dashred.stages.problem import Problem
-from dashred.stages.simulation import Nominal
+from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation import Nominal
+from dashred.pipeline.training import Learned
 
 # A seed goes before the prior where the prior's error is this many times as large: what a simulator
 # leaves out is in the errors of all, and a front at another phase is far more than that. Where it

@@ -16,7 +16,7 @@ from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate
 from dashred.pipeline.discovery.first_guess_stage import Seed
 from dashred.pipeline.discovery.objectives import pose_objective
-from dashred.stages.problem import Problem
+from dashred.pipeline.problem import Problem
 
 # Of the laws that were tried, those that are tried again over more of the record.
 TRIED_AGAIN = 6

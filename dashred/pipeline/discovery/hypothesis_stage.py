@@ -26,8 +26,8 @@ from dashred.physics.window import shapes_of
 from dashred.pipeline.discovery.first_guess_stage import Seed
 from dashred.pipeline.discovery.objectives import fit_noise, simulator_with
 from dashred.pipeline.discovery.prior_start import about, about_the_prior
-from dashred.stages.problem import Problem
-from dashred.stages.simulation import Nominal
+from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation import Nominal
 
 STEPS, TOLERANCE = 10, 1e-4
 # On the last share of so many times the noise's squares hangs nothing.

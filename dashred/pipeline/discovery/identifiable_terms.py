@@ -7,7 +7,7 @@ from dataclasses import replace
 from torch import Tensor
 
 from dashred.physics.library import refuse_collinear, uninformative_terms
-from dashred.stages.problem import Problem
+from dashred.pipeline.problem import Problem
 
 
 def told_apart(problem: Problem, states: Tensor, t: float | Tensor) -> Problem:

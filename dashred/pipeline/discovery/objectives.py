@@ -18,7 +18,7 @@ from dashred.inference.forward.forward_model import Shooting
 from dashred.inference.initial_state.start_models import StartModel
 from dashred.physics.runs.resolution import Resolution
 from dashred.physics.window import Shape
-from dashred.stages.problem import Problem
+from dashred.pipeline.problem import Problem
 
 # σ is taken for at least this share of a trace's std until residuals tell it: a recording may be
 # finer than any law that could be found in it, and a search that believes it gets stuck.

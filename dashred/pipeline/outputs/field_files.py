@@ -13,7 +13,7 @@ from torch import Tensor
 
 from dashred.core.files.atomic import write_netcdf_atomic
 from dashred.physics.system import System
-from dashred.stages.problem import Problem
+from dashred.pipeline.problem import Problem
 
 
 def write_estimates(

@@ -14,12 +14,15 @@ from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.inference.results.location import law_tendency
 from dashred.inference.wording.wording import words
 from dashred.physics.system import Term
+from dashred.pipeline.analysis import Analysis
+from dashred.pipeline.assimilation import Assimilated
 from dashred.pipeline.outputs.sensor_figures import (
     draw_forecast,
     draw_traces,
     draw_verification,
     draw_whole_episode,
 )
+from dashred.pipeline.problem import Problem
 from dashred.pipeline.run.provenance import git_commit
 from dashred.reporting.figures.figure_names import (
     OF_EQUATIONS,
@@ -46,9 +49,6 @@ from dashred.reporting.figures.save import (
 from dashred.reporting.page import html
 from dashred.reporting.text.summary import summary
 from dashred.reporting.text.verdict import nearly_all
-from dashred.stages.analysis import Analysis
-from dashred.stages.assimilation import Assimilated
-from dashred.stages.problem import Problem
 
 PANELS = ("simulation", "dashred", "corrected")
 TITLES = {"alg1": "Algorithm 1", "alg2": "Algorithm 2"}

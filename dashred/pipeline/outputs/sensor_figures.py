@@ -10,6 +10,9 @@ import numpy as np
 from dashred.core.findings.schema import Findings
 from dashred.core.units import time_label
 from dashred.data.recording import Recording
+from dashred.pipeline.analysis import Analysis
+from dashred.pipeline.problem import Problem
+from dashred.pipeline.trajectories import Trajectories
 from dashred.pipeline.verification.held_out import MISFITS
 from dashred.reporting.figures.gallery import Gallery
 from dashred.reporting.figures.save import (
@@ -17,9 +20,6 @@ from dashred.reporting.figures.save import (
     sensor_traces,
     verification_figure,
 )
-from dashred.stages.analysis import Analysis
-from dashred.stages.problem import Problem
-from dashred.stages.trajectories import Trajectories
 
 Errors = Mapping[str, float | None]
 Proof = Literal["test_sensors", "heldout_time", "heldout_restarted", "heldout_episode"]

@@ -29,9 +29,9 @@ from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.physics.expressions import nodes
 from dashred.physics.system import Term
 from dashred.physics.window import Shape, Window
+from dashred.pipeline.assimilation import Assimilated
 from dashred.pipeline.run.provenance import git_commit
-from dashred.stages.assimilation import Assimilated
-from dashred.stages.learning import KeptNetwork, Learned
+from dashred.pipeline.training import KeptNetwork, Learned
 
 Found = TypeVar("Found")
 

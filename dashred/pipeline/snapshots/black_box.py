@@ -20,7 +20,9 @@ from dashred.models.assimilation import AssimilatedEncoder
 from dashred.models.lag_windows import windows
 from dashred.models.shred import reconstruct
 from dashred.physics.library import evaluate_terms
+from dashred.pipeline import assimilation, problem, training
 from dashred.pipeline.discovery.identifiable_terms import told_apart
+from dashred.pipeline.problem import Problem
 from dashred.pipeline.run import provenance
 from dashred.pipeline.run.checkpoints import Checkpoints
 from dashred.pipeline.run.output_dir import clear_output, named_output
@@ -29,8 +31,6 @@ from dashred.pipeline.run.run_manifest import SNAPSHOTS, began_with, end
 from dashred.pipeline.run.run_tags import conclude, describe
 from dashred.pipeline.snapshots import mismatch, snapshot_runs
 from dashred.pipeline.snapshots.snapshot_runs import SnapshotRuns
-from dashred.stages import assimilation, learning, problem
-from dashred.stages.problem import Problem
 
 # The longest step that is learnt is such a part of the fit window: drift shows over long ones.
 LONG = 5
@@ -51,7 +51,7 @@ class BlackBoxAnalysis:
     """
 
     runs: SnapshotRuns
-    learned: learning.Learned
+    learned: training.Learned
     found: assimilation.Assimilated
     steps: SnapshotSteps
     compared: mismatch.Mismatch
@@ -83,7 +83,7 @@ def analyse_snapshots(config: Config) -> Path:
         counted = replace(posed, config=runs.configured(config))
         kept = Checkpoints(folder, seconds)
         learned = kept.stage(
-            "shred", lambda: learning.train_shred(counted, runs.ensemble, run, seconds, "SHRED")
+            "shred", lambda: training.train_shred(counted, runs.ensemble, run, seconds, "SHRED")
         )
         analysis = analyse_runs(counted, runs, learned, run, seconds)
         findings = black_box_findings.verify(posed, analysis)
@@ -100,7 +100,7 @@ def analyse_snapshots(config: Config) -> Path:
 def analyse_runs(
     posed: Problem,
     runs: SnapshotRuns,
-    learned: learning.Learned,
+    learned: training.Learned,
     run: Tracker,
     seconds: dict[str, float],
 ) -> BlackBoxAnalysis:
@@ -117,7 +117,7 @@ def analyse_runs(
 
 
 @torch.no_grad()
-def _learn_steps(posed: Problem, runs: SnapshotRuns, learned: learning.Learned) -> SnapshotSteps:
+def _learn_steps(posed: Problem, runs: SnapshotRuns, learned: training.Learned) -> SnapshotSteps:
     states, pod = runs.ensemble.states, learned.shred.pod
     shortest = min(states.shape[1], len(posed.split.fit.times))
     wanted = {*posed.config.latent_sindy.steps, max(1, shortest // LONG)}
@@ -155,7 +155,7 @@ def _term_scales(posed: Problem, runs: SnapshotRuns, dt: float) -> Tensor:
 def _estimates(
     posed: Problem,
     runs: SnapshotRuns,
-    learned: learning.Learned,
+    learned: training.Learned,
     found: assimilation.Assimilated,
     encoder: AssimilatedEncoder,
 ) -> dict[str, Tensor]:

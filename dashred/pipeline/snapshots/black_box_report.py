@@ -11,6 +11,7 @@ from dashred.core.progress import stage
 from dashred.core.units import in_brackets, time_label
 from dashred.pipeline.outputs.report import TITLES, varying
 from dashred.pipeline.outputs.sensor_figures import all_sensors, draw_sensors
+from dashred.pipeline.problem import Problem
 from dashred.pipeline.run.provenance import git_commit
 from dashred.pipeline.snapshots.black_box import BlackBoxAnalysis
 from dashred.reporting.figures.figure_names import OF_SNAPSHOTS
@@ -24,7 +25,6 @@ from dashred.reporting.figures.save import (
 )
 from dashred.reporting.page import html
 from dashred.reporting.text.summary import summary
-from dashred.stages.problem import Problem
 
 
 def report(

@@ -11,9 +11,9 @@ from torch import Tensor
 from dashred.inference.latent_sindy.operator_inference import SnapshotSteps
 from dashred.models.lag_windows import windows
 from dashred.models.shred import reconstruct
+from dashred.pipeline.problem import Problem
 from dashred.pipeline.snapshots.snapshot_runs import SnapshotRuns
-from dashred.stages.learning import Learned
-from dashred.stages.problem import Problem
+from dashred.pipeline.training import Learned
 
 # A recording is unlike the snapshots if it is missed by more than any of the runs that were not
 # learnt from, by so many standard deviations of the logarithm of theirs, which has a floor.

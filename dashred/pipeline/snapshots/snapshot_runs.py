@@ -12,7 +12,7 @@ from dashred.core.errors import InputError
 from dashred.core.progress import stage
 from dashred.inference.initial_state.analogs import window_misfits
 from dashred.physics.runs.ensemble import Ensemble
-from dashred.stages.problem import Problem
+from dashred.pipeline.problem import Problem
 
 # Runs are cut until there are so many trajectories, and there must be so many.
 ENOUGH, FEWEST = 12, 4

@@ -9,9 +9,9 @@ import numpy as np
 from torch import Tensor
 
 from dashred.core.findings.schema import HeldOut, misfit
+from dashred.pipeline.analysis import Analysis
+from dashred.pipeline.problem import Problem
 from dashred.pipeline.verification.restart import restart
-from dashred.stages.analysis import Analysis
-from dashred.stages.problem import Problem
 
 # What the findings call the methods.
 MISFITS = {

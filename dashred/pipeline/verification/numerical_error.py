@@ -17,7 +17,7 @@ from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import correct
 from dashred.physics.runs.resolution import refine
 from dashred.physics.solvers.simulate import simulate
-from dashred.stages.problem import Problem
+from dashred.pipeline.problem import Problem
 
 # How much of the fit is looked at: later on, in chaos, every difference grows.
 BEGINNING, FEWEST = 0.1, 4

@@ -15,7 +15,7 @@ from dashred.inference.forward.forward_model import Shooting
 from dashred.inference.initial_state.start_models import LinearStart
 from dashred.inference.results.corrected_system import correct
 from dashred.pipeline.discovery.objectives import sound_noise
-from dashred.stages.problem import Problem
+from dashred.pipeline.problem import Problem
 
 # Samples that a state is fitted to: two seconds of a pendulum's twenty a second.
 SAMPLES = 40

@@ -25,15 +25,15 @@ from dashred.inference.results.explanation import alternatives, explain, smaller
 from dashred.inference.results.location import locate
 from dashred.inference.results.verdict import unexplained, verdict
 from dashred.physics.runs.resolution import Resolution
+from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.outputs.corrected_config import NAME as CORRECTED
 from dashred.pipeline.outputs.corrected_config import write_corrected
 from dashred.pipeline.outputs.field_files import write_episodes
+from dashred.pipeline.problem import Problem
 from dashred.pipeline.verification.energy import energy_lost
 from dashred.pipeline.verification.held_out import errors_of_held_out
 from dashred.pipeline.verification.numerical_error import own_error
 from dashred.pipeline.verification.structure import structure_changed
-from dashred.stages.analysis import Analysis
-from dashred.stages.problem import Problem
 
 
 def verify(problem: Problem, analysis: Analysis) -> Findings:

@@ -15,8 +15,8 @@ from dashred.evaluation.baselines.closed_form import Traces, closed_form, eigenv
 from dashred.evaluation.twins import record_command
 from dashred.physics.runs.initial_state_prior import StartPrior, gaussian_process_modes
 from dashred.physics.system import System
-from dashred.stages import problem, simulation
-from dashred.stages.problem import Problem
+from dashred.pipeline import problem, simulation
+from dashred.pipeline.problem import Problem
 
 RATES = -torch.tensor([0.0, 0.05, 0.2, 0.45], dtype=torch.float64)
 PLACES = torch.tensor([0.7, 2.9, 4.2, 6.1, 8.8], dtype=torch.float64)

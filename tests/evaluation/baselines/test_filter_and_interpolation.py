@@ -16,9 +16,9 @@ from dashred.inference.initial_state.linear_estimate import linear_estimate
 from dashred.physics.grids.grid import Axis, Grid
 from dashred.physics.runs.ensemble import Ensemble, term_scales
 from dashred.physics.solvers.simulate import simulate
-from dashred.stages import problem, simulation
-from dashred.stages.problem import Problem
-from dashred.stages.simulation import Nominal
+from dashred.pipeline import problem, simulation
+from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation import Nominal
 
 SWING = """
 system:

@@ -13,7 +13,7 @@ from dashred import train
 from dashred.config import load_config
 from dashred.evaluation.baselines.closed_form import closed_form
 from dashred.evaluation.twins import record_command
-from dashred.stages import problem, simulation
+from dashred.pipeline import problem, simulation
 
 # Networks have no part in what is compared.
 SMALL = (

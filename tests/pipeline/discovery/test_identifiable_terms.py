@@ -10,9 +10,9 @@ import pytest
 from dashred.config import load_config
 from dashred.core.errors import InputError
 from dashred.pipeline.discovery.identifiable_terms import told_apart
+from dashred.pipeline.problem import Problem, pose
+from dashred.pipeline.simulation import simulate_nominal
 from dashred.pipeline.verification.verification import source_of
-from dashred.stages.problem import Problem, pose
-from dashred.stages.simulation import simulate_nominal
 
 TEXT = """
 system:

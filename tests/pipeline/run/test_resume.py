@@ -54,7 +54,7 @@ def test_a_twin_goes_on_to_the_same_bytes_in_the_same_run(
     quick, twin_run, train, monkeypatch, tmp_path, own_state
 ) -> None:
     with monkeypatch.context() as patch:
-        patch.setattr("dashred.stages.surrogate.retrain", interrupted)
+        patch.setattr("dashred.pipeline.surrogate.retrain", interrupted)
         assert train(f"conf={quick}").code == 130
     root, output = tmp_path / "mlruns", tmp_path / "output"
     run_id, status = parent_of(root)
@@ -93,7 +93,7 @@ def test_the_same_command_in_the_same_folder_goes_on(
         patch.setattr("dashred.pipeline.discovery.discovery.discover", interrupted)
         assert train(f"conf={quick}").code == 130
     run_id, _ = parent_of(tmp_path / "mlruns")
-    monkeypatch.setattr("dashred.stages.learning.train_shred", no_second_time)
+    monkeypatch.setattr("dashred.pipeline.training.train_shred", no_second_time)
     ended = train(f"conf={quick}")
     assert ended.code == 0, ended.err
     assert ended.read("findings.json") == twin_run.read("findings.json")
@@ -106,7 +106,7 @@ def test_an_own_recording_goes_on_where_it_was_analysed_and_not_with_another(
     own = tmp_path / "own.nc"
     own.write_bytes(twin_run.read("recording.nc"))
     with monkeypatch.context() as patch:
-        patch.setattr("dashred.stages.assimilation.assimilate", interrupted)
+        patch.setattr("dashred.pipeline.assimilation.assimilate", interrupted)
         assert train(f"conf={quick}", f"recording.path={own}").code == 130
     root = tmp_path / "mlruns"
     run_id, _ = parent_of(root)
@@ -124,7 +124,7 @@ def test_an_own_recording_goes_on_where_it_was_analysed_and_not_with_another(
     assert "Traceback" not in refused.err
 
     (kept / BEGAN).write_text(json.dumps(began))
-    monkeypatch.setattr("dashred.stages.learning.train_shred", no_second_time)
+    monkeypatch.setattr("dashred.pipeline.training.train_shred", no_second_time)
     ended = train(f"resume={run_id}")
     assert ended.code == 0, ended.err
     before = json.loads(twin_run.read("findings.json"))
@@ -135,7 +135,7 @@ def test_an_own_recording_goes_on_where_it_was_analysed_and_not_with_another(
 def test_nothing_of_a_twin_lies_where_the_analysis_or_the_store_shows_it(
     quick, train, monkeypatch, tmp_path, own_state
 ) -> None:
-    monkeypatch.setattr("dashred.stages.learning.train_shred", interrupted)
+    monkeypatch.setattr("dashred.pipeline.training.train_shred", interrupted)
     words = ("recording.twin=b", f"recording.noise={NOISE}")
     assert train(f"conf={quick}", *words).code == 130
     run_id, _ = parent_of(tmp_path / "mlruns")

@@ -13,8 +13,8 @@ from dashred.config import load_config
 from dashred.inference.fit.law import Law, SensorFault
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
+from dashred.pipeline.problem import Problem, pose
 from dashred.pipeline.verification.restart import SAMPLES, restart
-from dashred.stages.problem import Problem, pose
 from tests import laws
 
 TEXT = """

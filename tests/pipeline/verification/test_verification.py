@@ -11,8 +11,8 @@ from dashred.config import load_config
 from dashred.physics.runs.resolution import Resolution
 from dashred.physics.system import System
 from dashred.pipeline.outputs import field_files
+from dashred.pipeline.problem import pose
 from dashred.pipeline.verification import held_out, verification
-from dashred.stages.problem import pose
 
 
 @pytest.fixture(scope="module")

@@ -30,7 +30,7 @@ from dashred.inference.initial_state.start_models import nearest
 from dashred.physics.system import Term
 from dashred.physics.window import shapes_of
 from dashred.pipeline.discovery.objectives import exact_simulator, pose_objective
-from dashred.stages.problem import Problem, pose
+from dashred.pipeline.problem import Problem, pose
 
 # Kinds whose laws act everywhere: of these alone all rivals can be listed.
 FORESEEN: tuple[Kind, ...] = ("terms", "hidden", "parameter")

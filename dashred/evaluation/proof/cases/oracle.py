@@ -35,8 +35,8 @@ from dashred.physics.system import Term
 from dashred.physics.window import Shape, shapes_of
 from dashred.pipeline.discovery.identifiable_terms import told_apart
 from dashred.pipeline.discovery.objectives import exact_simulator, pose_objective
-from dashred.stages.problem import Problem, pose
-from dashred.stages.simulation import simulate_nominal
+from dashred.pipeline.problem import Problem, pose
+from dashred.pipeline.simulation import simulate_nominal
 
 # What a true form has to beat others by for a case to be decidable.
 DECIDABLE = 6.0

@@ -10,7 +10,7 @@ import pytest
 from dashred.config import load_config
 from dashred.core.errors import InputError
 from dashred.evaluation.proof.cases.public import HASHES, check, choose, publish
-from dashred.stages.problem import pose
+from dashred.pipeline.problem import pose
 
 CHECKOUT = Path(__file__).resolve().parents[4]
 PUBLIC = CHECKOUT / "conf" / "proof"

@@ -21,11 +21,11 @@ from dashred.physics.runs.ensemble import Ensemble, draw_ensemble
 from dashred.physics.runs.initial_state_prior import StartPrior
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
-from dashred.stages.assimilation import sensor_data
-from dashred.stages.learning import Learned, train_shred
-from dashred.stages.problem import Problem
-from dashred.stages.simulation import Nominal, shares, together
-from dashred.stages.trajectories import Trajectories
+from dashred.pipeline.assimilation import sensor_data
+from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation import Nominal, shares, together
+from dashred.pipeline.training import Learned, train_shred
+from dashred.pipeline.trajectories import Trajectories
 
 # What run.json calls the seconds of one step of the corrected surrogate.
 STEP = "one step of the corrected SHRED"

@@ -12,9 +12,9 @@ from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import forcing_of
 from dashred.inference.hypotheses.result import Discovered
 from dashred.physics.solvers.simulate import simulate
-from dashred.stages.problem import Problem
-from dashred.stages.simulation import Nominal
-from dashred.stages.whole_episode import fit_starts
+from dashred.pipeline.held_out_episode import fit_starts
+from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation import Nominal
 
 # How long the forecast is, in lengths of the recording.
 FORECAST = 0.5

@@ -16,10 +16,10 @@ from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.forward.episodes_simulator import EpisodesSimulator
+from dashred.pipeline.assimilation import sensor_data
 from dashred.pipeline.discovery.objectives import exact_simulator, pose_objective
-from dashred.stages.assimilation import sensor_data
-from dashred.stages.problem import Problem, pose
-from dashred.stages.simulation import shares, simulate_ensemble, simulate_nominal
+from dashred.pipeline.problem import Problem, pose
+from dashred.pipeline.simulation import shares, simulate_ensemble, simulate_nominal
 
 SENSORS = tuple(Sensor(f"s{i}", "u", (0.3 + i,)) for i in range(6))
 LENGTHS = {"a": (0.0, 41), "b": (60.0, 61), "c": (-5.0, 51)}

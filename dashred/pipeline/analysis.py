@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from torch import Tensor
 
 from dashred.inference.hypotheses.result import Discovered
-from dashred.stages.assimilation import Assimilated
-from dashred.stages.learning import Learned
-from dashred.stages.problem import Problem
-from dashred.stages.simulation import Nominal
-from dashred.stages.trajectories import Trajectories
+from dashred.pipeline.assimilation import Assimilated
+from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation import Nominal
+from dashred.pipeline.training import Learned
+from dashred.pipeline.trajectories import Trajectories
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,9 @@ from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.models.assimilation import AssimilatedEncoder, Assimilation
 from dashred.models.shred import SHRED, reconstruct
 from dashred.physics.runs.ensemble import term_scales
-from dashred.stages.learning import make_trainer
-from dashred.stages.problem import Problem
-from dashred.stages.simulation import Nominal
+from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation import Nominal
+from dashred.pipeline.training import make_trainer
 from datamodules import EpisodesDataModule, RecordingDataModule
 
 METRIC = "rmse/sensors_validate"

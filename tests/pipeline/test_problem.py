@@ -16,7 +16,7 @@ from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import SensorFault
-from dashred.stages.problem import Problem, pose
+from dashred.pipeline.problem import Problem, pose
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nomi
 from dashred.physics.runs.resolution import Resolution, check_resolution, least_scale
 from dashred.physics.solvers.simulate import check_finite, simulate
 from dashred.physics.system import System
-from dashred.stages.problem import Problem
+from dashred.pipeline.problem import Problem
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from dashred.inference.initial_state.start_models import StartModel
 from dashred.inference.results.corrected_system import correct
 from dashred.physics.system import System
 from dashred.pipeline.discovery.objectives import sound_noise, trace_std
-from dashred.stages.problem import Problem
+from dashred.pipeline.problem import Problem
 
 STEPS, TOLERANCE = 30, 1e-8
 

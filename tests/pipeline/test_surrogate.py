@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from dashred.core.errors import InputError
-from dashred.stages import surrogate
+from dashred.pipeline import surrogate
 
 
 @pytest.mark.parametrize(("failures", "spreads"), [(0, [0.2]), (2, [0.2, 0.06, 0.02])])

@@ -17,7 +17,7 @@ from dashred.core.progress import stage
 from dashred.models.shred import SHRED
 from dashred.models.simulation_training import SimulationTraining
 from dashred.physics.runs.ensemble import Ensemble
-from dashred.stages.problem import Problem
+from dashred.pipeline.problem import Problem
 from datamodules import SimulationDataModule
 
 METRIC = "rmse/field_members"

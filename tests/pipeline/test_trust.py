@@ -10,7 +10,7 @@ import torch
 
 from dashred.inference.initial_state.start_models import nearest
 from dashred.pipeline.discovery import hypothesis_stage
-from dashred.stages.problem import Problem
+from dashred.pipeline.problem import Problem
 
 
 @pytest.mark.parametrize(
