@@ -1,0 +1,1 @@
+"""Files, findings, MLflow, errors, units: no physics and no configuration."""

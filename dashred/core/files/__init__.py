@@ -1,0 +1,1 @@
+"""Paths, atomic writes, and what damaged files raise."""

@@ -1,0 +1,1 @@
+"""The findings of a run, as data and as a checked JSON document."""

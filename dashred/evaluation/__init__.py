@@ -1,0 +1,1 @@
+"""Everything that knows a truth: twin experiments, baselines, benchmarks, the proof."""

@@ -1,0 +1,1 @@
+"""The concealed cases of the proof: drawn, recorded, described."""

@@ -1,0 +1,1 @@
+"""Scores of the concealed cases, and the targets they are held to."""

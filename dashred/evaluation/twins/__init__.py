@@ -1,0 +1,1 @@
+"""Twin experiments: hidden truths, recorded and scored."""

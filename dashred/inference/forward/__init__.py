@@ -1,0 +1,1 @@
+"""Forward models: from start and law to readings, with derivatives."""

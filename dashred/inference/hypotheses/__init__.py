@@ -1,0 +1,1 @@
+"""Hypotheses about the mismatch, each fitted to the recording."""

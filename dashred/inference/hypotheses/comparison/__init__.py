@@ -1,0 +1,1 @@
+"""Hypotheses compared by one score."""

@@ -1,0 +1,1 @@
+"""Terms that act in a region, a time span or a range of values."""

@@ -1,0 +1,1 @@
+"""Sparse identification of missing terms in the latent space."""

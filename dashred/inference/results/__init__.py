@@ -1,0 +1,1 @@
+"""What a fitted law means: verdict, location, parameter change."""

@@ -1,0 +1,1 @@
+"""Terms and faults in words."""

@@ -1,0 +1,1 @@
+"""Expressions as code: NumPy, Numba, torch, plain numbers."""

@@ -1,0 +1,1 @@
+"""The equation language: parser, algebra, derivatives."""

@@ -1,0 +1,1 @@
+"""Simulators that are code or snapshots."""

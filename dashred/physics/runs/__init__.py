@@ -1,0 +1,1 @@
+"""Ensembles of runs, the prior of the initial state, the resolution check."""

@@ -1,0 +1,1 @@
+"""The stages of the discovery of a law."""

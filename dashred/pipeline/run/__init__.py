@@ -1,0 +1,1 @@
+"""A run: its folder, manifest, checkpoints, provenance."""

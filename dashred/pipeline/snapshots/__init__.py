@@ -1,0 +1,1 @@
+"""Runs of a simulator that is known by snapshots alone."""

@@ -1,0 +1,1 @@
+"""Held-out errors, and checks of the corrected simulator."""

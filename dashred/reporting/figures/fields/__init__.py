@@ -1,0 +1,1 @@
+"""Figures of fields in space and time."""
