@@ -6,9 +6,9 @@ import difflib
 from pathlib import Path
 from typing import Any
 
-from dashred.config.schema.types import kind_at, nearest, optional, required
+from dashred.config.schema.types import kind_at, optional, required
 from dashred.config.source import Source, plain, read_text
-from dashred.core.errors import InputError
+from dashred.core.errors import InputError, nearest
 from dashred.core.files.user_path import given_path
 
 CONF = Path(__file__).resolve().parents[2] / "conf"

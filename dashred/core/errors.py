@@ -47,7 +47,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
     """Return a hint: the known name most like ``name``, or all of them."""
     choices = list(dict.fromkeys(known))
     close = difflib.get_close_matches(name, choices, n=1)
-    return f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(choices) or 'none'}"
+    return f"did you mean {close[0]}?" if close else f"one of: {', '.join(choices) or 'none'}"
 
 
 def run_entry(main: Callable[[list[str]], int]) -> int:

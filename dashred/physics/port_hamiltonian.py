@@ -14,8 +14,7 @@ from typing import Any, Literal
 import torch
 from torch import Tensor
 
-from dashred.config.schema.types import nearest
-from dashred.core.errors import InputError
+from dashred.core.errors import InputError, nearest
 from dashred.physics.expressions.algebra import (
     ZERO,
     Call,

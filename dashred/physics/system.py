@@ -10,7 +10,7 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-from dashred import config as schema
+from dashred.physics import system_schema as schema
 from dashred.physics.backends.input_signals import NOTHING, Array, Measured
 from dashred.physics.backends.torch_backend import Program
 from dashred.physics.declaration import Declaration

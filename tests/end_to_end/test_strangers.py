@@ -13,8 +13,6 @@ from typing import cast
 
 import numpy as np
 import pytest
-from tests.test_bad_input import SENSORS, csv_text
-from tests.test_train import COARSE
 
 from dashred.config import load_config
 from dashred.core.errors import InputError
@@ -24,6 +22,8 @@ from dashred.physics.external.snapshot_file import open_snapshots
 from dashred.physics.system import System
 from dashred.reporting.figures.style import new_figure, save_figure
 from tests.conftest import CHECKOUT, run_command
+from tests.end_to_end.test_bad_input import SENSORS, csv_text
+from tests.end_to_end.test_train import COARSE
 
 # Whatever turns text or a file into running code.
 CALLS = {"eval", "exec", "compile", "__import__", "system", "popen", "define"}

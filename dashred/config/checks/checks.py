@@ -12,8 +12,8 @@ from dashred.config.checks.snapshot_checks import check_snapshots
 from dashred.config.checks.system_checks import check_system
 from dashred.config.schema.recording import Recording, SensorSplit
 from dashred.config.schema.settings import Settings
-from dashred.config.schema.types import Where, nearest, required
-from dashred.core.errors import InputError
+from dashred.config.schema.types import Where, required
+from dashred.core.errors import InputError, nearest
 from dashred.core.limits import Limit
 
 TWIN = re.compile(r"[A-Za-z0-9_-]+\Z")

@@ -11,8 +11,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from dashred.config.layers import evaluate
-from dashred.config.schema.types import Where, nearest
-from dashred.core.errors import InputError
+from dashred.config.schema.types import Where
+from dashred.core.errors import InputError, nearest
 from dashred.physics.system_schema import System
 
 SMOOTH = ("length", "modes")

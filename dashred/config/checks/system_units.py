@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from dashred.config.layers import where_in
-from dashred.config.schema.types import nearest
-from dashred.core.errors import InputError
+from dashred.core.errors import InputError, nearest
 from dashred.core.units import TIME, check_same, check_unit, split_unit
 from dashred.physics.system_schema import System
 

@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-import difflib
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import is_dataclass
 from functools import cache
 from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from dashred.config.schema.settings import Settings
-from dashred.core.errors import InputError
+from dashred.core.errors import InputError, nearest
 
 Where = Callable[[str], str]
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 WORDS = {int: "a whole number", float: "a number", str: "a text", bool: "true or false"}
-
-
-def nearest(word: str, choices: Iterable[str]) -> str | None:
-    """``did you mean ...?`` with the choice that reads most like ``word``, or the choices."""
-    known = list(choices)
-    close = difflib.get_close_matches(word, known, n=1)
-    if close:
-        return f"did you mean {close[0]}?"
-    return f"one of: {', '.join(known)}" if known else None
 
 
 def required(kind: Any) -> Any:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 import subprocess
-from dataclasses import dataclass
 from pathlib import Path
 
 from dashred.core.errors import InputError, nearest
 from dashred.evaluation.proof.cases.kept_draw import read_draw
 from dashred.evaluation.proof.isolation import CHECKOUT
+from dashred.evaluation.proof.request import Request
 
 PLACE = "command line"
 KNOWN = ("cases", "nulls", "jobs", "output", "draw", "document", "pendulum", "score")
@@ -38,33 +38,6 @@ give the same command again.
 DIR holds a folder a case, with its recording, its frozen findings, the seal that was opened after
 that, and `case.json`; beside these, `draw.json` says what was drawn.
 """
-
-
-@dataclass(frozen=True)
-class Request:
-    """What one command asks for.
-
-    Attributes:
-        cases: how many that hide something.
-        nulls: how many more that do not.
-        jobs: cases at once.
-        output: folder of the cases.
-        document: file of the result.
-        pendulum: a real recording; None for no appendix.
-        draw: what the seed of the draw is made of.
-        practice: whether that is another text than the commit's hash.
-        scored_by: commit that scores a kept draw again; None of one that is to be analysed.
-    """
-
-    cases: int
-    nulls: int
-    jobs: int
-    output: Path
-    document: Path
-    pendulum: Path | None
-    draw: str
-    practice: bool
-    scored_by: str | None = None
 
 
 def read_words(argv: list[str]) -> Request:

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dashred.core.findings.findings import write_json_atomic
 from dashred.core.progress import CONSOLE
 from dashred.evaluation.proof.appendix import analyse_pendulum
-from dashred.evaluation.proof.arguments import Request
 from dashred.evaluation.proof.cases.draw import seed_of
 from dashred.evaluation.proof.cases.kept_case import Kept
 from dashred.evaluation.proof.document import write_document
 from dashred.evaluation.proof.figures import save_figures
 from dashred.evaluation.proof.protocol import ProtocolFacts
+from dashred.evaluation.proof.request import Request
 from dashred.evaluation.proof.scoring.targets import TARGETS
 from dashred.pipeline.run.output_dir import make_output
 

@@ -18,7 +18,6 @@ from dashred.core.errors import DONE
 from dashred.core.findings.findings import check_freeze
 from dashred.core.job_control import alone_in, last_line, signals_as_interrupt
 from dashred.core.progress import CONSOLE
-from dashred.evaluation.proof.arguments import Request
 from dashred.evaluation.proof.cases.case_record import CaseRecord
 from dashred.evaluation.proof.cases.descriptions import ended_in_words
 from dashred.evaluation.proof.cases.draw import Case, draw_cases, seed_of
@@ -26,6 +25,7 @@ from dashred.evaluation.proof.cases.kept_case import RECORDING, Kept, folder_of,
 from dashred.evaluation.proof.cases.kept_draw import keep_draw
 from dashred.evaluation.proof.cases.record_case import RecordedCase, record_case
 from dashred.evaluation.proof.isolation import LIMIT, Analyst, AnalystLostError, analyst, bare_copy
+from dashred.evaluation.proof.request import Request
 from dashred.evaluation.proof.scoring.judge import unjudged
 from dashred.evaluation.proof.scoring.score_case import score_case
 from dashred.evaluation.twins.kept_seal import SEALED

@@ -7,18 +7,16 @@ and nothing else of the twin is kept for an experiment that is cut short.
 
 from __future__ import annotations
 
-import json
 import shutil
 import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 from dashred.config import Config, load_config
 from dashred.config.commandline import PLACE
-from dashred.core.errors import DONE, OUR_FAILURE, WRONG_INPUT, InputError
+from dashred.core.errors import DONE, WRONG_INPUT, InputError
 from dashred.core.files.atomic import copy_atomic
 from dashred.core.mlflow.store import Store, open_store, status_of
 from dashred.core.mlflow.tracker import Tracker
@@ -26,6 +24,7 @@ from dashred.evaluation.twins.kept_seal import SEALED, drop_seal, keep_seal, kep
 from dashred.evaluation.twins.twin_file import entry_of
 from dashred.pipeline.run.output_dir import named_output
 from dashred.pipeline.run.parent_run import cut_short, experiment_of
+from dashred.pipeline.run.processes import ANALYSIS, STORE, EndedError, prewarmed, tell, wait
 from dashred.pipeline.run.run_manifest import RECORDING as READ
 from dashred.pipeline.run.run_manifest import began_with, pointed_to, read_began
 from dashred.pipeline.run.run_tags import name_of
@@ -36,23 +35,14 @@ OWN = ("output=", "tracking.run=", "tracking.parent=")
 RECORDING = "recording.nc"
 TWIN = "recording."
 CLOCK = "recording.every="
-# MLflow, with what it reaches an SQLite store by.
-STORE = "mlflow.store.tracking.sqlalchemy_store"
-# What each process needs sooner or later, beside its entry point's own imports.
-NEEDED = {
-    "record": ("dashred.data.io.write_netcdf", "dashred.physics.solvers.simulate"),
-    "train": ("dashred.pipeline.outputs.report", STORE),
-    "score": ("dashred.evaluation.twins.scoring", "dashred.reporting.figures.save", STORE),
-}
-
-
-class EndedError(Exception):
-    """A process of the experiment ended with an exit code that is not 0."""
-
-    def __init__(self, code: int) -> None:
-        super().__init__(code)
-        # One that a signal has ended has a negative code, which no shell would show.
-        self.code = code if code > 0 else OUR_FAILURE
+RECORDER = (
+    "dashred.evaluation.twins.record_command",
+    *("dashred.data.io.write_netcdf", "dashred.physics.solvers.simulate"),
+)
+SCORER = (
+    "dashred.evaluation.twins.score_command",
+    *("dashred.evaluation.twins.scoring", "dashred.reporting.figures.save", STORE),
+)
 
 
 def run_twin(config: Config, argv: list[str]) -> int:
@@ -77,14 +67,14 @@ def run_twin(config: Config, argv: list[str]) -> int:
 
 
 def _run(config: Config, words: list[str], named: Path | None, private: Path) -> None:
-    with standby("record") as recorder, standby("train") as analyser:
+    with prewarmed(*RECORDER) as recorder, prewarmed(*ANALYSIS) as analyser:
         tell(recorder, [*words, f"output={private}"])
         # The store's schema takes seconds to create: time that the recorder needs anyway.
         store = open_store(config.tracking.root, experiment_of(config))
         wait(recorder)
         recording = private / RECORDING
         earlier = _cut_short(store, named, words, recording)
-        with _open_run(config, store, earlier) as run, standby("score") as scorer:
+        with _open_run(config, store, earlier) as run, prewarmed(*SCORER) as scorer:
             keep_seal(run.run_id, private / SEALED)
             own = Path(shutil.move(recording, run.artifact_dir / RECORDING))
             told = words_of_analysis(words, own, named or run.artifact_dir)
@@ -94,6 +84,13 @@ def _run(config: Config, words: list[str], named: Path | None, private: Path) ->
             wait(analyser)
             place = config.tracking.root, experiment_of(config)
             score(run, scorer, named or run.artifact_dir, *place)
+
+
+def score_if_sealed(run: Tracker, output: Path, root: str, experiment: str) -> None:
+    """Score a resumed twin experiment; do nothing for a run of a recording without a truth."""
+    if kept_seal(run.run_id):
+        with prewarmed(*SCORER) as scorer:
+            score(run, scorer, output, root, experiment)
 
 
 def score(
@@ -155,39 +152,3 @@ def _open_run(config: Config, store: Store, earlier: str | None) -> Iterator[Tra
             shutil.rmtree(run.artifact_dir.parent)
             drop_seal(run.run_id)
         raise
-
-
-@contextmanager
-def standby(entry: str) -> Iterator[subprocess.Popen[str]]:
-    """Get an entry point ready beside the block; at its end nothing of it is left running."""
-    command = [
-        sys.executable,
-        "-m",
-        "dashred.evaluation.twins.prewarmed",
-        f"dashred.{entry}",
-        *NEEDED[entry],
-    ]
-    process = subprocess.Popen(command, stdin=subprocess.PIPE, text=True)
-    try:
-        yield process
-    finally:
-        process.terminate()
-        process.wait()
-
-
-def tell(process: subprocess.Popen[str], words: list[str]) -> None:
-    """Start an entry point on its words."""
-    assert process.stdin is not None
-    # One that has died meanwhile is told by its exit code.
-    with suppress(BrokenPipeError), process.stdin as stdin:
-        stdin.write(json.dumps(words) + "\n")
-
-
-def wait(process: subprocess.Popen[str]) -> None:
-    """Wait for an entry point to end.
-
-    Raises:
-        EndedError: with an exit code that is not 0.
-    """
-    if (code := process.wait()) != DONE:
-        raise EndedError(code)

@@ -179,7 +179,7 @@ def _window(item: Any, label: str, config: Config) -> tuple[str, float | None, f
         raise InputError(
             "a window bounds one axis, field or t, and has an edge",
             where=label,
-            hint=f"as in {{x: [10, 16], edge: 0.4}}; known here: {', '.join(sorted(known))}",
+            hint=f"as in {{x: [10, 16], edge: 0.4}}; one of: {', '.join(sorted(known))}",
         )
     [of] = bounded
     ends = item[of]

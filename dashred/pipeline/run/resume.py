@@ -1,11 +1,12 @@
-"""Go on with a run that was cut short: ``python -m dashred.train resume=RUN_ID``.
+"""Resume a run that was interrupted: ``dashred train resume=RUN_ID``.
 
-The analysis is a process of its own, told the configuration that the run began with and nothing
-else. A twin experiment's seal, which no analysis can reach, is then opened as it would have been.
+The analysis is a process of its own. It gets the configuration that the run began with, and nothing
+else.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from dashred.config.commandline import BASE, PLACE
@@ -16,9 +17,8 @@ from dashred.core.files.user_path import is_server
 from dashred.core.job_control import alone_in
 from dashred.core.mlflow.store import INTERRUPTED, Store, status_of, store_of_run, tags_of
 from dashred.core.mlflow.tracker import Tracker
-from dashred.evaluation.twins.kept_seal import kept_seal
-from dashred.evaluation.twins.twin_experiment import EndedError, score, standby, tell, wait
 from dashred.pipeline.run.output_dir import make_output
+from dashred.pipeline.run.processes import ANALYSIS, EndedError, prewarmed, tell, wait
 from dashred.pipeline.run.run_manifest import (
     FROZEN,
     differences,
@@ -31,8 +31,13 @@ from dashred.pipeline.run.run_manifest import (
 KEYS = ("resume", "output", "tracking.root", "trust")
 
 
-def resume(argv: list[str]) -> int:
-    """Go on; returns the exit code of the first process that fails.
+def resume(argv: list[str], conclude: Callable[[Tracker, Path, str, str], None]) -> int:
+    """Resume a run; return the exit code of the first process that fails.
+
+    Args:
+        argv: the words of the command line.
+        conclude: what is done after the analysis, with the run, the folder of its findings, the
+            MLflow store and the experiment.
 
     Raises:
         InputError: there is no such run, it has ended, another process works on it, or what it
@@ -54,12 +59,10 @@ def resume(argv: list[str]) -> int:
             if analysed:
                 run.fetch_artifacts(output)
             else:
-                with standby("train") as analyser:
+                with prewarmed(*ANALYSIS) as analyser:
                     tell(analyser, [*told, f"tracking.run={run_id}"])
                     wait(analyser)
-            if kept_seal(run_id):
-                with standby("score") as scorer:
-                    score(run, scorer, output, root, experiment)
+            conclude(run, output, root, experiment)
     except EndedError as ended:
         return ended.code
     end(folder, output)

@@ -1,8 +1,8 @@
 """Analyse one recording after another: ``python -m dashred.pipeline.run.worker``.
 
-Its imports, and the kernels that it compiles, serve them all. Each line of stdin is JSON, the words
-of one ``dashred.train`` and where it prints to: ``{"words": [...], "log": FILE}``. Each is answered
-by a line of JSON on stdout: ``{"code": 0, "cpu_seconds": 61.2}``.
+Imports and compiled kernels serve all recordings. Each line of stdin is JSON with the words of one
+analysis and the file that it prints to: ``{"words": [...], "log": FILE}``. Each is answered by a
+line of JSON on stdout: ``{"code": 0, "cpu_seconds": 61.2}``.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ def main(argv: list[str]) -> int:
 
 def _analyse(words: Sequence[str]) -> int:
     """Run one analysis; whatever goes wrong with it is its own affair."""
-    from dashred import train
+    from dashred.pipeline.analyse import main as analyse
 
     try:
-        return train.main(list(words))
+        return analyse(list(words))
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return WRONG_INPUT

@@ -11,7 +11,7 @@ from dashred.core.findings.schema import Findings, Fit, Latent, Verdict, misfit,
 from dashred.data.recording import Recording
 from dashred.pipeline.outputs.field_files import write_estimates
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.snapshots.black_box import BlackBoxAnalysis, whole
+from dashred.pipeline.snapshots.black_box_analysis import BlackBoxAnalysis, whole
 from dashred.pipeline.snapshots.mismatch import Missed
 from dashred.pipeline.verification.held_out import relative_rmse
 from dashred.pipeline.verification.verification import freeze_findings, proposals, source_of

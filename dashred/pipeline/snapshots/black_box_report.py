@@ -13,7 +13,7 @@ from dashred.pipeline.outputs.report import TITLES, varying
 from dashred.pipeline.outputs.sensor_figures import all_sensors, draw_sensors
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.run.provenance import git_commit
-from dashred.pipeline.snapshots.black_box import BlackBoxAnalysis
+from dashred.pipeline.snapshots.black_box_analysis import BlackBoxAnalysis
 from dashred.reporting.figures.figure_names import OF_SNAPSHOTS
 from dashred.reporting.figures.gallery import Gallery
 from dashred.reporting.figures.save import (

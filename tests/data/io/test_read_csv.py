@@ -127,7 +127,7 @@ BAD = {
     "duplicate": (text(rows(header="time,u,u")), "'u' occurs twice"),
     "nameless": (text(rows(header="time,u,")), "r.csv:1: column 3 has no name"),
     "unknown": (text(rows(header="time,u,sped")), "'sped' is neither a field nor a let"),
-    "nearest": (text(rows(header="time,u,sped")), "did you mean 'speed'"),
+    "nearest": (text(rows(header="time,u,sped")), "did you mean speed"),
     "silent": (
         text(["time,u,v"] + [f"{i},{i}," for i in range(20)]),
         "sensor 'v' has no value at all",
@@ -166,7 +166,7 @@ def test_a_bad_recording_is_refused_where_it_is_bad(ode, write, case):
 
 BAD_TABLES = {
     "no x": ("name,field,std\na,u,1\n", "no column 'x'"),
-    "unknown column": ("name,field,x,sdt\na,u,1,1\n", "did you mean 'std'"),
+    "unknown column": ("name,field,x,sdt\na,u,1,1\n", "did you mean std"),
     "no rows": ("name,field,x\n", "names no sensor"),
     "unknown field": (TABLE.replace("a,u", "a,w"), "s.csv:2: sensor 'a' reads 'w'"),
     "outside": (TABLE.replace("0.5", "2.5"), "s.csv:2: sensor 'a' is at x = 2.5, outside"),

@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tests.proof.invented import case, dead, null, proof, wrong
 
 from dashred.evaluation.proof.cases.case_record import CaseRecord
 from dashred.evaluation.proof.document import document, write_document
@@ -15,6 +14,7 @@ from dashred.evaluation.proof.figures import FIGURES
 from dashred.evaluation.proof.protocol import ProtocolFacts
 from dashred.evaluation.proof.scoring.outcomes import failings
 from dashred.evaluation.proof.scoring.targets import TARGETS
+from tests.evaluation.proof.invented import case, dead, null, proof, wrong
 
 FACTS = ProtocolFacts(
     commit="0123abc",

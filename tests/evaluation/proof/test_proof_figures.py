@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from tests.proof.invented import case, coefficient, dead, null, proof, wrong
 
 from dashred.evaluation.proof.cases.case_record import CaseRecord
 from dashred.evaluation.proof.figures import (
@@ -21,6 +20,7 @@ from dashred.evaluation.proof.figures import (
     scores_figure,
 )
 from dashred.evaluation.proof.scoring.statistics import Rate
+from tests.evaluation.proof.invented import case, coefficient, dead, null, proof, wrong
 
 
 def texts(figure: Figure) -> list[str]:

@@ -11,15 +11,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tests.proof.invented import case as record_of
 
 from dashred.core.errors import InputError
 from dashred.evaluation.proof import run as proof
-from dashred.evaluation.proof.arguments import Request, read_words
+from dashred.evaluation.proof.arguments import read_words
 from dashred.evaluation.proof.cases import kept_case
 from dashred.evaluation.proof.cases.draw import draw_cases, seed_of
 from dashred.evaluation.proof.isolation import Analyst, AnalystLostError
+from dashred.evaluation.proof.request import Request
 from dashred.evaluation.proof.scoring.rescore import rescore
+from tests.evaluation.proof.invented import case as record_of
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 

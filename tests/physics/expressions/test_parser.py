@@ -136,7 +136,7 @@ def test_refusals_of_whole_texts(text, says):
         ("grad(u)", "'grad2'"),
         ("lambda*u", "'lam'"),
         ("in*u", "'in_0'"),
-        ("qqq", "known here: alpha, lam, t, u, x"),
+        ("qqq", "one of: alpha, lam, t, u, x"),
         ("d(u, xx)", "'x'"),
     ],
 )

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.starter.strangers import bar_csv, swing_csv
 
 from dashred.core.errors import InputError
 from dashred.pipeline.check import command
 from dashred.pipeline.init import command as init
+from tests.pipeline.init.strangers import bar_csv, swing_csv
 
 SWING = """\
 system:

@@ -6,13 +6,13 @@ import math
 from pathlib import Path
 
 import pytest
-from tests.starter.strangers import bar_csv, swing_csv
 
 from dashred import train
 from dashred.config import Config, load_config
 from dashred.config.checks.placeholders import refuse_open_lines
 from dashred.core.errors import InputError
 from dashred.pipeline.init import command
+from tests.pipeline.init.strangers import bar_csv, swing_csv
 
 
 def written(tmp_path: Path, *words: str) -> tuple[Config, str]:

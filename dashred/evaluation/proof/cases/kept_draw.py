@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict
+from typing import TypedDict
 
 from dashred.core.errors import InputError
 from dashred.core.findings.findings import write_json_atomic
-
-if TYPE_CHECKING:
-    from dashred.evaluation.proof.arguments import Request
+from dashred.evaluation.proof.request import Request
 
 DOCUMENT = "draw.json"
 

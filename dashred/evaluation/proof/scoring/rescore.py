@@ -16,11 +16,11 @@ from dashred.core.errors import InputError
 from dashred.core.findings.findings import check_freeze, sha256_of
 from dashred.core.job_control import alone_in, signals_as_interrupt
 from dashred.core.progress import CONSOLE
-from dashred.evaluation.proof.arguments import Request
 from dashred.evaluation.proof.cases.descriptions import ended_in_words
 from dashred.evaluation.proof.cases.draw import Case, draw_cases, seed_of
 from dashred.evaluation.proof.cases.kept_case import RECORDING, Kept, folder_of, keep, read_kept
 from dashred.evaluation.proof.cases.record_case import record_case
+from dashred.evaluation.proof.request import Request
 from dashred.evaluation.proof.scoring.score_case import score_case
 
 

@@ -7,7 +7,6 @@ from typing import Any, cast
 
 import pytest
 import torch
-from tests.proof.test_judge import BOX, SYSTEM, V2, case_of, findings, term
 
 from dashred.core.findings.findings import freeze, write_json_atomic
 from dashred.core.findings.schema import Score
@@ -23,6 +22,7 @@ from dashred.evaluation.proof.cases.nearness import (
 from dashred.evaluation.twins.sealing import Concealed as Hidden
 from dashred.evaluation.twins.sealing import SealedTerm
 from dashred.pipeline.outputs.field_files import write_estimates
+from tests.evaluation.proof.scoring.test_judge import BOX, SYSTEM, V2, case_of, findings, term
 
 
 def concealed(*terms: SealedTerm, **more: Any) -> Concealed:

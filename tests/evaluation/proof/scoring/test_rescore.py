@@ -7,8 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tests.proof.invented import case as record_of
-from tests.proof.invented import dead
 
 from dashred.core.errors import InputError
 from dashred.core.findings.findings import freeze, write_json_atomic
@@ -18,6 +16,8 @@ from dashred.evaluation.proof.cases.kept_case import Kept, folder_of, keep, read
 from dashred.evaluation.proof.cases.kept_draw import keep_draw, read_draw
 from dashred.evaluation.proof.cases.record_case import RecordedCase, record_case
 from dashred.evaluation.proof.scoring import rescore as again
+from tests.evaluation.proof.invented import case as record_of
+from tests.evaluation.proof.invented import dead
 
 CASE = draw_cases(seed_of("test"), 1, 0)[0]
 

@@ -16,7 +16,7 @@ from dashred.evaluation.proof.scoring.targets import (
     coefficients,
     coverage,
 )
-from tests.proof.invented import case, coefficient, dead, gaining, null, proof, wrong
+from tests.evaluation.proof.invented import case, coefficient, dead, gaining, null, proof, wrong
 
 
 def oracle(**more: Any) -> dict[str, Any]:

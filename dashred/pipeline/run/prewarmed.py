@@ -1,7 +1,8 @@
-"""A process that has its imports done and waits for its words: ``python -m dashred.evaluation.twins.prewarmed ENTRY``.
+"""A process that imports its modules, then waits for its command line.
 
-The processes of a twin experiment follow each other, and each spends seconds on imports: while
-one works, the next gets ready. It knows nothing until it is told: one line of JSON on its stdin.
+The processes of a twin experiment follow each other, and each needs seconds for its imports. While
+one works, the next imports. ``python -m dashred.pipeline.run.prewarmed ENTRY MODULE...`` reads the
+words of ENTRY's command line from stdin, as one line of JSON.
 """
 
 from __future__ import annotations

@@ -1,0 +1,46 @@
+"""The analysis of one recording: ``python -m dashred.pipeline.analyse conf=SYSTEM ...``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from dashred.config import Config, load_config
+from dashred.config.checks.placeholders import refuse_open_lines
+from dashred.core.errors import DONE, InputError, run_entry
+from dashred.core.mlflow.server import check_server
+
+
+def main(argv: list[str]) -> int:
+    """Analyse the recording that the command line names."""
+    config = load_config(argv, entry="train")
+    refuse_open_lines(config)
+    check_server(config.tracking.root)
+    analyse(config)
+    return DONE
+
+
+def analyse(config: Config) -> Path:
+    """Analyse one recording; return the folder of the findings.
+
+    Raises:
+        InputError: the input is wrong. Nothing is written then, though the folder may be made.
+    """
+    if config.recording.path is None:
+        raise InputError(
+            "there is nothing to analyse",
+            where=config.where("recording"),
+            hint="give recording.path=FILE, or recording.twin=NAME for a twin experiment",
+        )
+    # Imported late: torch takes seconds, and wrong input is reported at once.
+    if config.system.snapshots is not None:
+        from dashred.pipeline.snapshots.black_box import analyse_snapshots
+
+        return analyse_snapshots(config)
+    from dashred.pipeline.equations import analyse_equations
+
+    return analyse_equations(config)
+
+
+if __name__ == "__main__":
+    sys.exit(run_entry(main))
