@@ -7,7 +7,7 @@ import sys
 from dashred.config.reference import page
 from dashred.core.errors import DONE, InputError, run_entry
 from dashred.core.files.atomic import write_text_atomic
-from dashred.core.files.user_path import given_path
+from dashred.core.files.user_path import user_path
 
 USAGE = """\
 usage: python -m dashred.reference [path=FILE.md]
@@ -30,7 +30,7 @@ def main(argv: list[str]) -> int:
         hint = "python -m dashred.reference path=docs/config.md"
         raise InputError("expected path=FILE.md alone", where="command line", hint=hint)
     try:
-        write_text_atomic(given_path(path, "path="), page())
+        write_text_atomic(user_path(path, "path="), page())
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", where=path) from None
     print(f"{path} is written")

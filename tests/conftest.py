@@ -125,7 +125,7 @@ class InProcess:
 
     def __init__(self, command: list[str], **_: object) -> None:
         """Stand by."""
-        assert command[1:3] == ["-m", "dashred.evaluation.twins.prewarmed"]
+        assert command[1:3] == ["-m", "dashred.pipeline.run.prewarmed"]
         self.module = command[3]
         self.stdin = Told(self)
 
@@ -177,7 +177,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch) -> type[InProcess]:
 
     Here.monkeypatch = monkeypatch
     monkeypatch.setattr(
-        "dashred.evaluation.twins.twin_experiment.subprocess",
+        "dashred.pipeline.run.processes.subprocess",
         SimpleNamespace(Popen=Here, PIPE=None),
     )
     return Here

@@ -15,11 +15,11 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.forward.forward_model import Shooting
+from dashred.inference.forward.forward_model import ForwardModel
 from dashred.inference.initial_state.start_models import LinearStart
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
@@ -77,9 +77,9 @@ class Swing:
     def clean(self, z: Sequence[float], names: Sequence[str], xi: Sequence[float]) -> Tensor:
         """Return what the sensors would read without noise, ``(time, sensor)``."""
         candidates = [self.everything[name] for name in names]
-        shooting = Shooting(self.simulator, self.start, candidates, self.operator, TIMES)
+        forward_model = ForwardModel(self.simulator, self.start, candidates, self.operator, TIMES)
         unknowns = (torch.tensor([u], dtype=torch.float64) for u in (z, xi))
-        return shooting.readings(*unknowns)[0]
+        return forward_model.readings(*unknowns)[0]
 
     def foreign(self, z: Sequence[float], text: str, value: float) -> Tensor:
         """Return readings under a force that is no candidate."""
@@ -90,14 +90,14 @@ class Swing:
 
     def objective(
         self, names: Sequence[str], recorded: Tensor, sigma: float, prior: Sequence[float] | float
-    ) -> Objective:
+    ) -> LeastSquaresProblem:
         """Return F with candidates by name."""
         candidates = [self.everything[name] for name in names]
-        shooting = Shooting(self.simulator, self.start, candidates, self.operator, TIMES)
+        forward_model = ForwardModel(self.simulator, self.start, candidates, self.operator, TIMES)
         std = torch.full((len(SENSORS),), sigma, dtype=torch.float64)
         noise = NoiseModel(std, torch.zeros_like(std), ~recorded.isnan())
         stds = torch.as_tensor(prior, dtype=torch.float64).expand(len(names)).clone()
-        return Objective(shooting, recorded, noise, stds)
+        return LeastSquaresProblem(forward_model, recorded, noise, stds)
 
 
 def noisy(values: Tensor, sigma: float, seed: int) -> Tensor:
@@ -106,16 +106,16 @@ def noisy(values: Tensor, sigma: float, seed: int) -> Tensor:
     return values + sigma * torch.randn(values.shape, generator=generator, dtype=torch.float64)
 
 
-def line(objective: Objective) -> tuple[Tensor, Tensor]:
+def line(objective: LeastSquaresProblem) -> tuple[Tensor, Tensor]:
     """Return A and b of whitened residuals ``A φ - b``, by runs along every unknown."""
     count = objective.modes + len(objective.prior_std)
     unknowns = torch.cat([torch.zeros(1, count), torch.eye(count)]).double()
-    readings = objective.shooting.readings(*objective.split(unknowns))
+    readings = objective.forward_model.readings(*objective.split(unknowns))
     columns = objective.noise.whiten(readings[1:] - readings[0]).flatten(1).T
     return columns, -objective.residuals(readings[0])
 
 
-def ridge(objective: Objective, members: Sequence[int]) -> tuple[Tensor, float, Tensor]:
+def ridge(objective: LeastSquaresProblem, members: Sequence[int]) -> tuple[Tensor, float, Tensor]:
     """Return the exact φ, F and covariance where readings are linear in φ, by plain algebra."""
     columns, target = line(objective)
     index = [*range(objective.modes), *(objective.modes + j for j in members)]

@@ -14,20 +14,20 @@ from torch import Tensor
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import law_of
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import grow, minimise
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate, build_candidates, forcing_of
-from dashred.inference.forward.forward_model import Shooting
+from dashred.inference.forward.forward_model import ForwardModel
 from dashred.inference.forward.windowed_model import found_by, localised
-from dashred.inference.hypotheses.extended.extended_library import candidates_beyond
-from dashred.inference.hypotheses.hypothesis_fit import Cause
+from dashred.inference.hypotheses.extended.extended_library import extended_candidates
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.windows.windowed_hypothesis import (
     Guess,
     Hypothesis,
+    build_problem,
     first_unknowns,
-    pose,
 )
 from dashred.inference.initial_state.start_models import StartModel
 from dashred.physics.library import evaluate_terms
@@ -83,7 +83,7 @@ class Waves:
         """Candidates that the library does not have."""
         states = self.simulated()
         library = [Term(e, self.system.parse(t, "library", equation=e)) for e, t in TERMS]
-        return candidates_beyond(self.system, library, states, 0.0)
+        return extended_candidates(self.system, library, states, 0.0)
 
     @cached_property
     def operator(self) -> ObservationOperator:
@@ -107,12 +107,14 @@ class Waves:
         std = torch.full((recorded.shape[1],), sigma, dtype=torch.float64)
         return NoiseModel(std, torch.zeros_like(std), ~recorded.isnan())
 
-    def objective(self, recorded: Tensor, sigma: float, names: Sequence[str] = ()) -> Objective:
+    def objective(
+        self, recorded: Tensor, sigma: float, names: Sequence[str] = ()
+    ) -> LeastSquaresProblem:
         """Return F with candidates by name; their prior is their natural scale."""
         candidates = self.candidates(names)
-        shooting = Shooting(self.simulator, self.start, candidates, self.operator, TIMES)
+        forward_model = ForwardModel(self.simulator, self.start, candidates, self.operator, TIMES)
         stds = torch.tensor([c.scale for c in candidates], dtype=torch.float64)
-        return Objective(shooting, recorded, self.noise(recorded, sigma), stds)
+        return LeastSquaresProblem(forward_model, recorded, self.noise(recorded, sigma), stds)
 
     def recorded(
         self,
@@ -140,7 +142,7 @@ class Waves:
         return evaluate_terms(self.system, own, states, 0.0).flatten(1).square().mean(dim=1).sqrt()
 
 
-def fitted(objective: Objective) -> Tensor:
+def fitted(objective: LeastSquaresProblem) -> Tensor:
     """Return the minimum of an F of the start alone, grown from its first samples."""
     begin = torch.zeros(objective.modes, dtype=torch.float64)
     return minimise(objective, grow(objective, begin, 6), 8, 1e-4).phi
@@ -151,15 +153,15 @@ def in_window(
     shape: Shape,
     values: tuple[float, ...],
     guess: tuple[float, ...] | None = None,
-) -> Cause:
+) -> HypothesisFit:
     """Return the fit of a term in a window to a recording of that, from the truth or a guess."""
     hidden = localised(waves.candidates(["u: v**2"]), shape.at(values))
     recorded = waves.recorded(LOCAL_SIGMA, 4, [(hidden[0], LOCAL_XI)])
     objective = waves.objective(recorded, LOCAL_SIGMA, ["u: v**2"])
     spread = [0.8] * (len(values) - 1)
     hypothesis = Hypothesis((), (0,), Guess(shape, guess or values, (*spread, 1.0)))
-    mine = pose(objective, hypothesis)
+    mine = build_problem(objective, hypothesis)
     z = fitted(waves.objective(recorded, LOCAL_SIGMA))
     found = minimise(mine, first_unknowns(z, [LOCAL_XI], hypothesis.guess), 12, 1e-6)
     law = law_of(mine, found, found_by(mine, found.phi), found.cost, len(values))
-    return Cause(law, mine, found.phi)
+    return HypothesisFit(law, mine, found.phi)

@@ -9,7 +9,7 @@ from typing import Any
 from dashred.config.schema.types import kind_at, optional, required
 from dashred.config.source import Source, plain, read_text
 from dashred.core.errors import InputError, nearest
-from dashred.core.files.user_path import given_path
+from dashred.core.files.user_path import user_path
 
 CONF = Path(__file__).resolve().parents[2] / "conf"
 BASE = CONF / "base.yaml"
@@ -53,7 +53,7 @@ def find_system(word: str) -> tuple[Path, str]:
     """
     if word in bundled():
         return CONF / f"{word}.yaml", f"conf/{word}.yaml"
-    path = given_path(word, PLACE)
+    path = user_path(word, PLACE)
     if path.suffix not in (".yaml", ".yml"):
         what = f"unknown conf {word!r}" if word else "conf= is empty"
         hint = _systems(word)

@@ -15,7 +15,7 @@ from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import Where, child, in_words, kind_at, optional, required
 from dashred.config.source import Source
 from dashred.core.errors import InputError
-from dashred.core.files.user_path import check_address, given_path, is_server
+from dashred.core.files.user_path import check_address, is_server, user_path
 
 PATHS = ("recording.path", "recording.sensors", "system.snapshots", "output", "tracking.root")
 # What a system needs that is declared by its equations.
@@ -58,7 +58,7 @@ def absolute(text: str, *, folder: Path, where: str) -> str:
     if "://" in text:
         what, hint = "this is an address, and no file or folder here", "fetch it first"
         raise InputError(what, where=where, hint=hint)
-    return abspath(folder / given_path(text, where))
+    return abspath(folder / user_path(text, where))
 
 
 def store_root(text: str, *, folder: Path, where: str) -> str:

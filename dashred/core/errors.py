@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable
 
-from dashred.core.system_errors import told
+from dashred.core.system_errors import describe
 
 DONE, OUR_FAILURE, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -74,7 +74,7 @@ def run_entry(main: Callable[[list[str]], int]) -> int:
         print("interrupted", file=sys.stderr)
         return INTERRUPTED
     except Exception as error:
-        if (said := told(error)) is None:
+        if (said := describe(error)) is None:
             raise
         print(f"error: {said}", file=sys.stderr)
         return OUR_FAILURE

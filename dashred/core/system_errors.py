@@ -48,7 +48,7 @@ class RefusedError(Exception):
     """What a program beside ours refuses in the middle of a run, in words for the user."""
 
 
-def told(error: BaseException) -> str | None:
+def describe(error: BaseException) -> str | None:
     """Return what the machine has refused and what to do; None where it is a failure of ours."""
     if said := _package(error):
         return said
@@ -63,8 +63,8 @@ def told(error: BaseException) -> str | None:
 def tell_uncaught(
     kind: type[BaseException], error: BaseException, trace: TracebackType | None
 ) -> None:
-    """Print what ended the process: as ``sys.excepthook`` does, or what :func:`told` says."""
-    if said := told(error):
+    """Print what ended the process: as ``sys.excepthook`` does, or what :func:`describe` says."""
+    if said := describe(error):
         print(f"error: {said}", file=sys.stderr)
     else:
         sys.__excepthook__(kind, error, trace)

@@ -19,7 +19,7 @@ from torch import Tensor
 from dashred.models.shred import SHRED
 
 if TYPE_CHECKING:
-    from dashred.core.mlflow.run import Run
+    from dashred.core.mlflow.run import MlflowRun
 
 NAME = "corrected_shred"
 # Windows in the example; more than one, or the graph would be traced for one alone.
@@ -27,7 +27,7 @@ EXAMPLES = 2
 NEEDED = ("torch", "mlflow")
 
 
-def log_surrogate(run: Run, shred: SHRED, windows: Tensor, sensors: list[str]) -> str:
+def log_surrogate(run: MlflowRun, shred: SHRED, windows: Tensor, sensors: list[str]) -> str:
     """Log the network, float32 ``(batch, lag, sensor)`` → ``(batch, field, *grid)``.
 
     Args:
@@ -62,7 +62,7 @@ def log_surrogate(run: Run, shred: SHRED, windows: Tensor, sensors: list[str]) -
 
 
 @contextmanager
-def _store_of(run: Run) -> Iterator[None]:
+def _store_of(run: MlflowRun) -> Iterator[None]:
     """Let MLflow's own idea of the current store be the run's, for as long as it is needed."""
     import mlflow
 

@@ -16,7 +16,7 @@ from dashred.physics.system import System
 
 
 @dataclass(frozen=True)
-class Pulses:
+class ForcingBasis:
     """``f_e(x, t) = Σ_ck a_eck b_c(x) h_k(t)``: bumps b in space, hats h in time.
 
     The bumps add up to 1 everywhere, and so do the hats between the first and the last knot:
@@ -33,7 +33,7 @@ class Pulses:
     fields: int
 
     @classmethod
-    def over(cls, system: System, times: Tensor, cells: int, knots: int) -> Pulses:
+    def over(cls, system: System, times: Tensor, cells: int, knots: int) -> ForcingBasis:
         """Return pulses that cover the whole space and time.
 
         Args:
@@ -79,13 +79,13 @@ class Pulses:
         found = torch.einsum("...eck,cx->...kex", amplitudes, flat)
         return found.reshape(*found.shape[:-1], *self.bumps.shape[1:])
 
-    def drive(self, amplitudes: Tensor) -> Drive:
+    def sampled_forcing(self, amplitudes: Tensor) -> SampledForcing:
         """Return the forcing of many trajectories, ``(row, equation, cell, knot)``."""
-        return Drive(self.knots, self.at_knots(amplitudes))
+        return SampledForcing(self.knots, self.at_knots(amplitudes))
 
 
 @dataclass(frozen=True)
-class Drive:
+class SampledForcing:
     """A forcing ``f(x, t)`` of every trajectory, along straight lines between knots.
 
     Attributes:
@@ -104,7 +104,7 @@ class Drive:
         share = min(max((t - begin) / (end - begin), 0.0), 1.0)
         return (1 - share) * self.values[:, k] + share * self.values[:, k + 1]
 
-    def row(self, i: int) -> Drive:
+    def row(self, i: int) -> SampledForcing:
         """Return the forcing of one trajectory."""
         return replace(self, values=self.values[i : i + 1])
 

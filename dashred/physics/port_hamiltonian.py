@@ -33,7 +33,7 @@ from dashred.physics.expressions.algebra import (
 from dashred.physics.expressions.differentiate import differentiate
 from dashred.physics.expressions.semilinear import NotSeparableError, Separator, applied
 from dashred.physics.grids.quadrature import integral
-from dashred.physics.sampled_states import Visited, bare, evaluated
+from dashred.physics.sampled_states import SampledStates, bare, evaluate
 from dashred.physics.system import System
 from dashred.physics.system_schema import Structure
 
@@ -97,7 +97,7 @@ class PortHamiltonian:
             found[field] = add([*terms, *(scale(-1.0, each) for each in lost), *ports])
         return found
 
-    def check(self, at: Visited) -> None:
+    def check(self, at: SampledStates) -> None:
         """Hold the structure against the equations.
 
         Args:
@@ -123,7 +123,7 @@ class PortHamiltonian:
         own_points = self.system.grid.own
         for field, made in self.equations.items():
             own = bare(self.system.resolved[field], self.system)
-            if not alike(*(own_points(evaluated(self.system, e, at)) for e in (made, own))):
+            if not alike(*(own_points(evaluate(self.system, e, at)) for e in (made, own))):
                 raise InputError(
                     f"the structure makes d({field})/dt = {to_text(made)}, but the equation is "
                     f"{to_text(own)}",
@@ -131,20 +131,20 @@ class PortHamiltonian:
                     hint="the equations are (J - R)*dH/dx + G*u",
                 )
 
-    def defined(self, at: Visited) -> Visited:
+    def defined(self, at: SampledStates) -> SampledStates:
         """Return those states at which J, R and every effort have a value, ``√q`` at q ≥ 0."""
         values = [self._matrix(part, at) for part in (self.interconnection, self.dissipation)]
-        values += [evaluated(self.system, effort, at) for effort in self.effort.values()]
+        values += [evaluate(self.system, effort, at) for effort in self.effort.values()]
         finite = torch.stack([each.isfinite().reshape(len(each), -1).all(dim=1) for each in values])
         there = finite.all(dim=0)
-        return Visited(at.states[there], at.times[there])
+        return SampledStates(at.states[there], at.times[there])
 
-    def is_skew(self, at: Visited) -> bool:
+    def is_skew(self, at: SampledStates) -> bool:
         """Tell whether J = −Jᵀ at all these states."""
         interconnection = self._matrix(self.interconnection, at)
         return alike(interconnection, -interconnection.mT)
 
-    def lost(self, at: Visited, efforts: Mapping[str, Tensor]) -> Tensor:
+    def lost(self, at: SampledStates, efforts: Mapping[str, Tensor]) -> Tensor:
         """Return what R takes away, ``∫ eᵀ R e``, ``(state,)``.
 
         Args:
@@ -154,7 +154,7 @@ class PortHamiltonian:
         taken = torch.zeros(len(at.states), dtype=torch.float64)
         for field, row in self.dissipation.items():
             for other, entry in row.items():
-                rate = evaluated(self.system, entry, at) * efforts[other]
+                rate = evaluate(self.system, entry, at) * efforts[other]
                 taken = taken + integral(self.system.grid, efforts[field] * rate)
         return taken
 
@@ -188,13 +188,13 @@ class PortHamiltonian:
         entries = {"J": self.interconnection, "R": self.dissipation, "G": self.ports}[part]
         return entries.get(field, {})
 
-    def _matrix(self, entries: Entries, at: Visited) -> Tensor:
+    def _matrix(self, entries: Entries, at: SampledStates) -> Tensor:
         """Return a matrix at every point, ``(state, *grid, field, field)``."""
         fields = self.system.fields
         rows = []
         for field in fields:
             row = entries.get(field, {})
-            rows.append([evaluated(self.system, row.get(g, ZERO), at) for g in fields])
+            rows.append([evaluate(self.system, row.get(g, ZERO), at) for g in fields])
         return torch.stack([torch.stack(row, dim=-1) for row in rows], dim=-2)
 
 

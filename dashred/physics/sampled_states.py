@@ -22,7 +22,7 @@ NEGLIGIBLE = 1e-9
 
 
 @dataclass(frozen=True)
-class Visited:
+class SampledStates:
     """States, each at its own time.
 
     Attributes:
@@ -33,7 +33,7 @@ class Visited:
     states: Float[Tensor, "state field ..."]
     times: Float[Tensor, " state"]
 
-    def with_waves(self, system: System) -> Visited:
+    def with_waves(self, system: System) -> SampledStates:
         """Return these states and random ones, as large: of single wavelengths, and of them all.
 
         A trajectory may keep to few waves, and of those that it does not have says nothing.
@@ -43,7 +43,7 @@ class Visited:
         space = system.grid.dims
         size = self.states.square().mean(dim=(0, *space), keepdim=True).sqrt()
         times = self.times[torch.arange(len(waves)) % len(self.times)]
-        return Visited(torch.cat([self.states, waves * size]), torch.cat([self.times, times]))
+        return SampledStates(torch.cat([self.states, waves * size]), torch.cat([self.times, times]))
 
 
 def waves_of(grid: Grid, fields: int) -> Float[Tensor, "wavelength draw field ..."]:
@@ -84,7 +84,7 @@ def _mirrored(grid: Grid, field: Tensor) -> Tensor:
     return field
 
 
-def evaluated(system: System, expr: Expr, at: Visited) -> Float[Tensor, "state ..."]:
+def evaluate(system: System, expr: Expr, at: SampledStates) -> Float[Tensor, "state ..."]:
     """Return an expression at states, ``(state, *grid)``: right on the axes proper.
 
     Args:

@@ -13,14 +13,14 @@ from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline import assimilation, problem, simulation, surrogate, training, trajectories
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.discovery import discovery
-from dashred.pipeline.discovery.identifiable_terms import told_apart
+from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
 from dashred.pipeline.outputs import report
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.run import provenance
 from dashred.pipeline.run.checkpoints import Checkpoints
 from dashred.pipeline.run.output_dir import clear_output, named_output
 from dashred.pipeline.run.parent_run import open_parent
-from dashred.pipeline.run.run_manifest import began_with, end
+from dashred.pipeline.run.run_manifest import end, manifest_of
 from dashred.pipeline.run.run_tags import conclude, describe
 from dashred.pipeline.simulation import Nominal
 from dashred.pipeline.verification import verification as verify
@@ -51,7 +51,7 @@ def simulate(posed: Problem, seconds: dict[str, float]) -> Simulated:
         InputError: the input is wrong.
     """
     nominal = simulation.simulate_nominal(posed, seconds)
-    posed = told_apart(posed, nominal.states, posed.times)
+    posed = keep_identifiable_terms(posed, nominal.states, posed.times)
     check_structure(posed.system, posed.times, nominal.states)
     resolution = simulation.check(posed, nominal, seconds)
     ensemble = None
@@ -98,7 +98,7 @@ def analyse_equations(config: Config) -> Path:
         InputError: the input is wrong. Nothing is written then, though the folder may be made.
     """
     provenance.prepare_torch(config)
-    posed = problem.pose(config)
+    posed = problem.build_problem(config)
     named = named_output(config)
     seconds: dict[str, float] = {}
     clock = time.perf_counter()
@@ -106,7 +106,7 @@ def analyse_equations(config: Config) -> Path:
     posed = simulated.problem
 
     # All errors of the input have been raised by now: only from here on is anything written.
-    began = began_with(config, posed.recording_sha256)
+    began = manifest_of(config, posed.recording_sha256)
     with open_parent(config, named, began) as (run, folder):
         output = named or run.artifact_dir
         clear_output(output)

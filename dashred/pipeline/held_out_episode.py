@@ -7,10 +7,10 @@ from torch import Tensor
 
 from dashred.inference.fit.first_window import fit_first_window
 from dashred.inference.fit.law import Law
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.candidate_simulator import Simulator
-from dashred.inference.forward.forward_model import Shooting
+from dashred.inference.forward.forward_model import ForwardModel
 from dashred.inference.initial_state.start_models import StartModel
 from dashred.inference.results.corrected_system import correct
 from dashred.physics.system import System
@@ -38,10 +38,12 @@ def fit_starts(episode: Problem, prior: StartModel, law: Law) -> tuple[Tensor, T
 def _fitted(episode: Problem, prior: StartModel, law: Law, system: System) -> Tensor:
     fit = episode.split.fit
     times = episode.times[: len(fit.times)]
-    shooting = Shooting(Simulator(system, system.dt, []), prior, [], episode.operator(fit), times)
+    forward_model = ForwardModel(
+        Simulator(system, system.dt, []), prior, [], episode.operator(fit), times
+    )
     none = torch.zeros(0, dtype=torch.float64)
     recorded = torch.from_numpy(fit.values)
-    objective = Objective(shooting, recorded, sound_noise(episode, law), none)
+    objective = LeastSquaresProblem(forward_model, recorded, sound_noise(episode, law), none)
     begin = fit_first_window(objective, trace_std(episode)).phi
     z = minimise(objective, begin, STEPS, TOLERANCE).phi
     return prior.start(z[None])[0]

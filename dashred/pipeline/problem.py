@@ -107,7 +107,7 @@ class Problem:
         return np.random.default_rng([self.config.seed, *stage.encode()])
 
 
-def pose(config: Config) -> Problem:
+def build_problem(config: Config) -> Problem:
     """Read and check all input.
 
     Raises:

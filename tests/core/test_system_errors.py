@@ -15,9 +15,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from dashred.core.errors import InputError, run_entry
-from dashred.core.files.atomic import copy_atomic, whole_file, write_text_atomic
+from dashred.core.files.atomic import atomic_file, copy_atomic, write_text_atomic
 from dashred.core.mlflow.store import open_store
-from dashred.core.system_errors import told
+from dashred.core.system_errors import describe
 from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
@@ -76,7 +76,7 @@ def test_what_the_machine_refuses_is_told_in_two_lines(error, says, capsys) -> N
     ],
 )
 def test_a_failure_of_ours_is_none_of_the_machines(error) -> None:
-    assert told(error) is None
+    assert describe(error) is None
     with pytest.raises(type(error)):
         run_entry(lambda _: _raise(error))
 
@@ -105,14 +105,14 @@ def test_what_may_not_be_read_is_no_matter_of_writing(tmp_path: Path, monkeypatc
     path = tmp_path / "mine.yaml"
     path.touch()
     monkeypatch.setattr("os.access", lambda *_: False)
-    said = told(PermissionError(errno.EACCES, "Permission denied", str(path)))
+    said = describe(PermissionError(errno.EACCES, "Permission denied", str(path)))
     assert said is not None and "the right to read it" in said
-    elsewhere = told(PermissionError(errno.EACCES, "Permission denied", "/mlruns/new"))
+    elsewhere = describe(PermissionError(errno.EACCES, "Permission denied", "/mlruns/new"))
     assert elsewhere is not None and "the right to write there" in elsewhere
 
 
 def test_an_interruption_leaves_no_half_of_a_file(tmp_path) -> None:
-    with pytest.raises(KeyboardInterrupt), whole_file(tmp_path / "a.txt") as partial:
+    with pytest.raises(KeyboardInterrupt), atomic_file(tmp_path / "a.txt") as partial:
         partial.write_text("half")
         raise KeyboardInterrupt
     assert os.listdir(tmp_path) == []
@@ -165,7 +165,7 @@ def test_a_full_disk_leaves_what_was_there(mounted, tmp_path) -> None:
     for write in ways:
         with pytest.raises(OSError) as caught:
             write(mounted / "a.out")
-        said = told(caught.value)
+        said = describe(caught.value)
         assert said is not None and "No space left" in said
         assert os.listdir(mounted) == ["a.out"]
         assert (mounted / "a.out").read_text() == "old"
@@ -194,5 +194,5 @@ def test_a_store_that_somebody_holds_is_told(tmp_path) -> None:
             open_store(root, "second")
     finally:
         holder.close()
-    assert isinstance(caught.value, InputError) or told(caught.value)
-    assert "database is locked" in f"{caught.value}{told(caught.value)}"
+    assert isinstance(caught.value, InputError) or describe(caught.value)
+    assert "database is locked" in f"{caught.value}{describe(caught.value)}"

@@ -179,8 +179,8 @@ DRIVEN = """
 def test_an_input_is_a_candidate_and_is_told_from_a_constant_by_its_own_clock(make_system):
     times = torch.linspace(0, 3, 6, dtype=torch.float64)
     undriven = make_system(DRIVEN)
-    drive = Measured(times.numpy(), {"V": torch.sin(times).numpy()})
-    system = System(undriven.config, undriven.where, drive)
+    sampled_forcing = Measured(times.numpy(), {"V": torch.sin(times).numpy()})
+    system = System(undriven.config, undriven.where, sampled_forcing)
     library, states = build_library(system, None), random_states(system)
     assert "V" in {str(term) for term in library if term.equation == "phi"}
     # At the first moment alone, when the drive is 0, nothing could be told of it.

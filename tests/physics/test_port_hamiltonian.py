@@ -10,7 +10,7 @@ import torch
 from dashred.core.errors import InputError
 from dashred.physics.expressions.algebra import to_text
 from dashred.physics.port_hamiltonian import PortHamiltonian, variation
-from dashred.physics.sampled_states import Visited, evaluated
+from dashred.physics.sampled_states import SampledStates, evaluate
 from dashred.physics.system import System
 from dashred.physics.system_schema import Structure
 from tests import laws
@@ -51,15 +51,15 @@ def wave(tmp_path: Path) -> System:
     return laws.declared(tmp_path, WAVE)
 
 
-def smooth(system: System) -> Visited:
+def smooth(system: System) -> SampledStates:
     generator = torch.Generator().manual_seed(1)
     states = torch.randn((5, len(system.fields), 7), generator=generator, dtype=torch.float64)
     times = torch.linspace(0, 1, 5, dtype=torch.float64)
     if not system.axes:
-        return Visited(states[..., 0], times)
+        return SampledStates(states[..., 0], times)
     x = 2 * torch.pi * system.grid.coordinates["x"] / system.axes[0].length
     waves = torch.stack([torch.cos(j * x + j) for j in range(7)])
-    return Visited(torch.einsum("sfj,j...->sf...", states, waves), times)
+    return SampledStates(torch.einsum("sfj,j...->sf...", states, waves), times)
 
 
 def test_the_structure_of_a_spring_makes_its_equations(spring: System) -> None:
@@ -80,10 +80,10 @@ def test_a_variation_is_the_energys_slope_in_any_direction(wave: System) -> None
     at, towards, h = states[:1], states[1:2], 1e-5
     spacing = wave.axes[0].spacing
     ahead, behind = (
-        float(evaluated(wave, density, Visited(at + sign * h * towards, now)).sum()) * spacing
+        float(evaluate(wave, density, SampledStates(at + sign * h * towards, now)).sum()) * spacing
         for sign in (1, -1)
     )
-    efforts = [evaluated(wave, slopes[f], Visited(at, now)) for f in wave.fields]
+    efforts = [evaluate(wave, slopes[f], SampledStates(at, now)) for f in wave.fields]
     effort = torch.stack(efforts, dim=1)
     exact = float((effort * towards).sum()) * spacing
     assert (ahead - behind) / (2 * h) == pytest.approx(exact, rel=1e-6)

@@ -16,7 +16,7 @@ from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import SensorFault
-from dashred.pipeline.problem import Problem, pose
+from dashred.pipeline.problem import Problem, build_problem
 
 
 @pytest.fixture
@@ -33,7 +33,9 @@ def posed(quick, tmp_path):
             path,
             ["x"],
         )
-        return pose(load_config([f"conf={quick}", f"recording.path={path}", *words], entry="train"))
+        return build_problem(
+            load_config([f"conf={quick}", f"recording.path={path}", *words], entry="train")
+        )
 
     return build
 

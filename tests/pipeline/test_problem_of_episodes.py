@@ -17,8 +17,8 @@ from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.forward.episodes_simulator import EpisodesSimulator
 from dashred.pipeline.assimilation import sensor_data
-from dashred.pipeline.discovery.objectives import exact_simulator, pose_objective
-from dashred.pipeline.problem import Problem, pose
+from dashred.pipeline.discovery.objectives import build_least_squares, exact_simulator
+from dashred.pipeline.problem import Problem, build_problem
 from dashred.pipeline.simulation import shares, simulate_ensemble, simulate_nominal
 
 SENSORS = tuple(Sensor(f"s{i}", "u", (0.3 + i,)) for i in range(6))
@@ -36,7 +36,7 @@ def episode(name: str) -> Episode:
 def posed(quick: Path, folder: Path, *episodes: Episode) -> Problem:
     path = folder / "recording.nc"
     write_netcdf(Episodes(episodes), path, ["x"])
-    return pose(load_config([f"conf={quick}", f"recording.path={path}"], entry="train"))
+    return build_problem(load_config([f"conf={quick}", f"recording.path={path}"], entry="train"))
 
 
 def test_the_last_fifth_of_each_is_held_out_and_of_three_the_last_whole(quick, tmp_path):
@@ -106,7 +106,7 @@ def test_its_objective_has_a_start_for_each_and_all_samples_once(quick, tmp_path
     nominal = simulate_nominal(problem, {})
     simulator = exact_simulator(problem, [])
     assert isinstance(simulator, EpisodesSimulator)
-    objective = pose_objective(problem, simulator, nominal.start, [], 1.0)
+    objective = build_least_squares(problem, simulator, nominal.start, [], 1.0)
     assert objective.modes == 2 * nominal.prior.size
     fitted = len(problem.split.fit.sensors)
     assert objective.noise.count == fitted * sum(

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def atomic_file(path: Path) -> Iterator[Path]:
     """Yield a place beside ``path`` to write to; what lies there in the end takes its name.
 
     The name changes hands when the bytes are on the disk: not even a power failure leaves half a
@@ -32,7 +32,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 def write_text_atomic(path: Path, text: str) -> None:
     """Write a text in UTF-8, whole or not at all."""
-    with whole_file(path) as partial:
+    with atomic_file(path) as partial:
         partial.write_bytes(text.encode())
 
 
@@ -41,13 +41,13 @@ def write_netcdf_atomic(path: Path, dataset: xr.Dataset) -> None:
 
     Its bytes are made in memory: HDF5 does not survive a disk that is full before a file is closed.
     """
-    with whole_file(path) as partial:
+    with atomic_file(path) as partial:
         partial.write_bytes(dataset.to_netcdf(engine="h5netcdf"))
 
 
 def copy_atomic(source: Path, target: Path) -> None:
     """Copy a file, whole or not at all."""
-    with whole_file(target) as partial:
+    with atomic_file(target) as partial:
         shutil.copyfile(source, partial)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from dashred.core.errors import InputError
-from dashred.core.system_errors import told
+from dashred.core.system_errors import describe
 
 
 @contextmanager
@@ -29,7 +29,7 @@ def reading(kind: str, path: str, hint: str | None = None) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
-        if isinstance(error, ImportError | OSError) and told(error):
+        if isinstance(error, ImportError | OSError) and describe(error):
             raise
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"not a readable {kind}: {reason}", where=path, hint=hint) from error

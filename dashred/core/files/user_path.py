@@ -13,7 +13,7 @@ FOLDER = "give the folder that holds mlflow.db, or the address of a server: http
 PASSWORD = "say who you are by MLFLOW_TRACKING_USERNAME and MLFLOW_TRACKING_PASSWORD instead"
 
 
-def given_path(text: str, where: str) -> Path:
+def user_path(text: str, where: str) -> Path:
     """Return the path that a user means; ``~`` is the home folder.
 
     Args:

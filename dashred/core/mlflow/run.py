@@ -27,7 +27,7 @@ NOTE = "mlflow.note.content"
 Entry = TypeVar("Entry")
 
 
-class Run:
+class MlflowRun:
     """One run of the store, parent or nested, and what can be logged to it."""
 
     def __init__(self, store: Store, run_id: str) -> None:

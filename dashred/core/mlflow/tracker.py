@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Self
 
-from dashred.core.mlflow.run import Run
+from dashred.core.mlflow.run import MlflowRun
 from dashred.core.mlflow.store import (
     Store,
     end_failed_run,
@@ -15,11 +15,11 @@ from dashred.core.mlflow.store import (
 )
 
 
-class ChildRun(Run):
+class ChildRun(MlflowRun):
     """A nested run: one stage of a command."""
 
 
-class Tracker(Run):
+class Tracker(MlflowRun):
     """The parent run of one command.
 
     Its nested runs carry the tag `mlflow.parentRunId`, by which MLflow's pages fold them under it.

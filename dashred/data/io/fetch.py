@@ -12,7 +12,7 @@ from pathlib import Path
 from dashred.core.arguments import read_path_words
 from dashred.core.errors import DONE, InputError, run_entry
 from dashred.core.files.atomic import write_text_atomic
-from dashred.core.files.user_path import given_path
+from dashred.core.files.user_path import user_path
 from dashred.core.findings.findings import sha256_of
 from dashred.data.io.published_recording import PENDULUM, fetched
 
@@ -40,7 +40,7 @@ def main(argv: list[str]) -> int:
         print(USAGE)
         return DONE
     words = read_path_words(argv, KEYS, "where to?", EXAMPLE)
-    path = given_path(words["path"], "path=")
+    path = user_path(words["path"], "path=")
     if _already_there(path):
         print(f"already there: {path} (sha256 {PENDULUM.sha256[:12]}… as it should be)")
         return DONE

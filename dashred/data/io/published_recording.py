@@ -17,7 +17,7 @@ from urllib.parse import quote, urlsplit
 from urllib.request import Request, urlopen
 
 from dashred.core.errors import InputError
-from dashred.core.files.user_path import given_path
+from dashred.core.files.user_path import user_path
 
 MATLAB = b"MATLAB 5.0 MAT-file"
 LARGEST = 64 * 2**20
@@ -86,7 +86,7 @@ def fetched(recording: Published, source: str) -> str:
 
 def _read(path: str) -> bytes:
     try:
-        return given_path(path, "source=").read_bytes()
+        return user_path(path, "source=").read_bytes()
     except OSError as error:
         raise InputError(f"cannot read the file: {error.strerror}", where=path) from None
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from dashred.config import Config, load_config
 from dashred.core.errors import DONE, InputError, run_entry
-from dashred.core.system_errors import told
+from dashred.core.system_errors import describe
 
 if TYPE_CHECKING:
     from dashred.evaluation.baselines.estimate import Estimated
@@ -67,18 +67,18 @@ def analyse(config: Config) -> None:
     from dashred.evaluation.baselines.optimal_interpolation import optimal_interpolation
     from dashred.evaluation.baselines.plain_shred import plain_shred
     from dashred.pipeline import problem, simulation
-    from dashred.pipeline.discovery.identifiable_terms import told_apart
+    from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
     from dashred.pipeline.run import provenance
     from dashred.pipeline.run.output_dir import make_output
 
     assert config.output is not None
     provenance.prepare_torch(config)
-    posed = problem.pose(config)
+    posed = problem.build_problem(config)
     if posed.others:
         fault = "the baselines read one episode, and the recording has several"
         raise InputError(fault, where=config.recording.path)
     nominal = simulation.simulate_nominal(posed, {})
-    posed = told_apart(posed, nominal.states, posed.times)
+    posed = keep_identifiable_terms(posed, nominal.states, posed.times)
     as_it_is = replace(posed, config=_plain(config))
     of_plain: dict[str, float] = {}
     plain = simulation.simulate_ensemble(as_it_is, nominal, of_plain)
@@ -128,7 +128,7 @@ def own_failure(error: Exception) -> str:
     Raises:
         Exception: this one, where the machine or the store has refused something.
     """
-    if isinstance(error, OSError | MemoryError) or told(error):
+    if isinstance(error, OSError | MemoryError) or describe(error):
         raise error
     traceback.print_exc()
     return f"{type(error).__name__}: {' '.join(str(error).split())}"[:LENGTH]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from dashred.config import Settings, bundled
 from dashred.core.errors import InputError, nearest
-from dashred.core.files.user_path import given_path
+from dashred.core.files.user_path import user_path
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 PLACE = "command line"
@@ -107,7 +107,7 @@ def read_words(argv: list[str], folder: str = "bench", usage: str = USAGE) -> Re
         sensors=_numbers("sensors", given.get("sensors")),
         extra=_numbers("extra", given.get("extra")),
         jobs=_jobs(given.get("jobs", "1")),
-        output=given_path(given.get("output") or str(default), "output=").resolve(),
+        output=user_path(given.get("output") or str(default), "output=").resolve(),
         overrides=overrides,
     )
 

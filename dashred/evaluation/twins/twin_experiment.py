@@ -26,7 +26,7 @@ from dashred.pipeline.run.output_dir import named_output
 from dashred.pipeline.run.parent_run import cut_short, experiment_of
 from dashred.pipeline.run.processes import ANALYSIS, STORE, EndedError, prewarmed, tell, wait
 from dashred.pipeline.run.run_manifest import RECORDING as READ
-from dashred.pipeline.run.run_manifest import began_with, pointed_to, read_began
+from dashred.pipeline.run.run_manifest import manifest_of, pointed_to, read_began
 from dashred.pipeline.run.run_tags import name_of
 from dashred.reporting.figures.figure_names import OF_THE_TRUTH
 
@@ -130,7 +130,7 @@ def _cut_short(store: Store, named: Path | None, words: list[str], recording: Pa
         return None
     config = load_config(words_of_analysis(words, before, before.parent), entry="train")
     began = read_began(store.checkpoints(run_id)) or {}
-    return cut_short(store, run_id, began_with(config, began.get(READ, "")))
+    return cut_short(store, run_id, manifest_of(config, began.get(READ, "")))
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 
 # Over longer stretches a front that is a little off, or chaos, has many false minima. What so few
@@ -21,12 +21,12 @@ STEPS = 2
 TOLERANCE = 0.02
 
 
-def first_samples(objective: Objective) -> int:
+def first_samples(objective: LeastSquaresProblem) -> int:
     """Return how many samples make the first window."""
     return min(len(objective.recorded), SAMPLES)
 
 
-def fit_first_window(objective: Objective, trace_std: Tensor) -> Fitted:
+def fit_first_window(objective: LeastSquaresProblem, trace_std: Tensor) -> Fitted:
     """Fit the start alone to the first samples, from coarse to fine (design §4.2.4).
 
     Args:

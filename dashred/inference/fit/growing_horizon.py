@@ -13,9 +13,9 @@ import torch
 from torch import Tensor
 
 from dashred.core.progress import Report
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
-from dashred.inference.fit.subset_search import Eliminated
+from dashred.inference.fit.subset_search import ProfiledProblem
 
 GROWTH = 1.3
 # A stage that fails is tried again with a shorter stretch.
@@ -35,7 +35,7 @@ EFFORT = 40
 
 
 @dataclass(frozen=True)
-class Walk:
+class HorizonFit:
     """How far a walk came.
 
     Attributes:
@@ -55,7 +55,9 @@ class Walk:
     levels: list[tuple[int, float]]
 
 
-def walk(objective: Objective, phi: Tensor, samples: int, carried: int, report: Report) -> Walk:
+def grow_horizon(
+    objective: LeastSquaresProblem, phi: Tensor, samples: int, carried: int, report: Report
+) -> HorizonFit:
     """Extend the horizon while the misfit stays near its level so far.
 
     The walk carries the candidates whose effects differ most over the next stretch; the others'
@@ -69,7 +71,7 @@ def walk(objective: Objective, phi: Tensor, samples: int, carried: int, report: 
         report: progress.
     """
     total = len(objective.recorded)
-    here = _Here(objective, phi, samples, _telling(objective, phi, samples, carried))
+    here = _State(objective, phi, samples, _telling(objective, phi, samples, carried))
     here.settle()
     chosen, reinforced, growth = samples, 0, GROWTH
     while here.samples < total and here.effort < EFFORT * total:
@@ -89,14 +91,14 @@ def walk(objective: Objective, phi: Tensor, samples: int, carried: int, report: 
         elif growth <= SMALLEST_GROWTH:
             break
     reached = here.samples == total
-    return Walk(here.phi, here.members, here.readings, here.samples, reached, here.levels)
+    return HorizonFit(here.phi, here.members, here.readings, here.samples, reached, here.levels)
 
 
 @dataclass
-class _Here:
+class _State:
     """Where a walk is: its fit of the samples so far, with some of the candidates."""
 
-    objective: Objective
+    objective: LeastSquaresProblem
     phi: Tensor
     samples: int
     members: tuple[int, ...]
@@ -145,7 +147,9 @@ class _Here:
         self.levels.append((samples, self._level(fitted, samples)))
 
 
-def _telling(objective: Objective, phi: Tensor, samples: int, count: int) -> tuple[int, ...]:
+def _telling(
+    objective: LeastSquaresProblem, phi: Tensor, samples: int, count: int
+) -> tuple[int, ...]:
     """Return the candidates whose effects differ most, a while beyond the samples fitted so far.
 
     None at all, where the fit blows up even within them.
@@ -157,5 +161,5 @@ def _telling(objective: Objective, phi: Tensor, samples: int, count: int) -> tup
         window = objective.until(min(len(objective.recorded), reach))
         normal = window.linearise(phi)
         if normal.finite:
-            return Eliminated.of(normal, objective.modes).most_telling(count)
+            return ProfiledProblem.of(normal, objective.modes).most_telling(count)
     return ()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import Normal, Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
 from dashred.inference.fit.levenberg_marquardt import Fitted
 from dashred.inference.forward.candidates import Candidate, forcing_of
 from dashred.physics.solvers.forcing import Forcing
@@ -137,7 +137,7 @@ class Law:
 
 
 def posterior(
-    objective: Objective,
+    objective: LeastSquaresProblem,
     normal: Normal,
     phi: Tensor,
     members: tuple[int, ...],
@@ -156,15 +156,15 @@ def posterior(
         readings: there, ``(time, sensor)``.
         score: of the law.
     """
-    shooting = objective.shooting
+    forward_model = objective.forward_model
     z, xi = objective.split(phi)
     covariance = normal.covariance(objective.places(members))
     chi2 = float(objective.residuals(readings).square().sum()) / objective.noise.count
     return Law(
-        candidates=tuple(shooting.candidates[j] for j in members),
+        candidates=tuple(forward_model.candidates[j] for j in members),
         coefficients=xi[list(members)],
         covariance=covariance[objective.modes :, objective.modes :],
-        start=shooting.start.start(z[None])[0],
+        start=forward_model.start.start(z[None])[0],
         score=score,
         chi2=chi2,
         residuals=readings - objective.recorded,
@@ -172,7 +172,7 @@ def posterior(
 
 
 def law_of(
-    objective: Objective,
+    objective: LeastSquaresProblem,
     fitted: Fitted,
     candidates: Sequence[Candidate],
     score: float,
@@ -199,7 +199,7 @@ def law_of(
         candidates=tuple(candidates),
         coefficients=xi[:count],
         covariance=covariance[modes : modes + count, modes : modes + count],
-        start=objective.shooting.start.start(z[None])[0],
+        start=objective.forward_model.start.start(z[None])[0],
         score=score,
         chi2=fitted.chi2 / objective.noise.count,
         residuals=torch.where(

@@ -19,7 +19,7 @@ from torch import Tensor
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.fit.normal_equations import solve
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.forward.forward_model import Shooting
+from dashred.inference.forward.forward_model import ForwardModel
 
 
 class Trials(NamedTuple):
@@ -39,7 +39,7 @@ LARGEST = 1e140
 
 
 @dataclass(frozen=True)
-class Objective:
+class LeastSquaresProblem:
     """What a fit minimises.
 
     Attributes:
@@ -49,7 +49,7 @@ class Objective:
         prior_std: d of every candidate, ``(candidate,)``, in the user's units.
     """
 
-    shooting: Shooting
+    forward_model: ForwardModel
     recorded: Tensor
     noise: NoiseModel
     prior_std: Tensor
@@ -57,7 +57,7 @@ class Objective:
     @property
     def modes(self) -> int:
         """Unknowns of the start."""
-        return self.shooting.start.size
+        return self.forward_model.start.size
 
     @property
     def precision(self) -> Tensor:
@@ -65,24 +65,24 @@ class Objective:
         ones = torch.ones(self.modes, dtype=torch.float64)
         return torch.cat([ones, self.prior_std.double() ** -2])
 
-    def only(self, members: Sequence[int]) -> Objective:
+    def only(self, members: Sequence[int]) -> LeastSquaresProblem:
         """Return F with some of the candidates alone."""
-        candidates = [self.shooting.candidates[j] for j in members]
-        shooting = replace(self.shooting, candidates=candidates)
-        return replace(self, shooting=shooting, prior_std=self.prior_std[list(members)])
+        candidates = [self.forward_model.candidates[j] for j in members]
+        forward_model = replace(self.forward_model, candidates=candidates)
+        return replace(self, forward_model=forward_model, prior_std=self.prior_std[list(members)])
 
-    def of(self, candidates: Sequence[Candidate]) -> Objective:
+    def of(self, candidates: Sequence[Candidate]) -> LeastSquaresProblem:
         """Return F of others, alone in the simulator's reach; their prior is their scale."""
-        simulator = self.shooting.simulator.of(candidates)
-        shooting = replace(self.shooting, simulator=simulator, candidates=candidates)
+        simulator = self.forward_model.simulator.of(candidates)
+        forward_model = replace(self.forward_model, simulator=simulator, candidates=candidates)
         scales = torch.tensor([c.scale for c in candidates], dtype=torch.float64)
-        return replace(self, shooting=shooting, prior_std=scales)
+        return replace(self, forward_model=forward_model, prior_std=scales)
 
-    def until(self, samples: int) -> Objective:
+    def until(self, samples: int) -> LeastSquaresProblem:
         """Return F over the first samples alone."""
         return replace(
             self,
-            shooting=self.shooting.until(samples),
+            forward_model=self.forward_model.until(samples),
             recorded=self.recorded[:samples],
             noise=self.noise.first(samples),
         )
@@ -112,7 +112,7 @@ class Objective:
             readings: of the fit, ``(time, sensor)``.
             spent: how many numbers it has taken from the recording (:meth:`Normal.spent`).
         """
-        groups = [sensor.reads for sensor in self.shooting.operator.sensors]
+        groups = [sensor.reads for sensor in self.forward_model.operator.sensors]
         return self.noise.estimated(readings - self.recorded, groups, spent)
 
     def penalty(self, phi: Tensor) -> Tensor:
@@ -127,7 +127,7 @@ class Objective:
             phi: the point.
             readings: there, ``(time, sensor)``, where they are known already.
         """
-        point = self.shooting.linearise(*self.split(phi), readings)
+        point = self.forward_model.linearise(*self.split(phi), readings)
         columns = torch.cat([point.by_start, point.by_error], dim=-1).movedim(-1, 0)
         jacobian = self.noise.whiten(columns).flatten(1).T
         residuals = self.residuals(point.readings)
@@ -136,7 +136,7 @@ class Objective:
 
     def values(self, phi: Float[Tensor, "batch unknown"]) -> tuple[Tensor, Trials]:
         """Return F ``(batch,)``, infinite where a trajectory blows up, and what it is made of."""
-        readings = self.shooting.readings(*self.split(phi))
+        readings = self.forward_model.readings(*self.split(phi))
         residuals = self.residuals(readings)
         cost = residuals.square().sum(dim=-1) + self.penalty(phi)
         return torch.where(torch.isfinite(cost), cost, torch.inf), Trials(readings, residuals)

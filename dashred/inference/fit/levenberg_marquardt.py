@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import Normal, Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
 
 # One run tries all of a rung; the next, where none of it lowers F. In units of each curvature.
 LADDER = ((0.0, 0.1, 3.0), (30.0, 300.0, 3000.0))
@@ -49,7 +49,7 @@ class Fitted:
 
 
 def minimise(
-    objective: Objective,
+    objective: LeastSquaresProblem,
     phi: Float[Tensor, " unknown"],
     steps: int,
     tolerance: float,
@@ -82,7 +82,7 @@ def minimise(
 
 
 def minimise_on(
-    objective: Objective, phi: Tensor, steps: int, tolerance: float, worth: float
+    objective: LeastSquaresProblem, phi: Tensor, steps: int, tolerance: float, worth: float
 ) -> Fitted:
     """Minimise F in rounds of so many steps, while a round gains what it is worth.
 
@@ -106,7 +106,7 @@ def minimise_on(
 
 
 def grow(
-    objective: Objective,
+    objective: LeastSquaresProblem,
     phi: Tensor,
     samples: int,
     growth: float = GROWTH,
@@ -119,7 +119,7 @@ def grow(
 
 
 def growing(
-    objective: Objective,
+    objective: LeastSquaresProblem,
     phi: Tensor,
     samples: int,
     growth: float = GROWTH,
@@ -142,7 +142,9 @@ def growing(
         yield fitted
 
 
-def _chord_steps(objective: Objective, normal: Normal, fitted: Fitted, tolerance: float) -> Fitted:
+def _chord_steps(
+    objective: LeastSquaresProblem, normal: Normal, fitted: Fitted, tolerance: float
+) -> Fitted:
     """Go on with the same Jacobian while it gains: a run costs a tenth of another."""
     for _ in range(CHORDS):
         lower = _step(objective, normal, fitted, LADDER[:1])
@@ -153,7 +155,10 @@ def _chord_steps(objective: Objective, normal: Normal, fitted: Fitted, tolerance
 
 
 def _step(
-    objective: Objective, normal: Normal, fitted: Fitted, ladder: Sequence[Sequence[float]]
+    objective: LeastSquaresProblem,
+    normal: Normal,
+    fitted: Fitted,
+    ladder: Sequence[Sequence[float]],
 ) -> Fitted:
     """Return where the best damping leads; the same place, if none lowers F."""
     here = objective.residuals(fitted.readings)
@@ -193,7 +198,7 @@ class Refits:
 
 
 def chord_refits(
-    objective: Objective,
+    objective: LeastSquaresProblem,
     normal: Normal,
     phi: Float[Tensor, "set unknown"],
     free: Bool[Tensor, "set unknown"],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from dashred.inference.fit.subset_search import Eliminated, backward_path, small_sets
+from dashred.inference.fit.subset_search import ProfiledProblem, backward_path, small_sets
 
 Set = tuple[int, ...]
 
@@ -17,7 +17,7 @@ NEIGHBOURS = 16
 STUCK = 2.0
 
 
-def promising(problem: Eliminated) -> list[Set]:
+def promising(problem: ProfiledProblem) -> list[Set]:
     """Return the best sets of each size, and those of the backward path."""
     count = len(problem.target)
     found: list[Set] = []
@@ -30,7 +30,7 @@ def promising(problem: Eliminated) -> list[Set]:
     return found + [members for members in path if len(members) > LARGEST]
 
 
-def neighbours(problem: Eliminated, members: Set, tried: Mapping[Set, float]) -> list[Set]:
+def neighbours(problem: ProfiledProblem, members: Set, tried: Mapping[Set, float]) -> list[Set]:
     """Return the best sets that one swap, one addition or one omission makes of a set.
 
     And small ones that are promising from here. A set that was tried before stays out, unless
@@ -53,7 +53,9 @@ def neighbours(problem: Eliminated, members: Set, tried: Mapping[Set, float]) ->
     return found
 
 
-def _unreached(problem: Eliminated, sets: Sequence[Set], tried: Mapping[Set, float]) -> list[Set]:
+def _unreached(
+    problem: ProfiledProblem, sets: Sequence[Set], tried: Mapping[Set, float]
+) -> list[Set]:
     """Return the sets that were not tried, or whose fit falls short of the linearised one."""
     return [
         members

@@ -10,10 +10,10 @@ import torch
 from torch import Tensor
 
 from dashred.core.progress import Report
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import chord_refits, minimise
 from dashred.inference.fit.stepwise_moves import Set, neighbours, promising
-from dashred.inference.fit.subset_search import Eliminated
+from dashred.inference.fit.subset_search import ProfiledProblem
 
 ROUNDS = 6
 CHORD_STEPS = 6
@@ -58,13 +58,13 @@ class Selection:
         exhausted: no swap, addition or omission wins any more.
     """
 
-    objective: Objective
+    objective: LeastSquaresProblem
     tried: list[Tried]
     exhausted: bool
 
 
 def select(
-    objective: Objective, phi: Tensor, proposals: Iterable[Set], report: Report
+    objective: LeastSquaresProblem, phi: Tensor, proposals: Iterable[Set], report: Report
 ) -> Selection:
     """Find the set of candidates with the best score.
 
@@ -97,7 +97,7 @@ def select(
 
 
 def polish(
-    objective: Objective, tried: Tried, tolerance: float, steps: int = POLISH_STEPS
+    objective: LeastSquaresProblem, tried: Tried, tolerance: float, steps: int = POLISH_STEPS
 ) -> Tried:
     """Return the fit of one set with fresh Jacobians, until a step gains less than a share of F."""
     mine = objective.only(tried.members)
@@ -107,13 +107,13 @@ def polish(
     return Tried(tried.members, objective.embed(fitted.phi, tried.members), fitted.cost, score)
 
 
-def penalty(objective: Objective) -> float:
+def penalty(objective: LeastSquaresProblem) -> float:
     """Return the cost of one candidate more: ``ln n + 2 ln p`` (design §4.2.5)."""
     candidates = len(objective.prior_std)
     return math.log(objective.noise.effective_count) + 2 * math.log(candidates)
 
 
-def better(objective: Objective, first: Tensor, second: Tensor) -> tuple[Tensor, float]:
+def better(objective: LeastSquaresProblem, first: Tensor, second: Tensor) -> tuple[Tensor, float]:
     """Return the better of two beginnings, ``(unknown,)``, and F there."""
     begins = torch.stack([first, second])
     costs, _ = objective.values(begins)
@@ -124,7 +124,7 @@ def better(objective: Objective, first: Tensor, second: Tensor) -> tuple[Tensor,
 class _Search:
     """All sets tried so far, under one noise model and one linearisation."""
 
-    def __init__(self, objective: Objective) -> None:
+    def __init__(self, objective: LeastSquaresProblem) -> None:
         self.objective = objective
         self.tried: dict[Set, Tried] = {}
         self.settled: set[Set] = set()
@@ -138,12 +138,12 @@ class _Search:
         """Move the linearisation to ``phi``."""
         # What blows up has no derivative, and its fits will not be chosen.
         self.normal = self.objective.linearise(phi)
-        self.problem = Eliminated.of(self.normal, self.objective.modes)
+        self.problem = ProfiledProblem.of(self.normal, self.objective.modes)
 
     def adopt_noise(self, best: Tried) -> bool:
         """Estimate σ and its correlation from the residuals of the best set; tell if they moved."""
         objective = self.objective
-        [readings] = objective.shooting.readings(*objective.split(best.phi[None]))
+        [readings] = objective.forward_model.readings(*objective.split(best.phi[None]))
         normal = self.normal if self.normal.finite else objective.linearise(best.phi)
         spent = normal.spent(objective.places(best.members))
         noise = objective.noise_left(readings, spent)
@@ -223,7 +223,7 @@ class _Search:
         return self.objective.embed(solution, members)
 
 
-def _free(objective: Objective, sets: Sequence[Set]) -> Tensor:
+def _free(objective: LeastSquaresProblem, sets: Sequence[Set]) -> Tensor:
     free = torch.zeros((len(sets), objective.modes + len(objective.prior_std)), dtype=torch.bool)
     for row, members in enumerate(sets):
         free[row, objective.places(members)] = True

@@ -21,7 +21,7 @@ CHUNK = 20000
 
 
 @dataclass(frozen=True)
-class Eliminated:
+class ProfiledProblem:
     """The reduced problem ``F(ξ) = c - 2 gᵀξ + ξᵀ G ξ``, the start at its best for every ξ.
 
     Attributes:
@@ -37,7 +37,7 @@ class Eliminated:
     precision: Float[Tensor, " candidate"]
 
     @classmethod
-    def of(cls, normal: Normal, modes: int) -> Eliminated:
+    def of(cls, normal: Normal, modes: int) -> ProfiledProblem:
         """Eliminate the start.
 
         Args:
@@ -101,7 +101,7 @@ def small_sets(count: int, largest: int) -> Iterator[list[tuple[int, ...]]]:
         yield list(combinations(range(count), size))
 
 
-def backward_path(problem: Eliminated, largest: int) -> list[tuple[int, ...]]:
+def backward_path(problem: ProfiledProblem, largest: int) -> list[tuple[int, ...]]:
     """Return the sets met when candidates are dropped one by one, the least needed first.
 
     The path finds sets that are too large to enumerate; those of up to ``largest`` are returned.

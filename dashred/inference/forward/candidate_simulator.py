@@ -10,9 +10,9 @@ import torch
 from torch import Tensor
 
 from dashred.inference.forward.candidates import Candidate, forcing_of
-from dashred.physics.forcing_basis import Drive, Pulses
+from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.solvers.batch_coefficients import Columns
-from dashred.physics.solvers.compiled_simulator import Run, compiled
+from dashred.physics.solvers.compiled_simulator import CompiledSystem, compiled
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
 from dashred.physics.tangents.ode_tangents import supports_ode, tangent_ode
@@ -57,7 +57,7 @@ class Simulator:
         self.has_tangents = supports(system, self.terms) or supports_ode(system, self.terms)
 
     @cached_property
-    def _run(self) -> Run:
+    def _run(self) -> CompiledSystem:
         return compiled(self.system, self.terms, self.shapes)
 
     def coarse(self) -> Simulator:
@@ -83,12 +83,12 @@ class Simulator:
         times: Tensor,
         candidates: Sequence[Candidate],
         xi: Tensor,
-        drive: Drive | None = None,
+        sampled_forcing: SampledForcing | None = None,
     ) -> Tensor:
         """Return trajectories ``(batch, time, field, *grid)`` with coefficients of some."""
         weights = torch.zeros((len(start), self._layout.count), dtype=torch.float64)
         weights[:, : len(self.terms)] = self._by_term(candidates, xi)
-        return self._run(start, times, weights, drive)
+        return self._run(start, times, weights, sampled_forcing)
 
     def run_local(
         self,
@@ -98,7 +98,7 @@ class Simulator:
         everywhere: Tensor,
         inside: Tensor,
         windows: Sequence[Window],
-        drive: Drive | None = None,
+        sampled_forcing: SampledForcing | None = None,
     ) -> Tensor:
         """Return trajectories in which candidates act within each row's window, too.
 
@@ -114,7 +114,7 @@ class Simulator:
         plain = self._by_term(candidates, everywhere)
         local = self._by_term(candidates, inside)
         weights = self._layout.weights(plain, local, windows)
-        return self._run(start, times, weights, drive)
+        return self._run(start, times, weights, sampled_forcing)
 
     def tangents(
         self,
@@ -123,14 +123,14 @@ class Simulator:
         times: Tensor,
         forcing: Forcing,
         sources: Sequence[tuple[Term, ...]],
-        drive: Drive | None,
-        pulses: Pulses | None,
+        sampled_forcing: SampledForcing | None,
+        forcing_basis: ForcingBasis | None,
     ) -> Iterator[tuple[Tensor, Tensor]]:
         """Yield state and tangents at every sample: of the directions, the sources, the pulses."""
         base = self.tangent, start, directions, times, forcing, sources
         if self.system.axes:
-            return tangent_linear(*base, torch.float32, drive, pulses)
-        return tangent_ode(*base, drive, pulses)
+            return tangent_linear(*base, torch.float32, sampled_forcing, forcing_basis)
+        return tangent_ode(*base, sampled_forcing, forcing_basis)
 
     def visited(self, states: Tensor, times: Tensor) -> Tensor:
         """Return all states ``(sample, field, *grid)`` of a trajectory on its clock."""

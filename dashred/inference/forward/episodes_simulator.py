@@ -10,7 +10,7 @@ from torch import Tensor
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.episodes import one_after_another, running
-from dashred.physics.forcing_basis import Drive, Pulses
+from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import Term
 from dashred.physics.window import Window
@@ -46,12 +46,12 @@ class EpisodesSimulator(Simulator):
         times: Tensor,
         candidates: Sequence[Candidate],
         xi: Tensor,
-        drive: Drive | None = None,
+        sampled_forcing: SampledForcing | None = None,
     ) -> Tensor:
         """Return trajectories ``(batch, time, episode, field, *grid)``."""
 
         def march(part: Simulator, begin: Tensor, clock: Tensor, n: int) -> Tensor:
-            return part.run(begin, clock, candidates, _rows(xi, n), _driven(drive, n))
+            return part.run(begin, clock, candidates, _rows(xi, n), _driven(sampled_forcing, n))
 
         return self._march(start, times, march)
 
@@ -63,14 +63,14 @@ class EpisodesSimulator(Simulator):
         everywhere: Tensor,
         inside: Tensor,
         windows: Sequence[Window],
-        drive: Drive | None = None,
+        sampled_forcing: SampledForcing | None = None,
     ) -> Tensor:
         """Return trajectories ``(batch, time, episode, field, *grid)``; windows are common."""
 
         def march(part: Simulator, begin: Tensor, clock: Tensor, n: int) -> Tensor:
             own = [window for window in windows for _ in range(n)]
             rows = _rows(everywhere, n), _rows(inside, n)
-            return part.run_local(begin, clock, candidates, *rows, own, _driven(drive, n))
+            return part.run_local(begin, clock, candidates, *rows, own, _driven(sampled_forcing, n))
 
         return self._march(start, times, march)
 
@@ -81,13 +81,20 @@ class EpisodesSimulator(Simulator):
         times: Tensor,
         forcing: Forcing,
         sources: Sequence[tuple[Term, ...]],
-        drive: Drive | None,
-        pulses: Pulses | None,
+        sampled_forcing: SampledForcing | None,
+        forcing_basis: ForcingBasis | None,
     ) -> Iterator[tuple[Tensor, Tensor]]:
         """Yield states ``(episode, field, *grid)`` and tangents ``(column, episode, …)``."""
         each = [
             _tangents(
-                part, start[e], directions[:, e], times[:, e], forcing, sources, drive, pulses
+                part,
+                start[e],
+                directions[:, e],
+                times[:, e],
+                forcing,
+                sources,
+                sampled_forcing,
+                forcing_basis,
             )
             for e, part in enumerate(self.parts)
         ]
@@ -137,8 +144,10 @@ def _rows(values: Tensor, episodes: int) -> Tensor:
     return values.repeat_interleave(episodes, dim=0)
 
 
-def _driven(drive: Drive | None, episodes: int) -> Drive | None:
-    return drive and Drive(drive.knots, _rows(drive.values, episodes))
+def _driven(sampled_forcing: SampledForcing | None, episodes: int) -> SampledForcing | None:
+    return sampled_forcing and SampledForcing(
+        sampled_forcing.knots, _rows(sampled_forcing.values, episodes)
+    )
 
 
 def _tangents(
@@ -148,13 +157,13 @@ def _tangents(
     clock: Tensor,
     forcing: Forcing,
     sources: Sequence[tuple[Term, ...]],
-    drive: Drive | None,
-    pulses: Pulses | None,
+    sampled_forcing: SampledForcing | None,
+    forcing_basis: ForcingBasis | None,
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Yield one episode's state and tangents: nothing moves by the starts of the others."""
     mine, own = directions.flatten(1).any(dim=1), running(clock)
     count, moved = len(directions), int(mine.sum())
-    base = start, directions[mine], own, forcing, sources, drive, pulses
+    base = start, directions[mine], own, forcing, sources, sampled_forcing, forcing_basis
     for state, columns in part.tangents(*base):
         whole = columns.new_zeros((count + len(columns) - moved, *columns.shape[1:]))
         whole[:count][mine], whole[count:] = columns[:moved], columns[moved:]

@@ -10,11 +10,11 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
-from dashred.inference.forward.forward_model import Linearisation, Shooting
+from dashred.inference.forward.forward_model import ForwardModel, Linearisation
 
 
 @dataclass(frozen=True)
-class OffsetShooting(Shooting):
+class SensorOffsetModel(ForwardModel):
     """``(z, ξ, c) → H S(z, ξ) + Σ c_k p_k``: a bias, a drift, or any other known pattern.
 
     Its coefficients are those of the candidates, then the amplitudes c.
@@ -46,7 +46,7 @@ class OffsetShooting(Shooting):
 
 
 @dataclass(frozen=True)
-class MovedShooting(Shooting):
+class MovedSensorModel(ForwardModel):
     """``(z, ξ, δ) → H_δ S(z, ξ)``: one sensor stands a little off its stated place.
 
     The last coefficients are δ along every axis.
@@ -128,8 +128,8 @@ def columns_of(sensors: Sequence[Sensor], sensor: int) -> list[int]:
     return [column for column, other in enumerate(sensors) if other.name == name]
 
 
-def _plain(faulty: Shooting) -> Shooting:
+def _plain(faulty: ForwardModel) -> ForwardModel:
     """Return the same with sensors that read what they should."""
-    return Shooting(
+    return ForwardModel(
         faulty.simulator, faulty.start, faulty.candidates, faulty.operator, faulty.times
     )

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dashred.inference.forward.forward_model import Shooting
-from dashred.physics.forcing_basis import Drive, Pulses
+from dashred.inference.forward.forward_model import ForwardModel
+from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 
 
 @dataclass(frozen=True)
-class DrivenShooting(Shooting):
+class ForcedModel(ForwardModel):
     """``(z, ξ, a) → H S(u₀(z); law(ξ) + f)`` with ``f_e(x, t) = Σ a_eck b_c(x) h_k(t)``.
 
     Its coefficients are those of the law, then the amplitudes a.
@@ -24,12 +24,12 @@ class DrivenShooting(Shooting):
         size: an amplitude of each equation that makes a difference, ``(equation,)``.
     """
 
-    law: Shooting
-    pulses: Pulses
+    law: ForwardModel
+    forcing_basis: ForcingBasis
     size: Tensor
 
     @classmethod
-    def on(cls, law: Shooting, pulses: Pulses, size: Tensor) -> DrivenShooting:
+    def on(cls, law: ForwardModel, forcing_basis: ForcingBasis, size: Tensor) -> ForcedModel:
         """Return a law under a free forcing."""
         return cls(
             law.simulator,
@@ -38,43 +38,53 @@ class DrivenShooting(Shooting):
             law.operator,
             law.times,
             law,
-            pulses,
+            forcing_basis,
             size,
         )
 
-    def until(self, samples: int) -> DrivenShooting:
+    def until(self, samples: int) -> ForcedModel:
         """Return the same over the first samples alone."""
         return replace(self, times=self.times[:samples], law=self.law.until(samples))
 
-    def finer(self) -> DrivenShooting:
+    def finer(self) -> ForcedModel:
         """Return the same with the simulator's own steps for its derivative."""
         law = self.law.finer()
         return replace(self, simulator=law.simulator, law=law)
 
     def amplitudes(self, xi: Tensor) -> Tensor:
         """Return a of coefficients ``(batch, coefficient)``: ``(batch, equation, cell, knot)``."""
-        return xi[:, -self.pulses.count :].reshape(-1, *self.pulses.shape)
+        return xi[:, -self.forcing_basis.count :].reshape(-1, *self.forcing_basis.shape)
 
-    def states(self, z: Tensor, xi: Tensor, drive: Drive | None = None) -> Tensor:
+    def states(
+        self, z: Tensor, xi: Tensor, sampled_forcing: SampledForcing | None = None
+    ) -> Tensor:
         """Return the trajectories ``(batch, time, field, *grid)``; the forcing is its own."""
-        own = self.pulses.drive(self.amplitudes(xi)) if drive is None else drive
-        return self.law.states(z, xi[:, : -self.pulses.count], own)
+        own = (
+            self.forcing_basis.sampled_forcing(self.amplitudes(xi))
+            if sampled_forcing is None
+            else sampled_forcing
+        )
+        return self.law.states(z, xi[:, : -self.forcing_basis.count], own)
 
     def tangents(
         self,
         start: Tensor,
         directions: Tensor,
         xi: Tensor,
-        drive: Drive | None = None,
-        pulses: Pulses | None = None,
+        sampled_forcing: SampledForcing | None = None,
+        forcing_basis: ForcingBasis | None = None,
     ) -> Iterator[tuple[Tensor, Tensor]]:
         """Yield state and tangents at every sample: of the directions, of ξ, and of a."""
-        own = self.pulses.drive(self.amplitudes(xi[None])) if drive is None else drive
-        law = xi[: -self.pulses.count]
-        return self.law.tangents(start, directions, law, own, pulses or self.pulses)
+        own = (
+            self.forcing_basis.sampled_forcing(self.amplitudes(xi[None]))
+            if sampled_forcing is None
+            else sampled_forcing
+        )
+        law = xi[: -self.forcing_basis.count]
+        return self.law.tangents(start, directions, law, own, forcing_basis or self.forcing_basis)
 
     @property
     def scales(self) -> Tensor:
         """A size of every coefficient that makes a difference."""
-        _, cells, knots = self.pulses.shape
+        _, cells, knots = self.forcing_basis.shape
         return torch.cat([self.law.scales, self.size.repeat_interleave(cells * knots)])

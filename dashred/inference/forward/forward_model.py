@@ -13,7 +13,7 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate, forcing_of
 from dashred.inference.initial_state.start_models import StartModel
-from dashred.physics.forcing_basis import Drive, Pulses
+from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 
 DIFFERENCE = 1e-5
 # Numbers of tangents that are observed together: calls of few would cost more than their sums.
@@ -36,7 +36,7 @@ class Linearisation:
 
 
 @dataclass(frozen=True)
-class Shooting:
+class ForwardModel:
     """``(z, ξ) → H S(u₀(z); N + Σ ξ θ)`` and its derivative (design §4.2).
 
     Attributes:
@@ -54,7 +54,7 @@ class Shooting:
     operator: ObservationOperator
     times: Tensor
 
-    def until(self, samples: int) -> Shooting:
+    def until(self, samples: int) -> ForwardModel:
         """Return the same over the first samples alone."""
         return replace(self, times=self.times[:samples])
 
@@ -62,10 +62,12 @@ class Shooting:
         self,
         z: Float[Tensor, "batch mode"],
         xi: Float[Tensor, "batch candidate"],
-        drive: Drive | None = None,
+        sampled_forcing: SampledForcing | None = None,
     ) -> Tensor:
         """Return the trajectories ``(batch, time, field, *grid)``, under a free forcing."""
-        return self.simulator.run(self.start.start(z), self.times, self.candidates, xi, drive)
+        return self.simulator.run(
+            self.start.start(z), self.times, self.candidates, xi, sampled_forcing
+        )
 
     def visited(self, z: Float[Tensor, " mode"], xi: Float[Tensor, " candidate"]) -> Tensor:
         """Return all states of one trajectory, ``(sample, field, *grid)``."""
@@ -100,7 +102,7 @@ class Shooting:
             jacobian = self.finer()._columns(z, xi)
         return Linearisation(readings, jacobian[..., : len(z)], jacobian[..., len(z) :])
 
-    def finer(self) -> Shooting:
+    def finer(self) -> ForwardModel:
         """Return the same with the simulator's own steps for its derivative."""
         return replace(self, simulator=self.simulator.finer())
 
@@ -117,15 +119,15 @@ class Shooting:
         start: Tensor,
         directions: Tensor,
         xi: Tensor,
-        drive: Drive | None = None,
-        pulses: Pulses | None = None,
+        sampled_forcing: SampledForcing | None = None,
+        forcing_basis: ForcingBasis | None = None,
     ) -> Iterator[tuple[Tensor, Tensor]]:
         """Yield state and tangents at every sample: of the start's directions, ξ, and pulses."""
         carried = torch.nonzero(xi).flatten().tolist()
         forcing = forcing_of([self.candidates[j] for j in carried], xi[None, carried])
         sources = [candidate.terms for candidate in self.candidates]
         return self.simulator.tangents(
-            start, directions, self.times, forcing, sources, drive, pulses
+            start, directions, self.times, forcing, sources, sampled_forcing, forcing_basis
         )
 
     @property

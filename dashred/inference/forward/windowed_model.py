@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.forward.candidates import Candidate, forcing_of
-from dashred.inference.forward.forward_model import Shooting
+from dashred.inference.forward.forward_model import ForwardModel
 from dashred.physics.expressions.algebra import Number, multiply
-from dashred.physics.forcing_basis import Drive, Pulses
+from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.system import Term
 from dashred.physics.window import Shape, Window
 
@@ -20,7 +20,7 @@ EDGE_STEP = 0.1
 
 
 @dataclass(frozen=True)
-class LocalShooting(Shooting):
+class WindowedModel(ForwardModel):
     """``(z, ξ, ψ) → H S(u₀(z); N + Σ_everywhere ξ θ + χ(ψ) Σ_inside ξ θ)``.
 
     Its coefficients are those of the candidates everywhere, then inside, then how far the
@@ -41,7 +41,9 @@ class LocalShooting(Shooting):
         edges = self.guess + xi[len(self.candidates) + len(self.inside) :]
         return self.shape.at(edges.tolist())
 
-    def states(self, z: Tensor, xi: Tensor, drive: Drive | None = None) -> Tensor:
+    def states(
+        self, z: Tensor, xi: Tensor, sampled_forcing: SampledForcing | None = None
+    ) -> Tensor:
         """Return the trajectories ``(batch, time, field, *grid)``, under a free forcing."""
         split = len(self.candidates)
         both = [*self.candidates, *self.inside]
@@ -51,7 +53,7 @@ class LocalShooting(Shooting):
         inside[:, split:] = xi[:, split : len(both)]
         windows = [self.window(row) for row in xi]
         return self.simulator.run_local(
-            self.start.start(z), self.times, both, everywhere, inside, windows, drive
+            self.start.start(z), self.times, both, everywhere, inside, windows, sampled_forcing
         )
 
     def tangents(
@@ -59,8 +61,8 @@ class LocalShooting(Shooting):
         start: Tensor,
         directions: Tensor,
         xi: Tensor,
-        drive: Drive | None = None,
-        pulses: Pulses | None = None,
+        sampled_forcing: SampledForcing | None = None,
+        forcing_basis: ForcingBasis | None = None,
     ) -> Iterator[tuple[Tensor, Tensor]]:
         """Yield state and tangents at every sample: of the directions, ξ, ψ, and pulses."""
         window, split = self.window(xi), len(self.candidates)
@@ -78,7 +80,7 @@ class LocalShooting(Shooting):
         ]
         forcing = forcing_of(both, coefficients[None])
         return self.simulator.tangents(
-            start, directions, self.times, forcing, sources, drive, pulses
+            start, directions, self.times, forcing, sources, sampled_forcing, forcing_basis
         )
 
     @property
@@ -88,16 +90,16 @@ class LocalShooting(Shooting):
         return torch.tensor(sizes + [EDGE_STEP] * len(self.guess), dtype=torch.float64)
 
 
-def found_by(objective: Objective, phi: Tensor) -> tuple[Candidate, ...]:
+def found_by(objective: LeastSquaresProblem, phi: Tensor) -> tuple[Candidate, ...]:
     """Return the candidates of a fit as terms, those in a window with its edges."""
-    return as_terms(objective.shooting, objective.split(phi)[1])
+    return as_terms(objective.forward_model, objective.split(phi)[1])
 
 
-def as_terms(shooting: Shooting, xi: Tensor) -> tuple[Candidate, ...]:
+def as_terms(forward_model: ForwardModel, xi: Tensor) -> tuple[Candidate, ...]:
     """Return what a law's first coefficients multiply, those in a window with its edges."""
-    if not isinstance(shooting, LocalShooting):
-        return tuple(shooting.candidates)
-    return (*shooting.candidates, *localised(shooting.inside, shooting.window(xi)))
+    if not isinstance(forward_model, WindowedModel):
+        return tuple(forward_model.candidates)
+    return (*forward_model.candidates, *localised(forward_model.inside, forward_model.window(xi)))
 
 
 def localised(candidates: Sequence[Candidate], window: Window) -> list[Candidate]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from dashred.inference.forward.forced_model import DrivenShooting
+from dashred.inference.forward.forced_model import ForcedModel
 from dashred.inference.hypotheses.free_forcing import FreeForcing
 from dashred.physics.system import System
 
@@ -41,15 +41,15 @@ def map_of(forced: FreeForcing, gain: float) -> ForcingMap | None:
     """Return the map of a free forcing; None of one that is none."""
     if not any(forced.levels):
         return None
-    shooting = forced.objective.shooting
-    assert isinstance(shooting, DrivenShooting)
-    pulses, size = shooting.pulses, shooting.size[:, None, None]
-    variance = forced.normal.covariance(range(len(forced.phi))).diagonal()[-pulses.count :]
-    stds = variance.clamp(min=0).sqrt().reshape(pulses.shape)
-    system = shooting.simulator.system
+    forward_model = forced.objective.forward_model
+    assert isinstance(forward_model, ForcedModel)
+    forcing_basis, size = forward_model.forcing_basis, forward_model.size[:, None, None]
+    variance = forced.normal.covariance(range(len(forced.phi))).diagonal()[-forcing_basis.count :]
+    stds = variance.clamp(min=0).sqrt().reshape(forcing_basis.shape)
+    system = forward_model.simulator.system
     return ForcingMap(
-        _places(system, len(pulses.bumps)),
-        pulses.knots,
+        _places(system, len(forcing_basis.bumps)),
+        forcing_basis.knots,
         forced.amplitudes / size,
         stds / size,
         gain,

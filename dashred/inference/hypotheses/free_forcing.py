@@ -14,10 +14,10 @@ from itertools import product
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import Normal, Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
 from dashred.inference.fit.levenberg_marquardt import grow, minimise
-from dashred.inference.forward.forced_model import DrivenShooting
-from dashred.physics.forcing_basis import Pulses
+from dashred.inference.forward.forced_model import ForcedModel
+from dashred.physics.forcing_basis import ForcingBasis
 
 # Of a forcing: along each axis, by how many there are, for every cell is a column of the Jacobian;
 # and in time.
@@ -51,7 +51,7 @@ class FreeForcing:
         equations: those that may be forced.
     """
 
-    objective: Objective
+    objective: LeastSquaresProblem
     phi: Tensor
     cost: float
     normal: Normal
@@ -64,11 +64,11 @@ class FreeForcing:
 
         Over all levels, none preferred: the best of many would be found evident by chance.
         """
-        shooting = self.objective.shooting
-        assert isinstance(shooting, DrivenShooting)
+        forward_model = self.objective.forward_model
+        assert isinstance(forward_model, ForcedModel)
         found = [
-            _with_levels(self.normal, shooting.pulses, shooting.size, levels)
-            for levels in _choices(self.equations, len(shooting.size))
+            _with_levels(self.normal, forward_model.forcing_basis, forward_model.size, levels)
+            for levels in _choices(self.equations, len(forward_model.size))
         ]
         least = min(found)
         return least - 2 * math.log(sum(math.exp((least - v) / 2) for v in found) / len(found))
@@ -76,9 +76,9 @@ class FreeForcing:
     @property
     def amplitudes(self) -> Tensor:
         """Return a, ``(equation, cell, knot)``."""
-        shooting = self.objective.shooting
-        assert isinstance(shooting, DrivenShooting)
-        return shooting.amplitudes(self.objective.split(self.phi[None])[1])[0]
+        forward_model = self.objective.forward_model
+        assert isinstance(forward_model, ForcedModel)
+        return forward_model.amplitudes(self.objective.split(self.phi[None])[1])[0]
 
 
 def evidence(normal: Normal, index: Sequence[int]) -> float:
@@ -103,7 +103,11 @@ def evidence(normal: Normal, index: Sequence[int]) -> float:
 
 
 def fit_free_forcing(
-    objective: Objective, phi: Tensor, pulses: Pulses, size: Tensor, equations: Sequence[int]
+    objective: LeastSquaresProblem,
+    phi: Tensor,
+    forcing_basis: ForcingBasis,
+    size: Tensor,
+    equations: Sequence[int],
 ) -> tuple[FreeForcing, float]:
     """Fit a forcing of some equations, its size in each by the evidence.
 
@@ -117,27 +121,27 @@ def fit_free_forcing(
     Returns:
         the forcing, and the evidence without one.
     """
-    driven = DrivenShooting.on(objective.shooting, pulses, size)
-    stds = _stds(pulses, size, LEVELS[-1:] * len(size))
+    driven = ForcedModel.on(objective.forward_model, forcing_basis, size)
+    stds = _stds(forcing_basis, size, LEVELS[-1:] * len(size))
     largest = torch.cat([objective.prior_std, stds])
-    whole = replace(objective, shooting=driven, prior_std=largest)
-    begin = torch.cat([phi, torch.zeros(pulses.count, dtype=torch.float64)])
+    whole = replace(objective, forward_model=driven, prior_std=largest)
+    begin = torch.cat([phi, torch.zeros(forcing_basis.count, dtype=torch.float64)])
     first = whole.linearise(begin)
     without = evidence(first, range(len(phi)))
     found = _forced(whole, begin, equations, first)
     return (found if not _lost(found) else _grown(whole, begin, found)), without
 
 
-def _grown(whole: Objective, begin: Tensor, lost: FreeForcing) -> FreeForcing:
+def _grown(whole: LeastSquaresProblem, begin: Tensor, lost: FreeForcing) -> FreeForcing:
     """Return a forcing that was fitted anew from the first samples, if that leaves less."""
-    driven, found = whole.shooting, lost
-    assert isinstance(driven, DrivenShooting)
-    pulses, size = driven.pulses, driven.size
+    driven, found = whole.forward_model, lost
+    assert isinstance(driven, ForcedModel)
+    forcing_basis, size = driven.forcing_basis, driven.size
     begin = begin.clone()
     begin[: whole.modes] = 0.0
     for level in GROWN:
-        stds = _stds(pulses, size, (level,) * len(size))
-        small = replace(whole, prior_std=torch.cat([whole.prior_std[: -pulses.count], stds]))
+        stds = _stds(forcing_basis, size, (level,) * len(size))
+        small = replace(whole, prior_std=torch.cat([whole.prior_std[: -forcing_basis.count], stds]))
         loose = replace(small, noise=whole.noise.scaled(COARSE))
         phi = grow(loose, begin, BEGIN, GROWTH, GROWING_STEPS)
         grown = _forced(whole, phi, lost.equations, whole.linearise(phi))
@@ -148,7 +152,7 @@ def _grown(whole: Objective, begin: Tensor, lost: FreeForcing) -> FreeForcing:
 
 
 def _forced(
-    objective: Objective, phi: Tensor, equations: Sequence[int], normal: Normal
+    objective: LeastSquaresProblem, phi: Tensor, equations: Sequence[int], normal: Normal
 ) -> FreeForcing:
     """Fit start, law and forcing from where they are, the forcing's size by the evidence.
 
@@ -160,14 +164,16 @@ def _forced(
         equations: those that are forced.
         normal: F linearised there.
     """
-    driven = objective.shooting
-    assert isinstance(driven, DrivenShooting)
-    pulses, size = driven.pulses, driven.size
-    law = objective.prior_std[: -pulses.count]
+    driven = objective.forward_model
+    assert isinstance(driven, ForcedModel)
+    forcing_basis, size = driven.forcing_basis, driven.size
+    law = objective.prior_std[: -forcing_basis.count]
     levels: tuple[float, ...] = ()
     for _ in range(ROUNDS):
-        before, levels = levels, _best_levels(normal, pulses, size, equations)
-        objective = replace(objective, prior_std=torch.cat([law, _stds(pulses, size, levels)]))
+        before, levels = levels, _best_levels(normal, forcing_basis, size, equations)
+        objective = replace(
+            objective, prior_std=torch.cat([law, _stds(forcing_basis, size, levels)])
+        )
         if not any(levels):
             break
         fitted = minimise(objective, phi, STEPS, TOLERANCE, normal)
@@ -195,7 +201,7 @@ def _lost(forced: FreeForcing) -> bool:
     return not normal.finite or float(ratio) > LOST
 
 
-def force(objective: Objective, phi: Tensor, size: Tensor) -> tuple[FreeForcing, float]:
+def force(objective: LeastSquaresProblem, phi: Tensor, size: Tensor) -> tuple[FreeForcing, float]:
     """Return a free forcing on top of a law, and by how much the evidence is for it.
 
     Args:
@@ -203,19 +209,19 @@ def force(objective: Objective, phi: Tensor, size: Tensor) -> tuple[FreeForcing,
         phi: its minimum.
         size: rms of each equation's own tendency, ``(equation,)``.
     """
-    shooting = objective.shooting
-    system = shooting.simulator.system
-    pulses = Pulses.over(system, shooting.times, CELLS[len(system.axes)], KNOTS)
-    forced, without = fit_free_forcing(objective, phi, pulses, size, range(len(size)))
+    forward_model = objective.forward_model
+    system = forward_model.simulator.system
+    forcing_basis = ForcingBasis.over(system, forward_model.times, CELLS[len(system.axes)], KNOTS)
+    forced, without = fit_free_forcing(objective, phi, forcing_basis, size, range(len(size)))
     return forced, without - forced.evidence
 
 
 def _best_levels(
-    normal: Normal, pulses: Pulses, size: Tensor, equations: Sequence[int]
+    normal: Normal, forcing_basis: ForcingBasis, size: Tensor, equations: Sequence[int]
 ) -> tuple[float, ...]:
     """Return the levels with the best evidence."""
     choices = _choices(equations, len(size))
-    return min(choices, key=lambda levels: _with_levels(normal, pulses, size, levels))
+    return min(choices, key=lambda levels: _with_levels(normal, forcing_basis, size, levels))
 
 
 def _choices(equations: Sequence[int], fields: int) -> list[tuple[float, ...]]:
@@ -223,14 +229,16 @@ def _choices(equations: Sequence[int], fields: int) -> list[tuple[float, ...]]:
     return list(product(*(LEVELS if e in equations else LEVELS[:1] for e in range(fields))))
 
 
-def _with_levels(normal: Normal, pulses: Pulses, size: Tensor, levels: tuple[float, ...]) -> float:
+def _with_levels(
+    normal: Normal, forcing_basis: ForcingBasis, size: Tensor, levels: tuple[float, ...]
+) -> float:
     """Return the evidence of a forcing of some levels."""
-    stds = _stds(pulses, size, levels)
-    precision = torch.cat([normal.precision[: len(normal.phi) - pulses.count], stds**-2])
+    stds = _stds(forcing_basis, size, levels)
+    precision = torch.cat([normal.precision[: len(normal.phi) - forcing_basis.count], stds**-2])
     return evidence(replace(normal, precision=precision), range(len(precision)))
 
 
-def _stds(pulses: Pulses, size: Tensor, levels: Sequence[float]) -> Tensor:
-    _, cells, knots = pulses.shape
+def _stds(forcing_basis: ForcingBasis, size: Tensor, levels: Sequence[float]) -> Tensor:
+    _, cells, knots = forcing_basis.shape
     shares = torch.tensor([max(level, NONE) for level in levels], dtype=torch.float64)
     return (shares * size).repeat_interleave(cells * knots)

@@ -8,7 +8,7 @@ from functools import cached_property
 from torch import Tensor
 
 from dashred.inference.fit.law import Law, law_of
-from dashred.inference.fit.least_squares import Normal, Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
 from dashred.inference.fit.levenberg_marquardt import Fitted, grow, minimise, minimise_on
 from dashred.inference.forward.windowed_model import found_by
 
@@ -25,7 +25,7 @@ FAR = 3.0
 
 
 @dataclass(frozen=True)
-class Cause:
+class HypothesisFit:
     """An explanation, and where it was fitted.
 
     Attributes:
@@ -35,7 +35,7 @@ class Cause:
     """
 
     law: Law
-    objective: Objective
+    objective: LeastSquaresProblem
     phi: Tensor
 
     @cached_property
@@ -44,12 +44,12 @@ class Cause:
         return self.objective.linearise(self.phi)
 
 
-def by_score(cause: Cause) -> float:
+def by_score(cause: HypothesisFit) -> float:
     """Return what explanations are ranked by: the lowest is the best."""
     return cause.law.score
 
 
-def refitted(cause: Cause, objective: Objective) -> Cause:
+def refitted(cause: HypothesisFit, objective: LeastSquaresProblem) -> HypothesisFit:
     """Return an explanation under another noise, or of other samples; its score moves with F.
 
     Args:
@@ -59,7 +59,7 @@ def refitted(cause: Cause, objective: Objective) -> Cause:
     return ended(cause, objective, minimise(objective, cause.phi, STEPS, TOLERANCE))
 
 
-def settled(cause: Cause) -> Cause:
+def settled(cause: HypothesisFit) -> HypothesisFit:
     """Return an explanation fitted until nothing is gained, from several beginnings.
 
     Over a long record of chaos the lowest minimum has many others around it. Some are none under
@@ -82,11 +82,11 @@ def settled(cause: Cause) -> Cause:
     return ended(cause, objective, lowest)
 
 
-def ended(cause: Cause, objective: Objective, fitted: Fitted) -> Cause:
+def ended(cause: HypothesisFit, objective: LeastSquaresProblem, fitted: Fitted) -> HypothesisFit:
     """Return an explanation where another fit of it has ended; its score moves with F."""
     law = cause.law
     [before], _ = cause.objective.values(cause.phi[None])
     score = law.score - float(before) + fitted.cost
     found = law_of(objective, fitted, found_by(objective, fitted.phi), score, len(law.edges))
     again = replace(found, fault=law.fault, widened=law.widened)
-    return Cause(again, objective, fitted.phi)
+    return HypothesisFit(again, objective, fitted.phi)

@@ -29,7 +29,7 @@ from dashred.physics.system import System, Term
 
 
 @dataclass(frozen=True)
-class SeedSettings:
+class FirstGuessSettings:
     """How seeds are made; defaults from trials on the rotating detonation engine.
 
     Attributes:
@@ -81,14 +81,14 @@ class NetworkEstimate:
     error: Tensor
 
 
-def make_seeds(
+def first_guesses(
     system: System,
     prior: StartPrior,
     ensemble: Ensemble,
     terms: Sequence[Term],
     readings: Readings,
     network: NetworkEstimate | None,
-    settings: SeedSettings,
+    settings: FirstGuessSettings,
 ) -> dict[str, StartModel]:
     """Return the seeds by name: ``prior``, ``blue``, ``filter``, and ``dashred`` if it is known.
 
@@ -121,33 +121,33 @@ def make_seeds(
     scale = field_rms(ensemble.states.flatten(0, 1))
     seeds: dict[str, StartModel] = {
         "prior": prior,
-        "blue": blue_seed(analogs, begin, scale, settings),
+        "blue": linear_guess(analogs, begin, scale, settings),
     }
     with suppress(FilterLostError):
-        seeds["filter"] = filter_seed(system, analogs, terms, readings, scale, settings)
+        seeds["filter"] = filter_guess(system, analogs, terms, readings, scale, settings)
     if network is not None:
-        seeds["dashred"] = network_seed(network, analogs, settings)
+        seeds["dashred"] = network_guess(network, analogs, settings)
     return seeds
 
 
-def blue_seed(
+def linear_guess(
     analogs: Analogs,
     begin: Readings,
     scale: Float[Tensor, " field"],
-    settings: SeedSettings,
+    settings: FirstGuessSettings,
 ) -> LinearStart:
     """Return the linear estimate among the analogs from the window that chose them."""
     estimate = linear_estimate(analogs.states, analogs.readings, begin.values, begin.noise)
     return leading_modes(estimate, scale, settings.modes, settings.inflation)
 
 
-def filter_seed(
+def filter_guess(
     system: System,
     analogs: Analogs,
     terms: Sequence[Term],
     readings: Readings,
     scale: Float[Tensor, " field"],
-    settings: SeedSettings,
+    settings: FirstGuessSettings,
 ) -> LinearStart:
     """Return the start as the filter, begun from the analogs, smooths it.
 
@@ -173,7 +173,9 @@ def filter_seed(
     return leading_modes(estimate, scale, settings.modes, settings.inflation)
 
 
-def network_seed(network: NetworkEstimate, analogs: Analogs, settings: SeedSettings) -> LinearStart:
+def network_guess(
+    network: NetworkEstimate, analogs: Analogs, settings: FirstGuessSettings
+) -> LinearStart:
     """Return DA-SHRED's state with the analogs' modes, each field's as large as its error."""
     anomalies = analogs.states - analogs.states.mean(dim=0)
     spread = field_rms(anomalies)

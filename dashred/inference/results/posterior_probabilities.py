@@ -9,7 +9,7 @@ from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.result import Discovered
 
 
-def plausibility(discovered: Discovered) -> list[tuple[Law, float]]:
+def posterior_probabilities(discovered: Discovered) -> list[tuple[Law, float]]:
     """Return each law with its probability among all tried; the simulator as it is is one."""
     laws = list(discovered.laws)
     if all(law.candidates for law in laws):
@@ -23,5 +23,9 @@ def plausibility(discovered: Discovered) -> list[tuple[Law, float]]:
 def inclusion(discovered: Discovered, candidate: Candidate) -> float:
     """Return the probability that a candidate belongs to the law, with whatever others."""
     name = str(candidate)
-    found = (p for law, p in plausibility(discovered) if name in {str(c) for c in law.candidates})
+    found = (
+        p
+        for law, p in posterior_probabilities(discovered)
+        if name in {str(c) for c in law.candidates}
+    )
     return min(1.0, math.fsum(found))

@@ -21,7 +21,7 @@ from dashred.inference.results.parameter_change import parameter_change
 from dashred.physics.expressions.algebra import Name, Number, Product, names
 from dashred.physics.grids.quadrature import integral
 from dashred.physics.port_hamiltonian import Part, PortHamiltonian, alike
-from dashred.physics.sampled_states import Visited, bare, evaluated, waves_of
+from dashred.physics.sampled_states import SampledStates, bare, evaluate, waves_of
 from dashred.physics.system import Term
 
 # Of the energy that is moved: less is the grid's own error.
@@ -46,7 +46,9 @@ class StructureChange:
     passive: bool | None = None
 
 
-def structure_changes(form: PortHamiltonian, law: Law, visited: Visited) -> list[StructureChange]:
+def structure_changes(
+    form: PortHamiltonian, law: Law, visited: SampledStates
+) -> list[StructureChange]:
     """Return what each candidate of a law changes.
 
     Args:
@@ -65,7 +67,7 @@ def structure_changes(form: PortHamiltonian, law: Law, visited: Visited) -> list
 
 
 def stays_port_hamiltonian(
-    form: PortHamiltonian, law: Law, changes: Sequence[StructureChange], visited: Visited
+    form: PortHamiltonian, law: Law, changes: Sequence[StructureChange], visited: SampledStates
 ) -> bool:
     """Tell whether the corrected system, as a whole, is port-Hamiltonian: J skew, and R ⪰ 0 in sum.
 
@@ -102,7 +104,7 @@ def stays_port_hamiltonian(
 
 
 def _of_parameter(
-    form: PortHamiltonian, candidate: Candidate, xi: float, at: Visited
+    form: PortHamiltonian, candidate: Candidate, xi: float, at: SampledStates
 ) -> StructureChange:
     [part, *_] = [*form.parts_that_read(candidate.name), None]
     if part != "R":
@@ -114,7 +116,7 @@ def _of_parameter(
     return StructureChange(candidate.key, "R", bool((after >= before).all()))
 
 
-def _of_term(form: PortHamiltonian, law: Law, index: int, at: Visited) -> StructureChange:
+def _of_term(form: PortHamiltonian, law: Law, index: int, at: SampledStates) -> StructureChange:
     candidate = law.candidates[index]
     [term] = candidate.terms
     if _is_let_in(form, term):
@@ -133,13 +135,13 @@ def _of_term(form: PortHamiltonian, law: Law, index: int, at: Visited) -> Struct
     return StructureChange(candidate.key, None)
 
 
-def _efforts(form: PortHamiltonian, at: Visited) -> dict[str, Tensor]:
+def _efforts(form: PortHamiltonian, at: SampledStates) -> dict[str, Tensor]:
     """Return ``δH/δx`` of every field, ``(state, *grid)``."""
-    return {field: evaluated(form.system, effort, at) for field, effort in form.effort.items()}
+    return {field: evaluate(form.system, effort, at) for field, effort in form.effort.items()}
 
 
 def _changed_efforts(
-    changed: PortHamiltonian, law: Law, changes: Sequence[StructureChange], at: Visited
+    changed: PortHamiltonian, law: Law, changes: Sequence[StructureChange], at: SampledStates
 ) -> dict[str, Tensor]:
     """Return ``δH/δx`` of the corrected system's H: parameters changed, and terms of a new one."""
     efforts = _efforts(changed, at)
@@ -148,16 +150,16 @@ def _changed_efforts(
         if candidate.equation is not None and change.part == "H":
             [term] = candidate.terms
             source, entry = _driven_by(changed, term.equation)
-            added = evaluated(changed.system, term.expression, at)
+            added = evaluate(changed.system, term.expression, at)
             efforts[source] = efforts[source] + xi / entry * added
     return efforts
 
 
 def _power(
-    form: PortHamiltonian, term: Term, efforts: dict[str, Tensor], at: Visited
+    form: PortHamiltonian, term: Term, efforts: dict[str, Tensor], at: SampledStates
 ) -> tuple[Tensor, Tensor]:
     """Return ``∫ e θ`` and ``∫ |e θ|``, ``(state,)``; 0 where a term is not finite."""
-    given = efforts[term.equation] * evaluated(form.system, term.expression, at)
+    given = efforts[term.equation] * evaluate(form.system, term.expression, at)
     given = torch.nan_to_num(given, nan=0.0, posinf=0.0, neginf=0.0)
     grid = form.system.grid
     own = grid.own(given).abs().reshape(len(given), -1).sum(dim=1)
@@ -173,7 +175,7 @@ def _is_let_in(form: PortHamiltonian, term: Term) -> bool:
     return len(reading) == 1 and isinstance(reading[0], Name)
 
 
-def _has_counterpart(form: PortHamiltonian, law: Law, index: int, at: Visited) -> bool:
+def _has_counterpart(form: PortHamiltonian, law: Law, index: int, at: SampledStates) -> bool:
     """Tell whether another term of the law takes from its field what this one gives: J stays skew.
 
     Their powers, coefficients included, cancel at every state to within their error.
@@ -208,7 +210,7 @@ def _driven_by(form: PortHamiltonian, equation: str) -> tuple[str, float]:
     return "", 0.0
 
 
-def _is_of_an_energy(form: PortHamiltonian, term: Term, at: Visited) -> bool:
+def _is_of_an_energy(form: PortHamiltonian, term: Term, at: SampledStates) -> bool:
     """Tell whether a term is what a further energy of one field drives an equation with.
 
     ``θ(f)`` is the variation of an energy of f if its derivative is self-adjoint:
@@ -222,7 +224,7 @@ def _is_of_an_energy(form: PortHamiltonian, term: Term, at: Visited) -> bool:
     a, b = waves_of(system.grid, 1).sum(dim=0)[:2, 0]
     with torch.enable_grad():
         states = at.states.clone().requires_grad_()
-        theta = evaluated(system, term.expression, Visited(states, at.times))
+        theta = evaluate(system, term.expression, SampledStates(states, at.times))
         if not theta.requires_grad:
             return True
         along_b, along_a = (

@@ -12,7 +12,7 @@ from dashred.core.findings.schema import Verdict
 from dashred.inference.fit.law import Law, SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.hypotheses.result import MISSING, Discovered
-from dashred.inference.results.posterior_probabilities import plausibility
+from dashred.inference.results.posterior_probabilities import posterior_probabilities
 from dashred.inference.wording.fault_wording import fault_in_words
 
 FaultTold = Callable[[SensorFault], str]
@@ -94,7 +94,7 @@ def _not_converged(discovered: Discovered, left: float | None) -> str | None:
 def _causes(discovered: Discovered, tell: FaultTold) -> list[dict[str, Any]]:
     probabilities: dict[Verdict, float] = {}
     best: dict[Verdict, Law] = {}
-    plausible = plausibility(discovered)
+    plausible = posterior_probabilities(discovered)
     for law, p in sorted(plausible, key=lambda pair: pair[0].score):
         kind = _kind(law)
         best.setdefault(kind, law)

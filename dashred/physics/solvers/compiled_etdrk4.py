@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from dashred.core.threads import in_threads
-from dashred.physics.forcing_basis import Drive
+from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.solvers.compiled_rhs import CompiledTendency
 from dashred.physics.solvers.compiled_step import Modes, Plan, march_row
 from dashred.physics.solvers.etdrk4 import coefficients
@@ -57,7 +57,7 @@ class CompiledMarch:
         start: Tensor,
         times: Tensor,
         weights: Tensor,
-        drive: Drive | None = None,
+        sampled_forcing: SampledForcing | None = None,
         progress: Progress | None = None,
     ) -> Tensor:
         """Return trajectories ``(batch, time, field, *grid)``.
@@ -70,7 +70,7 @@ class CompiledMarch:
             drive: a free forcing of every trajectory.
             progress: called with the fraction done.
         """
-        batch = self.tendency.of(weights.numpy(), drive)
+        batch = self.tendency.of(weights.numpy(), sampled_forcing)
         plan = make_plan(times.tolist(), self.system.dt)
         factors = _factors(batch.linear, plan.lengths)
         fields, shape = start.shape[1], self.system.grid.shape

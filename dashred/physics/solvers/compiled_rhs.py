@@ -19,7 +19,7 @@ from dashred.physics.expressions.semilinear import (
     Separator,
     separate,
 )
-from dashred.physics.forcing_basis import Drive
+from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.grids.spectral import Spectral
 from dashred.physics.grids.transforms import to_modes
 from dashred.physics.solvers.batch_coefficients import Columns
@@ -89,9 +89,9 @@ class CompiledTendency:
         self._outside = _rows(outside, self._own[0].size)
         self._mask = two_thirds(system).numpy() if system.config.integrator.dealias else None
 
-    def of(self, weights: Array, drive: Drive | None = None) -> Weighted:
+    def of(self, weights: Array, sampled_forcing: SampledForcing | None = None) -> Weighted:
         """Return N of a batch with weights ``(row, column)`` and a free forcing."""
-        return Weighted(self, np.ascontiguousarray(weights), drive)
+        return Weighted(self, np.ascontiguousarray(weights), sampled_forcing)
 
     def _bodies(self, parts: Separated, weight: int | None) -> list[Body]:
         found = []
@@ -149,7 +149,9 @@ class Weighted:
         counts: inputs and channels of the kernel.
     """
 
-    def __init__(self, compiled: CompiledTendency, weights: Array, drive: Drive | None) -> None:
+    def __init__(
+        self, compiled: CompiledTendency, weights: Array, sampled_forcing: SampledForcing | None
+    ) -> None:
         terms = weights[:, : compiled.columns.terms]
         added = np.tensordot(terms, compiled._symbols, axes=1)
         self.linear = compiled._own + (added if added.any() else np.zeros_like(added[:1]))
@@ -175,16 +177,16 @@ class Weighted:
             mask=mask.astype(np.float64),
             coordinates=compiled._coordinates,
             weights=weights,
-            knots=np.zeros(0) if drive is None else drive.knots.numpy(),
-            drive=_driven(drive, modes),
+            knots=np.zeros(0) if sampled_forcing is None else sampled_forcing.knots.numpy(),
+            sampled_forcing=_driven(sampled_forcing, modes),
         )
 
 
-def _driven(drive: Drive | None, modes: int) -> Modes:
+def _driven(sampled_forcing: SampledForcing | None, modes: int) -> Modes:
     """Return the forcing in modes, ``(row, knot, field, mode)``."""
-    if drive is None:
+    if sampled_forcing is None:
         return np.zeros((0, 0, 0, modes), dtype=np.complex128)
-    hats = to_modes(drive.values.numpy(), drive.values.dim() - 3)
+    hats = to_modes(sampled_forcing.values.numpy(), sampled_forcing.values.dim() - 3)
     return np.ascontiguousarray(hats.reshape(*hats.shape[:3], modes))
 
 

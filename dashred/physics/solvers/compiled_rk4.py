@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from dashred.physics.backends.numba_backend import KERNEL, REAL, Array, Body, compile_kernel
-from dashred.physics.forcing_basis import Drive
+from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.solvers.batch_coefficients import Columns
 from dashred.physics.solvers.compiled_step import between
 from dashred.physics.solvers.forcing import Forcing
@@ -57,7 +57,11 @@ class CompiledOde:
         return other
 
     def __call__(
-        self, start: Tensor, times: Tensor, weights: Tensor, drive: Drive | None = None
+        self,
+        start: Tensor,
+        times: Tensor,
+        weights: Tensor,
+        sampled_forcing: SampledForcing | None = None,
     ) -> Tensor:
         """Return trajectories ``(batch, time, field)``.
 
@@ -68,8 +72,10 @@ class CompiledOde:
                 :class:`dashred.physics.solvers.batch_coefficients.Columns` lays them out.
             drive: a free forcing of every trajectory.
         """
-        if drive is None:
-            drive = Drive(torch.zeros(0).double(), torch.zeros((len(start), 0, 0)).double())
+        if sampled_forcing is None:
+            sampled_forcing = SampledForcing(
+                torch.zeros(0).double(), torch.zeros((len(start), 0, 0)).double()
+            )
         steps = list(schedule(times.tolist(), self.system.dt))
         saved = np.empty((len(times), start.shape[1], len(start), 1))
         saved[0, :, :, 0] = start.numpy().T
@@ -80,8 +86,8 @@ class CompiledOde:
             np.array([step.h for step in steps]),
             np.array([step.ends for step in steps]),
             np.ascontiguousarray(weights.numpy()),
-            drive.knots.numpy(),
-            drive.values.permute(1, 2, 0).contiguous().numpy(),
+            sampled_forcing.knots.numpy(),
+            sampled_forcing.values.permute(1, 2, 0).contiguous().numpy(),
         )
         return torch.from_numpy(saved[..., 0]).permute(2, 0, 1).contiguous()
 
@@ -103,11 +109,13 @@ def integrate_compiled(
 
 
 @numba.njit(cache=True)
-def _force(knots: Array, drive: NDArray[np.float64], t: float, rates: NDArray[np.float64]) -> None:
+def _force(
+    knots: Array, sampled_forcing: NDArray[np.float64], t: float, rates: NDArray[np.float64]
+) -> None:
     """Add the drive at one time to rates ``(field, row, 1)``."""
     if len(knots):
         k, share = between(knots, t)
-        rates[:, :, 0] += (1 - share) * drive[k] + share * drive[k + 1]
+        rates[:, :, 0] += (1 - share) * sampled_forcing[k] + share * sampled_forcing[k + 1]
 
 
 @numba.njit(
@@ -131,7 +139,7 @@ def _integrate(
     ends: NDArray[np.bool_],
     weights: Array,
     knots: Array,
-    drive: NDArray[np.float64],
+    sampled_forcing: NDArray[np.float64],
 ) -> None:
     """Fill ``saved`` ``(time, field, row, 1)`` by Kutta's 3/8 rule, which torchdiffeq's rk4 is.
 
@@ -144,13 +152,13 @@ def _integrate(
     for i in range(len(times)):
         t, h = times[i], steps[i]
         kernel(y, nowhere, t, weights, k1)
-        _force(knots, drive, t, k1)
+        _force(knots, sampled_forcing, t, k1)
         kernel(y + h * k1 / 3, nowhere, t + h / 3, weights, k2)
-        _force(knots, drive, t + h / 3, k2)
+        _force(knots, sampled_forcing, t + h / 3, k2)
         kernel(y + h * (k2 - k1 / 3), nowhere, t + 2 * h / 3, weights, k3)
-        _force(knots, drive, t + 2 * h / 3, k3)
+        _force(knots, sampled_forcing, t + 2 * h / 3, k3)
         kernel(y + h * (k1 - k2 + k3), nowhere, t + h, weights, k4)
-        _force(knots, drive, t + h, k4)
+        _force(knots, sampled_forcing, t + h, k4)
         y = y + h * (k1 + 3 * (k2 + k3) + k4) / 8
         if ends[i]:
             output += 1

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from dashred.physics.expressions.algebra import multiply
 from dashred.physics.expressions.semilinear import NotSeparableError
-from dashred.physics.forcing_basis import Drive
+from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.solvers.batch_coefficients import Columns
 from dashred.physics.solvers.compiled_etdrk4 import CompiledMarch
 from dashred.physics.solvers.compiled_rk4 import CompiledOde
@@ -21,11 +21,15 @@ from dashred.physics.system import System, Term
 from dashred.physics.window import Shape
 
 
-class Run(Protocol):
+class CompiledSystem(Protocol):
     """Many runs of one system with terms of which each trajectory carries its own share."""
 
     def __call__(
-        self, start: Tensor, times: Tensor, weights: Tensor, drive: Drive | None = None
+        self,
+        start: Tensor,
+        times: Tensor,
+        weights: Tensor,
+        sampled_forcing: SampledForcing | None = None,
     ) -> Tensor:
         """Return ``(batch, time, field, *grid)`` for the weights and forcing of each trajectory.
 
@@ -38,7 +42,7 @@ class Run(Protocol):
 
 
 @dataclass(frozen=True)
-class Interpreted:
+class InterpretedSystem:
     """What cannot be compiled goes through :func:`simulate` itself."""
 
     system: System
@@ -46,33 +50,46 @@ class Interpreted:
     shapes: tuple[Shape, ...] = ()
 
     def __call__(
-        self, start: Tensor, times: Tensor, weights: Tensor, drive: Drive | None = None
+        self,
+        start: Tensor,
+        times: Tensor,
+        weights: Tensor,
+        sampled_forcing: SampledForcing | None = None,
     ) -> Tensor:
         """Return ``(batch, time, field, *grid)`` for the weights and forcing of each trajectory."""
         columns = Columns(len(self.terms), self.shapes)
         if not self.shapes:
             forcing = Forcing(self.terms, weights)
-            return simulate(self.system, start, times, forcing, drive=drive)
+            return simulate(self.system, start, times, forcing, sampled_forcing=sampled_forcing)
         alone = [
-            self._one(start[i : i + 1], times, columns, row, drive and drive.row(i))
+            self._one(
+                start[i : i + 1], times, columns, row, sampled_forcing and sampled_forcing.row(i)
+            )
             for i, row in enumerate(weights)
         ]
         return torch.cat(alone)
 
     def _one(
-        self, start: Tensor, times: Tensor, columns: Columns, weights: Tensor, drive: Drive | None
+        self,
+        start: Tensor,
+        times: Tensor,
+        columns: Columns,
+        weights: Tensor,
+        sampled_forcing: SampledForcing | None,
     ) -> Tensor:
         window = columns.window(weights)
         inside = [Term(t.equation, multiply((t.expression, window))) for t in self.terms]
         forcing = Forcing((*self.terms, *inside), weights[None, : 2 * columns.terms])
-        return simulate(self.system, start, times, forcing, drive=drive)
+        return simulate(self.system, start, times, forcing, sampled_forcing=sampled_forcing)
 
-    def with_step(self, dt: float) -> Interpreted:
+    def with_step(self, dt: float) -> InterpretedSystem:
         """Return the same with another time step."""
         return replace(self, system=self.system.with_step(dt))
 
 
-def compiled(system: System, terms: Sequence[Term], shapes: tuple[Shape, ...] = ()) -> Run:
+def compiled(
+    system: System, terms: Sequence[Term], shapes: tuple[Shape, ...] = ()
+) -> CompiledSystem:
     """Return the system compiled: spectral systems and ODE systems by ``rk4``, on the CPU.
 
     Args:
@@ -87,10 +104,12 @@ def compiled(system: System, terms: Sequence[Term], shapes: tuple[Shape, ...] = 
             return CompiledMarch(system, terms, shapes)
         except (NotSeparableError, ArithmeticError):
             pass
-    return Interpreted(system, tuple(terms), shapes)
+    return InterpretedSystem(system, tuple(terms), shapes)
 
 
-def compiled_if_long(system: System, terms: Sequence[Term], start: Tensor, span: float) -> Run:
+def compiled_if_long(
+    system: System, terms: Sequence[Term], start: Tensor, span: float
+) -> CompiledSystem:
     """Return the system compiled where running it so long pays for that, else interpreted.
 
     Args:
@@ -100,4 +119,4 @@ def compiled_if_long(system: System, terms: Sequence[Term], start: Tensor, span:
         span: time that is run through, all runs together.
     """
     pays = is_long(system, start, span, len(terms))
-    return compiled(system, terms) if pays else Interpreted(system, tuple(terms))
+    return compiled(system, terms) if pays else InterpretedSystem(system, tuple(terms))

@@ -73,7 +73,7 @@ class Parts(NamedTuple):
     coordinates: Array
     weights: Array
     knots: Array
-    drive: Modes
+    sampled_forcing: Modes
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
@@ -129,7 +129,9 @@ def _rate(
             out[parts.to[k]] += parts.strength[row, k] * moved
     if len(parts.knots):
         k, share = between(parts.knots, t)
-        out += (1 - share) * parts.drive[row, k] + share * parts.drive[row, k + 1]
+        out += (1 - share) * parts.sampled_forcing[row, k] + share * parts.sampled_forcing[
+            row, k + 1
+        ]
     out *= parts.mask
 
 

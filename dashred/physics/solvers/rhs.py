@@ -8,7 +8,7 @@ from torch import Tensor
 from dashred.physics.backends.torch_backend import Program
 from dashred.physics.expressions.algebra import ZERO, names
 from dashred.physics.expressions.linear import split_linear, symbols
-from dashred.physics.forcing_basis import Drive
+from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.grids.grid_value import Value, total
 from dashred.physics.grids.spectral import Spectral
 from dashred.physics.solvers.dense_forcing import TermwiseForcing, forcing_evaluator
@@ -20,9 +20,16 @@ class GridTendency:
     """``N`` on the grid: ``(state, t)`` → ``(batch, field, *grid)``; also for ODE systems."""
 
     def __init__(
-        self, system: System, forcing: Forcing | None = None, drive: Drive | None = None
+        self,
+        system: System,
+        forcing: Forcing | None = None,
+        sampled_forcing: SampledForcing | None = None,
     ) -> None:
-        self.system, self.operators, self.drive = system, system.operators, drive
+        self.system, self.operators, self.sampled_forcing = (
+            system,
+            system.operators,
+            sampled_forcing,
+        )
         self.program = Program(list(system.resolved.values()))
         self.forcing = None
         if forcing is not None:
@@ -37,7 +44,7 @@ class GridTendency:
         found = [torch.as_tensor(self.operators.on_grid(value)) for value in tendencies]
         shape = (len(state), *self.system.grid.shape)
         rates = torch.stack([f.to(state).expand(shape) for f in found], dim=1)
-        return rates if self.drive is None else rates + self.drive.at(t)
+        return rates if self.sampled_forcing is None else rates + self.sampled_forcing.at(t)
 
 
 class SpectralTendency:
@@ -53,11 +60,11 @@ class SpectralTendency:
         system: System,
         forcing: Forcing | None,
         device: torch.device,
-        drive: Drive | None = None,
+        sampled_forcing: SampledForcing | None = None,
     ) -> None:
         operators = system.operators
         assert isinstance(operators, Spectral)
-        self.system, self.operators, self.drive = system, operators, drive
+        self.system, self.operators, self.sampled_forcing = system, operators, sampled_forcing
         parts = [split_linear(expr, field) for field, expr in system.resolved.items()]
         self.program = Program([rest for _, rest in parts])
         self.linear = symbols([linear for linear, _ in parts], operators, device)[None]
@@ -79,8 +86,8 @@ class SpectralTendency:
         if self.forcing is not None:
             tendencies = _summed(tendencies, self.forcing(values))
         rates = self.operators.stacked_modes(tendencies, like=modes[:, 0])
-        if self.drive is not None:
-            rates = rates + torch.fft.rfftn(self.drive.at(t), dim=grid.dims)
+        if self.sampled_forcing is not None:
+            rates = rates + torch.fft.rfftn(self.sampled_forcing.at(t), dim=grid.dims)
         return self.kept(rates)
 
     def kept(self, modes: Tensor) -> Tensor:

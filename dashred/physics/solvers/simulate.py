@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from dashred.core.errors import InputError
-from dashred.physics.forcing_basis import Drive
+from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.solvers.etdrk4 import Steppers
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.ode import (
@@ -38,7 +38,7 @@ def simulate(
     times: Tensor,
     forcing: Forcing | None = None,
     progress: Progress | None = None,
-    drive: Drive | None = None,
+    sampled_forcing: SampledForcing | None = None,
 ) -> Tensor:
     """Integrate ``∂u/∂t = N(u, t) + Σ ξ θ(u) + f(x, t)`` from ``times[0]`` on.
 
@@ -55,19 +55,19 @@ def simulate(
         Trajectories do not touch each other, up to rounding; adaptive methods (ODEs) choose
         their steps for the whole batch, so there up to the tolerance.
     """
-    if drive is None and _long(system, start, times, forcing):
+    if sampled_forcing is None and _long(system, start, times, forcing):
         from dashred.physics.solvers.compiled_etdrk4 import march_compiled
         from dashred.physics.solvers.compiled_rk4 import integrate_compiled
 
         run = march_compiled if system.axes else integrate_compiled
         return run(system, start, times, forcing, progress)
     if not system.axes:
-        return _integrate_ode(system, start, times, forcing, drive)
+        return _integrate_ode(system, start, times, forcing, sampled_forcing)
     if system.spectral:
-        tendency = SpectralTendency(system, forcing, start.device, drive)
+        tendency = SpectralTendency(system, forcing, start.device, sampled_forcing)
         states = _spectral_march(tendency, start, times.tolist())
     else:
-        states = _grid_march(GridTendency(system, forcing, drive), start, times.tolist())
+        states = _grid_march(GridTendency(system, forcing, sampled_forcing), start, times.tolist())
     saved = []
     for index, state in enumerate(states):
         saved.append(state)
@@ -157,11 +157,15 @@ def _grid_march(tendency: GridTendency, start: Tensor, times: list[float]) -> It
 
 
 def _integrate_ode(
-    system: System, start: Tensor, times: Tensor, forcing: Forcing | None, drive: Drive | None
+    system: System,
+    start: Tensor,
+    times: Tensor,
+    forcing: Forcing | None,
+    sampled_forcing: SampledForcing | None,
 ) -> Tensor:
     if len(times) == 1:
         return start[:, None]
-    tendency = GridTendency(system, forcing, drive)
+    tendency = GridTendency(system, forcing, sampled_forcing)
     if system.method in FIXED:
         steps = substeps(times, system.dt)
         return integrate_fixed(tendency, start, times, system.method, steps).transpose(0, 1)
@@ -171,7 +175,9 @@ def _integrate_ode(
         # One member that leaves every bound must not take the others with it.
         alone = []
         for i in range(len(start)):
-            mine = GridTendency(system, _row(forcing, i), drive and drive.row(i))
+            mine = GridTendency(
+                system, _row(forcing, i), sampled_forcing and sampled_forcing.row(i)
+            )
             alone.append(_until_blow_up(mine, start[i : i + 1], times))
         return torch.cat(alone)
 

@@ -16,7 +16,7 @@ from dashred.physics.backends.numpy_backend import Array, Pointwise
 from dashred.physics.backends.scalar_backend import NO_NUMBER, scalar_program
 from dashred.physics.expressions.algebra import Expr, add, scale
 from dashred.physics.expressions.differentiate import NotDifferentiableError, differentiate
-from dashred.physics.forcing_basis import Drive, Pulses
+from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.schedule import Step, schedule
 from dashred.physics.system import System, Term
@@ -56,8 +56,8 @@ def tangent_ode(
     times: Tensor,
     forcing: Forcing | None,
     sources: Sequence[tuple[Term, ...]],
-    drive: Drive | None = None,
-    pulses: Pulses | None = None,
+    sampled_forcing: SampledForcing | None = None,
+    forcing_basis: ForcingBasis | None = None,
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Yield state and tangents at every output time: ``δ' = N'(u) δ + s(u, t)``.
 
@@ -83,11 +83,11 @@ def tangent_ode(
         equations = _equations(system, forcing)
         clock = _clock(steps)
         around = _surroundings(system, clock)
-        forced = _driven(system, clock, drive)
+        forced = _driven(system, clock, sampled_forcing)
         stages, states = _trajectory(system, steps, start.numpy(), equations, around, forced)
         slopes, source = _along(system, stages, around, equations, sources)
         still = np.zeros((*source.shape[:2], *directions.shape))
-        pulsed = [] if pulses is None else [_pulsed(pulses, clock)]
+        pulsed = [] if forcing_basis is None else [_pulsed(forcing_basis, clock)]
         source = np.concatenate([still, source, *pulsed], axis=2)
         found = _columns(steps, directions.double().numpy(), slopes, source)
     for state, columns in zip(states, found, strict=True):
@@ -170,12 +170,12 @@ def _march(steps: Sequence[Step], start: Array, rates: Rates) -> tuple[Array, Ar
     return np.array(stages).reshape(len(steps), len(NODES), len(start)), np.array(saved)
 
 
-def _driven(system: System, clock: Array, drive: Drive | None) -> Array:
+def _driven(system: System, clock: Array, sampled_forcing: SampledForcing | None) -> Array:
     """Return the free forcing at every stage, ``(step, stage, field)``."""
-    if drive is None:
+    if sampled_forcing is None:
         return np.zeros((*clock.shape, len(system.fields)))
-    [values] = drive.values.numpy()
-    knots = drive.knots.numpy()
+    [values] = sampled_forcing.values.numpy()
+    knots = sampled_forcing.knots.numpy()
     return np.stack([np.interp(clock, knots, along) for along in values.T], axis=-1)
 
 
@@ -208,13 +208,13 @@ def _along(
     return np.ascontiguousarray(jacobian), driven
 
 
-def _pulsed(pulses: Pulses, clock: Array) -> Array:
+def _pulsed(forcing_basis: ForcingBasis, clock: Array) -> Array:
     """Return what every pulse adds to the rates, ``(step, stage, column, equation)``."""
-    hats = pulses.hats(clock.ravel()).reshape(*clock.shape, -1)
-    cells = pulses.bumps.numpy().ravel()
-    equations = np.eye(pulses.fields)
+    hats = forcing_basis.hats(clock.ravel()).reshape(*clock.shape, -1)
+    cells = forcing_basis.bumps.numpy().ravel()
+    equations = np.eye(forcing_basis.fields)
     found: Array = np.einsum("ef,c,stk->steckf", equations, cells, hats)
-    return found.reshape(*clock.shape, pulses.count, pulses.fields)
+    return found.reshape(*clock.shape, forcing_basis.count, forcing_basis.fields)
 
 
 def _columns(steps: Sequence[Step], begin: Array, slopes: Array, source: Array) -> list[Array]:

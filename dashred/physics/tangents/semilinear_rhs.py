@@ -17,7 +17,7 @@ from dashred.physics.backends.numpy_backend import Array, Pointwise
 from dashred.physics.expressions.algebra import Expr, add, scale
 from dashred.physics.expressions.linear import symbols
 from dashred.physics.expressions.semilinear import Input, Separated, separate
-from dashred.physics.forcing_basis import Drive
+from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.grids.spectral import Spectral
 from dashred.physics.grids.transforms import from_modes, to_modes
 from dashred.physics.solvers.compiled_step import between
@@ -97,7 +97,9 @@ class SeparatedTendency:
         couplings: ``(equation, field, C)``, likewise.
     """
 
-    def __init__(self, system: System, forcing: Forcing | None, drive: Drive | None = None) -> None:
+    def __init__(
+        self, system: System, forcing: Forcing | None, sampled_forcing: SampledForcing | None = None
+    ) -> None:
         assert isinstance(system.operators, Spectral)
         self.parts = separated(system, forcing)
         index = {field: i for i, field in enumerate(system.fields)}
@@ -116,9 +118,11 @@ class SeparatedTendency:
         self._bodies = Pointwise([channel.body for channel in self.parts.channels])
         self._coordinates = {k: v.numpy() for k, v in system.grid.places.items()}
         self._measured = system.measured
-        self._knots: Array = np.zeros(0) if drive is None else drive.knots.numpy()
-        if drive is not None:
-            hats = to_modes(drive.values[0].numpy(), self.rank)
+        self._knots: Array = (
+            np.zeros(0) if sampled_forcing is None else sampled_forcing.knots.numpy()
+        )
+        if sampled_forcing is not None:
+            hats = to_modes(sampled_forcing.values[0].numpy(), self.rank)
             self._drive: Modes = self.mask * hats[:, :, None]
 
     def surroundings(self, t: Array) -> dict[str, Array]:

@@ -14,7 +14,7 @@ from dashred.physics.backends.torch_backend import Program
 from dashred.physics.expressions.algebra import ZERO, Expr, add
 from dashred.physics.expressions.linear import split_linear
 from dashred.physics.expressions.semilinear import NotSeparableError, Separator
-from dashred.physics.forcing_basis import Pulses
+from dashred.physics.forcing_basis import ForcingBasis
 from dashred.physics.grids.grid_value import Value, on_whole_grid
 from dashred.physics.grids.transforms import to_modes
 from dashred.physics.system import System, Term
@@ -48,7 +48,7 @@ class Sources:
         system: System,
         sources: Sequence[tuple[Term, ...]],
         first: int,
-        pulses: Pulses | None = None,
+        forcing_basis: ForcingBasis | None = None,
     ) -> None:
         self.system = system
         self.shifts: Places = []
@@ -67,16 +67,16 @@ class Sources:
         self.symbols = np.array(symbols).reshape(-1, *mask.shape)
         self.rows, self._mask = len(rows), mask
         self._take_apart(rows)
-        self._pulses = pulses
-        if pulses is not None:
-            self._place_pulses(pulses, first + len(sources))
+        self._pulses = forcing_basis
+        if forcing_basis is not None:
+            self._place_pulses(forcing_basis, first + len(sources))
 
-    def _place_pulses(self, pulses: Pulses, first: int) -> None:
+    def _place_pulses(self, forcing_basis: ForcingBasis, first: int) -> None:
         """Let the pulses of all equations share a row for every cell and knot."""
-        fields, cells, knots = pulses.shape
+        fields, cells, knots = forcing_basis.shape
         places = product(range(fields), range(cells * knots))
         self.drives += [(e, column, self.rows + i) for column, (e, i) in enumerate(places, first)]
-        self.bumps = self._mask * to_modes(pulses.bumps.numpy(), self._mask.ndim)
+        self.bumps = self._mask * to_modes(forcing_basis.bumps.numpy(), self._mask.ndim)
 
     def __call__(
         self, values: Array, modes: Modes, times: Array, dtype: type[np.floating[Any]]
@@ -99,8 +99,8 @@ class Sources:
         if self._pulses is None:
             return found
         hats = self._pulses.hats(times.ravel())
-        pulses = np.einsum("tk,c...->ckt...", hats, self.bumps).astype(found.dtype)
-        return np.concatenate((found, pulses.reshape(-1, *found.shape[1:])))
+        forcing_basis = np.einsum("tk,c...->ckt...", hats, self.bumps).astype(found.dtype)
+        return np.concatenate((found, forcing_basis.reshape(-1, *found.shape[1:])))
 
     def _transformed(
         self, values: Array, modes: Modes, times: Array, dtype: type[np.floating[Any]]

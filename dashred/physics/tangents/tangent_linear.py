@@ -21,7 +21,7 @@ from dashred.core.threads import in_threads
 from dashred.physics.backends.numpy_backend import Pointwise
 from dashred.physics.expressions.algebra import ZERO
 from dashred.physics.expressions.semilinear import NotSeparableError, separate
-from dashred.physics.forcing_basis import Drive, Pulses
+from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.schedule import Step, schedule
 from dashred.physics.system import System, Term
@@ -71,8 +71,8 @@ def tangent_linear(
     forcing: Forcing | None,
     sources: Sequence[tuple[Term, ...]],
     dtype: torch.dtype = torch.float64,
-    drive: Drive | None = None,
-    pulses: Pulses | None = None,
+    sampled_forcing: SampledForcing | None = None,
+    forcing_basis: ForcingBasis | None = None,
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Yield state and tangents at every output time, the first included.
 
@@ -95,12 +95,14 @@ def tangent_linear(
     Raises:
         NotSeparableError: the system is not supported.
     """
-    count = len(directions) + len(sources) + (pulses.count if pulses is not None else 0)
+    count = (
+        len(directions) + len(sources) + (forcing_basis.count if forcing_basis is not None else 0)
+    )
     tangents = torch.zeros((count, *start.shape), dtype=dtype, device=start.device)
     tangents[: len(directions)] = directions
     yield start, tangents
-    tendency = SeparatedTendency(system, forcing, drive)
-    driven = Sources(system, sources, len(directions), pulses)
+    tendency = SeparatedTendency(system, forcing, sampled_forcing)
+    driven = Sources(system, sources, len(directions), forcing_basis)
     model = _Linearised(tendency, driven, dtype)
     size = max(1, COLUMN_POINTS // start.numel())
     chunks = [range(i, min(i + size, count)) for i in range(0, count, size)]

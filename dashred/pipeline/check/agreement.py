@@ -9,7 +9,7 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.splits import Split
-from dashred.pipeline.check.context import Situation
+from dashred.pipeline.check.context import CheckContext
 from dashred.pipeline.check.observability import Seen
 from dashred.pipeline.check.placeholders import still
 from dashred.pipeline.check.remark import Remark, doubtful, some
@@ -23,7 +23,7 @@ FAR = 4.0
 
 @torch.no_grad()
 def about_agreement(
-    situation: Situation, simulated: Simulated, seen: Seen | None
+    situation: CheckContext, simulated: Simulated, seen: Seen | None
 ) -> Iterator[Remark]:
     """Compare the simulator's readings with the recording's, up to the end of the fit window."""
     if situation.recording is None:
@@ -63,7 +63,7 @@ def sizes_compared(
         yield Remark(f"The sensors vary {typical:.2g} times as much as in the {where}")
 
 
-def _beginning(situation: Situation, simulated: Simulated, seen: Seen) -> Iterator[Remark]:
+def _beginning(situation: CheckContext, simulated: Simulated, seen: Seen) -> Iterator[Remark]:
     """Hold first samples against the start's prior: ``y₀ − Hm`` over ``√(σ² + HBBᵀHᵀ)``."""
     assert situation.problem is not None
     sensors = situation.sensors

@@ -41,7 +41,7 @@ def check(config: Config) -> Page:
     from dashred.core.threads import use_threads
     from dashred.models.device import check_device
     from dashred.pipeline.check.agreement import about_agreement
-    from dashred.pipeline.check.context import situation_of
+    from dashred.pipeline.check.context import check_context
     from dashred.pipeline.check.ensemble import about_ensemble, about_structure
     from dashred.pipeline.check.observability import about_observability, look
     from dashred.pipeline.check.recording import about_recording
@@ -56,7 +56,7 @@ def check(config: Config) -> Page:
     check_server(config.tracking.root)
     torch.set_num_threads(1)
     use_threads(config.threads)
-    situation = situation_of(config)
+    situation = check_context(config)
     page.section("Recording", about_recording(situation))
     page.section("Splits", about_splits(situation))
     if config.system.snapshots is not None:

@@ -17,7 +17,7 @@ from dashred.data.sensors import Sensor
 from dashred.data.splits import Split, split_recording
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
-from dashred.pipeline.problem import Problem, pose
+from dashred.pipeline.problem import Problem, build_problem
 
 # Places like a twin's: they come from a stream of the check's own, and tell nothing of any twin's.
 STREAM = 0xC4EC
@@ -26,7 +26,7 @@ LEAST_NOISE = 1e-6
 
 
 @dataclass(frozen=True)
-class Situation:
+class CheckContext:
     """A simulator and the sensors that shall tell what it leaves out.
 
     Attributes:
@@ -72,7 +72,7 @@ class Situation:
         return torch.tensor([share * sizes[s.reads] for s in self.sensors], dtype=torch.float64)
 
 
-def situation_of(config: Config) -> Situation:
+def check_context(config: Config) -> CheckContext:
     """Read what there is.
 
     Raises:
@@ -80,11 +80,11 @@ def situation_of(config: Config) -> Situation:
     """
     if config.recording.path is None:
         return _without_recording(config)
-    posed = pose(config)
+    posed = build_problem(config)
     table = config.recording.sensors if isinstance(config.recording.sensors, str) else None
     episodes = read_episodes(config.recording.path, table, posed.system).episodes
     recordings = {episode.name: episode.recording for episode in episodes}
-    return Situation(
+    return CheckContext(
         config,
         posed.system,
         posed.library,
@@ -98,7 +98,7 @@ def situation_of(config: Config) -> Situation:
     )
 
 
-def _without_recording(config: Config) -> Situation:
+def _without_recording(config: Config) -> CheckContext:
     """Return the layout that the configuration asks for; nobody's truth has a part in it."""
     bare = System(config.system, config.where)
     library = build_library(bare, config.library)
@@ -111,4 +111,4 @@ def _without_recording(config: Config) -> Situation:
     silent = Recording(tuple(sensors), times.numpy(), np.zeros((len(times), len(sensors))))
     split = split_recording(silent, config.splits, config.seed)
     clock = f"{len(times)} samples at a step of {every:.6g}"
-    return Situation(config, system, library, times, split, None, {}, clock, {})
+    return CheckContext(config, system, library, times, split, None, {}, clock, {})

@@ -9,7 +9,7 @@ import torch
 
 from dashred.core.errors import InputError
 from dashred.physics.runs.ensemble import Discrepancies, draw_round
-from dashred.pipeline.check.context import STREAM, Situation
+from dashred.pipeline.check.context import STREAM, CheckContext
 from dashred.pipeline.check.placeholders import still
 from dashred.pipeline.check.remark import Remark, doubtful
 from dashred.pipeline.check.run_time import BATCHED
@@ -22,7 +22,7 @@ MEMBERS, ROUNDS, SECONDS = 8, 3, 1.0
 FEW = 0.2
 
 
-def about_structure(situation: Situation, simulated: Simulated) -> Iterator[Remark]:
+def about_structure(situation: CheckContext, simulated: Simulated) -> Iterator[Remark]:
     """Tell of a port-Hamiltonian structure that does not make the equations."""
     if situation.config.system.structure is None:
         return
@@ -36,7 +36,7 @@ def about_structure(situation: Situation, simulated: Simulated) -> Iterator[Rema
 
 
 @torch.no_grad()
-def about_ensemble(situation: Situation, simulated: Simulated) -> Iterator[Remark]:
+def about_ensemble(situation: CheckContext, simulated: Simulated) -> Iterator[Remark]:
     """Say whether simulations such as a run learns from stay within bounds.
 
     They are followed for as long as there is time; who leaves early has left.

@@ -15,7 +15,7 @@ from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.physics.tangents.ode_tangents import supports_ode, tangent_ode
 from dashred.physics.tangents.tangent_linear import supports, tangent_linear
-from dashred.pipeline.check.context import Situation
+from dashred.pipeline.check.context import CheckContext
 from dashred.pipeline.check.remark import Remark, doubtful
 from dashred.pipeline.check.simulator import Simulated
 
@@ -65,7 +65,7 @@ class Seen:
 
 
 @torch.no_grad()
-def look(situation: Situation, simulated: Simulated) -> Seen | None:
+def look(situation: CheckContext, simulated: Simulated) -> Seen | None:
     """Carry the start's modes along the nominal run and read them; None without any spread."""
     prior = simulated.prior
     if not prior.size:
@@ -84,7 +84,7 @@ def look(situation: Situation, simulated: Simulated) -> Seen | None:
     return Seen(sensitivity, modes, seconds, len(rows), prior.size)
 
 
-def about_observability(situation: Situation, seen: Seen | None) -> Iterator[Remark]:
+def about_observability(situation: CheckContext, seen: Seen | None) -> Iterator[Remark]:
     """Say in plain words what the sensors tell about the start."""
     if seen is None:
         hint = (
@@ -106,7 +106,7 @@ def about_observability(situation: Situation, seen: Seen | None) -> Iterator[Rem
     yield from _by_field(situation, seen)
 
 
-def _by_field(situation: Situation, seen: Seen) -> Iterator[Remark]:
+def _by_field(situation: CheckContext, seen: Seen) -> Iterator[Remark]:
     read = {sensor.reads for sensor in situation.sensors}
     for field, left in zip(situation.system.fields, seen.unknown().tolist(), strict=True):
         by = "" if field in read else ", which no sensor reads itself,"

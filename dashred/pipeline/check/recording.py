@@ -16,7 +16,7 @@ from dashred.data.noise_level import noise_std
 from dashred.data.recording import Recording
 from dashred.data.resampling import GAP, own_step
 from dashred.data.time_scale import A_PERIOD, samples_a_change, suggested_step
-from dashred.pipeline.check.context import Situation
+from dashred.pipeline.check.context import CheckContext
 from dashred.pipeline.check.remark import Remark, counted, doubtful, some
 
 # Steps that differ from the mean by more than this share make a clock irregular.
@@ -33,7 +33,7 @@ NOISY = 0.5
 MANY_SAMPLES, FEW_SAMPLES = 2000, 60
 
 
-def about_recording(situation: Situation) -> Iterator[Remark]:
+def about_recording(situation: CheckContext) -> Iterator[Remark]:
     """Say what there is, then what is wrong with it."""
     recording = situation.recording
     if recording is None:
@@ -63,7 +63,7 @@ def _gone_wrong(recording: Recording, every: float | None) -> Iterator[Remark]:
     yield from _repeated(recording)
 
 
-def _about_none(situation: Situation) -> Iterator[Remark]:
+def _about_none(situation: CheckContext) -> Iterator[Remark]:
     asked = situation.config.recording
     count = len(situation.split.tested.sensors) + len(situation.sensors)
     reads, noise = ", ".join(asked.reads), f"{asked.noise:.0%} noise"
@@ -181,7 +181,7 @@ def _noise(recording: Recording, estimated: NDArray[np.float64]) -> Iterator[Rem
 
 
 def _sampling(
-    situation: Situation, recording: Recording, estimated: NDArray[np.float64]
+    situation: CheckContext, recording: Recording, estimated: NDArray[np.float64]
 ) -> Iterator[Remark]:
     lags = samples_a_change(recording, np.nan_to_num(estimated))
     yield Remark(f"The analysis clock: {situation.clock}")

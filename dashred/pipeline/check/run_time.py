@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from dashred.config import Config
-from dashred.pipeline.check.context import Situation
+from dashred.pipeline.check.context import CheckContext
 from dashred.pipeline.check.observability import Seen
 from dashred.pipeline.check.remark import Remark
 from dashred.pipeline.check.simulator import Simulated
@@ -25,7 +25,7 @@ BATCHED = 0.3
 CLEAR, HARD = 20.0, 180.0
 
 
-def about_run_time(situation: Situation, simulated: Simulated, seen: Seen | None) -> Remark:
+def about_run_time(situation: CheckContext, simulated: Simulated, seen: Seen | None) -> Remark:
     """Return a range: the least is a clear case, the most one whose causes are hard to tell."""
     config, samples = situation.config, len(situation.times)
     training = 1.5 * _training(config)

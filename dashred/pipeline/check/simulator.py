@@ -16,7 +16,7 @@ from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nomi
 from dashred.physics.runs.resolution import Readings, doubling_error, least_scale
 from dashred.physics.solvers.simulate import check_finite, simulate
 from dashred.physics.system import System, Term
-from dashred.pipeline.check.context import Situation
+from dashred.pipeline.check.context import CheckContext
 from dashred.pipeline.check.placeholders import still
 from dashred.pipeline.check.remark import Remark, doubtful
 
@@ -56,7 +56,7 @@ class Simulated:
 
 
 @torch.no_grad()
-def run_nominal(situation: Situation) -> Simulated:
+def run_nominal(situation: CheckContext) -> Simulated:
     """Run the simulator from its established start.
 
     Raises:
@@ -81,7 +81,7 @@ def simulate_timed(system: System, start: Tensor, times: Tensor) -> tuple[Tensor
     return path, time.perf_counter() - began
 
 
-def about_simulator(situation: Situation, simulated: Simulated) -> Iterator[Remark]:
+def about_simulator(situation: CheckContext, simulated: Simulated) -> Iterator[Remark]:
     """Say whether it moves, and whether it is resolved."""
     total, count = len(situation.times), len(simulated.times)
     within = "" if count == total else f" (the first {count} of {total} samples)"
@@ -95,7 +95,7 @@ def about_simulator(situation: Situation, simulated: Simulated) -> Iterator[Rema
     yield from _library(situation, simulated)
 
 
-def _library(situation: Situation, simulated: Simulated) -> Iterator[Remark]:
+def _library(situation: CheckContext, simulated: Simulated) -> Iterator[Remark]:
     """Tell of terms that a run would refuse, or leave out of the default library."""
     # Those that a part of the record cannot tell apart the whole of it may.
     if len(simulated.times) < len(situation.times) or still(situation.config):
@@ -112,7 +112,7 @@ def _library(situation: Situation, simulated: Simulated) -> Iterator[Remark]:
         yield Remark(f"{error.what}: no data could tell their coefficients", "wrong", error.hint)
 
 
-def _far_from_zero(situation: Situation, simulated: Simulated) -> Iterator[Remark]:
+def _far_from_zero(situation: CheckContext, simulated: Simulated) -> Iterator[Remark]:
     """Tell of fields whose powers and functions are hardly more than straight lines."""
     fields = simulated.states.unbind(1)
     for name, values in zip(situation.system.fields, fields, strict=True):
@@ -133,7 +133,7 @@ def _left_out(term_and_why: tuple[Term, str | Term]) -> Remark:
 
 
 @torch.no_grad()
-def _resolution(situation: Situation, simulated: Simulated, traces: Tensor) -> Remark:
+def _resolution(situation: CheckContext, simulated: Simulated, traces: Tensor) -> Remark:
     system, limit = situation.system, situation.config.resolution_limit
     dearer = DEARER * 2.0 ** (1 + len(system.axes))
     count = simulated.affordable(DOUBLED, dearer)
@@ -158,7 +158,7 @@ def _remedy(system: System) -> str:
     return "Make system.integrator.dt smaller, or the axes' points more"
 
 
-def _readings(situation: Situation) -> Readings:
+def _readings(situation: CheckContext) -> Readings:
     sensors = situation.sensors
 
     def readings(system: System, states: Tensor) -> Tensor:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from dashred.pipeline.check.context import Situation
+from dashred.pipeline.check.context import CheckContext
 from dashred.pipeline.check.remark import Remark, some
 
 
-def about_splits(situation: Situation) -> Iterator[Remark]:
+def about_splits(situation: CheckContext) -> Iterator[Remark]:
     """Tell what a run with this seed will hold out."""
     split = situation.split
     yield Remark(split.note[0].upper() + split.note[1:].rstrip("."))

@@ -14,16 +14,24 @@ from dashred.core.progress import stage
 from dashred.inference.fit.law import Law, posterior
 from dashred.inference.fit.stepwise_selection import Selection, Tried, better, polish, select
 from dashred.inference.forward.candidates import Candidate, build_candidates, indices_by_name
-from dashred.inference.hypotheses.comparison.compare_hypotheses import Weighed
+from dashred.inference.hypotheses.comparison.compare_hypotheses import Comparison
 from dashred.inference.hypotheses.result import MISSING, BestOfSize, Discovered
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline.assimilation import Assimilated
-from dashred.pipeline.discovery.first_guess_stage import fit_seeds
-from dashred.pipeline.discovery.horizon_stage import walk_from_seeds, walk_on, with_noise_after
-from dashred.pipeline.discovery.hypothesis_stage import inflated, weigh_causes
-from dashred.pipeline.discovery.objectives import exact_simulator, pose_objective, rough_simulator
-from dashred.pipeline.discovery.prior_start import about, select_about_the_prior
+from dashred.pipeline.discovery.first_guess_stage import fit_first_guesses
+from dashred.pipeline.discovery.horizon_stage import (
+    fit_from_first_guesses,
+    walk_on,
+    with_noise_after,
+)
+from dashred.pipeline.discovery.hypothesis_stage import inflated, run_comparison
+from dashred.pipeline.discovery.objectives import (
+    build_least_squares,
+    exact_simulator,
+    rough_simulator,
+)
+from dashred.pipeline.discovery.prior_start import about, select_near_prior
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation import Nominal
 from dashred.pipeline.training import Learned
@@ -54,24 +62,24 @@ def discover(
         with stage("seed the start", seconds) as report:
             simulator = exact_simulator(problem, candidates)
             rough = rough_simulator(problem, simulator, resolution)
-            seeds = fit_seeds(problem, rough, nominal, ensemble, learned, found, report)
+            seeds = fit_first_guesses(problem, rough, nominal, ensemble, learned, found, report)
             report(1.0, ", ".join(f"{s.name} {s.error:.2f}" for s in seeds) + " σ off its sensors")
         child.log_metrics({f"seed/{s.name}": s.error for s in seeds if math.isfinite(s.error)}, 0)
         with stage("grow the horizon", seconds) as report:
-            seed, walked = walk_from_seeds(problem, rough, candidates, seeds, report)
+            seed, walked = fit_from_first_guesses(problem, rough, candidates, seeds, report)
             child.set_tags({"seed of the start": seed.name})
         for samples, level in walked.levels:
             child.log_metrics({"horizon/chi2": level}, samples)
             run.log_metrics({"horizon/chi2": level}, samples)
         weak = problem.config.discovery.weak
-        objective = pose_objective(problem, simulator, seed.start, candidates, weak)
+        objective = build_least_squares(problem, simulator, seed.start, candidates, weak)
         objective = with_noise_after(objective, walked)
         with stage("select the law", seconds) as report:
             selection = select(objective.until(walked.samples), walked.phi, proposals, report)
             if not walked.reached:
                 walked, selection = walk_on(objective, walked, selection, proposals, report)
-            selection = select_about_the_prior(nominal.start, selection, KEPT, report)
-            objective = about(objective, selection.objective.shooting.start)
+            selection = select_near_prior(nominal.start, selection, KEPT, report)
+            objective = about(objective, selection.objective.forward_model.start)
             report(1.0, f"{len(selection.tried)} sets refitted")
         with stage("fit the law to the end", seconds) as report:
             laws, ranked, nothing = _finish(selection)
@@ -79,7 +87,7 @@ def discover(
         with stage("weigh other causes", seconds) as report:
             seen = replace(selection.objective.noise, seen=objective.noise.seen)
             whole, reach = replace(objective, noise=seen), walked.samples
-            weighed = weigh_causes(
+            weighed = run_comparison(
                 problem, nominal, whole, reach, laws, ranked, nothing, seeds[0], report
             )
             report(1.0, str(weighed.laws[0]))
@@ -115,7 +123,7 @@ def _coefficients(best: BestOfSize) -> dict[str, float]:
     }
 
 
-def _explains(problem: Problem, weighed: Weighed) -> bool:
+def _explains(problem: Problem, weighed: Comparison) -> bool:
     """Tell whether another cause explains the whole record, where no law everywhere could follow.
 
     What is fitted to all of it, and leaves nothing to a free forcing, has got lost nowhere: if what
@@ -157,7 +165,7 @@ def _finish(selection: Selection) -> tuple[list[Law], list[Tried], Tried]:
     nothing = polish(objective, _empty(selection, best), SETTLED) if best.members else best
 
     def law(tried: Tried) -> Law:
-        [readings] = objective.shooting.readings(*objective.split(tried.phi[None]))
+        [readings] = objective.forward_model.readings(*objective.split(tried.phi[None]))
         return posterior(objective, normal, tried.phi, tried.members, readings, tried.score)
 
     ranked = sorted([best, *near], key=lambda tried: tried.score)
@@ -176,7 +184,7 @@ def _empty(selection: Selection, best: Tried) -> Tried:
 def _path(selection: Selection, nothing: Tried) -> list[BestOfSize]:
     """Return the best law of each size that was tried, and none as it was fitted to the end."""
     objective = selection.objective
-    known = objective.shooting.candidates
+    known = objective.forward_model.candidates
     best: dict[int, Tried] = {}
     for tried in (nothing, *selection.tried):
         if math.isfinite(tried.score):

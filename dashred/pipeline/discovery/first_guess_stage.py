@@ -12,23 +12,23 @@ from torch import Tensor
 from dashred.core.progress import Report
 from dashred.data.recording import Recording
 from dashred.inference.fit.first_window import first_samples, fit_first_window
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.episodes import operator_of, side_by_side, starts_of
 from dashred.inference.initial_state.first_guesses import (
+    FirstGuessSettings,
     NetworkEstimate,
     Readings,
-    SeedSettings,
-    make_seeds,
+    first_guesses,
 )
 from dashred.inference.initial_state.start_models import StartModel
 from dashred.physics.library import resolve
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.pipeline.assimilation import Assimilated
 from dashred.pipeline.discovery.objectives import (
+    build_least_squares,
     for_each_episode,
     noise_share,
-    pose_objective,
     trace_std,
 )
 from dashred.pipeline.problem import Problem
@@ -42,7 +42,7 @@ ELSEWHERE, NEAR = 3.0, 0.1
 
 
 @dataclass(frozen=True)
-class Seed:
+class FittedGuess:
     """A seed that was fitted to the first window.
 
     Attributes:
@@ -59,7 +59,7 @@ class Seed:
     error: float
 
 
-def fit_seeds(
+def fit_first_guesses(
     problem: Problem,
     simulator: Simulator,
     nominal: Nominal,
@@ -67,7 +67,7 @@ def fit_seeds(
     learned: Learned,
     found: Assimilated,
     report: Report,
-) -> list[Seed]:
+) -> list[FittedGuess]:
     """Fit every seed to the first window and return them, the best on validation first."""
     error = torch.tensor([learned.test_rmse[f] for f in problem.system.fields]) * learned.scale
     states = (found.dashred[0], *(dashred[0] for _, dashred in found.others))
@@ -82,7 +82,7 @@ def fit_seeds(
     }
     fitted = []
     for i, (name, model) in enumerate(models.items(), start=1):
-        fitted.append(fit_seed(problem, simulator, name, model))
+        fitted.append(fit_first_guess(problem, simulator, name, model))
         report(i / len(models), f"{name} {fitted[-1].error:.2f} σ")
     return ranked(fitted, NEAR * float((1 / noise_share(problem)).median()))
 
@@ -98,18 +98,18 @@ def _made(
         episode.operator(fit),
         episode.noise_of(fit.names),
     )
-    return make_seeds(
+    return first_guesses(
         episode.ensemble_system,
         nominal.prior,
         ensemble,
         resolve(episode.system, episode.library),
         readings,
         network,
-        SeedSettings(),
+        FirstGuessSettings(),
     )
 
 
-def ranked(seeds: Sequence[Seed], near: float) -> list[Seed]:
+def ranked(seeds: Sequence[FittedGuess], near: float) -> list[FittedGuess]:
     """Return the best on validation first; the prior, unless others are far better.
 
     Of all seeds the prior alone uses no data twice, and laws are weighed about it in the end.
@@ -123,12 +123,14 @@ def ranked(seeds: Sequence[Seed], near: float) -> list[Seed]:
     return sorted(ordered, key=lambda seed: not (seed.name == "prior" and seed.error <= bound))
 
 
-def fit_seed(problem: Problem, simulator: Simulator, name: str, model: StartModel) -> Seed:
+def fit_first_guess(
+    problem: Problem, simulator: Simulator, name: str, model: StartModel
+) -> FittedGuess:
     """Fit one seed to the first window and validate it there."""
-    objective = pose_objective(problem, simulator, model, [], 1.0)
+    objective = build_least_squares(problem, simulator, model, [], 1.0)
     fitted = fit_first_window(objective, trace_std(problem))
     errors = [_rmse(problem, objective, fitted.phi, part) for part in _judges(problem)]
-    return Seed(name, model, fitted.phi, max(errors))
+    return FittedGuess(name, model, fitted.phi, max(errors))
 
 
 def _judges(problem: Problem) -> list[list[Recording]]:
@@ -138,12 +140,14 @@ def _judges(problem: Problem) -> list[list[Recording]]:
     return [fitted, [split.validation for split in splits]] if splits[0].validate else [fitted]
 
 
-def _rmse(problem: Problem, objective: Objective, z: Tensor, judges: list[Recording]) -> float:
+def _rmse(
+    problem: Problem, objective: LeastSquaresProblem, z: Tensor, judges: list[Recording]
+) -> float:
     """Return the RMSE in σ over the first window, infinite for none."""
     samples = first_samples(objective)
     operator = operator_of(problem.operator(judges[0]), len(judges))
-    shooting = replace(objective.shooting.until(samples), operator=operator)
-    [readings] = shooting.readings(z[None], z.new_zeros((1, 0)))
+    forward_model = replace(objective.forward_model.until(samples), operator=operator)
+    [readings] = forward_model.readings(z[None], z.new_zeros((1, 0)))
     recorded = side_by_side([torch.from_numpy(part.values[:samples]) for part in judges])
     recorded = recorded[: len(readings)]
     noise = for_each_episode(problem, problem.noise_of(judges[0].names))

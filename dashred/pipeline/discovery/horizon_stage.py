@@ -9,26 +9,26 @@ import torch
 
 from dashred.core.progress import Report
 from dashred.inference.fit.first_window import first_samples
-from dashred.inference.fit.growing_horizon import Walk, walk
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.growing_horizon import HorizonFit, grow_horizon
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.stepwise_selection import Selection, select
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate
-from dashred.pipeline.discovery.first_guess_stage import Seed
-from dashred.pipeline.discovery.objectives import pose_objective
+from dashred.pipeline.discovery.first_guess_stage import FittedGuess
+from dashred.pipeline.discovery.objectives import build_least_squares
 from dashred.pipeline.problem import Problem
 
 # Of the laws that were tried, those that are tried again over more of the record.
 TRIED_AGAIN = 6
 
 
-def walk_from_seeds(
+def fit_from_first_guesses(
     problem: Problem,
     simulator: Simulator,
     candidates: Sequence[Candidate],
-    seeds: Sequence[Seed],
+    seeds: Sequence[FittedGuess],
     report: Report,
-) -> tuple[Seed, Walk]:
+) -> tuple[FittedGuess, HorizonFit]:
     """Walk from the best seed; where it gets lost, from the next; keep who came farthest.
 
     Args:
@@ -40,13 +40,13 @@ def walk_from_seeds(
     """
     settings = problem.config.discovery
     limits = torch.tensor([c.limit for c in candidates], dtype=torch.float64)
-    best: tuple[Seed, Walk] | None = None
+    best: tuple[FittedGuess, HorizonFit] | None = None
     for seed in seeds:
-        objective = pose_objective(problem, simulator, seed.start, candidates, settings.tight)
+        objective = build_least_squares(problem, simulator, seed.start, candidates, settings.tight)
         tight = torch.minimum(objective.prior_std, limits)
         objective = replace(objective, prior_std=tight)
         begin, samples = objective.embed(seed.z, []), first_samples(objective)
-        walked = walk(objective, begin, samples, settings.walking, report)
+        walked = grow_horizon(objective, begin, samples, settings.walking, report)
         if best is None or walked.samples > best[1].samples:
             best = seed, walked
         if walked.reached:
@@ -55,7 +55,7 @@ def walk_from_seeds(
     return best
 
 
-def with_noise_after(objective: Objective, walked: Walk) -> Objective:
+def with_noise_after(objective: LeastSquaresProblem, walked: HorizonFit) -> LeastSquaresProblem:
     """Return F with the noise that the residuals of the walk speak for.
 
     Args:
@@ -70,12 +70,12 @@ def with_noise_after(objective: Objective, walked: Walk) -> Objective:
 
 
 def walk_on(
-    objective: Objective,
-    walked: Walk,
+    objective: LeastSquaresProblem,
+    walked: HorizonFit,
     selection: Selection,
     proposals: list[tuple[int, ...]],
     report: Report,
-) -> tuple[Walk, Selection]:
+) -> tuple[HorizonFit, Selection]:
     """Walk on with the law that was found so far, and select once more where that leads.
 
     All candidates together may have lost a trajectory that the right few can follow.
@@ -90,7 +90,7 @@ def walk_on(
     best = selection.tried[0]
     mine = objective.only(best.members)
     begin = best.phi[objective.places(best.members)]
-    further = walk(mine, begin, walked.samples, len(best.members), report)
+    further = grow_horizon(mine, begin, walked.samples, len(best.members), report)
     if further.samples == walked.samples:
         return walked, selection
     further = replace(

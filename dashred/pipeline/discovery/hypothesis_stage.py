@@ -10,22 +10,26 @@ from torch import Tensor
 
 from dashred.core.progress import Report
 from dashred.inference.fit.law import Law, law_of
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import grow, minimise
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.fit.stepwise_selection import Tried
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate, replaced_terms
-from dashred.inference.hypotheses.comparison.compare_hypotheses import Additions, Weighed, weigh
-from dashred.inference.hypotheses.extended.extended_library import candidates_beyond
-from dashred.inference.hypotheses.hypothesis_fit import Cause
+from dashred.inference.hypotheses.comparison.compare_hypotheses import (
+    Additions,
+    Comparison,
+    compare_hypotheses,
+)
+from dashred.inference.hypotheses.extended.extended_library import extended_candidates
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.result import AMBIGUOUS
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.physics.window import shapes_of
-from dashred.pipeline.discovery.first_guess_stage import Seed
+from dashred.pipeline.discovery.first_guess_stage import FittedGuess
 from dashred.pipeline.discovery.objectives import fit_noise, simulator_with
-from dashred.pipeline.discovery.prior_start import about, about_the_prior
+from dashred.pipeline.discovery.prior_start import about, fit_near_prior
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation import Nominal
 
@@ -38,17 +42,17 @@ INFLATED = 1.3
 FIRST = 6
 
 
-def weigh_causes(
+def run_comparison(
     problem: Problem,
     nominal: Nominal,
-    objective: Objective,
+    objective: LeastSquaresProblem,
     samples: int,
     laws: Sequence[Law],
     ranked: Sequence[Tried],
     nothing: Tried,
-    seed: Seed,
+    seed: FittedGuess,
     report: Report,
-) -> Weighed:
+) -> Comparison:
     """Return all explanations over the whole record.
 
     Args:
@@ -68,7 +72,7 @@ def weigh_causes(
     if inflated(problem, objective.noise):
         # A sensor at fault can do that, and laws that were fitted under such noise say nothing.
         reached, objective = False, replace(objective, noise=fit_noise(problem))
-    known = list(objective.shooting.candidates)
+    known = list(objective.forward_model.candidates)
     local = replaced_terms(problem.system, problem.library, known, nominal.states, times)
     everything = _with(objective, local, problem.config.discovery.weak)
     if samples < len(objective.recorded):
@@ -81,12 +85,12 @@ def weigh_causes(
     far = reached and nothing.cost > HOPELESS * objective.noise.count
     fitted = minimise(null, phi, STEPS, ROUGH if far else TOLERANCE)
     if not (reached and best.members):
-        again = about_the_prior(nominal.start, null, fitted.phi)
+        again = fit_near_prior(nominal.start, null, fitted.phi)
         if again is not None:
             everything, (null, fitted) = about(everything, nominal.start), again
-    empty = Cause(law_of(null, fitted, (), fitted.cost), null, fitted.phi)
+    empty = HypothesisFit(law_of(null, fitted, (), fitted.cost), null, fitted.phi)
     fits = [
-        Cause(law, objective.only(fit.members), fit.phi[objective.places(fit.members)])
+        HypothesisFit(law, objective.only(fit.members), fit.phi[objective.places(fit.members)])
         for law, fit in zip(laws, ranked, strict=True)
     ]
     found = fits[0] if reached else empty
@@ -95,15 +99,17 @@ def weigh_causes(
         everywhere=len(known),
         size=_tendency_size(problem.system, nominal.states, times),
         compiled=lambda: _with_windows(problem, [*known, *local]),
-        beyond=lambda: candidates_beyond(problem.system, problem.library, nominal.states, times),
+        beyond=lambda: extended_candidates(problem.system, problem.library, nominal.states, times),
     )
-    weighed = weigh(everything, found, empty, near if reached else [], additions, report)
-    if not reached or null.shooting.start is not objective.shooting.start:
+    weighed = compare_hypotheses(
+        everything, found, empty, near if reached else [], additions, report
+    )
+    if not reached or null.forward_model.start is not objective.forward_model.start:
         return weighed
     return _beside(weighed, laws, objective) if weighed.laws[0].parts == laws[0].parts else weighed
 
 
-def _beside(weighed: Weighed, laws: Sequence[Law], objective: Objective) -> Weighed:
+def _beside(weighed: Comparison, laws: Sequence[Law], objective: LeastSquaresProblem) -> Comparison:
     """Return the laws that act everywhere, where the best of them has won, beside the others.
 
     It keeps the fit and the rivals that the search gave it; the others their distance from it.
@@ -124,13 +130,15 @@ def inflated(problem: Problem, noise: NoiseModel) -> bool:
     return stated and ratio > INFLATED
 
 
-def _with(objective: Objective, local: Sequence[Candidate], weak: float) -> Objective:
+def _with(
+    objective: LeastSquaresProblem, local: Sequence[Candidate], weak: float
+) -> LeastSquaresProblem:
     """Return F with further candidates."""
     scales = torch.tensor([c.scale for c in local], dtype=torch.float64)
-    candidates = [*objective.shooting.candidates, *local]
+    candidates = [*objective.forward_model.candidates, *local]
     return replace(
         objective,
-        shooting=replace(objective.shooting, candidates=candidates),
+        forward_model=replace(objective.forward_model, candidates=candidates),
         prior_std=torch.cat([objective.prior_std, weak * scales]),
     )
 

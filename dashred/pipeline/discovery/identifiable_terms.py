@@ -10,7 +10,7 @@ from dashred.physics.library import refuse_collinear, uninformative_terms
 from dashred.pipeline.problem import Problem
 
 
-def told_apart(problem: Problem, states: Tensor, t: float | Tensor) -> Problem:
+def keep_identifiable_terms(problem: Problem, states: Tensor, t: float | Tensor) -> Problem:
     """Return the problem with a library of which no two terms are proportional on the simulation.
 
     Of the default library the later of two is left out: a field that is never negative is its own

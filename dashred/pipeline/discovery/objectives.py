@@ -8,13 +8,13 @@ import torch
 from torch import Tensor
 
 from dashred.inference.fit.law import Law
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.episodes import clocks, operator_of, side_by_side
 from dashred.inference.forward.episodes_simulator import simulator_of
-from dashred.inference.forward.forward_model import Shooting
+from dashred.inference.forward.forward_model import ForwardModel
 from dashred.inference.initial_state.start_models import StartModel
 from dashred.physics.runs.resolution import Resolution
 from dashred.physics.window import Shape
@@ -92,13 +92,13 @@ def _recorded(problem: Problem) -> Tensor:
     return side_by_side([torch.from_numpy(e.split.fit.values) for e in problem.episodes])
 
 
-def pose_objective(
+def build_least_squares(
     problem: Problem,
     simulator: Simulator,
     start: StartModel,
     candidates: Sequence[Candidate],
     prior: float,
-) -> Objective:
+) -> LeastSquaresProblem:
     """Return F over the fit window.
 
     Args:
@@ -112,5 +112,7 @@ def pose_objective(
     operator = operator_of(problem.operator(problem.split.fit), len(episodes))
     times = clocks([e.times[: len(e.split.fit.times)] for e in episodes])
     scales = torch.tensor([c.scale for c in candidates], dtype=torch.float64)
-    shooting = Shooting(simulator, start, candidates, operator, times)
-    return Objective(shooting, _recorded(problem), fit_noise(problem), prior * scales)
+    forward_model = ForwardModel(simulator, start, candidates, operator, times)
+    return LeastSquaresProblem(
+        forward_model, _recorded(problem), fit_noise(problem), prior * scales
+    )

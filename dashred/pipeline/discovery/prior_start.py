@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from dashred.core.progress import Report
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 from dashred.inference.fit.stepwise_selection import Selection, select
 from dashred.inference.initial_state.start_models import StartModel, nearest
@@ -23,14 +23,14 @@ STEPS, TOLERANCE = 10, 1e-4
 NO_WORSE, LAW_NO_WORSE = 1.3, 1.1
 
 
-def about(objective: Objective, start: StartModel) -> Objective:
+def about(objective: LeastSquaresProblem, start: StartModel) -> LeastSquaresProblem:
     """Return F about another start."""
-    return replace(objective, shooting=replace(objective.shooting, start=start))
+    return replace(objective, forward_model=replace(objective.forward_model, start=start))
 
 
-def about_the_prior(
-    prior: StartModel, objective: Objective, phi: Tensor, worse: float = NO_WORSE
-) -> tuple[Objective, Fitted] | None:
+def fit_near_prior(
+    prior: StartModel, objective: LeastSquaresProblem, phi: Tensor, worse: float = NO_WORSE
+) -> tuple[LeastSquaresProblem, Fitted] | None:
     """Return the same fit about the prior; None if that does not reach the start that was found.
 
     Args:
@@ -39,18 +39,18 @@ def about_the_prior(
         phi: its minimum, ``(unknown,)``.
         worse: how much larger its misfit may be about the prior.
     """
-    if objective.shooting.start is prior:
+    if objective.forward_model.start is prior:
         return None
     z, xi = objective.split(phi)
     mine = about(objective, prior)
-    begin = nearest(prior, objective.shooting.start.start(z[None])[0])
+    begin = nearest(prior, objective.forward_model.start.start(z[None])[0])
     found = minimise(mine, torch.cat([begin, xi]), STEPS, TOLERANCE)
     _, trials = objective.values(phi[None])
     before = float(trials.residuals.square().sum())
     return (mine, found) if found.chi2 < worse * before else None
 
 
-def select_about_the_prior(
+def select_near_prior(
     prior: StartModel, selection: Selection, kept: int, report: Report
 ) -> Selection:
     """Select once more about the prior, if the best law reaches the start that was found from it.
@@ -66,7 +66,7 @@ def select_about_the_prior(
         return selection
     law = objective.only(best.members)
     phi = best.phi[objective.places(best.members)]
-    found = about_the_prior(prior, law, phi, LAW_NO_WORSE)
+    found = fit_near_prior(prior, law, phi, LAW_NO_WORSE)
     if found is None:
         return selection
     whole = about(objective, prior)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dashred.core.arguments import read_path_words
 from dashred.core.errors import DONE, InputError, run_entry
-from dashred.core.files.user_path import given_path
+from dashred.core.files.user_path import user_path
 
 KEYS = ("path", "sensors", "output")
 USAGE = """\
@@ -35,9 +35,9 @@ def main(argv: list[str]) -> int:
         print(USAGE, end="")
         return DONE
     words = _read_words(argv)
-    path = str(given_path(words["path"], "path="))
-    table = str(given_path(words["sensors"], "sensors=")) if "sensors" in words else None
-    output = given_path(words.get("output") or f"{Path(path).stem}.yaml", "output=")
+    path = str(user_path(words["path"], "path="))
+    table = str(user_path(words["sensors"], "sensors=")) if "sensors" in words else None
+    output = user_path(words.get("output") or f"{Path(path).stem}.yaml", "output=")
     _check_output(output)
 
     from dashred.config.checks.placeholders import TO_DO

@@ -18,7 +18,7 @@ import numpy as np
 import torch
 from numpy._core.multiarray import _reconstruct  # how NumPy pickles an array
 
-from dashred.core.files.atomic import whole_file
+from dashred.core.files.atomic import atomic_file
 from dashred.core.progress import CONSOLE
 from dashred.inference.fit.law import Law, SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
@@ -102,7 +102,7 @@ def _write(path: Path, kept: dict[str, Any]) -> None:
     # Of a full disk torch tells in words of its own; of its bytes the system tells.
     made = BytesIO()
     torch.save(kept, made)
-    with whole_file(path) as partial:
+    with atomic_file(path) as partial:
         partial.write_bytes(made.getvalue())
 
 

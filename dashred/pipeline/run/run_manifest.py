@@ -39,7 +39,7 @@ SECTIONS = {field.name for field in fields(Settings)} - {*ELSEWHERE}
 OF_ONE_RECORDING = ("twin", "path", "sensors", *RECORDING_A_TWIN)
 
 
-def began_with(config: Config, recording_sha256: str) -> dict[str, str]:
+def manifest_of(config: Config, recording_sha256: str) -> dict[str, str]:
     """Return everything that determines the findings, each as a text to compare."""
     found = {CONFIGURATION: config_sha256(config), RECORDING: recording_sha256}
     return found | present()

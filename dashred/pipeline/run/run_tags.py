@@ -13,7 +13,7 @@ from typing import Any
 from dashred.config import Config, frozen_input
 from dashred.core.findings.schema import Findings
 from dashred.core.mlflow.metric_names import metric_name
-from dashred.core.mlflow.run import NOTE, Run, flatten
+from dashred.core.mlflow.run import NOTE, MlflowRun, flatten
 from dashred.core.mlflow.tracker import Tracker
 from dashred.reporting.text.verdict import verdict_lines
 
@@ -39,7 +39,7 @@ def name_of(config: Config) -> str:
     return f"{config.name} seed {config.seed}"
 
 
-def describe(run: Run, config: Config, git_commit: str) -> None:
+def describe(run: MlflowRun, config: Config, git_commit: str) -> None:
     """Log what a run is of."""
     run.log_params(flatten(frozen_input(config)))
     run.set_tags({"system": config.name, "seed": config.seed, "git commit": git_commit})

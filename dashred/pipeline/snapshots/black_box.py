@@ -8,12 +8,12 @@ from pathlib import Path
 
 from dashred.config import Config, config_sha256
 from dashred.pipeline import problem, training
-from dashred.pipeline.discovery.identifiable_terms import told_apart
+from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
 from dashred.pipeline.run import provenance
 from dashred.pipeline.run.checkpoints import Checkpoints
 from dashred.pipeline.run.output_dir import clear_output, named_output
 from dashred.pipeline.run.parent_run import open_parent
-from dashred.pipeline.run.run_manifest import SNAPSHOTS, began_with, end
+from dashred.pipeline.run.run_manifest import SNAPSHOTS, end, manifest_of
 from dashred.pipeline.run.run_tags import conclude, describe
 from dashred.pipeline.snapshots import black_box_findings, black_box_report, snapshot_runs
 from dashred.pipeline.snapshots.black_box_analysis import analyse_runs
@@ -26,14 +26,14 @@ def analyse_snapshots(config: Config) -> Path:
         InputError: the input is wrong; nothing is written then, though the folder may be made.
     """
     provenance.prepare_torch(config)
-    posed = problem.pose(config)
+    posed = problem.build_problem(config)
     named = named_output(config)
     seconds: dict[str, float] = {}
     clock = time.perf_counter()
     runs = snapshot_runs.read_runs(posed, seconds)
-    posed = told_apart(posed, runs.some, float(posed.times[0]))
+    posed = keep_identifiable_terms(posed, runs.some, float(posed.times[0]))
 
-    began = began_with(config, posed.recording_sha256) | {SNAPSHOTS: runs.sha256}
+    began = manifest_of(config, posed.recording_sha256) | {SNAPSHOTS: runs.sha256}
     with open_parent(config, named, began) as (run, folder):
         output = named or run.artifact_dir
         clear_output(output)

@@ -26,7 +26,7 @@ LARGEST = 1e6
 
 
 @torch.no_grad()
-def own_error(problem: Problem, law: Law, noise: Tensor) -> float:
+def numerical_error(problem: Problem, law: Law, noise: Tensor) -> float:
     """Return the largest error of the corrected simulator, in standard deviations of the noise.
 
     It is the rms over the sensors of ``(H x − H x_fine)/σ`` in the sample where that is largest,

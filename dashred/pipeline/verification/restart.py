@@ -8,10 +8,10 @@ import torch
 from torch import Tensor
 
 from dashred.inference.fit.law import Law
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.candidate_simulator import Simulator
-from dashred.inference.forward.forward_model import Shooting
+from dashred.inference.forward.forward_model import ForwardModel
 from dashred.inference.initial_state.start_models import LinearStart
 from dashred.inference.results.corrected_system import correct
 from dashred.pipeline.discovery.objectives import sound_noise
@@ -50,9 +50,11 @@ def restart(problem: Problem, law: Law, corrected: Tensor) -> dict[str, Tensor]:
         ("after", correct(problem.system, law)),
     ):
         simulator = Simulator(system, system.dt, [])
-        shooting = Shooting(simulator, start, [], problem.operator(fit), times[:count])
-        objective = Objective(shooting, values, noise, torch.zeros(0, dtype=torch.float64))
+        forward_model = ForwardModel(simulator, start, [], problem.operator(fit), times[:count])
+        objective = LeastSquaresProblem(
+            forward_model, values, noise, torch.zeros(0, dtype=torch.float64)
+        )
         begin = torch.zeros(start.size, dtype=torch.float64)
         z = minimise(objective, begin, STEPS, TOLERANCE).phi[None]
-        runs[method] = replace(shooting, times=times).states(z, z[:, :0])[0, count:]
+        runs[method] = replace(forward_model, times=times).states(z, z[:, :0])[0, count:]
     return runs

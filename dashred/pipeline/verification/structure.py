@@ -9,7 +9,7 @@ from dashred.core.findings.law_schema import StructureChanged, StructureFound
 from dashred.inference.fit.law import Law
 from dashred.inference.results.structure_change import stays_port_hamiltonian, structure_changes
 from dashred.physics.port_hamiltonian import PortHamiltonian
-from dashred.physics.sampled_states import Visited
+from dashred.physics.sampled_states import SampledStates
 from dashred.physics.system import System
 
 # States, spread evenly over a trajectory, at which a structure is looked at.
@@ -57,7 +57,7 @@ def structure_changed(
     )
 
 
-def _some(times: Tensor, states: Tensor) -> Visited:
+def _some(times: Tensor, states: Tensor) -> SampledStates:
     finite = torch.nonzero(torch.isfinite(states.flatten(1)).all(dim=1)).flatten()
     chosen = finite[:: max(1, len(finite) // STATES)]
-    return Visited(states[chosen], times[chosen])
+    return SampledStates(states[chosen], times[chosen])

@@ -32,7 +32,7 @@ from dashred.pipeline.outputs.field_files import write_episodes
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.verification.energy import energy_lost
 from dashred.pipeline.verification.held_out import errors_of_held_out
-from dashred.pipeline.verification.numerical_error import own_error
+from dashred.pipeline.verification.numerical_error import numerical_error
 from dashred.pipeline.verification.structure import structure_changed
 
 
@@ -47,7 +47,9 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         # Of several episodes the same in each.
         noise_std=problem.noise | dict(zip(names, discovered.noise.std.tolist(), strict=False)),
         noise_correlation=float(discovered.noise.correlation.max()),
-        own_error=own_error(problem, discovered.best, discovered.noise.std[: len(names)]),
+        own_error=numerical_error(
+            problem, discovered.best, discovered.noise.std[: len(names)]
+        ),
         chi2=discovered.best.chi2,
         unexplained=left,
         **errors_of_held_out(problem, analysis),

@@ -15,7 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from dashred.core.files.atomic import whole_file
+from dashred.core.files.atomic import atomic_file
 from dashred.reporting.figures.figure_names import SOFTWARE
 from dashred.reporting.text.method_names import SHRED_UNCHANGED
 
@@ -113,7 +113,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 def save_figure(figure: Figure, path: Path) -> None:
     """Save as PNG, whole or not at all; the same figure gives the same bytes."""
-    with whole_file(path) as partial, style():
+    with atomic_file(path) as partial, style():
         _take_names_as_they_are(figure)
         figure.savefig(partial, format="png", dpi=150, metadata={"Software": SOFTWARE})
 

@@ -12,7 +12,7 @@ import pytest
 from dashred import reference, train
 from dashred.config import load_config
 from dashred.core.errors import InputError
-from dashred.core.files.user_path import check_address, given_path
+from dashred.core.files.user_path import check_address, user_path
 from dashred.core.mlflow.server import check_server
 from dashred.data.io import fetch
 from dashred.pipeline.init import command
@@ -23,7 +23,7 @@ NOBODY = "~nobody-of-that-name/a"
 
 def test_home_is_the_home_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
-    assert given_path("~/a.csv", "path=") == tmp_path / "a.csv"
+    assert user_path("~/a.csv", "path=") == tmp_path / "a.csv"
 
 
 @pytest.mark.parametrize("name", [LONG, NOBODY, "a\0b"])

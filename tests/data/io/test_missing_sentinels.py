@@ -21,7 +21,7 @@ def test_marks_are_found_and_taken_out() -> None:
 def test_what_a_sensor_may_read_is_no_mark() -> None:
     once, stuck, stairs = SWING.copy(), np.full(300, 2.0), SWING.copy()
     once[50], stairs[150:] = -999.0, 30.0
-    pulses = np.round(1000 * np.exp(-(((np.arange(300) % 60) - 30) ** 2) / 20) + SWING, 2)
+    forcing_basis = np.round(1000 * np.exp(-(((np.arange(300) % 60) - 30) ** 2) / 20) + SWING, 2)
     nothing = np.full(300, np.nan)
-    for values in (SWING, once, stuck, stairs, pulses, nothing):
+    for values in (SWING, once, stuck, stairs, forcing_basis, nothing):
         assert missing_marks(values) == {}

@@ -38,7 +38,7 @@ def traces(noise: float, seed: int = 0) -> Traces:
 
 def posed(name: str, recording: Path) -> tuple[Problem, StartPrior]:
     config = load_config([f"conf={name}", f"recording.path={recording}"], entry="test")
-    found = problem.pose(config)
+    found = problem.build_problem(config)
     return found, simulation.simulate_nominal(found, {}).prior
 
 

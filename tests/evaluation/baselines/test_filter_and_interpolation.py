@@ -50,7 +50,7 @@ def swing(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Problem, 
         assert record_command.main([f"conf={path}", f"recording.twin={twin}", f"output={out}"]) == 0
         reads = [f"conf={path}", f"recording.path={out / 'recording.nc'}"]
         config = load_config([*reads, "simulation.discrepancy=false"], entry="test")
-        posed = problem.pose(config)
+        posed = problem.build_problem(config)
         nominal = simulation.simulate_nominal(posed, {})
         found[twin] = posed, nominal, simulation.simulate_ensemble(posed, nominal, {})
     return found

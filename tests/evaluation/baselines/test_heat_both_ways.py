@@ -34,7 +34,7 @@ def test_both_find_the_same_law_and_the_same_field(
     told = ["conf=heat", f"recording.twin={twin}", f"seed={seed}", f"output={tmp_path}"]
     assert record_command.main(told) == 0
     reads = ["conf=heat", f"recording.path={tmp_path / 'recording.nc'}"]
-    posed = problem.pose(load_config(reads, entry="train"))
+    posed = problem.build_problem(load_config(reads, entry="train"))
     exact = closed_form(posed, simulation.simulate_nominal(posed, {}).prior)
     assert exact is not None and exact.terms is not None
     out = tmp_path / "general"

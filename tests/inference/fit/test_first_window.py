@@ -7,7 +7,7 @@ import dataclasses
 import torch
 
 from dashred.inference.fit.first_window import SAMPLES, first_samples, fit_first_window
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.initial_state.start_models import LinearStart
 from tests.swing import Swing, noisy
@@ -22,8 +22,8 @@ def test_the_first_window_is_short_however_many_modes_the_start_has(swing: Swing
     assert first_samples(objective) == SAMPLES
     assert first_samples(objective.until(4)) == 4
     wide = LinearStart(swing.start.mean, swing.start.modes.repeat(10, 1))
-    many = dataclasses.replace(objective.shooting, start=wide, candidates=[])
-    whole = Objective(many, recorded, objective.noise, torch.empty(0))
+    many = dataclasses.replace(objective.forward_model, start=wide, candidates=[])
+    whole = LeastSquaresProblem(many, recorded, objective.noise, torch.empty(0))
     assert first_samples(whole) == SAMPLES < whole.modes / recorded.shape[1]
 
 

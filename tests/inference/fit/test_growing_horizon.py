@@ -11,8 +11,8 @@ import pytest
 from torch import Tensor
 
 from dashred.inference.fit.first_window import first_samples, fit_first_window
-from dashred.inference.fit.growing_horizon import GROWTH, LOST, Walk, walk
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.growing_horizon import GROWTH, LOST, HorizonFit, grow_horizon
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 from tests.swing import FORCES, TIMES, Swing, noisy
 
@@ -26,15 +26,15 @@ def silent(_: float, __: str) -> None:
     """Report nothing."""
 
 
-def fitted(objective: Objective) -> Tensor:
+def fitted(objective: LeastSquaresProblem) -> Tensor:
     """Return the fit of the first window among all unknowns."""
     window = fit_first_window(objective, objective.recorded.std(dim=0))
     return objective.embed(window.phi, [])
 
 
-def walked(swing: Swing, recorded: Tensor) -> Walk:
+def walked(swing: Swing, recorded: Tensor) -> HorizonFit:
     objective = swing.objective(NAMES, recorded, SIGMA, TIGHT)
-    return walk(objective, fitted(objective), first_samples(objective), len(NAMES), silent)
+    return grow_horizon(objective, fitted(objective), first_samples(objective), len(NAMES), silent)
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def test_the_walk_reaches_the_end_of_what_candidates_explain(swing: Swing, missi
 
 def test_without_the_candidate_there_is_no_way_to_the_end(swing: Swing, missing: Tensor) -> None:
     objective = swing.objective(("1",), missing, SIGMA, TIGHT)
-    assert not walk(objective, fitted(objective), 6, len(NAMES), silent).reached
+    assert not grow_horizon(objective, fitted(objective), 6, len(NAMES), silent).reached
 
 
 @pytest.mark.parametrize(("force", "value"), [("step(t - 6)", 3.0), ("step(t - 6)*sin(5*t)", 3.0)])
@@ -81,7 +81,7 @@ def test_the_walk_stops_where_another_law_takes_over(
 def test_what_blows_up_is_not_near_the_level(
     swing: Swing, missing: Tensor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def blown(objective: Objective, phi: Tensor, steps: int, tolerance: float) -> Fitted:
+    def blown(objective: LeastSquaresProblem, phi: Tensor, steps: int, tolerance: float) -> Fitted:
         found = minimise(objective, phi, steps, tolerance)
         lost = len(objective.recorded) > LATE
         return replace(found, cost=math.inf, chi2=math.nan) if lost else found
@@ -94,7 +94,7 @@ def test_what_blows_up_is_not_near_the_level(
 
 def test_a_walk_that_carries_few_reaches_the_end_too(swing: Swing, missing: Tensor) -> None:
     objective = swing.objective(NAMES, missing, SIGMA, TIGHT)
-    found = walk(objective, fitted(objective), 6, 2, silent)
+    found = grow_horizon(objective, fitted(objective), 6, 2, silent)
     assert found.reached and 2 <= len(found.members) < len(NAMES)
     assert found.levels[-1][1] == pytest.approx(1.0, abs=0.25)
     others = sorted(set(range(len(NAMES))) - set(found.members))
@@ -106,7 +106,7 @@ def test_a_walk_that_costs_too_much_is_given_up(
 ) -> None:
     objective = swing.objective(NAMES, missing, SIGMA, TIGHT)
     monkeypatch.setattr("dashred.inference.fit.growing_horizon.EFFORT", 1)
-    found = walk(objective, fitted(objective), 6, len(NAMES), silent)
+    found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
     assert not found.reached and 6 < found.samples < len(TIMES)
     assert len(found.readings) == found.samples
 
@@ -114,7 +114,7 @@ def test_a_walk_that_costs_too_much_is_given_up(
 def test_progress_is_reported(swing: Swing, missing: Tensor) -> None:
     told: list[tuple[float, str]] = []
     objective = swing.objective(NAMES, missing, SIGMA, TIGHT)
-    found = walk(
+    found = grow_horizon(
         objective, fitted(objective), 6, len(NAMES), lambda done, text: told.append((done, text))
     )
     assert [done for done, _ in told] == [count / 81 for count, _ in found.levels[1:]]
@@ -125,5 +125,5 @@ def test_a_record_no_longer_than_the_first_window_is_reached_at_once(
     swing: Swing, missing: Tensor
 ) -> None:
     objective = swing.objective(NAMES, missing, SIGMA, TIGHT).until(6)
-    found = walk(objective, fitted(objective), 6, len(NAMES), silent)
+    found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
     assert found.reached and [count for count, _ in found.levels] == [6]

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from dashred.inference.fit.law import Law, posterior
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from tests import laws
 from tests.swing import DRIVES, Swing, noisy, ridge
@@ -20,16 +20,16 @@ Z, XI = (0.8, -0.6), (0.2, 0.05, -0.3, 0.1)
 DRAWS = 30
 
 
-def fitted(objective: Objective, members: tuple[int, ...]) -> tuple[Law, Tensor]:
+def fitted(objective: LeastSquaresProblem, members: tuple[int, ...]) -> tuple[Law, Tensor]:
     """Return the law at the minimum, from normal equations of all candidates, and φ."""
     phi, cost, _ = ridge(objective, members)
     normal = objective.linearise(phi)
-    [readings] = objective.shooting.readings(*objective.split(phi[None]))
+    [readings] = objective.forward_model.readings(*objective.split(phi[None]))
     return posterior(objective, normal, phi, members, readings, cost), phi
 
 
 @pytest.fixture(scope="module")
-def linear(swing: Swing) -> Objective:
+def linear(swing: Swing) -> LeastSquaresProblem:
     """A problem that is linear in all unknowns."""
     recorded = noisy(swing.clean(Z, DRIVES, XI), SIGMA, seed=0)
     recorded[3, 0] = torch.nan
@@ -38,7 +38,7 @@ def linear(swing: Swing) -> Objective:
 
 @pytest.mark.parametrize("members", [(0, 1, 2, 3), (1, 3), (2,)])
 def test_the_covariance_is_the_block_of_the_inverse_hessian(
-    linear: Objective, members: tuple[int, ...]
+    linear: LeastSquaresProblem, members: tuple[int, ...]
 ) -> None:
     law, phi = fitted(linear, members)
     _, cost, covariance = ridge(linear, members)
@@ -52,7 +52,7 @@ def test_the_covariance_is_the_block_of_the_inverse_hessian(
     assert (law.std >= sharp.diagonal().sqrt() * (1 - 1e-9)).all()
 
 
-def test_half_the_curvature_of_f_is_the_inverse_covariance(linear: Objective) -> None:
+def test_half_the_curvature_of_f_is_the_inverse_covariance(linear: LeastSquaresProblem) -> None:
     """By differences of F alone, its start at its best for every ξ."""
     law, _ = fitted(linear, (0, 1, 2, 3))
     _, best, _ = ridge(linear, range(4))
@@ -69,10 +69,10 @@ def test_half_the_curvature_of_f_is_the_inverse_covariance(linear: Objective) ->
             assert profile(law.coefficients + sign * step) == pytest.approx(best + 1, rel=1e-6)
 
 
-def _driven(objective: Objective, xi: Tensor) -> Tensor:
+def _driven(objective: LeastSquaresProblem, xi: Tensor) -> Tensor:
     """Return what coefficients add to the readings."""
     z = torch.zeros((2, objective.modes), dtype=torch.float64)
-    with_xi, without = objective.shooting.readings(z, torch.stack([xi, 0 * xi]))
+    with_xi, without = objective.forward_model.readings(z, torch.stack([xi, 0 * xi]))
     return with_xi - without
 
 
@@ -101,27 +101,27 @@ def test_error_bars_are_honest_over_draws(swing: Swing) -> None:
     assert 156 / 162 - 0.06 < sum(chi2) / DRAWS < 1.05
 
 
-def test_residuals_and_chi2_leave_missing_samples_out(linear: Objective) -> None:
+def test_residuals_and_chi2_leave_missing_samples_out(linear: LeastSquaresProblem) -> None:
     law, phi = fitted(linear, (0, 1, 2, 3))
     assert bool(law.residuals[3, 0].isnan()) and int(law.residuals.isnan().sum()) == 1
-    [readings] = linear.shooting.readings(*linear.split(phi[None]))
+    [readings] = linear.forward_model.readings(*linear.split(phi[None]))
     known = ~linear.recorded.isnan()
     torch.testing.assert_close(law.residuals[known], (readings - linear.recorded)[known])
     assert law.chi2 == pytest.approx(float((law.residuals[known] / SIGMA).square().mean()))
-    expected = linear.shooting.start.start(phi[None, :2])[0]
+    expected = linear.forward_model.start.start(phi[None, :2])[0]
     assert torch.equal(law.start, expected)
 
 
-def test_the_law_runs_as_it_was_fitted(linear: Objective, swing: Swing) -> None:
+def test_the_law_runs_as_it_was_fitted(linear: LeastSquaresProblem, swing: Swing) -> None:
     from dashred.physics.solvers.simulate import simulate
 
     law, phi = fitted(linear, (0, 3))
-    run = simulate(swing.system, law.start[None], linear.shooting.times, law.forcing())
-    [readings] = linear.shooting.readings(*linear.split(phi[None]))
+    run = simulate(swing.system, law.start[None], linear.forward_model.times, law.forcing())
+    [readings] = linear.forward_model.readings(*linear.split(phi[None]))
     torch.testing.assert_close(swing.operator(run)[0], readings, rtol=1e-10, atol=1e-10)
 
 
-def test_the_empty_law_says_so(linear: Objective) -> None:
+def test_the_empty_law_says_so(linear: LeastSquaresProblem) -> None:
     law, _ = fitted(linear, ())
     assert law.forcing() is None and str(law) == "nothing"
     assert law.covariance.shape == (0, 0) and law.std.shape == (0,)

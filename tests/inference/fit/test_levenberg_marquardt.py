@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import Normal, Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
 from dashred.inference.fit.levenberg_marquardt import (
     LADDER,
     Fitted,
@@ -25,32 +25,32 @@ Z, XI = (0.8, -0.6), (0.2, 0.01, -0.3, 0.1)
 
 
 @pytest.fixture(scope="module")
-def linear(swing: Swing) -> Objective:
+def linear(swing: Swing) -> LeastSquaresProblem:
     """Forces of time alone, some samples missing, correlated noise of two sizes."""
     recorded = noisy(swing.clean(Z, DRIVES, XI), SIGMA, seed=0)
     recorded[7:12, 1] = torch.nan
     found = swing.objective(DRIVES, recorded, SIGMA, PRIOR)
     std = torch.tensor([SIGMA, 2 * SIGMA], dtype=torch.float64)
     noise = type(found.noise)(std, torch.full_like(std, 0.4), found.noise.seen)
-    return Objective(found.shooting, recorded, noise, found.prior_std)
+    return LeastSquaresProblem(found.forward_model, recorded, noise, found.prior_std)
 
 
 @pytest.fixture(scope="module")
-def bent(swing: Swing) -> Objective:
+def bent(swing: Swing) -> LeastSquaresProblem:
     """Two candidates that the swing is not linear in; x³ with a plus runs away."""
     recorded = noisy(swing.clean(Z, ("p**3", "x**3"), (-0.2, -0.3)), SIGMA, seed=1)
     return swing.objective(("p**3", "x**3"), recorded, SIGMA, 1.0)
 
 
-def normal(objective: Objective, phi: Tensor) -> Normal:
+def normal(objective: LeastSquaresProblem, phi: Tensor) -> Normal:
     return objective.linearise(phi)
 
 
-def nothing(objective: Objective) -> Tensor:
+def nothing(objective: LeastSquaresProblem) -> Tensor:
     return torch.zeros(objective.modes + len(objective.prior_std), dtype=torch.float64)
 
 
-def freedom(objective: Objective, sets: Sequence[tuple[int, ...]]) -> Tensor:
+def freedom(objective: LeastSquaresProblem, sets: Sequence[tuple[int, ...]]) -> Tensor:
     free = torch.zeros((len(sets), len(nothing(objective))), dtype=torch.bool)
     for row, members in enumerate(sets):
         free[row, objective.places(members)] = True
@@ -58,13 +58,17 @@ def freedom(objective: Objective, sets: Sequence[tuple[int, ...]]) -> Tensor:
 
 
 def refits(
-    objective: Objective, begin: Tensor, free: Tensor, steps: int, hopeless: float = torch.inf
+    objective: LeastSquaresProblem,
+    begin: Tensor,
+    free: Tensor,
+    steps: int,
+    hopeless: float = torch.inf,
 ) -> Refits:
     equations = normal(objective, nothing(objective))
     return chord_refits(objective, equations, begin, free, steps, 1e-6, hopeless)
 
 
-def test_a_jacobian_that_is_known_is_not_made_again(linear: Objective) -> None:
+def test_a_jacobian_that_is_known_is_not_made_again(linear: LeastSquaresProblem) -> None:
     begin = nothing(linear)
     wide = replace(linear, prior_std=3 * linear.prior_std)
     again = minimise(linear, begin, 1, 1e-6)
@@ -75,7 +79,7 @@ def test_a_jacobian_that_is_known_is_not_made_again(linear: Objective) -> None:
     assert minimise(linear, begin, 1, 1e-6, astray).jacobians == 0
 
 
-def test_what_overflows_when_it_is_squared_is_not_finite(linear: Objective) -> None:
+def test_what_overflows_when_it_is_squared_is_not_finite(linear: LeastSquaresProblem) -> None:
     """A trajectory that is about to blow up: its readings are numbers still."""
     far = replace(linear, noise=linear.noise.scaled(1e-200))
     found = normal(far, nothing(linear))
@@ -83,7 +87,7 @@ def test_what_overflows_when_it_is_squared_is_not_finite(linear: Objective) -> N
     assert normal(linear, nothing(linear)).finite
 
 
-def test_one_step_reaches_the_exact_solution(linear: Objective) -> None:
+def test_one_step_reaches_the_exact_solution(linear: LeastSquaresProblem) -> None:
     phi, cost, _ = ridge(linear, range(4))
     found = minimise(linear, nothing(linear), 1, 1e-6)
     torch.testing.assert_close(found.phi, phi, rtol=1e-7, atol=1e-8)
@@ -95,32 +99,34 @@ def test_one_step_reaches_the_exact_solution(linear: Objective) -> None:
     assert minimise(linear, nothing(linear), 2, 1e-6).converged
 
 
-def test_the_solution_is_that_of_a_kalman_update(linear: Objective) -> None:
+def test_the_solution_is_that_of_a_kalman_update(linear: LeastSquaresProblem) -> None:
     """The gain form needs neither J'J nor the precision: other algebra, the same estimate."""
     equations = normal(linear, nothing(linear))
     prior = torch.diag(1 / equations.precision)
     jacobian = equations.jacobian
-    [goal] = -linear.residuals(linear.shooting.readings(*linear.split(nothing(linear)[None])))
+    [goal] = -linear.residuals(linear.forward_model.readings(*linear.split(nothing(linear)[None])))
     spread = jacobian @ prior @ jacobian.T + torch.eye(len(goal), dtype=torch.float64)
     expected = prior @ jacobian.T @ torch.linalg.solve(spread, goal)
     found = minimise(linear, nothing(linear), 1, 1e-6)
     torch.testing.assert_close(found.phi, expected, rtol=1e-6, atol=1e-7)
 
 
-def test_it_is_near_the_truth_and_missing_samples_do_not_matter(linear: Objective) -> None:
+def test_it_is_near_the_truth_and_missing_samples_do_not_matter(
+    linear: LeastSquaresProblem,
+) -> None:
     found = minimise(linear, nothing(linear), 2, 1e-6)
     _, _, covariance = ridge(linear, range(4))
     truth = torch.tensor([*Z, *XI], dtype=torch.float64)
     assert float(((found.phi - truth) / covariance.diagonal().sqrt()).abs().max()) < 3.5
     other = linear.recorded.clone()
     other[7:12, 1] = 1e6
-    same = Objective(linear.shooting, other, linear.noise, linear.prior_std)
+    same = LeastSquaresProblem(linear.forward_model, other, linear.noise, linear.prior_std)
     torch.testing.assert_close(minimise(same, nothing(linear), 2, 1e-6).phi, found.phi)
 
 
-def test_a_part_of_the_candidates_and_of_the_record(linear: Objective) -> None:
+def test_a_part_of_the_candidates_and_of_the_record(linear: LeastSquaresProblem) -> None:
     part = linear.only([2, 0]).until(30)
-    assert len(part.shooting.times) == 30 < len(TIMES)
+    assert len(part.forward_model.times) == 30 < len(TIMES)
     found = minimise(part, nothing(part), 1, 1e-6)
     torch.testing.assert_close(found.phi, ridge(part, range(2))[0], rtol=1e-7, atol=1e-7)
     whole = linear.embed(found.phi, [2, 0])
@@ -128,7 +134,9 @@ def test_a_part_of_the_candidates_and_of_the_record(linear: Objective) -> None:
     assert torch.equal(whole[linear.places([2, 0])], found.phi)
 
 
-def test_chord_refits_of_several_sets_equal_separate_exact_solutions(linear: Objective) -> None:
+def test_chord_refits_of_several_sets_equal_separate_exact_solutions(
+    linear: LeastSquaresProblem,
+) -> None:
     sets: list[tuple[int, ...]] = [(), (0,), (2,), (1, 3), (0, 2, 3), (0, 1, 2, 3)]
     begin = nothing(linear).expand(len(sets), -1)
     found = refits(linear, begin, freedom(linear, sets), 8)
@@ -139,7 +147,7 @@ def test_chord_refits_of_several_sets_equal_separate_exact_solutions(linear: Obj
         assert float(found.cost[row]) == pytest.approx(cost, rel=1e-9)
 
 
-def test_the_chord_comes_to_the_minimum_of_a_bent_problem(bent: Objective) -> None:
+def test_the_chord_comes_to_the_minimum_of_a_bent_problem(bent: LeastSquaresProblem) -> None:
     exact = minimise(bent, nothing(bent), 20, 1e-12)
     equations = normal(bent, exact.phi)
     begin = (exact.phi + torch.tensor([0.2, -0.2, 0.03, -0.03]).double())[None]
@@ -149,7 +157,7 @@ def test_the_chord_comes_to_the_minimum_of_a_bent_problem(bent: Objective) -> No
     assert float(found.cost[0]) == pytest.approx(exact.cost, rel=1e-7)
 
 
-def test_a_row_that_blows_up_spoils_no_other(bent: Objective) -> None:
+def test_a_row_that_blows_up_spoils_no_other(bent: LeastSquaresProblem) -> None:
     sets: list[tuple[int, ...]] = [(0,), (0, 1), (1,)]
     begin = nothing(bent).repeat(3, 1)
     alone = refits(bent, begin, freedom(bent, sets), 8)
@@ -165,7 +173,9 @@ def test_a_row_that_blows_up_spoils_no_other(bent: Objective) -> None:
     assert found.converged[kept].tolist() == alone.converged.tolist()
 
 
-def test_where_small_dampings_all_overshoot_larger_ones_are_tried(linear: Objective) -> None:
+def test_where_small_dampings_all_overshoot_larger_ones_are_tried(
+    linear: LeastSquaresProblem,
+) -> None:
     """The Jacobian is a hundred times too flat: even a fourth of the step is far too long."""
     phi = nothing(linear)
     about = normal(linear, phi)
@@ -178,7 +188,7 @@ def test_where_small_dampings_all_overshoot_larger_ones_are_tried(linear: Object
     assert lower.cost == pytest.approx(float(linear.values(lower.phi[None])[0][0]))
 
 
-def test_a_step_that_overshoots_is_damped_until_it_gains(bent: Objective) -> None:
+def test_a_step_that_overshoots_is_damped_until_it_gains(bent: LeastSquaresProblem) -> None:
     """The Jacobian is fifty times too flat; the other row, without candidates, never sees it."""
     begin, free = nothing(bent).repeat(2, 1), freedom(bent, [(0, 1), ()])
     flat = torch.tensor([1.0, 1.0, 0.02, 0.02], dtype=torch.float64)
@@ -195,7 +205,7 @@ def test_a_step_that_overshoots_is_damped_until_it_gains(bent: Objective) -> Non
     assert not found.phi[1, 2:].any()
 
 
-def test_hopeless_rows_are_given_up_early(bent: Objective) -> None:
+def test_hopeless_rows_are_given_up_early(bent: LeastSquaresProblem) -> None:
     free = freedom(bent, [(0, 1), (0,)])
     begin = nothing(bent).repeat(2, 1)
     far, near = (refits(bent, begin, free, 12, hopeless) for hopeless in (torch.inf, 1.0))
@@ -204,7 +214,7 @@ def test_hopeless_rows_are_given_up_early(bent: Objective) -> None:
     assert float(far.cost[1]) > 2 * float(far.cost[0])
 
 
-def test_minimise_goes_down_where_the_full_step_does_not(bent: Objective) -> None:
+def test_minimise_goes_down_where_the_full_step_does_not(bent: LeastSquaresProblem) -> None:
     phi = nothing(bent)
     phi[:2] = torch.tensor([5.0, -5.0])
     [before] = bent.values(phi[None])[0]
@@ -214,7 +224,7 @@ def test_minimise_goes_down_where_the_full_step_does_not(bent: Objective) -> Non
     assert 0.7 < found.chi2 / count < 1.3
 
 
-def test_a_start_that_blows_up_is_returned_with_an_infinite_cost(bent: Objective) -> None:
+def test_a_start_that_blows_up_is_returned_with_an_infinite_cost(bent: LeastSquaresProblem) -> None:
     phi = nothing(bent)
     phi[3] = 50.0
     found = minimise(bent, phi, 3, 1e-3)

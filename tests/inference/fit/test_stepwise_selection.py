@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import pytest
 import torch
 
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.stepwise_moves import Set
 from dashred.inference.fit.stepwise_selection import Selection, penalty, polish, select
@@ -30,16 +30,16 @@ def silent(_: float, __: str) -> None:
     """Report nothing."""
 
 
-def problem(swing: Swing, law: str, seed: int, believed: float = SIGMA) -> Objective:
+def problem(swing: Swing, law: str, seed: int, believed: float = SIGMA) -> LeastSquaresProblem:
     names, values = LAWS.get(law, ((), ()))
     recorded = noisy(swing.clean(Z, names, values), SIGMA, seed)
     return swing.objective(NAMES, recorded, believed, WEAK)
 
 
-def searched(objective: Objective, proposals: Sequence[Set] = ()) -> Selection:
+def searched(objective: LeastSquaresProblem, proposals: Sequence[Set] = ()) -> Selection:
     """Select from the fit of all candidates at once under a tight prior."""
-    tight = Objective(
-        objective.shooting, objective.recorded, objective.noise, 0.05 * objective.prior_std
+    tight = LeastSquaresProblem(
+        objective.forward_model, objective.recorded, objective.noise, 0.05 * objective.prior_std
     )
     zero = torch.zeros(objective.modes + len(NAMES), dtype=torch.float64)
     return select(objective, minimise(tight, zero, 6, 1e-3).phi, proposals, silent)

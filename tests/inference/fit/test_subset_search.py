@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from dashred.inference.fit.least_squares import Normal
-from dashred.inference.fit.subset_search import Eliminated, backward_path, small_sets
+from dashred.inference.fit.subset_search import ProfiledProblem, backward_path, small_sets
 
 MODES, CANDIDATES, SAMPLES = 4, 6, 50
 
@@ -30,7 +30,7 @@ def towards(goal: Tensor, columns: Tensor, stds: Tensor) -> Normal:
 
 
 @pytest.fixture(scope="module")
-def found() -> tuple[Normal, Tensor, Eliminated]:
+def found() -> tuple[Normal, Tensor, ProfiledProblem]:
     """Equations whose candidates resemble the start and each other, their goal, the reduction."""
     columns = draw(SAMPLES, MODES + CANDIDATES, seed=0)
     columns[:, MODES:] += columns[:, :1] + 0.5 * columns[:, MODES : MODES + 1]
@@ -38,7 +38,7 @@ def found() -> tuple[Normal, Tensor, Eliminated]:
     stds = torch.tensor([0.5, 2.0, 1e-3, 1.0, 10.0, 0.1], dtype=torch.float64)
     phi, residuals = draw(MODES + CANDIDATES, seed=1), 3 * draw(SAMPLES, seed=2)
     equations = normal(columns, stds, phi, residuals)
-    return equations, columns @ phi - residuals, Eliminated.of(equations, MODES)
+    return equations, columns @ phi - residuals, ProfiledProblem.of(equations, MODES)
 
 
 def regression(equations: Normal, goal: Tensor, members: tuple[int, ...]) -> tuple[Tensor, float]:
@@ -52,7 +52,7 @@ def regression(equations: Normal, goal: Tensor, members: tuple[int, ...]) -> tup
 
 
 def test_costs_and_coefficients_are_those_of_brute_force(
-    found: tuple[Normal, Tensor, Eliminated],
+    found: tuple[Normal, Tensor, ProfiledProblem],
 ) -> None:
     equations, goal, problem = found
     for size in range(CANDIDATES + 1):
@@ -67,7 +67,7 @@ def test_costs_and_coefficients_are_those_of_brute_force(
 
 
 def test_chunks_change_nothing(
-    found: tuple[Normal, Tensor, Eliminated], monkeypatch: pytest.MonkeyPatch
+    found: tuple[Normal, Tensor, ProfiledProblem], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sets = list(combinations(range(CANDIDATES), 3))
     whole = found[2].costs(sets)
@@ -81,7 +81,7 @@ def test_what_the_start_can_imitate_explains_nothing() -> None:
     goal = 1e-3 * columns[:, 2]
     columns[:, :2] *= 1e4  # the prior of the start costs next to nothing
     equations = towards(goal, columns, torch.tensor([1.0], dtype=torch.float64))
-    problem = Eliminated.of(equations, 2)
+    problem = ProfiledProblem.of(equations, 2)
     empty, alone = float(problem.costs([()])), float(problem.costs([(0,)]))
     assert empty - alone < 1e-6 * float(goal.square().sum())
 
@@ -93,7 +93,7 @@ def test_small_sets_are_all_sets() -> None:
 
 
 def test_the_backward_path_is_nested_and_drops_the_least_needed(
-    found: tuple[Normal, Tensor, Eliminated],
+    found: tuple[Normal, Tensor, ProfiledProblem],
 ) -> None:
     problem = found[2]
     path = backward_path(problem, CANDIDATES)
@@ -105,11 +105,11 @@ def test_the_backward_path_is_nested_and_drops_the_least_needed(
     assert backward_path(problem, 2) == path[-2:]
 
 
-def orthogonal(effects: list[float], stds: list[float]) -> Eliminated:
+def orthogonal(effects: list[float], stds: list[float]) -> ProfiledProblem:
     """Return a problem whose candidates are orthogonal to the start and to each other."""
     q, _ = torch.linalg.qr(draw(SAMPLES, MODES + len(effects), seed=4))
     goal = q[:, MODES:] @ torch.tensor(effects, dtype=torch.float64)
-    return Eliminated.of(towards(goal, q, torch.tensor(stds, dtype=torch.float64)), MODES)
+    return ProfiledProblem.of(towards(goal, q, torch.tensor(stds, dtype=torch.float64)), MODES)
 
 
 def test_on_orthogonal_columns_the_path_ends_with_the_best_single() -> None:
@@ -127,5 +127,5 @@ def test_the_most_telling_are_no_twins() -> None:
     q, _ = torch.linalg.qr(draw(SAMPLES, MODES + 3, seed=5))
     q[:, MODES + 1] = q[:, MODES] + 1e-3 * q[:, MODES + 1]
     stds, nothing = torch.tensor([3.0, 2.9, 1.0]).double(), torch.zeros(SAMPLES).double()
-    problem = Eliminated.of(towards(nothing, q, stds), MODES)
+    problem = ProfiledProblem.of(towards(nothing, q, stds), MODES)
     assert problem.most_telling(2) == (0, 2)

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from dashred.inference.fit.law import law_of
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidate_simulator import Simulator
@@ -19,14 +19,14 @@ from dashred.inference.forward.episodes import (
     starts_of,
 )
 from dashred.inference.forward.episodes_simulator import simulator_of
-from dashred.inference.forward.forward_model import Shooting
-from dashred.inference.forward.windowed_model import LocalShooting
-from dashred.inference.hypotheses.hypothesis_fit import Cause
+from dashred.inference.forward.forward_model import ForwardModel
+from dashred.inference.forward.windowed_model import WindowedModel
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.sensors.fault_in_units import fault_in_units
 from dashred.inference.hypotheses.sensors.faults import Fault, fit_fault
 from dashred.inference.hypotheses.sensors.leave_one_sensor_out import beside_the_fault
 from dashred.inference.hypotheses.sensors.suspects import suspects
-from dashred.physics.forcing_basis import Pulses
+from dashred.physics.forcing_basis import ForcingBasis
 from dashred.physics.window import onset
 from tests.swing import Swing, noisy
 
@@ -42,14 +42,14 @@ XI = (-0.4, 0.3)
 SIGMA = 0.02
 
 
-def alone(swing: Swing, episode: int, names=LAW) -> Shooting:
+def alone(swing: Swing, episode: int, names=LAW) -> ForwardModel:
     candidates = [swing.everything[name] for name in names]
-    return Shooting(swing.simulator, swing.start, candidates, swing.operator, TIMES[episode])
+    return ForwardModel(swing.simulator, swing.start, candidates, swing.operator, TIMES[episode])
 
 
-def together(swing: Swing, names=LAW) -> Shooting:
+def together(swing: Swing, names=LAW) -> ForwardModel:
     candidates = [swing.everything[name] for name in names]
-    return Shooting(
+    return ForwardModel(
         simulator_of([swing.simulator] * 3),
         starts_of([swing.start] * 3),
         candidates,
@@ -64,11 +64,13 @@ def readings(swing: Swing, xi=XI) -> list[torch.Tensor]:
     return [alone(swing, e).readings(z, unknowns)[0] for e, z in enumerate(starts)]
 
 
-def objective(swing: Swing, recorded: list[torch.Tensor], names=LAW) -> Objective:
+def objective(swing: Swing, recorded: list[torch.Tensor], names=LAW) -> LeastSquaresProblem:
     values = side_by_side(recorded)
     std = torch.full((values.shape[1],), SIGMA, dtype=torch.float64)
     noise = NoiseModel(std, torch.zeros_like(std), ~values.isnan())
-    return Objective(together(swing, names), values, noise, torch.ones(len(names)).double())
+    return LeastSquaresProblem(
+        together(swing, names), values, noise, torch.ones(len(names)).double()
+    )
 
 
 @pytest.fixture
@@ -98,9 +100,9 @@ def test_a_clock_that_stands_still_is_no_time(swing):
 
 
 def test_its_derivative_is_that_of_its_readings(swing, z):
-    shooting, xi = together(swing), torch.tensor(XI, dtype=torch.float64)
-    point = shooting.linearise(z, xi)
-    differences = shooting._difference(z, xi)
+    forward_model, xi = together(swing), torch.tensor(XI, dtype=torch.float64)
+    point = forward_model.linearise(z, xi)
+    differences = forward_model._difference(z, xi)
     recorded = ~side_by_side(readings(swing)).isnan()
     for mine, other in (
         (point.by_start, differences.by_start),
@@ -119,7 +121,7 @@ def test_windows_and_forcings_are_on_the_clocks(swing, z):
     everywhere = [swing.everything["cos(2*t)"]]
     both = together(swing, ("cos(2*t)",))
     windowed = Simulator(swing.system, swing.system.dt, [*everywhere, *inside], (onset(),))
-    local = LocalShooting(
+    local = WindowedModel(
         simulator=simulator_of([windowed] * 3),
         start=both.start,
         candidates=everywhere,
@@ -135,8 +137,8 @@ def test_windows_and_forcings_are_on_the_clocks(swing, z):
     # Of three only the second has reached t = 62.
     torch.testing.assert_close(found[:, [0, 1, 4, 5]], without[:, [0, 1, 4, 5]])
     assert float((found - without)[:, 2:4].abs().max()) > 0.05
-    pulses = Pulses.over(swing.system, both.times, 1, 5)
-    assert pulses.knots[0] == 0 and pulses.knots[-1] == TIMES[1][-1]
+    forcing_basis = ForcingBasis.over(swing.system, both.times, 1, 5)
+    assert forcing_basis.knots[0] == 0 and forcing_basis.knots[-1] == TIMES[1][-1]
 
 
 def test_one_law_is_fitted_to_all_and_surer_than_to_one(swing, z):
@@ -152,7 +154,7 @@ def test_one_law_is_fitted_to_all_and_surer_than_to_one(swing, z):
     values = recorded[0]
     std = torch.full((2,), SIGMA, dtype=torch.float64)
     noise = NoiseModel(std, torch.zeros_like(std), ~values.isnan())
-    single = Objective(alone(swing, 0), values, noise, torch.ones(2).double())
+    single = LeastSquaresProblem(alone(swing, 0), values, noise, torch.ones(2).double())
     mine = minimise(single, torch.zeros(4).double(), 30, 1e-8)
     alone_stds = law_of(single, mine, alone(swing, 0).candidates, 0.0).covariance.diagonal().sqrt()
     assert bool((stds < alone_stds).all())
@@ -183,5 +185,5 @@ def test_a_fault_of_one_episode_is_looked_at_among_those_of_its_sensor(swing, z)
     told = fault_in_units(posed, stuck, torch.zeros(0), torch.zeros(0))
     assert told.sensor == "place" and told.begin == pytest.approx(63.0, abs=0.2)
     assert told.episode == 1
-    law = law_of(posed, minimise(posed, phi, 3, 1e-3), posed.shooting.candidates, 0.0)
-    assert beside_the_fault(Cause(law, posed, phi), stuck.sensor).law.fault is not None
+    law = law_of(posed, minimise(posed, phi, 3, 1e-3), posed.forward_model.candidates, 0.0)
+    assert beside_the_fault(HypothesisFit(law, posed, phi), stuck.sensor).law.fault is not None

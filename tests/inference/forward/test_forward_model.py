@@ -6,30 +6,30 @@ import pytest
 import torch
 
 from dashred.inference.forward.candidate_simulator import Simulator
-from dashred.inference.forward.forced_model import DrivenShooting
-from dashred.inference.forward.forward_model import Shooting
+from dashred.inference.forward.forced_model import ForcedModel
+from dashred.inference.forward.forward_model import ForwardModel
 from dashred.inference.initial_state.start_models import LinearStart
-from dashred.physics.forcing_basis import Pulses
+from dashred.physics.forcing_basis import ForcingBasis
 from tests.waves import TIMES, Waves
 
 STEP, LONGER = 0.01, 0.25
 
 
-def far_off(waves: Waves, tangent_dt: float) -> Shooting:
+def far_off(waves: Waves, tangent_dt: float) -> ForwardModel:
     """Return a shooting from where the equations are stiff, its derivative in such steps."""
     candidates = waves.candidates(["u: u", "v: v**2"])
     shape = (len(waves.system.fields), *waves.system.grid.shape)
     modes = torch.eye(2, dtype=torch.float64).reshape(2, 2, 1).expand(2, *shape)
     start = LinearStart(torch.full(shape, 12.0, dtype=torch.float64), modes)
     simulator = Simulator(waves.system.with_step(STEP), tangent_dt, candidates)
-    return Shooting(simulator, start, candidates, waves.operator, TIMES)
+    return ForwardModel(simulator, start, candidates, waves.operator, TIMES)
 
 
 def test_where_they_blow_up_the_simulator_s_own_are_taken(waves: Waves) -> None:
-    shooting, exact = far_off(waves, LONGER), far_off(waves, STEP)
+    forward_model, exact = far_off(waves, LONGER), far_off(waves, STEP)
     z, xi = torch.zeros(2).double(), torch.zeros(2).double()
-    assert not torch.isfinite(shooting._columns(z, xi)).all()
-    found, expected = shooting.linearise(z, xi), exact.linearise(z, xi)
+    assert not torch.isfinite(forward_model._columns(z, xi)).all()
+    found, expected = forward_model.linearise(z, xi), exact.linearise(z, xi)
     torch.testing.assert_close(found.by_start, expected.by_start)
     torch.testing.assert_close(found.by_error, expected.by_error)
     assert torch.isfinite(found.readings).all()
@@ -39,19 +39,19 @@ def test_where_they_blow_up_the_simulator_s_own_are_taken(waves: Waves) -> None:
 def test_samples_are_observed_together_as_one_by_one(
     waves: Waves, at_once: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    shooting = far_off(waves, STEP)
+    forward_model = far_off(waves, STEP)
     z, xi = torch.zeros(2).double(), torch.zeros(2).double()
-    expected = shooting._columns(z, xi)
+    expected = forward_model._columns(z, xi)
     monkeypatch.setattr("dashred.inference.forward.forward_model.AT_ONCE", at_once)
-    torch.testing.assert_close(shooting._columns(z, xi), expected, rtol=1e-8, atol=1e-10)
+    torch.testing.assert_close(forward_model._columns(z, xi), expected, rtol=1e-8, atol=1e-10)
     assert expected.shape == (len(TIMES), len(waves.operator.sensors), 4)
 
 
 def test_under_a_free_forcing_too(waves: Waves) -> None:
-    pulses = Pulses.over(waves.system, TIMES, 3, 4)
-    z, xi = torch.zeros(2).double(), torch.zeros(2 + pulses.count).double()
+    forcing_basis = ForcingBasis.over(waves.system, TIMES, 3, 4)
+    z, xi = torch.zeros(2).double(), torch.zeros(2 + forcing_basis.count).double()
     found, expected = (
-        DrivenShooting.on(far_off(waves, step), pulses, waves.size).linearise(z, xi)
+        ForcedModel.on(far_off(waves, step), forcing_basis, waves.size).linearise(z, xi)
         for step in (LONGER, STEP)
     )
     torch.testing.assert_close(found.by_error, expected.by_error)

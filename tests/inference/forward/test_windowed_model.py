@@ -9,10 +9,10 @@ import torch
 from torch import Tensor
 
 from dashred.inference.forward.candidates import forcing_of
-from dashred.inference.forward.forced_model import DrivenShooting
-from dashred.inference.forward.forward_model import Shooting
-from dashred.inference.forward.windowed_model import LocalShooting, localised
-from dashred.physics.forcing_basis import Pulses
+from dashred.inference.forward.forced_model import ForcedModel
+from dashred.inference.forward.forward_model import ForwardModel
+from dashred.inference.forward.windowed_model import WindowedModel, localised
+from dashred.physics.forcing_basis import ForcingBasis
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.window import Shape, box, gate, onset
 from tests.waves import TIMES, Waves
@@ -26,9 +26,9 @@ def unknowns(waves: Waves, count: int) -> tuple[Tensor, Tensor]:
     return z, 0.1 * torch.randn(count, generator=generator).double()
 
 
-def check(shooting: Shooting, z: Tensor, xi: Tensor) -> None:
+def check(forward_model: ForwardModel, z: Tensor, xi: Tensor) -> None:
     """Hold tangents to central differences, which have the error of the tangents' precision."""
-    exact, rough = shooting.linearise(z, xi), shooting._difference(z, xi)
+    exact, rough = forward_model.linearise(z, xi), forward_model._difference(z, xi)
     torch.testing.assert_close(exact.readings, rough.readings)
     for found, expected in ((exact.by_start, rough.by_start), (exact.by_error, rough.by_error)):
         size = expected.norm(dim=(0, 1))
@@ -49,7 +49,7 @@ def test_a_window_s_edges_are_unknowns_like_any_other(waves: Waves, kind: str) -
     shape, guess = shapes(waves)[kind]
     everywhere = waves.candidates(["u: u**3"])
     inside = waves.candidates(["v: 1", "u: u"])
-    shooting = LocalShooting(
+    forward_model = WindowedModel(
         waves.simulator,
         waves.start,
         everywhere,
@@ -60,9 +60,9 @@ def test_a_window_s_edges_are_unknowns_like_any_other(waves: Waves, kind: str) -
         torch.tensor(guess, dtype=torch.float64),
     )
     z, xi = unknowns(waves, 3 + len(guess))
-    check(shooting, z, xi)
+    check(forward_model, z, xi)
     # The window is where the guess and the unknowns say, and its law is a law like any other.
-    window = shooting.window(xi)
+    window = forward_model.window(xi)
     assert window.values == pytest.approx(
         [g + float(d) for g, d in zip(guess, xi[3:], strict=True)]
     )
@@ -71,28 +71,28 @@ def test_a_window_s_edges_are_unknowns_like_any_other(waves: Waves, kind: str) -
     path = simulate(
         waves.system, waves.start.start(z[None]), SHORT, forcing_of(found, xi[None, :3])
     )
-    torch.testing.assert_close(waves.operator(path), shooting.readings(z[None], xi[None]))
+    torch.testing.assert_close(waves.operator(path), forward_model.readings(z[None], xi[None]))
 
 
 def test_a_free_forcing_s_amplitudes_are_too(waves: Waves) -> None:
-    pulses = Pulses.over(waves.system, SHORT, cells=3, knots=3)
+    forcing_basis = ForcingBasis.over(waves.system, SHORT, cells=3, knots=3)
     size = torch.tensor([0.5, 0.2], dtype=torch.float64)
     candidates = waves.candidates(["u: u", "v: 1"])
-    plain = Shooting(waves.simulator, waves.start, candidates, waves.operator, SHORT)
-    shooting = DrivenShooting.on(plain, pulses, size)
-    z, xi = unknowns(waves, 2 + pulses.count)
-    check(shooting, z, xi)
-    none = shooting.readings(z[None], torch.cat([xi[:2], 0 * xi[2:]])[None])
+    plain = ForwardModel(waves.simulator, waves.start, candidates, waves.operator, SHORT)
+    forward_model = ForcedModel.on(plain, forcing_basis, size)
+    z, xi = unknowns(waves, 2 + forcing_basis.count)
+    check(forward_model, z, xi)
+    none = forward_model.readings(z[None], torch.cat([xi[:2], 0 * xi[2:]])[None])
     torch.testing.assert_close(none, plain.readings(z[None], xi[None, :2]))
-    assert shooting.scales.shape == xi.shape
-    part = shooting.until(5).readings(z[None], xi[None])
-    torch.testing.assert_close(part, shooting.readings(z[None], xi[None])[:, :5])
+    assert forward_model.scales.shape == xi.shape
+    part = forward_model.until(5).readings(z[None], xi[None])
+    torch.testing.assert_close(part, forward_model.readings(z[None], xi[None])[:, :5])
 
 
 def test_a_law_in_a_window_may_be_forced_too(waves: Waves) -> None:
     shape, guess = shapes(waves)["box"]
-    pulses = Pulses.over(waves.system, SHORT, cells=2, knots=2)
-    law = LocalShooting(
+    forcing_basis = ForcingBasis.over(waves.system, SHORT, cells=2, knots=2)
+    law = WindowedModel(
         waves.simulator,
         waves.start,
         [],
@@ -103,4 +103,4 @@ def test_a_law_in_a_window_may_be_forced_too(waves: Waves) -> None:
         torch.tensor(guess, dtype=torch.float64),
     )
     size = torch.tensor([0.5, 0.2], dtype=torch.float64)
-    check(DrivenShooting.on(law, pulses, size), *unknowns(waves, 4 + pulses.count))
+    check(ForcedModel.on(law, forcing_basis, size), *unknowns(waves, 4 + forcing_basis.count))

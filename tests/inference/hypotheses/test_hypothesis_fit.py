@@ -12,28 +12,28 @@ from torch import Tensor
 from dashred.inference.fit.law import law_of
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise, minimise_on
 from dashred.inference.hypotheses import hypothesis_fit as settling
-from dashred.inference.hypotheses.hypothesis_fit import FAR, LOST, Cause, settled
+from dashred.inference.hypotheses.hypothesis_fit import FAR, LOST, HypothesisFit, settled
 from tests.waves import Waves
 
 SIGMA, XI = 0.02, -0.25
 
 
-def explained(waves: Waves, term: str = "u: u") -> Cause:
+def explained(waves: Waves, term: str = "u: u") -> HypothesisFit:
     """Return a term, the right one or another, fitted to what is recorded under ``u: u``."""
     recorded = waves.recorded(SIGMA, 1, [(waves.everything["u: u"], XI)], waves.start)
     objective = waves.objective(recorded, SIGMA, [term])
     found = minimise(objective, torch.zeros(objective.modes + 1, dtype=torch.float64), 20, 1e-6)
-    candidates = objective.shooting.candidates
-    return Cause(law_of(objective, found, candidates, found.cost), objective, found.phi)
+    candidates = objective.forward_model.candidates
+    return HypothesisFit(law_of(objective, found, candidates, found.cost), objective, found.phi)
 
 
-def moved(cause: Cause, by: float) -> Cause:
+def moved(cause: HypothesisFit, by: float) -> HypothesisFit:
     """Return an explanation whose fit has ended too early, its coefficient off by so much."""
     phi = cause.phi.clone()
     phi[-1] += by
     [cost], (readings, _) = cause.objective.values(phi[None])
     chi2 = float(cause.objective.residuals(readings).square().sum()) / cause.objective.noise.count
-    return Cause(replace(cause.law, score=float(cost), chi2=chi2), cause.objective, phi)
+    return HypothesisFit(replace(cause.law, score=float(cost), chi2=chi2), cause.objective, phi)
 
 
 def test_what_is_near_its_minimum_is_settled_there(waves: Waves) -> None:

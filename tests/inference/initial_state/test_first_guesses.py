@@ -14,10 +14,10 @@ from torch import Tensor
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
 from dashred.inference.initial_state.first_guesses import (
+    FirstGuessSettings,
     NetworkEstimate,
     Readings,
-    SeedSettings,
-    make_seeds,
+    first_guesses,
 )
 from dashred.inference.initial_state.start_models import LinearStart, StartModel
 from dashred.physics.runs.ensemble import Ensemble
@@ -26,7 +26,7 @@ from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
 from tests.ring import SENSORS, TIMES, ensemble, linear_system
 
-SETTINGS = SeedSettings(analogs=40, filtered=8, modes=20)
+SETTINGS = FirstGuessSettings(analogs=40, filtered=8, modes=20)
 
 
 def test_seeds_find_a_moved_start_on_a_ring(tmp_path: Path) -> None:
@@ -35,7 +35,7 @@ def test_seeds_find_a_moved_start_on_a_ring(tmp_path: Path) -> None:
     truth = torch.roll(ensemble(system, 1, seed=7).states[0], 13, dims=-1)
     readings = record(system, truth, SENSORS, 0.02)
     network = NetworkEstimate(truth[0] + 0.1, torch.tensor([0.1], dtype=torch.float64))
-    seeds = make_seeds(system, prior(system), members, (), readings, network, SETTINGS)
+    seeds = first_guesses(system, prior(system), members, (), readings, network, SETTINGS)
     assert list(seeds) == ["prior", "blue", "filter", "dashred"]
     wrong = rms(seeds["prior"], truth[0])
     for name in ("blue", "filter"):
@@ -48,7 +48,7 @@ def test_network_seed_has_its_state_and_the_size_of_its_error(tmp_path: Path) ->
     truth = ensemble(system, 1, seed=7).states[0]
     network = NetworkEstimate(truth[0], torch.tensor([0.3], dtype=torch.float64))
     readings = record(system, truth, SENSORS, 0.02)
-    found = make_seeds(
+    found = first_guesses(
         system, prior(system), ensemble(system, 40), (), readings, network, SETTINGS
     )["dashred"]
     assert isinstance(found, LinearStart)
@@ -65,7 +65,7 @@ def test_an_ode_without_space_is_seeded_too(make_oscillator: Callable[[], System
     members = Ensemble(TIMES, states, torch.zeros(30, 1, dtype=torch.float64))
     truth = simulate(system, torch.tensor([[-0.9, 0.6]], dtype=torch.float64), TIMES)[0]
     readings = record(system, truth, (Sensor("s", "x"),), 0.02)
-    seeds = make_seeds(system, start, members, (damping,), readings, None, SETTINGS)
+    seeds = first_guesses(system, start, members, (damping,), readings, None, SETTINGS)
     assert "dashred" not in seeds
     for name in ("blue", "filter"):
         assert seeds[name].size == 2
@@ -79,7 +79,7 @@ def test_a_filter_that_is_lost_is_no_seed(make_oscillator: Callable[[], System])
     states = simulate(system, start.draw(30, np.random.default_rng(0)), TIMES)
     wild = Ensemble(TIMES, states, torch.full((30, 1), 1e6, dtype=torch.float64))
     readings = record(system, states[0], (Sensor("s", "x"),), 0.02)
-    seeds = make_seeds(system, start, wild, (growth,), readings, None, SETTINGS)
+    seeds = first_guesses(system, start, wild, (growth,), readings, None, SETTINGS)
     assert list(seeds) == ["prior", "blue"]
 
 

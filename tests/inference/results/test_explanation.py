@@ -13,7 +13,7 @@ from dashred.inference.forward.windowed_model import localised
 from dashred.inference.hypotheses.result import BestOfSize
 from dashred.inference.results.corrected_system import correct
 from dashred.inference.results.explanation import alternatives, explain, law_in_words, smaller
-from dashred.inference.results.posterior_probabilities import plausibility
+from dashred.inference.results.posterior_probabilities import posterior_probabilities
 from dashred.inference.wording.fault_wording import fault_in_words
 from dashred.physics.grids.grid import Axis
 from dashred.physics.system import System
@@ -124,7 +124,7 @@ def test_the_simulator_as_it_is_counts_among_the_laws_once(flow: System) -> None
         laws.discovery(best, nothing=nothing),
         laws.discovery(best, nothing, nothing=nothing),
     ):
-        shares = [p for _, p in plausibility(tried)]
+        shares = [p for _, p in posterior_probabilities(tried)]
         assert shares == pytest.approx([0.62246, 0.37754], rel=1e-4)
 
 

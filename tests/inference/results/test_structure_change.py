@@ -14,7 +14,7 @@ from dashred.inference.forward.candidates import Candidate
 from dashred.inference.results.structure_change import stays_port_hamiltonian, structure_changes
 from dashred.physics.backends.input_signals import Measured
 from dashred.physics.port_hamiltonian import PortHamiltonian
-from dashred.physics.sampled_states import Visited
+from dashred.physics.sampled_states import SampledStates
 from dashred.physics.system import System
 from tests import laws
 from tests.physics.test_port_hamiltonian import (
@@ -125,7 +125,7 @@ def test_a_term_of_a_string_between_fixed_ends(text: str, xi: float, expected: P
     k = torch.tensor([0.1, 0.2], dtype=torch.float64).reshape(2, 1, 1) * torch.pi
     w = torch.cos(k * times[:, None]) * torch.sin(k * x)
     p = -k * torch.sin(k * times[:, None]) * torch.sin(k * x)
-    visited = Visited(torch.stack([w.sum(dim=0), p.sum(dim=0)], dim=1), times)
+    visited = SampledStates(torch.stack([w.sum(dim=0), p.sum(dim=0)], dim=1), times)
     [change] = structure_changes(form, law, visited)
     assert (change.part, change.passive) == expected
     kept = stays_port_hamiltonian(form, law, [change], visited)
@@ -143,15 +143,17 @@ def test_a_term_of_a_string_between_fixed_ends(text: str, xi: float, expected: P
     ],
 )
 @pytest.mark.parametrize("drive", [0.0, 0.5])
-def test_a_term_of_a_driven_circuit(equation: str, text: str, expected: Part, drive: float) -> None:
+def test_a_term_of_a_driven_circuit(
+    equation: str, text: str, expected: Part, sampled_forcing: float
+) -> None:
     """The drive begins at 0: at that time alone a term of it would have no power."""
     config = load_config(["conf=rlc"], entry="test")
     times = torch.linspace(0, 20, 41, dtype=torch.float64)
-    voltage = {"V": drive * np.sin(1.1 * times.numpy())}
+    voltage = {"V": sampled_forcing * np.sin(1.1 * times.numpy())}
     system = System(config.system, config.where, Measured(times.numpy(), voltage))
     assert system.config.structure is not None
     form = PortHamiltonian.of(system, system.config.structure)
-    visited = Visited(torch.stack([torch.cos(times), -torch.sin(times)], dim=1), times)
+    visited = SampledStates(torch.stack([torch.cos(times), -torch.sin(times)], dim=1), times)
     law = laws.law([laws.term(system, equation, text)], [-0.1])
     [change] = structure_changes(form, law, visited)
     assert (change.part, change.passive) == expected

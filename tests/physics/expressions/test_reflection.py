@@ -11,7 +11,7 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
-from dashred.physics.forcing_basis import Pulses
+from dashred.physics.forcing_basis import ForcingBasis
 from dashred.physics.library import evaluate_terms, resolve
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
 from dashred.physics.solvers.compiled_simulator import compiled
@@ -139,9 +139,11 @@ def test_starts_and_forcings_are_their_own_images_and_vary_between_the_ends(bent
     torch.testing.assert_close(image(starts, odd), starts, atol=1e-12, rtol=0)
     middle = starts[:, 0, 8:25].std()
     assert float(middle) == pytest.approx(0.1, rel=0.15)
-    pulses = Pulses.over(bent, TIMES, 6, 3)
-    torch.testing.assert_close(image(pulses.bumps, odd), pulses.bumps, atol=1e-12, rtol=0)
-    own = bent.grid.own(pulses.bumps)[:, 1:-1]
+    forcing_basis = ForcingBasis.over(bent, TIMES, 6, 3)
+    torch.testing.assert_close(
+        image(forcing_basis.bumps, odd), forcing_basis.bumps, atol=1e-12, rtol=0
+    )
+    own = bent.grid.own(forcing_basis.bumps)[:, 1:-1]
     torch.testing.assert_close(own.sum(dim=0), torch.ones(own.shape[1]).double())
     tops = bent.grid.own_coordinates["x"][1:-1][own.argmax(dim=1)]
     assert (tops.diff() > 0).all()

@@ -15,7 +15,7 @@ from dashred.core.threads import use_threads
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.compiled_etdrk4 import CompiledMarch
 from dashred.physics.solvers.compiled_rk4 import CompiledOde
-from dashred.physics.solvers.compiled_simulator import Interpreted, Run, compiled
+from dashred.physics.solvers.compiled_simulator import CompiledSystem, InterpretedSystem, compiled
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
@@ -92,7 +92,7 @@ class Case:
 
     system: System
     terms: tuple[Term, ...]
-    run: Run
+    run: CompiledSystem
     start: Tensor
     weights: Tensor
 
@@ -266,8 +266,8 @@ def test_what_cannot_be_compiled_is_simulated(make) -> None:
         make(KS.replace("DEALIAS", "true"), entangled),
     ]
     for case in cases:
-        assert isinstance(case.run, Interpreted)
+        assert isinstance(case.run, InterpretedSystem)
         found = case.run(case.start, TIMES, case.weights)
         torch.testing.assert_close(found, case.simulated(), rtol=0, atol=0)
         other = case.run.with_step(0.02)
-        assert isinstance(other, Interpreted) and other.system.dt == 0.02
+        assert isinstance(other, InterpretedSystem) and other.system.dt == 0.02

@@ -14,7 +14,7 @@ from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.batch_coefficients import Columns
 from dashred.physics.solvers.compiled_etdrk4 import CompiledMarch
 from dashred.physics.solvers.compiled_rk4 import CompiledOde
-from dashred.physics.solvers.compiled_simulator import Interpreted, compiled
+from dashred.physics.solvers.compiled_simulator import InterpretedSystem, compiled
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
@@ -117,4 +117,4 @@ def test_what_cannot_be_compiled_has_them_too(tmp_path: Path, space: str) -> Non
         text = text.replace("u - u**3/3", "u - u**3/3 + 0.02*u*lap(u**2)")
     system = laws.declared(tmp_path, text + REST)
     windows = [box(system.axes[0]).at((9.0, 2.0, math.log(0.4)))]
-    assert isinstance(compare(system, TERMS[:2], windows), Interpreted)
+    assert isinstance(compare(system, TERMS[:2], windows), InterpretedSystem)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from dashred.physics.forcing_basis import Drive, Pulses
+from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.library import resolve
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.compiled_simulator import compiled
@@ -77,24 +77,28 @@ def test_columns_are_the_derivatives_of_the_run(system: System, forcing: Forcing
 
 def test_a_free_forcing_is_carried_and_differentiated(system: System, forcing: Forcing) -> None:
     start, h = nominal_start(system)[0], 1e-5
-    pulses = Pulses.over(system, TIMES, 1, 4)
+    forcing_basis = ForcingBasis.over(system, TIMES, 1, 4)
     run = compiled(system, forcing.terms)
-    amplitudes = 0.3 * torch.randn((1, *pulses.shape), generator=torch.Generator().manual_seed(0))
+    amplitudes = 0.3 * torch.randn(
+        (1, *forcing_basis.shape), generator=torch.Generator().manual_seed(0)
+    )
 
     def moved(change: torch.Tensor) -> torch.Tensor:
-        drive = pulses.drive(amplitudes.double() + change)
-        return run(start[None], TIMES, forcing.coefficients, drive)[0]
+        sampled_forcing = forcing_basis.sampled_forcing(amplitudes.double() + change)
+        return run(start[None], TIMES, forcing.coefficients, sampled_forcing)[0]
 
-    drive: Drive = pulses.drive(amplitudes.double())
+    sampled_forcing: SampledForcing = forcing_basis.sampled_forcing(amplitudes.double())
     none = torch.zeros((0, 2), dtype=torch.float64)
-    found = list(tangent_ode(system, start, none, TIMES, forcing, [], drive, pulses))
+    found = list(
+        tangent_ode(system, start, none, TIMES, forcing, [], sampled_forcing, forcing_basis)
+    )
     states, columns = (torch.stack(part) for part in zip(*found, strict=True))
     torch.testing.assert_close(states, moved(0 * amplitudes.double()), rtol=1e-11, atol=1e-11)
-    assert columns.shape[1] == pulses.count
-    for j in range(pulses.count):
-        change = torch.zeros(pulses.count, dtype=torch.float64)
+    assert columns.shape[1] == forcing_basis.count
+    for j in range(forcing_basis.count):
+        change = torch.zeros(forcing_basis.count, dtype=torch.float64)
         change[j] = h
-        step = change.reshape(1, *pulses.shape)
+        step = change.reshape(1, *forcing_basis.shape)
         expected = (moved(step) - moved(-step)) / (2 * h)
         torch.testing.assert_close(columns[:, j], expected, rtol=1e-6, atol=1e-7)
 

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from dashred.config import load_config
-from dashred.pipeline.check.context import situation_of
+from dashred.pipeline.check.context import check_context
 from dashred.pipeline.check.observability import look
 from dashred.pipeline.check.simulator import run_nominal
 
@@ -37,7 +37,7 @@ def test_what_stays_unknown_of_a_decay_is_the_kalman_smoother_s(
     (tmp_path / "decay.csv").write_text("\n".join(["time,s", *rows]) + "\n")
     (tmp_path / "table.csv").write_text(f"name,field,std\ns,u,{SIGMA}\n")
     (tmp_path / "decay.yaml").write_text(DECAY.format(method=method))
-    situation = situation_of(load_config([f"conf={tmp_path / 'decay.yaml'}"], entry="check"))
+    situation = check_context(load_config([f"conf={tmp_path / 'decay.yaml'}"], entry="check"))
     seen = look(situation, run_nominal(situation))
     assert seen is not None
     sampled = t[: seen.samples]

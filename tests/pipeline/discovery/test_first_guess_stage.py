@@ -7,16 +7,16 @@ import math
 import torch
 
 from dashred.inference.initial_state.start_models import LinearStart
-from dashred.pipeline.discovery.first_guess_stage import Seed, ranked
+from dashred.pipeline.discovery.first_guess_stage import FittedGuess, ranked
 
 MODEL = LinearStart(torch.zeros(2).double(), torch.eye(2).double())
 
 
-def seed(name: str, error: float) -> Seed:
-    return Seed(name, MODEL, torch.zeros(2).double(), error)
+def seed(name: str, error: float) -> FittedGuess:
+    return FittedGuess(name, MODEL, torch.zeros(2).double(), error)
 
 
-def names(*seeds: Seed, near: float = 1.0) -> list[str]:
+def names(*seeds: FittedGuess, near: float = 1.0) -> list[str]:
     return [found.name for found in ranked(seeds, near)]
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from dashred.config import load_config
 from dashred.core.errors import InputError
-from dashred.pipeline.discovery.identifiable_terms import told_apart
-from dashred.pipeline.problem import Problem, pose
+from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
+from dashred.pipeline.problem import Problem, build_problem
 from dashred.pipeline.simulation import simulate_nominal
 from dashred.pipeline.verification.verification import source_of
 
@@ -34,7 +34,7 @@ def posed(folder: Path, *words: str) -> Problem:
         file.write("episode,time,a,b\n")
         for name in "xyz":
             file.writelines(f"{name},{at:.1f},{a:.4f},{b:.4f}\n" for at, a, b in rows)
-    return pose(
+    return build_problem(
         load_config(
             [f"conf={folder / 'hares.yaml'}", f"recording.path={folder / 'hares.csv'}", *words],
             entry="train",
@@ -44,7 +44,7 @@ def posed(folder: Path, *words: str) -> Problem:
 
 def test_a_field_that_is_never_negative_is_its_own_magnitude(tmp_path: Path) -> None:
     problem = posed(tmp_path)
-    apart = told_apart(problem, simulate_nominal(problem, {}).states, problem.times)
+    apart = keep_identifiable_terms(problem, simulate_nominal(problem, {}).states, problem.times)
     names = {(term.equation, str(term)) for term in apart.library}
     assert {("a", "1"), ("a", "a"), ("a", "a**2"), ("b", "a*b")} <= names
     assert not {("a", "sign(a)"), ("b", "a*abs(a)"), ("a", "b*abs(b)")} & names
@@ -58,17 +58,20 @@ def test_a_field_that_is_never_negative_is_its_own_magnitude(tmp_path: Path) -> 
 def test_a_list_of_ones_own_is_refused_with_both_named(tmp_path: Path) -> None:
     problem = posed(tmp_path, "library={a: [a, abs(a)]}")
     with pytest.raises(InputError, match=r"'a' and 'abs\(a\)' are proportional"):
-        told_apart(problem, simulate_nominal(problem, {}).states, problem.times)
+        keep_identifiable_terms(problem, simulate_nominal(problem, {}).states, problem.times)
 
 
 def test_a_list_that_can_be_told_apart_is_kept(tmp_path: Path) -> None:
     problem = posed(tmp_path, "library={a: [a, a**2]}")
-    assert told_apart(problem, simulate_nominal(problem, {}).states, problem.times) is problem
+    assert (
+        keep_identifiable_terms(problem, simulate_nominal(problem, {}).states, problem.times)
+        is problem
+    )
 
 
 def test_where_nothing_moves_the_user_is_told(tmp_path: Path) -> None:
     still = ["system.start.a=0", "system.start.b=0", "system.equations={a: -a, b: -b}"]
     problem = posed(tmp_path, *still)
-    apart = told_apart(problem, simulate_nominal(problem, {}).states, problem.times)
+    apart = keep_identifiable_terms(problem, simulate_nominal(problem, {}).states, problem.times)
     assert {str(term) for term in apart.library} == {"1"}
     assert source_of(apart)["library_left_out"]["a: a"] == "vanishes"

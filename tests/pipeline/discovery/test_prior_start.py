@@ -7,11 +7,11 @@ from dataclasses import replace
 import pytest
 import torch
 
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.stepwise_selection import Selection, select
 from dashred.inference.initial_state.start_models import LinearStart, StartModel
-from dashred.pipeline.discovery.prior_start import about, about_the_prior, select_about_the_prior
+from dashred.pipeline.discovery.prior_start import about, fit_near_prior, select_near_prior
 from tests.swing import Swing, noisy
 
 SIGMA = 0.02
@@ -28,7 +28,7 @@ def swing(tmp_path_factory: pytest.TempPathFactory) -> Swing:
     return Swing.declared(tmp_path_factory.mktemp("swing"))
 
 
-def posed(swing: Swing, z: tuple[float, float], start: StartModel) -> Objective:
+def posed(swing: Swing, z: tuple[float, float], start: StartModel) -> LeastSquaresProblem:
     recorded = noisy(swing.clean(z, ["x**3"], [-0.3]), SIGMA, 3)
     return about(swing.objective(NAMES, recorded, SIGMA, 1.0), start)
 
@@ -39,7 +39,7 @@ def seed(swing: Swing, z: tuple[float, float], off: tuple[float, float], std: fl
     return LinearStart(true + torch.tensor(off), std * torch.eye(2, dtype=torch.float64))
 
 
-def searched(objective: Objective) -> Selection:
+def searched(objective: LeastSquaresProblem) -> Selection:
     tight = replace(objective, prior_std=0.05 * objective.prior_std)
     zero = torch.zeros(objective.modes + len(NAMES), dtype=torch.float64)
     return select(objective, minimise(tight, zero, 6, 1e-3).phi, [TRUE], silent)
@@ -49,8 +49,8 @@ def test_a_law_that_was_bent_to_a_seed_is_put_right(swing: Swing) -> None:
     z = (0.8, -0.6)
     bent = searched(posed(swing, z, seed(swing, z, (0.04, 0.06), 0.002)))
     assert bent.tried[0].members != TRUE
-    found = select_about_the_prior(swing.start, bent, 6, silent)
-    assert found.objective.shooting.start is swing.start
+    found = select_near_prior(swing.start, bent, 6, silent)
+    assert found.objective.forward_model.start is swing.start
     assert found.tried[0].members == TRUE and found.exhausted
     assert float(found.tried[0].phi[2 + TRUE[0]]) == pytest.approx(-0.3, abs=0.02)
 
@@ -60,22 +60,22 @@ def test_a_start_outside_of_the_prior_stays_with_its_seed(swing: Swing) -> None:
     told = searched(posed(swing, z, seed(swing, z, (0.0, 0.0), 0.1)))
     assert told.tried[0].members == TRUE
     elsewhere = LinearStart(swing.start.mean - 3.0, 0.1 * swing.start.modes)
-    assert select_about_the_prior(elsewhere, told, 6, silent) is told
+    assert select_near_prior(elsewhere, told, 6, silent) is told
 
 
 def test_of_a_fit_about_the_prior_nothing_more_is_asked(swing: Swing) -> None:
     law = posed(swing, (0.8, -0.6), swing.start).only(TRUE)
     phi = torch.zeros(law.modes + 1, dtype=torch.float64)
-    assert about_the_prior(swing.start, law, phi) is None
+    assert fit_near_prior(swing.start, law, phi) is None
 
 
 def test_the_same_start_is_found_about_the_prior(swing: Swing) -> None:
     z = (0.8, -0.6)
     law = posed(swing, z, seed(swing, z, (0.02, -0.05), 0.1)).only(TRUE)
     fitted = minimise(law, torch.zeros(law.modes + 1, dtype=torch.float64), 10, 1e-6)
-    found = about_the_prior(swing.start, law, fitted.phi)
+    found = fit_near_prior(swing.start, law, fitted.phi)
     assert found is not None
     mine, again = found
-    assert mine.shooting.start is swing.start
+    assert mine.forward_model.start is swing.start
     torch.testing.assert_close(again.phi[:2], torch.tensor(z).double(), atol=0.05, rtol=0)
     assert again.chi2 < 1.05 * fitted.chi2

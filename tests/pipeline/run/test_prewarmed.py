@@ -8,7 +8,7 @@ import sys
 
 
 def stand_by(told: str, *modules: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "dashred.evaluation.twins.prewarmed", *modules]
+    command = [sys.executable, "-m", "dashred.pipeline.run.prewarmed", *modules]
     return subprocess.run(command, input=told, capture_output=True, text=True)
 
 

@@ -12,7 +12,7 @@ from torch import Tensor
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import Law
 from dashred.physics.system import System
-from dashred.pipeline.verification.numerical_error import BEGINNING, LARGEST, own_error
+from dashred.pipeline.verification.numerical_error import BEGINNING, LARGEST, numerical_error
 from tests import laws
 
 TEXT = """
@@ -59,7 +59,7 @@ def test_it_is_the_methods_own_in_the_worst_sample_of_the_beginning(tmp_path, st
     rate = added - 1.0
     beginning = range(int(BEGINNING * COUNT) + 1)
     known = [abs(start * (rk4(rate / 2) ** (2 * n) - rk4(rate / 4) ** (4 * n))) for n in beginning]
-    assert own_error(problem(system), law, SIGMA) == pytest.approx(
+    assert numerical_error(problem(system), law, SIGMA) == pytest.approx(
         max(known) / float(SIGMA), rel=1e-6
     )
 
@@ -67,14 +67,14 @@ def test_it_is_the_methods_own_in_the_worst_sample_of_the_beginning(tmp_path, st
 def test_of_a_run_that_blows_up_it_is_the_largest_number(tmp_path) -> None:
     system = laws.declared(tmp_path, TEXT)
     law = from_start(1e300, torch.tensor([9e3], dtype=torch.float64), system)
-    assert own_error(problem(system), law, SIGMA) == LARGEST
+    assert numerical_error(problem(system), law, SIGMA) == LARGEST
 
 
 def test_of_several_episodes_the_worst_one_tells(tmp_path) -> None:
     system = laws.declared(tmp_path, TEXT)
     law = from_start(1.0, torch.zeros(1, dtype=torch.float64), system)
     twice = problem(system)
-    alone = own_error(twice, law, SIGMA)
+    alone = numerical_error(twice, law, SIGMA)
     twice.episodes = [twice, twice]
     twice.starts = lambda start: [start, 3 * start]
-    assert own_error(twice, law, SIGMA) == pytest.approx(3 * alone)
+    assert numerical_error(twice, law, SIGMA) == pytest.approx(3 * alone)

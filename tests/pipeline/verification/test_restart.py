@@ -13,7 +13,7 @@ from dashred.config import load_config
 from dashred.inference.fit.law import Law, SensorFault
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
-from dashred.pipeline.problem import Problem, pose
+from dashred.pipeline.problem import Problem, build_problem
 from dashred.pipeline.verification.restart import SAMPLES, restart
 from tests import laws
 
@@ -56,7 +56,7 @@ def posed(
     header = ",".join(columns)
     np.savetxt(folder / "swing.csv", table, "%.9g", ",", header=header, comments="")
     words = [f"conf={folder}/swing.yaml", f"recording.path={folder}/swing.csv"]
-    return pose(load_config(words, entry="train")), states
+    return build_problem(load_config(words, entry="train")), states
 
 
 def test_with_the_law_it_is_right_and_without_it_drifts(tmp_path: Path) -> None:

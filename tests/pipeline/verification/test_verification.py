@@ -11,14 +11,14 @@ from dashred.config import load_config
 from dashred.physics.runs.resolution import Resolution
 from dashred.physics.system import System
 from dashred.pipeline.outputs import field_files
-from dashred.pipeline.problem import pose
+from dashred.pipeline.problem import build_problem
 from dashred.pipeline.verification import held_out, verification
 
 
 @pytest.fixture(scope="module")
 def posed(quick, twin_run):
     path = twin_run.output / "recording.nc"
-    return pose(load_config([f"conf={quick}", f"recording.path={path}"], entry="train"))
+    return build_problem(load_config([f"conf={quick}", f"recording.path={path}"], entry="train"))
 
 
 def test_a_refusal_names_the_points_that_would_do(posed) -> None:

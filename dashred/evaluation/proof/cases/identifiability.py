@@ -21,16 +21,16 @@ from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.proof.cases.effect_size import Concealed
 from dashred.evaluation.proof.cases.oracle import DECIDABLE, known
 from dashred.evaluation.twins.recorder import expression_of
-from dashred.inference.fit.least_squares import Objective
-from dashred.inference.fit.subset_search import Eliminated, small_sets
+from dashred.inference.fit.least_squares import LeastSquaresProblem
+from dashred.inference.fit.subset_search import ProfiledProblem, small_sets
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate, indices_by_name
 from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis
 from dashred.inference.initial_state.start_models import nearest
 from dashred.physics.system import Term
 from dashred.physics.window import shapes_of
-from dashred.pipeline.discovery.objectives import exact_simulator, pose_objective
-from dashred.pipeline.problem import Problem, pose
+from dashred.pipeline.discovery.objectives import build_least_squares, exact_simulator
+from dashred.pipeline.problem import Problem, build_problem
 
 # Kinds whose laws act everywhere: of these alone all rivals can be listed.
 FORESEEN: tuple[Kind, ...] = ("terms", "hidden", "parameter")
@@ -54,13 +54,13 @@ def lead(case: Case, concealed: Concealed, recording: Path) -> float:
         minus infinity where the trajectory blows up.
     """
     words = [f"conf={case.system}", *case.analysis_words, f"recording.path={recording}"]
-    problem = pose(load_config(words, entry="train"))
+    problem = build_problem(load_config(words, entry="train"))
     objective, true = _about_the_truth(case.system, problem, concealed)
     normal = objective.linearise(_unknowns(objective, true, concealed))
     if not normal.finite:
         return -torch.inf
     clean = replace(normal, residuals=torch.zeros_like(normal.residuals))
-    eliminated = Eliminated.of(clean, objective.modes)
+    eliminated = ProfiledProblem.of(clean, objective.modes)
     samples, shapes = objective.noise.effective_count, len(shapes_of(problem.system))
 
     def scores(sets: list[tuple[int, ...]]) -> Tensor:
@@ -81,13 +81,13 @@ def _not_holding(count: int, true: set[int]) -> list[list[tuple[int, ...]]]:
 
 def _about_the_truth(
     name: str, problem: Problem, concealed: Concealed
-) -> tuple[Objective, dict[int, float]]:
+) -> tuple[LeastSquaresProblem, dict[int, float]]:
     """Return F with every candidate, of the noise that was made, and the true coefficients."""
     start, library = known(name, problem)
     if name not in COMPILED:
         COMPILED[name] = exact_simulator(problem, library)
     weak = problem.config.discovery.weak
-    posed = pose_objective(problem, COMPILED[name], start, library, weak)
+    posed = build_least_squares(problem, COMPILED[name], start, library, weak)
     noise = replace(posed.noise, std=problem.noise_of(problem.split.fit.names))
     true = chain(_terms(library, concealed), _parameters(library, concealed))
     return replace(posed, noise=noise), dict(true)
@@ -107,8 +107,10 @@ def _parameters(library: Sequence[Candidate], concealed: Concealed) -> Iterator[
         yield j, value - stated[name]
 
 
-def _unknowns(objective: Objective, true: dict[int, float], concealed: Concealed) -> Tensor:
-    z = nearest(objective.shooting.start, concealed.truth.states[0])
+def _unknowns(
+    objective: LeastSquaresProblem, true: dict[int, float], concealed: Concealed
+) -> Tensor:
+    z = nearest(objective.forward_model.start, concealed.truth.states[0])
     xi = torch.zeros_like(objective.prior_std)
     xi[list(true)] = torch.tensor(list(true.values()), dtype=xi.dtype)
     return torch.cat([z, xi])

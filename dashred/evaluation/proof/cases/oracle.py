@@ -24,7 +24,7 @@ from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.proof.cases.effect_size import Concealed
 from dashred.evaluation.twins.recorder import expression_of
 from dashred.evaluation.twins.window_kinds import kind_found, kind_in_text, kind_of
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate, build_candidates
@@ -33,9 +33,9 @@ from dashred.inference.initial_state.start_models import StartModel, nearest
 from dashred.physics.library import resolve
 from dashred.physics.system import Term
 from dashred.physics.window import Shape, shapes_of
-from dashred.pipeline.discovery.identifiable_terms import told_apart
-from dashred.pipeline.discovery.objectives import exact_simulator, pose_objective
-from dashred.pipeline.problem import Problem, pose
+from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
+from dashred.pipeline.discovery.objectives import build_least_squares, exact_simulator
+from dashred.pipeline.problem import Problem, build_problem
 from dashred.pipeline.simulation import simulate_nominal
 
 # What a true form has to beat others by for a case to be decidable.
@@ -66,7 +66,7 @@ def consult(case: Case, concealed: Concealed, folder: Path, *, exact: bool) -> O
         return None
     findings = json.loads((folder / "findings.json").read_text(encoding="utf-8"))
     words = (*case.analysis_words, f"recording.path={folder / 'recording.nc'}")
-    simulator = pose(load_config([f"conf={case.system}", *words], entry="train"))
+    simulator = build_problem(load_config([f"conf={case.system}", *words], entry="train"))
     start, library = known(case.system, simulator)
     z, p = nearest(start, truth.states[0]), len(library)
 
@@ -84,7 +84,9 @@ def consult(case: Case, concealed: Concealed, folder: Path, *, exact: bool) -> O
     null = _fit_start(simulator, start, z, noise).cost
     returned = null
     if findings["terms"] is not None:
-        corrected = pose(load_config([f"conf={folder / 'corrected.yaml'}", *words], entry="train"))
+        corrected = build_problem(
+            load_config([f"conf={folder / 'corrected.yaml'}", *words], entry="train")
+        )
         found = [kind_found(entry["region"]) for entry in findings["terms"]]
         # Under chaos a law that is a little off cannot be brought from the true start to its own.
         begins = (z, nearest(start, _start_found(folder, simulator)))
@@ -109,11 +111,11 @@ def _objective(
     start: StartModel,
     candidates: Sequence[Candidate],
     noise: NoiseModel | None,
-) -> Objective:
+) -> LeastSquaresProblem:
     """Return F of a law over the fit window."""
     simulator = exact_simulator(problem, candidates)
     weak = problem.config.discovery.weak
-    posed = pose_objective(problem, simulator, start, candidates, weak)
+    posed = build_least_squares(problem, simulator, start, candidates, weak)
     return posed if noise is None else replace(posed, noise=noise)
 
 
@@ -205,7 +207,7 @@ def known(name: str, problem: Problem) -> tuple[StartModel, list[Candidate]]:
     """Return a system's start prior and its candidates: the same for all of its cases."""
     if name not in KEPT:
         nominal = simulate_nominal(problem, {})
-        apart = told_apart(problem, nominal.states, problem.times)
+        apart = keep_identifiable_terms(problem, nominal.states, problem.times)
         library = build_candidates(problem.system, apart.library, nominal.states, problem.times)
         KEPT[name] = nominal.prior, library
     return KEPT[name]

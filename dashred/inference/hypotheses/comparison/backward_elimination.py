@@ -12,14 +12,14 @@ import torch
 from torch import Tensor
 
 from dashred.inference.fit.levenberg_marquardt import minimise
-from dashred.inference.hypotheses.hypothesis_fit import Cause, by_score, ended
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, by_score, ended
 from dashred.inference.hypotheses.sensors.leave_one_sensor_out import Beside, beside_the_fault
 from dashred.inference.initial_state.start_models import StartModel, nearest
 
 STEPS, TOLERANCE = 10, 1e-4
 
 
-def simpler_from_the_best(found: Sequence[Cause]) -> list[Cause]:
+def eliminate_terms(found: Sequence[HypothesisFit]) -> list[HypothesisFit]:
     """Return what explanations without a law become from the best one's start, if better.
 
     Args:
@@ -32,19 +32,19 @@ def simpler_from_the_best(found: Sequence[Cause]) -> list[Cause]:
     return [better for better in begun if better is not None]
 
 
-def _is_simpler(cause: Cause) -> bool:
+def _is_simpler(cause: HypothesisFit) -> bool:
     """Tell whether an explanation has no law; what fitted a fault has told of it where it ended."""
     told = cause.law.fault is not None and not isinstance(cause, Beside)
     return not cause.law.candidates and not told
 
 
-def _begun(cause: Cause, best: Cause) -> Cause | None:
+def _begun(cause: HypothesisFit, best: HypothesisFit) -> HypothesisFit | None:
     """Return an explanation fitted from the best one's start; None where that is no better."""
     if isinstance(cause, Beside):
         bare = _begun(cause.bare, best)
         return bare and beside_the_fault(bare, cause.sensor)
     objective = cause.objective
-    z = _start_of(best, objective.shooting.start)
+    z = _start_of(best, objective.forward_model.start)
     phi = torch.cat([z, cause.phi[len(z) :]])
     before, there = objective.values(torch.stack([cause.phi, phi]))[0].tolist()
     if not there < before:
@@ -52,7 +52,7 @@ def _begun(cause: Cause, best: Cause) -> Cause | None:
     return ended(cause, objective, minimise(objective, phi, STEPS, TOLERANCE))
 
 
-def _start_of(cause: Cause, model: StartModel) -> Tensor:
+def _start_of(cause: HypothesisFit, model: StartModel) -> Tensor:
     """Return an explanation's start as the z of a model, ``(mode,)``."""
-    z, mine = cause.objective.split(cause.phi)[0], cause.objective.shooting.start
+    z, mine = cause.objective.split(cause.phi)[0], cause.objective.forward_model.start
     return z if mine is model else nearest(model, mine.start(z[None])[0])

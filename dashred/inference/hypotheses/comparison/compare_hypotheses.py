@@ -13,30 +13,33 @@ from torch import Tensor
 
 from dashred.core.progress import Report
 from dashred.inference.fit.law import Law, unlike
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.hypotheses.comparison.backward_elimination import simpler_from_the_best
+from dashred.inference.hypotheses.comparison.backward_elimination import eliminate_terms
 from dashred.inference.hypotheses.comparison.noise_reestimation import (
     refitted_under,
     refitted_under_own_noise,
 )
-from dashred.inference.hypotheses.comparison.repeated_screening import screened_on_top
+from dashred.inference.hypotheses.comparison.repeated_screening import repeat_screening
 from dashred.inference.hypotheses.comparison.residual_forcing import (
     SIMPLE,
-    Unexplained,
-    look_for_unexplained,
+    ResidualForcing,
+    fit_residual_forcing,
 )
-from dashred.inference.hypotheses.extended.extended_library import laws_beyond
+from dashred.inference.hypotheses.extended.extended_library import extended_laws
 from dashred.inference.hypotheses.extended.periodic_forcing import periodic_laws
 from dashred.inference.hypotheses.forcing_map import ForcingMap
 from dashred.inference.hypotheses.free_forcing import FreeForcing, force
-from dashred.inference.hypotheses.hypothesis_fit import HOPELESS, Cause, by_score, refitted
+from dashred.inference.hypotheses.hypothesis_fit import HOPELESS, HypothesisFit, by_score, refitted
 from dashred.inference.hypotheses.result import AMBIGUOUS, MISSING
-from dashred.inference.hypotheses.sensors.sensor_and_start_faults import faults, wider_starts
+from dashred.inference.hypotheses.sensors.sensor_and_start_faults import (
+    sensor_hypotheses,
+    start_hypotheses,
+)
 from dashred.inference.hypotheses.windows.threshold_likelihood import with_profile
-from dashred.inference.hypotheses.windows.windowed_laws import local_laws
+from dashred.inference.hypotheses.windows.windowed_laws import windowed_laws
 
 # χ²/n, under the noise that a free forcing leaves, of what needs no further explanation.
 EXPLAINED = 1.1
@@ -60,7 +63,7 @@ class Additions:
 
 
 @dataclass(frozen=True)
-class Weighed:
+class Comparison:
     """All explanations, under one noise.
 
     Attributes:
@@ -79,14 +82,14 @@ class Weighed:
     forcing: ForcingMap | None
 
 
-def weigh(
-    everything: Objective,
-    best: Cause,
-    null: Cause,
-    rivals: Sequence[Cause],
+def compare_hypotheses(
+    everything: LeastSquaresProblem,
+    best: HypothesisFit,
+    null: HypothesisFit,
+    rivals: Sequence[HypothesisFit],
     additions: Additions,
     report: Report,
-) -> Weighed:
+) -> Comparison:
     """Weigh the best law that acts everywhere against other explanations.
 
     Args:
@@ -98,7 +101,7 @@ def weigh(
         report: progress.
     """
     contested = len(best.law.candidates) > 1 and bool(rivals)
-    left = look_for_unexplained(everything, best, null, contested, additions.size, report)
+    left = fit_residual_forcing(everything, best, null, contested, additions.size, report)
     found, gain = _without_places(left.best, left.null), left.gain
     bases = left.bases()
     if left.fault is not None:
@@ -115,17 +118,19 @@ def weigh(
     elif len(left.best.law.candidates) >= SIMPLE:
         report(0.4, "asking whether one term in a window, or beyond the library, does as well")
         found += _as_good(left, additions)
-    found += simpler_from_the_best(found)
+    found += eliminate_terms(found)
     found += _rivals_of_the_faulty(left, found, rivals)
     if left.unclear:
         found = refitted_under_own_noise(found)
     nothing = min((cause for cause in found if not cause.law.parts), key=by_score)
     first = min(found, key=by_score)
     laws = unlike([with_profile(cause) if cause is first else cause.law for cause in found])
-    return Weighed(laws, nothing.law, nothing.objective.noise, gain, left.forcing)
+    return Comparison(laws, nothing.law, nothing.objective.noise, gain, left.forcing)
 
 
-def _periodic(left: Unexplained, bases: Sequence[Cause], additions: Additions) -> list[Cause]:
+def _periodic(
+    left: ResidualForcing, bases: Sequence[HypothesisFit], additions: Additions
+) -> list[HypothesisFit]:
     """Return laws with a drive that is periodic in time."""
     bound = min(base.law.score for base in bases) + HOPELESS
     waves = [
@@ -137,19 +142,19 @@ def _periodic(left: Unexplained, bases: Sequence[Cause], additions: Additions) -
 
 
 def _somewhere(
-    left: Unexplained, additions: Additions, waves: Sequence[Cause], report: Report
-) -> tuple[list[Cause], float]:
+    left: ResidualForcing, additions: Additions, waves: Sequence[HypothesisFit], report: Report
+) -> tuple[list[HypothesisFit], float]:
     """Return laws in windows, and beyond the library, and what a forcing gains on the best."""
     report(0.4, "screening terms by place, time and state")
     every, null = range(len(left.everything.prior_std)), left.null.law.score
     whole = _through(left.everything, additions.compiled())
 
-    def screened(carried: FreeForcing, bound: float) -> list[Cause]:
-        local = local_laws(whole, additions.everywhere, every, carried, null, bound)
+    def screened(carried: FreeForcing, bound: float) -> list[HypothesisFit]:
+        local = windowed_laws(whole, additions.everywhere, every, carried, null, bound)
         return left.with_fault(local)
 
     begin = min([left.best, *waves], key=by_score)
-    found, first, nearest, gain = screened_on_top(
+    found, first, nearest, gain = repeat_screening(
         begin, screened, left.carriers, additions.size, report
     )
     if gain > MISSING or len(first.law.candidates) >= SIMPLE:
@@ -160,35 +165,35 @@ def _somewhere(
     return found, gain
 
 
-def _as_good(left: Unexplained, additions: Additions) -> list[Cause]:
+def _as_good(left: ResidualForcing, additions: Additions) -> list[HypothesisFit]:
     """Return laws of one term, in a window or beyond the library, that may do as well."""
     whole, best = _through(left.everything, additions.compiled()), left.best
     bound, null = best.law.score + HOPELESS, left.null.law.score
     alike = _alike(left.everything, best)
-    local = local_laws(whole, 0, alike, left.forced, null, bound)
+    local = windowed_laws(whole, 0, alike, left.forced, null, bound)
     return [*local, *_beyond(left, additions, left.forced, bound)]
 
 
 def _beyond(
-    left: Unexplained, additions: Additions, carried: FreeForcing, bound: float
-) -> list[Cause]:
+    left: ResidualForcing, additions: Additions, carried: FreeForcing, bound: float
+) -> list[HypothesisFit]:
     """Return laws with terms that the library does not have, found about a trajectory."""
     further, library = additions.beyond(), additions.everywhere
-    return laws_beyond(left.everything, further, carried, library, bound)
+    return extended_laws(left.everything, further, carried, library, bound)
 
 
-def _without_places(best: Cause, null: Cause) -> list[Cause]:
+def _without_places(best: HypothesisFit, null: HypothesisFit) -> list[HypothesisFit]:
     """Return the explanations that need no further term: faults and starts beside the laws."""
     found = [best, null] if best.law.candidates else [null]
-    found += faults(null, best.law.score + AMBIGUOUS)
+    found += sensor_hypotheses(null, best.law.score + AMBIGUOUS)
     if best.law.candidates:
-        found += faults(best, best.law.score)
-    return found + wider_starts(null, best.law.score + HOPELESS)
+        found += sensor_hypotheses(best, best.law.score)
+    return found + start_hypotheses(null, best.law.score + HOPELESS)
 
 
 def _rivals_of_the_faulty(
-    left: Unexplained, found: Sequence[Cause], rivals: Sequence[Cause]
-) -> list[Cause]:
+    left: ResidualForcing, found: Sequence[HypothesisFit], rivals: Sequence[HypothesisFit]
+) -> list[HypothesisFit]:
     """Return the best law's rivals, with and without a fault, where it has won beside one itself.
 
     Each of them alone stands farther from it than from the best law alone.
@@ -201,22 +206,24 @@ def _rivals_of_the_faulty(
         return left.with_fault(without)
     bound = first.law.score + AMBIGUOUS
     mine = [refitted_under(rival, noise) for rival in rivals]
-    return [*mine, *(beside for rival in mine for beside in faults(rival, bound))]
+    return [*mine, *(beside for rival in mine for beside in sensor_hypotheses(rival, bound))]
 
 
-def _through(everything: Objective, simulator: Simulator) -> Objective:
+def _through(everything: LeastSquaresProblem, simulator: Simulator) -> LeastSquaresProblem:
     """Return F run by another simulator: one with windows in reach."""
-    return replace(everything, shooting=replace(everything.shooting, simulator=simulator))
+    return replace(everything, forward_model=replace(everything.forward_model, simulator=simulator))
 
 
-def _alike(everything: Objective, best: Cause) -> list[int]:
+def _alike(everything: LeastSquaresProblem, best: HypothesisFit) -> list[int]:
     """Return the candidates in the equations of a law."""
     equations = {candidate.equation for candidate in best.law.candidates}
-    candidates = everything.shooting.candidates
+    candidates = everything.forward_model.candidates
     return [j for j, candidate in enumerate(candidates) if candidate.equation in equations]
 
 
-def _gain_of(further: Sequence[Cause], first: Cause, gain: float, size: Tensor) -> float:
+def _gain_of(
+    further: Sequence[HypothesisFit], first: HypothesisFit, gain: float, size: Tensor
+) -> float:
     """Return what a free forcing gains on top of the best of further laws, if that is the best."""
     nearest = min(further, key=by_score)
     if nearest.law.score >= first.law.score:

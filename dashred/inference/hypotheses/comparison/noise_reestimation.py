@@ -7,26 +7,32 @@ from dataclasses import replace
 
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.hypotheses.free_forcing import FreeForcing
-from dashred.inference.hypotheses.hypothesis_fit import HOPELESS, Cause, by_score, refitted, settled
+from dashred.inference.hypotheses.hypothesis_fit import (
+    HOPELESS,
+    HypothesisFit,
+    by_score,
+    refitted,
+    settled,
+)
 from dashred.inference.hypotheses.sensors.leave_one_sensor_out import Beside, beside_the_fault
 
 
 def noise_left_by(forced: FreeForcing) -> NoiseModel:
     """Return the noise that is left under a free forcing: no wrong law has a part in it."""
     objective, phi = forced.objective, forced.phi
-    [readings] = objective.shooting.readings(*objective.split(phi[None]))
+    [readings] = objective.forward_model.readings(*objective.split(phi[None]))
     spent = forced.normal.spent(range(len(phi)))
     return replace(objective.noise_left(readings, spent), seen=objective.noise.seen)
 
 
-def refitted_under_own_noise(found: Sequence[Cause]) -> list[Cause]:
+def refitted_under_own_noise(found: Sequence[HypothesisFit]) -> list[HypothesisFit]:
     """Fit all that may still be right again, under the noise that the best of them leaves.
 
     Between its cells and knots a free forcing is not that of the truth: what it leaves is larger
     than noise, and hides lower minima of the best.
     """
     best = min(found, key=by_score)
-    [readings] = best.objective.shooting.readings(*best.objective.split(best.phi[None]))
+    [readings] = best.objective.forward_model.readings(*best.objective.split(best.phi[None]))
     noise = best.objective.noise_left(readings, best.normal.spent(range(len(best.phi))))
     bound = best.law.score + HOPELESS
     kept = [cause for cause in found if cause.law.score < bound or not cause.law.parts]
@@ -36,7 +42,7 @@ def refitted_under_own_noise(found: Sequence[Cause]) -> list[Cause]:
     return [settled(cause) if cause is best and lawful else cause for cause in again]
 
 
-def refitted_under(cause: Cause, noise: NoiseModel) -> Cause:
+def refitted_under(cause: HypothesisFit, noise: NoiseModel) -> HypothesisFit:
     """Return an explanation fitted under another noise; the samples that it sees stay its own."""
     if isinstance(cause, Beside):
         return beside_the_fault(refitted_under(cause.bare, noise), cause.sensor)

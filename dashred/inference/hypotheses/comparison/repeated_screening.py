@@ -9,20 +9,20 @@ from torch import Tensor
 
 from dashred.core.progress import Report
 from dashred.inference.hypotheses.free_forcing import FreeForcing, force
-from dashred.inference.hypotheses.hypothesis_fit import Cause, by_score
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, by_score
 from dashred.inference.hypotheses.result import MISSING
 
 # How often terms are screened anew about a better law's trajectory.
 ROUNDS = 3
 
 
-def screened_on_top(
-    best: Cause,
-    screened: Callable[[FreeForcing, float], list[Cause]],
+def repeat_screening(
+    best: HypothesisFit,
+    screened: Callable[[FreeForcing, float], list[HypothesisFit]],
     carriers: Sequence[FreeForcing],
     size: Tensor,
     report: Report,
-) -> tuple[list[Cause], Cause, FreeForcing, float]:
+) -> tuple[list[HypothesisFit], HypothesisFit, FreeForcing, float]:
     """Screen, and screen again about the best law's trajectory while a free forcing gains there.
 
     A law that is nearly right, under a forcing, comes nearer to the truth than a forcing alone,
@@ -40,7 +40,7 @@ def screened_on_top(
         the laws, the best law now, the forcing that came nearest to the recording, and what one
         gains on top of the best law.
     """
-    found: list[Cause] = []
+    found: list[HypothesisFit] = []
     for carrier in carriers:
         found += screened(carrier, math.inf)
         if min([best, *found], key=by_score) is not best:

@@ -8,11 +8,11 @@ from torch import Tensor
 
 from dashred.core.progress import Report
 from dashred.inference.fit.law import Law
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.hypotheses.comparison.noise_reestimation import noise_left_by, refitted_under
 from dashred.inference.hypotheses.forcing_map import ForcingMap, map_of
 from dashred.inference.hypotheses.free_forcing import FreeForcing, force
-from dashred.inference.hypotheses.hypothesis_fit import Cause
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.result import MISSING
 from dashred.inference.hypotheses.sensors.faults import Fault
 from dashred.inference.hypotheses.sensors.leave_one_sensor_out import (
@@ -35,7 +35,7 @@ LOST = 2.0
 
 
 @dataclass(frozen=True)
-class Unexplained:
+class ResidualForcing:
     """The best law that acts everywhere, and what a free forcing says of it.
 
     Attributes:
@@ -52,9 +52,9 @@ class Unexplained:
         fault: of a sensor, beneath the mismatch: what is forced is without it; None where none is.
     """
 
-    everything: Objective
-    best: Cause
-    null: Cause
+    everything: LeastSquaresProblem
+    best: HypothesisFit
+    null: HypothesisFit
     carriers: tuple[FreeForcing, ...]
     gain: float
     unclear: bool
@@ -66,11 +66,11 @@ class Unexplained:
         """The forcing that leaves least."""
         return self.carriers[-1]
 
-    def with_fault(self, laws: list[Cause]) -> list[Cause]:
+    def with_fault(self, laws: list[HypothesisFit]) -> list[HypothesisFit]:
         """Return laws that were found without a sensor at fault with what is wrong with it."""
         return laws if self.fault is None else faulty_or_not(laws, self.fault.sensor)
 
-    def bases(self) -> list[Cause]:
+    def bases(self) -> list[HypothesisFit]:
         """Return what terms may be added to: the law, if there is one, and the simulator as it is.
 
         Where a sensor is at fault, the simulator alone, fitted without that sensor.
@@ -80,9 +80,14 @@ class Unexplained:
         return [self.best, self.null] if self.best.law.candidates else [self.null]
 
 
-def look_for_unexplained(
-    everything: Objective, best: Cause, null: Cause, contested: bool, size: Tensor, report: Report
-) -> Unexplained:
+def fit_residual_forcing(
+    everything: LeastSquaresProblem,
+    best: HypothesisFit,
+    null: HypothesisFit,
+    contested: bool,
+    size: Tensor,
+    report: Report,
+) -> ResidualForcing:
     """Return what a free forcing on top of a law explains; look into it where that is not clear.
 
     Args:
@@ -96,11 +101,11 @@ def look_for_unexplained(
     forced, gain = force(best.objective, best.phi, size)
     report(0.2, f"a free forcing gains {gain:.0f}")
     unclear = gain > MISSING or contested or _may_imitate(best.law)
-    left = Unexplained(everything, best, null, (forced,), gain, unclear)
+    left = ResidualForcing(everything, best, null, (forced,), gain, unclear)
     return _looked_into(left, size, report) if unclear else left
 
 
-def _looked_into(left: Unexplained, size: Tensor, report: Report) -> Unexplained:
+def _looked_into(left: ResidualForcing, size: Tensor, report: Report) -> ResidualForcing:
     """Return what is unclear with its noise, a fault beneath it, and where to look on."""
     carriers, forcing = _carried(left.forced, left.gain, left.best, left.null, size)
     fault = fault_beneath(carriers[-1])
@@ -120,7 +125,7 @@ def _looked_into(left: Unexplained, size: Tensor, report: Report) -> Unexplained
 
 
 def _carried(
-    on_best: FreeForcing, gain: float, best: Cause, null: Cause, size: Tensor
+    on_best: FreeForcing, gain: float, best: HypothesisFit, null: HypothesisFit, size: Tensor
 ) -> tuple[tuple[FreeForcing, ...], ForcingMap | None]:
     """Return the forcings about whose trajectories to look on, and the map of one.
 

@@ -11,9 +11,9 @@ from torch import Tensor
 
 from dashred.core.errors import InputError
 from dashred.inference.fit.law import law_of
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
-from dashred.inference.fit.subset_search import Eliminated
+from dashred.inference.fit.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate, build_candidates
 from dashred.inference.hypotheses.extended.nonlinear_constants import (
     Tunable,
@@ -24,8 +24,8 @@ from dashred.inference.hypotheses.extended.nonlinear_constants import (
     within_reach,
 )
 from dashred.inference.hypotheses.free_forcing import FreeForcing
-from dashred.inference.hypotheses.hypothesis_fit import Cause
-from dashred.inference.hypotheses.windows.screening import eliminated
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
+from dashred.inference.hypotheses.windows.screening import profile_out
 from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
@@ -35,7 +35,7 @@ TRIED = 4
 STEPS, TOLERANCE = 10, 1e-4
 
 
-def candidates_beyond(
+def extended_candidates(
     system: System, library: list[Term], nominal: Tensor, t: float | Tensor
 ) -> list[Candidate]:
     """Return terms that are like none of the library's: functions, higher powers, waves.
@@ -81,7 +81,7 @@ class _Form:
             return Hypothesis(self.members).penalty(samples, candidates, 1)
         return Hypothesis(self.members[:1]).penalty(samples, candidates, 1) + math.log(samples)
 
-    def screened(self, problem: Eliminated) -> tuple[float, Tensor]:
+    def screened(self, problem: ProfiledProblem) -> tuple[float, Tensor]:
         """Return F of the linearised problem, and the coefficients there."""
         if self.tuned is not None:
             return within_reach(problem, self.members, self.tuned.constant)
@@ -89,13 +89,13 @@ class _Form:
         return cost, problem.coefficients(self.members)
 
 
-def laws_beyond(
-    everything: Objective,
+def extended_laws(
+    everything: LeastSquaresProblem,
     further: Sequence[Candidate],
     forced: FreeForcing,
     library: int,
     bound: float = math.inf,
-) -> list[Cause]:
+) -> list[HypothesisFit]:
     """Return laws of one term from beyond the library, or of a wave whose phase is free.
 
     Where a function has a constant, it may be fitted.
@@ -109,9 +109,9 @@ def laws_beyond(
     """
     columns, asked = list(further), [*further, *slopes_of(further)]
     # In reach: what is fitted, and what the forcing's trajectory is run with.
-    reach = everything.of([*asked, *forced.objective.shooting.candidates])
+    reach = everything.of([*asked, *forced.objective.forward_model.candidates])
     objective = reach.only(range(len(columns)))
-    problem = eliminated(objective, forced, asked, reach.prior_std[: len(asked)])
+    problem = profile_out(objective, forced, asked, reach.prior_std[: len(asked)])
     samples, count = objective.noise.effective_count, library + len(columns)
     ranked = []
     for form in _forms(columns):
@@ -143,18 +143,22 @@ def _forms(columns: Sequence[Candidate]) -> list[_Form]:
 
 
 def _fit(
-    objective: Objective, forced: FreeForcing, form: _Form, coefficients: Tensor, penalty: float
-) -> Cause:
+    objective: LeastSquaresProblem,
+    forced: FreeForcing,
+    form: _Form,
+    coefficients: Tensor,
+    penalty: float,
+) -> HypothesisFit:
     start = forced.phi[: objective.modes]
     if form.tuned is not None:
         xi, by_constant = coefficients.tolist()
         begin = form.tuned.at(moved(form.tuned, xi, by_constant))
         term, mine, fitted = tune(objective, begin, torch.cat([start, coefficients[:1]]))
-        return Cause(law_of(mine, fitted, (term,), fitted.cost + penalty), mine, fitted.phi)
-    terms = tuple(objective.shooting.candidates[j] for j in form.members)
+        return HypothesisFit(law_of(mine, fitted, (term,), fitted.cost + penalty), mine, fitted.phi)
+    terms = tuple(objective.forward_model.candidates[j] for j in form.members)
     mine = objective.of(terms)
     fitted = minimise(mine, torch.cat([start, coefficients]), STEPS, TOLERANCE)
-    return Cause(law_of(mine, fitted, terms, fitted.cost + penalty), mine, fitted.phi)
+    return HypothesisFit(law_of(mine, fitted, terms, fitted.cost + penalty), mine, fitted.phi)
 
 
 def _waves(candidates: Sequence[Candidate]) -> list[tuple[int, int]]:

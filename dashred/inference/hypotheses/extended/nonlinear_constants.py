@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
-from dashred.inference.fit.subset_search import Eliminated
+from dashred.inference.fit.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
 from dashred.physics.expressions.algebra import (
     Call,
@@ -110,7 +110,7 @@ def moved(tuned: Tunable, xi: float, by_constant: float) -> float:
 
 
 def within_reach(
-    problem: Eliminated, places: tuple[int, ...], constant: float
+    problem: ProfiledProblem, places: tuple[int, ...], constant: float
 ) -> tuple[float, Tensor]:
     """Return F and ξ, ξ_k of the linearised problem, the constant within reach.
 
@@ -133,7 +133,9 @@ def within_reach(
     return problem.constant - gain, torch.tensor([xi, r * xi], dtype=torch.float64)
 
 
-def tune(objective: Objective, begin: Tunable, phi: Tensor) -> tuple[Candidate, Objective, Fitted]:
+def tune(
+    objective: LeastSquaresProblem, begin: Tunable, phi: Tensor
+) -> tuple[Candidate, LeastSquaresProblem, Fitted]:
     """Fit a law of one candidate, its constant and the start.
 
     Args:

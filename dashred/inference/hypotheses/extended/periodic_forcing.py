@@ -15,13 +15,13 @@ import torch
 from torch import Tensor
 
 from dashred.inference.fit.law import law_of
-from dashred.inference.fit.least_squares import Normal, Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
 from dashred.inference.fit.levenberg_marquardt import minimise
-from dashred.inference.fit.subset_search import Eliminated
+from dashred.inference.fit.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.forward.forced_model import DrivenShooting
-from dashred.inference.hypotheses.hypothesis_fit import Cause
-from dashred.physics.forcing_basis import Pulses
+from dashred.inference.forward.forced_model import ForcedModel
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
+from dashred.physics.forcing_basis import ForcingBasis
 from dashred.physics.library import build_library, resolve
 from dashred.physics.system import System
 
@@ -79,8 +79,8 @@ class Wave:
 
 
 def periodic_laws(
-    base: Cause, size: Tensor, candidates: int, bound: float = math.inf
-) -> list[Cause]:
+    base: HypothesisFit, size: Tensor, candidates: int, bound: float = math.inf
+) -> list[HypothesisFit]:
     """Return laws with a periodic forcing on top, as far as the evidence promises to be for one.
 
     Args:
@@ -90,19 +90,23 @@ def periodic_laws(
         bound: what promises a worse score is not fitted.
     """
     objective = base.objective
-    system, times = objective.shooting.simulator.system, objective.shooting.times
-    pulses = Pulses.over(system, times, 1, KNOTS)
-    driven = DrivenShooting.on(objective.shooting, pulses, size)
+    system, times = objective.forward_model.simulator.system, objective.forward_model.times
+    forcing_basis = ForcingBasis.over(system, times, 1, KNOTS)
+    driven = ForcedModel.on(objective.forward_model, forcing_basis, size)
     stds = size.repeat_interleave(KNOTS)
-    whole = replace(objective, shooting=driven, prior_std=torch.cat([objective.prior_std, stds]))
-    normal = whole.linearise(torch.cat([base.phi, torch.zeros(pulses.count, dtype=torch.float64)]))
+    whole = replace(
+        objective, forward_model=driven, prior_std=torch.cat([objective.prior_std, stds])
+    )
+    normal = whole.linearise(
+        torch.cat([base.phi, torch.zeros(forcing_basis.count, dtype=torch.float64)])
+    )
     grid = _frequencies(times)
     # Frequencies that are less than a turn apart are not told from each other.
     choices = candidates + len(system.fields) * len(grid) * APART
     penalty = 3 * math.log(objective.noise.effective_count) + 2 * math.log(choices)
     enough = min(bound - base.law.score, 0.0) - penalty
     excess = float(normal.residuals.square().sum()) - objective.noise.count
-    waves = _promising(normal, system, pulses, grid, size, min(enough, -SHARE * excess))
+    waves = _promising(normal, system, forcing_basis, grid, size, min(enough, -SHARE * excess))
     return [_fit(base, wave, size, penalty) for wave in waves]
 
 
@@ -113,11 +117,16 @@ def _frequencies(times: Tensor) -> Tensor:
 
 
 def _promising(
-    normal: Normal, system: System, pulses: Pulses, grid: Tensor, size: Tensor, enough: float
+    normal: Normal,
+    system: System,
+    forcing_basis: ForcingBasis,
+    grid: Tensor,
+    size: Tensor,
+    enough: float,
 ) -> list[Wave]:
     """Return the waves that change F by enough on the linearised problem, the best first."""
-    fields, knots = system.fields, pulses.knots
-    own = len(normal.phi) - pulses.count
+    fields, knots = system.fields, forcing_basis.knots
+    own = len(normal.phi) - forcing_basis.count
     angle = grid[:, None] * knots
     waves = torch.stack([angle.sin(), angle.cos()], dim=1)
     by_knot = normal.jacobian[:, own:].reshape(-1, len(fields), KNOTS)
@@ -143,17 +152,17 @@ def _promising(
     return found
 
 
-def _without(linear: Normal, own: int) -> Eliminated:
+def _without(linear: Normal, own: int) -> ProfiledProblem:
     """Take out the start and the base's own coefficients, these under their priors."""
     size = linear.precision[:own].sqrt()
     scaled = torch.cat([linear.jacobian[:, :own] / size, linear.jacobian[:, own:]], dim=1)
     unknowns = torch.cat([linear.phi[:own] * size, linear.phi[own:]])
-    return Eliminated.of(replace(linear, jacobian=scaled, phi=unknowns), own)
+    return ProfiledProblem.of(replace(linear, jacobian=scaled, phi=unknowns), own)
 
 
-def _fit(base: Cause, wave: Wave, size: Tensor, penalty: float) -> Cause:
+def _fit(base: HypothesisFit, wave: Wave, size: Tensor, penalty: float) -> HypothesisFit:
     """Fit a wave, its frequency, the law beneath and the start."""
-    times = base.objective.shooting.times
+    times = base.objective.forward_model.times
     first, last = float(times.min()), float(times.max())
     middle, half = (first + last) / 2, (last - first) / 2
     own, phi = len(base.phi), base.phi
@@ -176,17 +185,17 @@ def _fit(base: Cause, wave: Wave, size: Tensor, penalty: float) -> Cause:
     [before], _ = base.objective.values(base.phi[None])
     score = base.law.score - float(before) + fitted.cost + penalty
     law = law_of(mine, fitted, (*base.law.candidates, *terms), score)
-    return Cause(law, mine, fitted.phi)
+    return HypothesisFit(law, mine, fitted.phi)
 
 
-def _terms(base: Cause, wave: Wave, size: Tensor) -> list[Candidate]:
-    system = base.objective.shooting.simulator.system
+def _terms(base: HypothesisFit, wave: Wave, size: Tensor) -> list[Candidate]:
+    system = base.objective.forward_model.simulator.system
     scale = math.sqrt(2) * float(size[system.fields.index(wave.equation)])
     return list(_candidates(system, wave.equation, wave.texts, scale))
 
 
-def _slope(base: Cause, wave: Wave, middle: float, half: float) -> Candidate:
-    system = base.objective.shooting.simulator.system
+def _slope(base: HypothesisFit, wave: Wave, middle: float, half: float) -> Candidate:
+    system = base.objective.forward_model.simulator.system
     [slope] = _candidates(system, wave.equation, [wave.slope(middle)], 1 / half)
     return slope
 
@@ -199,7 +208,7 @@ def _candidates(
         yield Candidate(str(term), equation, (ready,), scale, beyond=True)
 
 
-def _with(base: Cause, further: Sequence[Candidate]) -> Objective:
+def _with(base: HypothesisFit, further: Sequence[Candidate]) -> LeastSquaresProblem:
     """Return F of the base's law and further candidates, their prior their natural scale."""
     objective = base.objective
     carried = base.law.candidates

@@ -6,12 +6,12 @@ import torch
 from torch import Tensor
 
 from dashred.inference.fit.law import SensorFault
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.forward.faulty_sensor_model import columns_of
-from dashred.inference.hypotheses.sensors.faults import Fault, TestedFault
+from dashred.inference.hypotheses.sensors.faults import Fault, FittedFault
 
 
-def fitted_fault_in_units(objective: Objective, tested: TestedFault) -> SensorFault:
+def fitted_fault_in_units(objective: LeastSquaresProblem, tested: FittedFault) -> SensorFault:
     """Return what was found to be wrong with the sensor of a fitted fault, in the user's units.
 
     Args:
@@ -24,7 +24,9 @@ def fitted_fault_in_units(objective: Objective, tested: TestedFault) -> SensorFa
     return fault_in_units(objective, tested.fault, tested.fitted.phi[first:], stds[first:])
 
 
-def fault_in_units(objective: Objective, fault: Fault, own: Tensor, stds: Tensor) -> SensorFault:
+def fault_in_units(
+    objective: LeastSquaresProblem, fault: Fault, own: Tensor, stds: Tensor
+) -> SensorFault:
     """Return what is wrong with a sensor, in the user's units.
 
     Args:
@@ -33,8 +35,8 @@ def fault_in_units(objective: Objective, fault: Fault, own: Tensor, stds: Tensor
         own: the numbers that describe it, ``(number,)``.
         stds: their standard deviations.
     """
-    times = objective.shooting.times
-    sensors = objective.shooting.operator.sensors
+    times = objective.forward_model.times
+    sensors = objective.forward_model.operator.sensors
     name = sensors[fault.sensor].name
     if not len(own):
         columns = columns_of(sensors, fault.sensor)

@@ -14,10 +14,14 @@ from itertools import product
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import Normal, Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 from dashred.inference.fit.normal_equations import solve
-from dashred.inference.forward.faulty_sensor_model import MovedShooting, OffsetShooting, columns_of
+from dashred.inference.forward.faulty_sensor_model import (
+    MovedSensorModel,
+    SensorOffsetModel,
+    columns_of,
+)
 from dashred.physics.grids.grid import Axis
 
 # How far off a sensor may be, as a share of the axis, over what its readings are differentiated,
@@ -52,7 +56,7 @@ class Fault:
 
 
 @dataclass(frozen=True)
-class TestedFault:
+class FittedFault:
     """A fault that was fitted together with the start and the law.
 
     Attributes:
@@ -63,7 +67,7 @@ class TestedFault:
     """
 
     fault: Fault
-    objective: Objective
+    objective: LeastSquaresProblem
     fitted: Fitted
     score: float
 
@@ -83,7 +87,9 @@ class Predicted:
     stds: Tensor
 
 
-def predicted(objective: Objective, normal: Normal, fault: Fault, states: Tensor) -> Predicted:
+def predicted(
+    objective: LeastSquaresProblem, normal: Normal, fault: Fault, states: Tensor
+) -> Predicted:
     """Return what a fault would be, were the readings linear in the start and the law.
 
     Args:
@@ -116,7 +122,7 @@ def predicted(objective: Objective, normal: Normal, fault: Fault, states: Tensor
 
 
 def predicted_faults(
-    objective: Objective, phi: Tensor, normal: Normal, faults: Iterable[Fault]
+    objective: LeastSquaresProblem, phi: Tensor, normal: Normal, faults: Iterable[Fault]
 ) -> list[tuple[Predicted, Fault]]:
     """Return what each fault would be.
 
@@ -126,32 +132,36 @@ def predicted_faults(
         normal: linearised there.
         faults: those that are suspected.
     """
-    [states] = objective.shooting.states(*objective.split(phi[None]))
+    [states] = objective.forward_model.states(*objective.split(phi[None]))
     return [(predicted(objective, normal, fault, states), fault) for fault in faults]
 
 
-def _about(objective: Objective, states: Tensor, fault: Fault) -> tuple[Tensor, Tensor, Tensor]:
+def _about(
+    objective: LeastSquaresProblem, states: Tensor, fault: Fault
+) -> tuple[Tensor, Tensor, Tensor]:
     """Return a fault's own unknowns near which it is linear, and what it does to the readings.
 
     Returns:
         The unknowns, ``(number,)``; what one unit of each adds to the whitened readings about them,
         ``(time·sensor, number)``; and what they add themselves, ``(time·sensor,)``.
     """
-    shooting, noise = objective.shooting, objective.noise
-    if isinstance(shooting, OffsetShooting):
-        columns = noise.whiten(shooting.columns(states).movedim(-1, 0)).flatten(1).T
+    forward_model, noise = objective.forward_model, objective.noise
+    if isinstance(forward_model, SensorOffsetModel):
+        columns = noise.whiten(forward_model.columns(states).movedim(-1, 0)).flatten(1).T
         return torch.zeros(columns.shape[1], dtype=torch.float64), columns, 0 * columns[:, 0]
-    assert isinstance(shooting, MovedShooting)
-    own = columns_of(shooting.operator.sensors, fault.sensor)
-    begin = _sought(shooting, objective.recorded[:, own], noise.std[fault.sensor], states)
-    columns = noise.whiten(shooting.columns(states, begin).movedim(-1, 0)).flatten(1).T
+    assert isinstance(forward_model, MovedSensorModel)
+    own = columns_of(forward_model.operator.sensors, fault.sensor)
+    begin = _sought(forward_model, objective.recorded[:, own], noise.std[fault.sensor], states)
+    columns = noise.whiten(forward_model.columns(states, begin).movedim(-1, 0)).flatten(1).T
     moved = torch.zeros_like(objective.recorded)
-    stated = shooting.operator(states)[:, own]
-    moved[:, own] = shooting.at(states, begin[None]).reshape(stated.shape) - stated
+    stated = forward_model.operator(states)[:, own]
+    moved[:, own] = forward_model.at(states, begin[None]).reshape(stated.shape) - stated
     return begin, columns, noise.whiten(moved).flatten()
 
 
-def _sought(shooting: MovedShooting, trace: Tensor, sigma: Tensor, states: Tensor) -> Tensor:
+def _sought(
+    forward_model: MovedSensorModel, trace: Tensor, sigma: Tensor, states: Tensor
+) -> Tensor:
     """Return how far from its stated place a sensor would read about what it has read, ``(axis,)``.
 
     Args:
@@ -160,21 +170,23 @@ def _sought(shooting: MovedShooting, trace: Tensor, sigma: Tensor, states: Tenso
         sigma: its noise.
         states: ``(time, field, *grid)``.
     """
-    axes = shooting.simulator.system.axes
+    axes = forward_model.simulator.system.axes
     shares = sorted({sign * share for share in SOUGHT for sign in (-1.0, 1.0)}, key=abs)
     places = torch.tensor(list(product(shares, repeat=len(axes))), dtype=torch.float64)
     lengths = torch.tensor([axis.length for axis in axes], dtype=torch.float64)
-    found = shooting.at(states, places * lengths).reshape(*trace.shape, len(places))
+    found = forward_model.at(states, places * lengths).reshape(*trace.shape, len(places))
     left = ((found - trace[..., None]) / sigma).flatten(0, 1)
     misfits = left.nan_to_num().square().sum(dim=0) + (places / MISPLACED).square().sum(dim=1)
     return places[int(misfits.argmin())] * lengths
 
 
-def _penalty(objective: Objective, fault: Fault) -> float:
+def _penalty(objective: LeastSquaresProblem, fault: Fault) -> float:
     return fault.penalty(objective.noise.effective_count, objective.recorded.shape[1])
 
 
-def fit_fault(objective: Objective, fault: Fault, phi: Tensor, own: Tensor) -> TestedFault:
+def fit_fault(
+    objective: LeastSquaresProblem, fault: Fault, phi: Tensor, own: Tensor
+) -> FittedFault:
     """Fit start, law and fault together.
 
     Args:
@@ -186,10 +198,10 @@ def fit_fault(objective: Objective, fault: Fault, phi: Tensor, own: Tensor) -> T
     mine, _ = _posed(objective, fault)
     fitted = minimise(mine, torch.cat([phi, own]), STEPS, TOLERANCE)
     score = fitted.cost + fault.constant + _penalty(objective, fault)
-    return TestedFault(fault, mine, fitted, score)
+    return FittedFault(fault, mine, fitted, score)
 
 
-def _posed(objective: Objective, fault: Fault) -> tuple[Objective, int]:
+def _posed(objective: LeastSquaresProblem, fault: Fault) -> tuple[LeastSquaresProblem, int]:
     """Return F with a fault, and how many unknowns this has of its own."""
     seen = objective.noise.seen.clone()
     seen[:, fault.sensor] &= ~fault.samples
@@ -198,27 +210,36 @@ def _posed(objective: Objective, fault: Fault) -> tuple[Objective, int]:
     return found or without, len(found.prior_std) - len(objective.prior_std) if found else 0
 
 
-def _parametrised(objective: Objective, fault: Fault) -> Objective | None:
+def _parametrised(objective: LeastSquaresProblem, fault: Fault) -> LeastSquaresProblem | None:
     """Return F with the fault's own unknowns; None for one that only takes samples away."""
-    shooting = objective.shooting
-    same = shooting.simulator, shooting.start, shooting.candidates, shooting.operator
+    forward_model = objective.forward_model
+    same = (
+        forward_model.simulator,
+        forward_model.start,
+        forward_model.candidates,
+        forward_model.operator,
+    )
     if fault.kind == "misplaced":
-        axes: tuple[Axis, ...] = shooting.simulator.system.axes
+        axes: tuple[Axis, ...] = forward_model.simulator.system.axes
         reach = tuple(REACH * axis.length for axis in axes)
-        moved = MovedShooting(*same, shooting.times, fault.sensor, reach)
+        moved = MovedSensorModel(*same, forward_model.times, fault.sensor, reach)
         stds = torch.tensor([MISPLACED * axis.length for axis in axes], dtype=torch.float64)
-        return replace(objective, shooting=moved, prior_std=torch.cat([objective.prior_std, stds]))
+        return replace(
+            objective, forward_model=moved, prior_std=torch.cat([objective.prior_std, stds])
+        )
     if fault.kind not in ("bias", "drift"):
         return None
-    times = shooting.times
+    times = forward_model.times
     pattern = torch.zeros((1, *objective.recorded.shape), dtype=torch.float64)
     # A drift begins anew with every episode.
     passed = (times - times[0]).reshape(len(times), -1)
-    own = columns_of(shooting.operator.sensors, fault.sensor)
+    own = columns_of(forward_model.operator.sensors, fault.sensor)
     pattern[0, :, own] = passed / passed.max() if fault.kind == "drift" else 1.0
-    offset = OffsetShooting(*same, times, pattern)
+    offset = SensorOffsetModel(*same, times, pattern)
     # Of a trace in which nothing changes, the noise is all that tells how large an offset may be.
     traces = objective.recorded[:, own]
     size = traces[~traces.isnan()].std()
     stds = torch.where(size > 0, size, objective.noise.std[fault.sensor])[None]
-    return replace(objective, shooting=offset, prior_std=torch.cat([objective.prior_std, stds]))
+    return replace(
+        objective, forward_model=offset, prior_std=torch.cat([objective.prior_std, stds])
+    )

@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from dashred.inference.fit.law import law_of
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.faulty_sensor_model import columns_of
 from dashred.inference.hypotheses.free_forcing import FreeForcing
-from dashred.inference.hypotheses.hypothesis_fit import Cause, refitted
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, refitted
 from dashred.inference.hypotheses.sensors.fault_in_units import fault_in_units
 from dashred.inference.hypotheses.sensors.faults import Fault, predicted_faults
 from dashred.inference.hypotheses.sensors.suspects import suspects
@@ -32,7 +32,7 @@ STEPS, TOLERANCE = 6, 1e-3
 def fault_beneath(forced: FreeForcing) -> Fault | None:
     """Return the fault of a sensor that even a free forcing needs; None if it needs none."""
     objective, phi = forced.objective, forced.phi
-    sensors = objective.shooting.operator.sensors
+    sensors = objective.forward_model.operator.sensors
     seen = objective.noise.seen.any(dim=0).tolist()
     if len({s.name for s, any_ in zip(sensors, seen, strict=True) if any_}) < FEWEST:
         return None
@@ -46,7 +46,7 @@ def fault_beneath(forced: FreeForcing) -> Fault | None:
 def forced_without(forced: FreeForcing, sensor: int) -> FreeForcing:
     """Return a free forcing of the same size that one of the sensors has no part in."""
     seen = forced.objective.noise.seen.clone()
-    seen[:, columns_of(forced.objective.shooting.operator.sensors, sensor)] = False
+    seen[:, columns_of(forced.objective.forward_model.operator.sensors, sensor)] = False
     noise = replace(forced.objective.noise, seen=seen)
     mine = replace(forced.objective, noise=noise)
     fitted = minimise(mine, forced.phi, STEPS, TOLERANCE)
@@ -54,7 +54,7 @@ def forced_without(forced: FreeForcing, sensor: int) -> FreeForcing:
     return replace(forced, objective=mine, phi=fitted.phi, cost=fitted.cost, normal=normal)
 
 
-def nothing_without(null: Cause, forced: FreeForcing, noise: NoiseModel) -> Cause:
+def nothing_without(null: HypothesisFit, forced: FreeForcing, noise: NoiseModel) -> HypothesisFit:
     """Return the simulator as it is, fitted without the sensor that a free forcing has left out.
 
     Args:
@@ -64,11 +64,11 @@ def nothing_without(null: Cause, forced: FreeForcing, noise: NoiseModel) -> Caus
     """
     mine = replace(null.objective, noise=noise)
     fitted = minimise(mine, forced.phi[: mine.modes], STEPS, TOLERANCE)
-    return Cause(law_of(mine, fitted, (), fitted.cost), mine, fitted.phi)
+    return HypothesisFit(law_of(mine, fitted, (), fitted.cost), mine, fitted.phi)
 
 
 @dataclass(frozen=True)
-class Beside(Cause):
+class Beside(HypothesisFit):
     """An explanation that was fitted without a sensor, beside what is wrong with that.
 
     Attributes:
@@ -78,16 +78,16 @@ class Beside(Cause):
             linear: a fit to all samples may get stuck, and its F is no match for a linear one.
     """
 
-    bare: Cause
+    bare: HypothesisFit
     sensor: int
     gain: float
 
 
-def beside_the_fault(bare: Cause, sensor: int) -> Beside:
+def beside_the_fault(bare: HypothesisFit, sensor: int) -> Beside:
     """Return an explanation that was fitted without a sensor, beside what is wrong with that."""
     whole, phi = _whole(bare.objective), bare.phi
     normal = whole.linearise(phi)
-    own = columns_of(whole.shooting.operator.sensors, sensor)
+    own = columns_of(whole.forward_model.operator.sensors, sensor)
     mine = [fault for fault in suspects(whole, normal) if fault.sensor in own]
     found = predicted_faults(whole, phi, normal, mine)
     best, fault = min(found, key=lambda pair: pair[0].score)
@@ -97,7 +97,7 @@ def beside_the_fault(bare: Cause, sensor: int) -> Beside:
     return Beside(law, bare.objective, phi, bare, sensor, normal.least() - best.score)
 
 
-def faulty_or_not(laws: Sequence[Cause], sensor: int) -> list[Cause]:
+def faulty_or_not(laws: Sequence[HypothesisFit], sensor: int) -> list[HypothesisFit]:
     """Return laws that were fitted without a sensor as the best of them has it.
 
     Beside the sensor's fault, if that explains what it reads; else fitted to it, too.
@@ -112,11 +112,11 @@ def faulty_or_not(laws: Sequence[Cause], sensor: int) -> list[Cause]:
     return [*found, without]
 
 
-def _with_all_sensors(bare: Cause) -> Cause:
+def _with_all_sensors(bare: HypothesisFit) -> HypothesisFit:
     """Return an explanation that was fitted without a sensor, fitted to that too."""
     return refitted(bare, _whole(bare.objective))
 
 
-def _whole(objective: Objective) -> Objective:
+def _whole(objective: LeastSquaresProblem) -> LeastSquaresProblem:
     """Return F of all samples that there are."""
     return replace(objective, noise=replace(objective.noise, seen=~objective.recorded.isnan()))

@@ -9,12 +9,12 @@ import torch
 from torch import Tensor
 
 from dashred.inference.fit.law import Law, law_of
-from dashred.inference.fit.least_squares import Normal, Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
 from dashred.inference.fit.levenberg_marquardt import Fitted, growing, minimise
 from dashred.inference.hypotheses.free_forcing import evidence
-from dashred.inference.hypotheses.hypothesis_fit import Cause
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.sensors.fault_in_units import fitted_fault_in_units
-from dashred.inference.hypotheses.sensors.faults import TestedFault, fit_fault, predicted_faults
+from dashred.inference.hypotheses.sensors.faults import FittedFault, fit_fault, predicted_faults
 from dashred.inference.hypotheses.sensors.suspects import suspects
 from dashred.inference.initial_state.start_models import ScaledStart
 
@@ -30,7 +30,7 @@ ROUGH = 0.02
 FAR, FIRST = 1.5, 6
 
 
-def faults(cause: Cause, bound: float) -> list[Cause]:
+def sensor_hypotheses(cause: HypothesisFit, bound: float) -> list[HypothesisFit]:
     """Return what a fault of one sensor explains, beside a law or without one.
 
     Args:
@@ -47,14 +47,14 @@ def faults(cause: Cause, bound: float) -> list[Cause]:
     tests.sort(key=lambda tested: tested.score)
     found = []
     for tested in [*(_fitted_on(t, cause.law) for t in tests[:FURTHER]), *tests[FURTHER:]]:
-        candidates = objective.shooting.candidates
+        candidates = objective.forward_model.candidates
         law = law_of(tested.objective, tested.fitted, candidates, tested.score + freedom)
         law = replace(law, fault=fitted_fault_in_units(objective, tested))
-        found.append(Cause(law, tested.objective, tested.fitted.phi))
+        found.append(HypothesisFit(law, tested.objective, tested.fitted.phi))
     return found
 
 
-def _fitted_on(tested: TestedFault, without: Law) -> TestedFault:
+def _fitted_on(tested: FittedFault, without: Law) -> FittedFault:
     """Return a fault that explains most, and leaves more than noise, fitted on.
 
     The sensor may have led what was fitted to it far from where it belongs.
@@ -66,7 +66,7 @@ def _fitted_on(tested: TestedFault, without: Law) -> TestedFault:
     return replace(tested, fitted=fitted, score=tested.score + fitted.cost - before.cost)
 
 
-def wider_starts(null: Cause, bound: float = math.inf) -> list[Cause]:
+def start_hypotheses(null: HypothesisFit, bound: float = math.inf) -> list[HypothesisFit]:
     """Return what a start outside of its prior explains, by Laplace's evidence; or nothing.
 
     A wider prior lets F fall in any case: what it may move more is held against it, and that one
@@ -81,10 +81,11 @@ def wider_starts(null: Cause, bound: float = math.inf) -> list[Cause]:
     factor = _likeliest(normal, 1.0)
     if _widened(normal, factor) > _widened(normal, 1.0):
         return []
-    z, shooting = phi / factor, objective.shooting
+    z, forward_model = phi / factor, objective.forward_model
     for _ in range(ROUNDS):
         mine = replace(
-            objective, shooting=replace(shooting, start=ScaledStart(shooting.start, factor))
+            objective,
+            forward_model=replace(forward_model, start=ScaledStart(forward_model.start, factor)),
         )
         fitted = _anywhere(mine, z, bound)
         there = mine.linearise(fitted.phi, fitted.readings)
@@ -96,10 +97,10 @@ def wider_starts(null: Cause, bound: float = math.inf) -> list[Cause]:
     cost = _volume(_over_all(there, before), there) - _volume(_widened(plain, 1.0), plain)
     score = fitted.cost + cost + math.log(objective.noise.effective_count)
     law = replace(law_of(mine, fitted, (), score, known=there), widened=before)
-    return [Cause(law, mine, fitted.phi)]
+    return [HypothesisFit(law, mine, fitted.phi)]
 
 
-def _anywhere(objective: Objective, z: Tensor, bound: float) -> Fitted:
+def _anywhere(objective: LeastSquaresProblem, z: Tensor, bound: float) -> Fitted:
     """Fit from where it is, and where that leaves more than noise, from the first samples.
 
     What was fitted under a prior that keeps it away may have no way to where it belongs. Over more
@@ -116,7 +117,7 @@ def _anywhere(objective: Objective, z: Tensor, bound: float) -> Fitted:
     return min(fitted, _fitted(objective, begin), key=lambda found: found.cost)
 
 
-def _fitted(objective: Objective, z: Tensor) -> Fitted:
+def _fitted(objective: LeastSquaresProblem, z: Tensor) -> Fitted:
     """Fit roughly, and to the end if that leaves no more than noise."""
     fitted = minimise(objective, z, STEPS, ROUGH)
     if _far(objective, fitted):
@@ -124,7 +125,7 @@ def _fitted(objective: Objective, z: Tensor) -> Fitted:
     return minimise(objective, fitted.phi, STEPS, TOLERANCE)
 
 
-def _far(objective: Objective, fitted: Fitted) -> bool:
+def _far(objective: LeastSquaresProblem, fitted: Fitted) -> bool:
     """Tell whether a fit leaves more than noise."""
     return not fitted.chi2 < FAR * objective.noise.count
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import Normal, Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
 from dashred.inference.fit.normal_equations import solve
 from dashred.inference.forward.faulty_sensor_model import columns_of
 from dashred.inference.hypotheses.sensors.faults import Fault
@@ -22,7 +22,7 @@ STILL, LEAST_STUCK = 0.02, 6
 DEAD = 0.1
 
 
-def suspects(objective: Objective, normal: Normal) -> Iterator[Fault]:
+def suspects(objective: LeastSquaresProblem, normal: Normal) -> Iterator[Fault]:
     """Yield the faults that each sensor may have, by what the other sensors say of it.
 
     Args:
@@ -34,7 +34,7 @@ def suspects(objective: Objective, normal: Normal) -> Iterator[Fault]:
     none = torch.zeros(shape[0], dtype=torch.bool)
     for sensor in range(shape[1]):
         rest = _without(objective, normal, sensor)
-        if columns_of(objective.shooting.operator.sensors, sensor)[0] == sensor:
+        if columns_of(objective.forward_model.operator.sensors, sensor)[0] == sensor:
             yield from _in_all_episodes(objective, sensor, none)
         sigma = float(objective.noise.std[sensor])
         yield from _stuck(objective, sensor)
@@ -44,21 +44,21 @@ def suspects(objective: Objective, normal: Normal) -> Iterator[Fault]:
             yield Fault("spikes", sensor, spikes, parameters=1.5 * groups)
 
 
-def _in_all_episodes(objective: Objective, sensor: int, none: Tensor) -> Iterator[Fault]:
+def _in_all_episodes(objective: LeastSquaresProblem, sensor: int, none: Tensor) -> Iterator[Fault]:
     """Yield the faults that a sensor has in every episode."""
     yield Fault("bias", sensor, none)
     yield Fault("drift", sensor, none)
-    axes = objective.shooting.simulator.system.axes
+    axes = objective.forward_model.simulator.system.axes
     if axes:
         yield Fault("misplaced", sensor, none, parameters=float(len(axes)))
 
 
-def _without(objective: Objective, normal: Normal, sensor: int) -> Tensor:
+def _without(objective: LeastSquaresProblem, normal: Normal, sensor: int) -> Tensor:
     """Return what one sensor reads beyond what the others let expect, in its unit, ``(time,)``."""
     shape = objective.recorded.shape
     jacobian = normal.jacobian.reshape(*shape, -1)
     target = normal.target.reshape(shape)
-    own = columns_of(objective.shooting.operator.sensors, sensor)
+    own = columns_of(objective.forward_model.operator.sensors, sensor)
     others = [s for s in range(shape[1]) if s not in own]
     rows, goal = jacobian[:, others].flatten(0, 1), target[:, others].flatten()
     matrix = rows.T @ rows + torch.diag(normal.precision)
@@ -75,7 +75,7 @@ def _alone(rest: Tensor, sigma: float) -> Tensor:
     return (rest - (before + after) / 2).abs() > SPIKE * sigma
 
 
-def _stuck(objective: Objective, sensor: int) -> Iterator[Fault]:
+def _stuck(objective: LeastSquaresProblem, sensor: int) -> Iterator[Fault]:
     """Yield the time from which on a sensor repeats itself, if it does."""
     trace = objective.recorded[:, sensor]
     known = torch.nonzero(~trace.isnan()).flatten()

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import Objective
-from dashred.inference.fit.subset_search import Eliminated
+from dashred.inference.fit.least_squares import LeastSquaresProblem
+from dashred.inference.fit.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.forward.forced_model import DrivenShooting
+from dashred.inference.forward.forced_model import ForcedModel
 from dashred.inference.forward.windowed_model import as_terms, localised
 from dashred.inference.hypotheses.free_forcing import FreeForcing
 from dashred.inference.hypotheses.windows.window_columns import pieces_of, windows_of
@@ -39,7 +39,7 @@ class Screened:
 
 
 def screen(
-    objective: Objective,
+    objective: LeastSquaresProblem,
     everywhere: int,
     inside: Sequence[int],
     forced: FreeForcing,
@@ -54,15 +54,15 @@ def screen(
         forced: a forcing that explains the recording.
         states: of its trajectory, ``(time, field, *grid)``: thresholds of gates lie among them.
     """
-    system = objective.shooting.simulator.system
-    candidates = objective.shooting.candidates
-    pieces = list(pieces_of(system, candidates, inside, objective.shooting.times, states))
+    system = objective.forward_model.simulator.system
+    candidates = objective.forward_model.candidates
+    pieces = list(pieces_of(system, candidates, inside, objective.forward_model.times, states))
     columns = [
         *candidates,
         *(localised([candidates[p.candidate]], p.window)[0] for p in pieces),
     ]
     stds = torch.cat([objective.prior_std, *[objective.prior_std[[p.candidate]] for p in pieces]])
-    problem = eliminated(objective, forced, columns, stds)
+    problem = profile_out(objective, forced, columns, stds)
     found = [_screened(problem, Hypothesis((j,)), {j: 1.0}) for j in range(everywhere)]
     pairs = [(i, j) for j in range(everywhere) for i in range(j)]
     costs = problem.costs(pairs).tolist() if pairs else []
@@ -74,9 +74,9 @@ def screen(
     return found
 
 
-def eliminated(
-    objective: Objective, forced: FreeForcing, columns: Sequence[Candidate], stds: Tensor
-) -> Eliminated:
+def profile_out(
+    objective: LeastSquaresProblem, forced: FreeForcing, columns: Sequence[Candidate], stds: Tensor
+) -> ProfiledProblem:
     """Linearise about the forced trajectory, and take out the forcing and the law under it.
 
     Args:
@@ -85,18 +85,18 @@ def eliminated(
         columns: candidates, in a window or not.
         stds: prior std of each one's coefficient.
     """
-    driven = forced.objective.shooting
-    assert isinstance(driven, DrivenShooting)
+    driven = forced.objective.forward_model
+    assert isinstance(driven, ForcedModel)
     z, xi = forced.objective.split(forced.phi)
-    carrier = as_terms(driven.law, xi[: -driven.pulses.count])
+    carrier = as_terms(driven.law, xi[: -driven.forcing_basis.count])
     # A term in a window goes by the name of the plain one: only tangents tell them apart.
     [readings] = driven.readings(z[None], xi[None])
-    law = replace(objective.shooting, candidates=(*columns, *carrier))
-    shooting = DrivenShooting.on(law, driven.pulses, driven.size)
+    law = replace(objective.forward_model, candidates=(*columns, *carrier))
+    forward_model = ForcedModel.on(law, driven.forcing_basis, driven.size)
     # The edges of the carrier's window stay where they are.
-    borne = [*range(len(carrier)), *range(len(xi) - driven.pulses.count, len(xi))]
+    borne = [*range(len(carrier)), *range(len(xi) - driven.forcing_basis.count, len(xi))]
     priors = torch.cat([stds, forced.objective.prior_std[borne]])
-    whole = replace(objective, shooting=shooting, prior_std=priors)
+    whole = replace(objective, forward_model=forward_model, prior_std=priors)
     zero = torch.zeros(len(columns), dtype=torch.float64)
     normal = whole.linearise(torch.cat([z, zero, xi[borne]]), readings)
     target = normal.target
@@ -109,10 +109,12 @@ def eliminated(
         phi=torch.zeros(kept, dtype=torch.float64),
         residuals=-target,
     )
-    return Eliminated.of(without, objective.modes)
+    return ProfiledProblem.of(without, objective.modes)
 
 
-def _screened(problem: Eliminated, hypothesis: Hypothesis, weights: dict[int, float]) -> Screened:
+def _screened(
+    problem: ProfiledProblem, hypothesis: Hypothesis, weights: dict[int, float]
+) -> Screened:
     """Return the best coefficient of one sum of columns."""
     index = list(weights)
     w = torch.tensor([weights[j] for j in index], dtype=torch.float64)

@@ -14,8 +14,8 @@ from torch import Tensor
 
 from dashred.inference.fit.law import Z95, Law
 from dashred.inference.fit.levenberg_marquardt import chord_refits
-from dashred.inference.forward.windowed_model import LocalShooting
-from dashred.inference.hypotheses.hypothesis_fit import Cause
+from dashred.inference.forward.windowed_model import WindowedModel
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 
 # Thresholds that are tried on either side: from a share of the std that the curvature gives, to the
 # farthest state that is visited.
@@ -25,28 +25,28 @@ STEPS, SETTLED, HOPELESS = 6, 0.1, 200.0
 RISE = Z95**2
 
 
-def with_profile(cause: Cause) -> Law:
+def with_profile(cause: HypothesisFit) -> Law:
     """Return the law of a fit, a gate's threshold with the interval that its profile gives."""
-    window, shooting = cause.law.window, cause.objective.shooting
+    window, forward_model = cause.law.window, cause.objective.forward_model
     if window is None or not window.shape.kind.startswith("gate"):
         return cause.law
-    if not isinstance(shooting, LocalShooting):
+    if not isinstance(forward_model, WindowedModel):
         return cause.law
-    low, high = _interval(cause, shooting)
+    low, high = _interval(cause, forward_model)
     threshold = window.values[0]
     std = max(high - threshold, threshold - low) / Z95
     edges = (max(std, cause.law.edges[0]), *cause.law.edges[1:])
     return replace(cause.law, edges=edges, threshold=(low, high))
 
 
-def _interval(cause: Cause, shooting: LocalShooting) -> tuple[float, float]:
+def _interval(cause: HypothesisFit, forward_model: WindowedModel) -> tuple[float, float]:
     """Return between which thresholds F, at its lowest in all else, rises by less than ``RISE``."""
     objective, phi = cause.objective, cause.phi
-    place = len(phi) - len(shooting.guess)
+    place = len(phi) - len(forward_model.guess)
     at = float(phi[place])
-    states = shooting.visited(*objective.split(phi))
-    field = objective.shooting.simulator.system.fields.index(shooting.shape.of)
-    values = states[:, field] - float(shooting.guess[0])
+    states = forward_model.visited(*objective.split(phi))
+    field = objective.forward_model.simulator.system.fields.index(forward_model.shape.of)
+    values = states[:, field] - float(forward_model.guess[0])
     nearest = NEAREST * cause.law.edges[0]
     sides = [
         at + sign * _steps(nearest, sign * (float(end) - at))
@@ -60,7 +60,7 @@ def _interval(cause: Cause, shooting: LocalShooting) -> tuple[float, float]:
     found = chord_refits(objective, cause.normal, begin, free, STEPS, SETTLED, HOPELESS)
     [cost], _ = objective.values(phi[None])
     rises = (found.cost - cost).split(TRIED)
-    threshold = float(shooting.guess[0])
+    threshold = float(forward_model.guess[0])
     ends = [_crossing(at, side, rise) for side, rise in zip(sides, rises, strict=True)]
     return threshold + min(ends), threshold + max(ends)
 

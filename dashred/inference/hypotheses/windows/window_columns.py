@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.subset_search import Eliminated
+from dashred.inference.fit.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.windows.windowed_hypothesis import LOG_WIDTH, Guess
 from dashred.physics.expressions.semilinear import NotSeparableError, Separator
@@ -103,7 +103,7 @@ def _states(system: System, states: Tensor) -> list[Window]:
 
 
 def windows_of(
-    problem: Eliminated, system: System, pieces: Sequence[Piece], first: int
+    problem: ProfiledProblem, system: System, pieces: Sequence[Piece], first: int
 ) -> Iterator[tuple[int, Guess, dict[int, float]]]:
     """Yield candidate, guess and columns of every window that pieces make."""
     by_candidate: dict[int, dict[Shape, list[int]]] = {}
@@ -135,7 +135,7 @@ def _runs(
 
 
 def _edges(
-    problem: Eliminated,
+    problem: ProfiledProblem,
     shape: Shape,
     columns: Sequence[int],
     values: dict[int, tuple[float, ...]],
@@ -162,7 +162,9 @@ def _edges(
                 yield Guess(side, place, spread), _blend(one, other, share)
 
 
-def _share(problem: Eliminated, one: dict[int, float], other: dict[int, float]) -> float | None:
+def _share(
+    problem: ProfiledProblem, one: dict[int, float], other: dict[int, float]
+) -> float | None:
     """Return the second's share of the best blend of two columns; None where one alone is best."""
     index = sorted({*one, *other})
     weights = torch.tensor([[w.get(j, 0.0) for w in (one, other)] for j in index]).double()

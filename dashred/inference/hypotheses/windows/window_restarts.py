@@ -14,10 +14,10 @@ from itertools import islice
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
-from dashred.inference.forward.windowed_model import LocalShooting
-from dashred.inference.hypotheses.hypothesis_fit import Cause, ended
+from dashred.inference.forward.windowed_model import WindowedModel
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, ended
 
 # Windows whose score is no farther than this from the best may yet be the best; of so many.
 NEAR, MOST = 20.0, 4
@@ -43,7 +43,7 @@ class Elsewhere:
     factor: float
 
 
-def from_other_windows(found: Sequence[Cause]) -> list[Cause]:
+def restart_windows(found: Sequence[HypothesisFit]) -> list[HypothesisFit]:
     """Return what boxes and gates that are nearly the best become from elsewhere, if better.
 
     Args:
@@ -55,7 +55,7 @@ def from_other_windows(found: Sequence[Cause]) -> list[Cause]:
     return [better for better in tried if better is not None]
 
 
-def _better(cause: Cause, begun: Sequence[Elsewhere]) -> Cause | None:
+def _better(cause: HypothesisFit, begun: Sequence[Elsewhere]) -> HypothesisFit | None:
     """Return a window at a lower minimum; None where none is found."""
     [cost], _ = cause.objective.values(cause.phi[None])
     tried = [_fit(cause, begin) for begin in begun]
@@ -66,46 +66,46 @@ def _better(cause: Cause, begun: Sequence[Elsewhere]) -> Cause | None:
     return ended(cause, objective, last) if last.cost < float(cost) else None
 
 
-def _beginnings(cause: Cause) -> list[Elsewhere]:
+def _beginnings(cause: HypothesisFit) -> list[Elsewhere]:
     """Return where else the window of a law may be; nowhere, if it has none of these kinds."""
-    shooting = cause.objective.shooting
-    if not isinstance(shooting, LocalShooting):
+    forward_model = cause.objective.forward_model
+    if not isinstance(forward_model, WindowedModel):
         return []
-    edges = torch.tensor(shooting.window(cause.objective.split(cause.phi)[1]).values).double()
-    if shooting.shape.kind == "box":
-        return _boxes(shooting, edges)
-    return _gates(cause, edges) if shooting.shape.kind.startswith("gate") else []
+    edges = torch.tensor(forward_model.window(cause.objective.split(cause.phi)[1]).values).double()
+    if forward_model.shape.kind == "box":
+        return _boxes(forward_model, edges)
+    return _gates(cause, edges) if forward_model.shape.kind.startswith("gate") else []
 
 
-def _boxes(shooting: LocalShooting, edges: Tensor) -> list[Elsewhere]:
+def _boxes(forward_model: WindowedModel, edges: Tensor) -> list[Elsewhere]:
     """Return boxes of other widths about the same place."""
-    axes = {axis.name: axis for axis in shooting.simulator.system.axes}
-    most = LONGEST * axes[shooting.shape.of].length / 2
+    axes = {axis.name: axis for axis in forward_model.simulator.system.axes}
+    most = LONGEST * axes[forward_model.shape.of].length / 2
     place, half, rest = edges[:1], edges[1:2], edges[2:]
     wider = [width for width in WIDTHS if width * float(half) < most]
     return [Elsewhere(torch.cat([place, width * half, rest]), 1 / width) for width in wider]
 
 
-def _gates(cause: Cause, edges: Tensor) -> list[Elsewhere]:
+def _gates(cause: HypothesisFit, edges: Tensor) -> list[Elsewhere]:
     """Return gates at thresholds among the states of the law's own trajectory."""
-    objective, shooting = cause.objective, cause.objective.shooting
-    assert isinstance(shooting, LocalShooting)
-    states = shooting.visited(*objective.split(cause.phi))
-    field = shooting.simulator.system.fields.index(shooting.shape.of)
+    objective, forward_model = cause.objective, cause.objective.forward_model
+    assert isinstance(forward_model, WindowedModel)
+    states = forward_model.visited(*objective.split(cause.phi))
+    field = forward_model.simulator.system.fields.index(forward_model.shape.of)
     values = states[:, field].flatten()
     low, high = (float(values.quantile(share)) for share in (TAIL, 1 - TAIL))
     places = torch.linspace(low, high, TRIED + 2, dtype=torch.float64)[1:-1]
     apart = (places - edges[0]).abs() > CLOSE * (high - low)
     # How sharp the gate was guessed to be tells more than a fit that ended elsewhere.
-    return [Elsewhere(torch.cat([at[None], shooting.guess[1:]]), 1.0) for at in places[apart]]
+    return [Elsewhere(torch.cat([at[None], forward_model.guess[1:]]), 1.0) for at in places[apart]]
 
 
-def _fit(cause: Cause, begin: Elsewhere) -> tuple[Objective, Fitted]:
+def _fit(cause: HypothesisFit, begin: Elsewhere) -> tuple[LeastSquaresProblem, Fitted]:
     """Give a window a few steps from elsewhere."""
-    shooting = cause.objective.shooting
-    assert isinstance(shooting, LocalShooting)
-    objective = replace(cause.objective, shooting=replace(shooting, guess=begin.edges))
+    forward_model = cause.objective.forward_model
+    assert isinstance(forward_model, WindowedModel)
+    objective = replace(cause.objective, forward_model=replace(forward_model, guess=begin.edges))
     phi, edges = cause.phi.clone(), len(cause.phi) - len(begin.edges)
     phi[edges:] = 0.0
-    phi[edges - len(shooting.inside) : edges] *= begin.factor
+    phi[edges - len(forward_model.inside) : edges] *= begin.factor
     return objective, minimise(objective, phi, FIRST_STEPS, FIRST_TOLERANCE)

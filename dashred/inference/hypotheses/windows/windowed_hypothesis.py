@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.forward.windowed_model import LocalShooting, found_by
+from dashred.inference.forward.windowed_model import WindowedModel, found_by
 from dashred.physics.window import Shape
 
 # Prior std of a window's log width.
@@ -82,7 +82,7 @@ class Tested:
     """
 
     hypothesis: Hypothesis
-    objective: Objective
+    objective: LeastSquaresProblem
     fitted: Fitted
     score: float
 
@@ -92,7 +92,7 @@ class Tested:
         return found_by(self.objective, self.fitted.phi)
 
 
-def pose(objective: Objective, hypothesis: Hypothesis) -> Objective:
+def build_problem(objective: LeastSquaresProblem, hypothesis: Hypothesis) -> LeastSquaresProblem:
     """Return F of one hypothesis.
 
     Args:
@@ -103,24 +103,26 @@ def pose(objective: Objective, hypothesis: Hypothesis) -> Objective:
     guess = hypothesis.guess
     if guess is None:
         return plain
-    shooting = objective.shooting
-    local = LocalShooting(
-        shooting.simulator,
-        shooting.start,
-        plain.shooting.candidates,
-        shooting.operator,
-        shooting.times,
-        [shooting.candidates[j] for j in hypothesis.inside],
+    forward_model = objective.forward_model
+    local = WindowedModel(
+        forward_model.simulator,
+        forward_model.start,
+        plain.forward_model.candidates,
+        forward_model.operator,
+        forward_model.times,
+        [forward_model.candidates[j] for j in hypothesis.inside],
         guess.shape,
         torch.tensor(guess.values, dtype=torch.float64),
     )
     inside = objective.prior_std[list(hypothesis.inside)]
     edges = torch.tensor(guess.spread, dtype=torch.float64)
-    return replace(plain, shooting=local, prior_std=torch.cat([plain.prior_std, inside, edges]))
+    return replace(
+        plain, forward_model=local, prior_std=torch.cat([plain.prior_std, inside, edges])
+    )
 
 
 def test(
-    objective: Objective,
+    objective: LeastSquaresProblem,
     hypothesis: Hypothesis,
     phi: Tensor,
     steps: int,
@@ -128,7 +130,7 @@ def test(
     penalty: float,
 ) -> Tested:
     """Fit a hypothesis from some unknowns on."""
-    mine = pose(objective, hypothesis)
+    mine = build_problem(objective, hypothesis)
     fitted = minimise(mine, phi, steps, tolerance)
     return Tested(hypothesis, mine, fitted, fitted.cost + penalty)
 

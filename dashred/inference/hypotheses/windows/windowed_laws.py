@@ -14,18 +14,18 @@ from dataclasses import replace
 from torch import Tensor
 
 from dashred.inference.fit.law import law_of
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import grow, minimise_on
 from dashred.inference.hypotheses.free_forcing import FreeForcing
-from dashred.inference.hypotheses.hypothesis_fit import HOPELESS, Cause, by_score, settled
+from dashred.inference.hypotheses.hypothesis_fit import HOPELESS, HypothesisFit, by_score, settled
 from dashred.inference.hypotheses.result import AMBIGUOUS
 from dashred.inference.hypotheses.windows.screening import Screened, screen
-from dashred.inference.hypotheses.windows.window_restarts import from_other_windows
+from dashred.inference.hypotheses.windows.window_restarts import restart_windows
 from dashred.inference.hypotheses.windows.windowed_hypothesis import (
     Hypothesis,
     Tested,
+    build_problem,
     first_unknowns,
-    pose,
     test,
 )
 
@@ -39,14 +39,14 @@ LAST_STEPS, LAST_TOLERANCE = 10, 1e-4
 PROBES, AGAIN, BEGIN, GROWTH = 4, 6, 0.25, 1.15
 
 
-def local_laws(
-    objective: Objective,
+def windowed_laws(
+    objective: LeastSquaresProblem,
     everywhere: int,
     inside: Sequence[int],
     forced: FreeForcing,
     nothing: float,
     bound: float = math.inf,
-) -> list[Cause]:
+) -> list[HypothesisFit]:
     """Return laws that act somewhere only, and others that screening finds.
 
     Args:
@@ -57,8 +57,8 @@ def local_laws(
         nothing: score of the simulator as it is.
         bound: what screens worse is not fitted.
     """
-    shooting = forced.objective.shooting
-    states = shooting.visited(*forced.objective.split(forced.phi))
+    forward_model = forced.objective.forward_model
+    states = forward_model.visited(*forced.objective.split(forced.phi))
     screened = screen(objective, everywhere, inside, forced, states)
     near = [found for found in screened if _expected(objective, found) < bound]
     ranked = sorted(near, key=lambda found: _expected(objective, found))
@@ -70,7 +70,7 @@ def local_laws(
     done = [(tested.hypothesis, _finish(tested)) for tested in kept]
     parts = _parts(objective, *min(done, key=lambda pair: by_score(pair[1]))) if done else []
     finished = sorted([*(cause for _, cause in done), *parts], key=by_score)
-    finished = sorted([*finished, *from_other_windows(finished)], key=by_score)
+    finished = sorted([*finished, *restart_windows(finished)], key=by_score)
     return [*map(settled, finished[:1]), *finished[1:]]
 
 
@@ -83,7 +83,9 @@ def _finalists(tried: Sequence[Tested]) -> list[Tested]:
     return [tried[j] for j in sorted({*ranked[:FINALISTS], *range(min(PROBES, len(tried)))})]
 
 
-def _parts(objective: Objective, hypothesis: Hypothesis, pair: Cause) -> list[Cause]:
+def _parts(
+    objective: LeastSquaresProblem, hypothesis: Hypothesis, pair: HypothesisFit
+) -> list[HypothesisFit]:
     """Return each term of a pair alone, fitted from where the pair is.
 
     From the trajectory of a forcing one may not get there, and the other is spurious.
@@ -118,7 +120,7 @@ def _various(ranked: Iterable[Screened], alike: int, most: int) -> list[Screened
     return chosen
 
 
-def _tries(objective: Objective, chosen: Sequence[Screened], z: Tensor) -> list[Tested]:
+def _tries(objective: LeastSquaresProblem, chosen: Sequence[Screened], z: Tensor) -> list[Tested]:
     """Give what screens well a few steps.
 
     Over a long record an edge that is a little off may carry the trajectory away from the
@@ -140,30 +142,32 @@ def _tries(objective: Objective, chosen: Sequence[Screened], z: Tensor) -> list[
     return tried + [_try(objective, found, z, samples) for found in again]
 
 
-def _expected(objective: Objective, found: Screened) -> float:
+def _expected(objective: LeastSquaresProblem, found: Screened) -> float:
     """Return the score that the linearised problem promises."""
     return found.cost + _penalty(objective, found.hypothesis)
 
 
-def _penalty(objective: Objective, hypothesis: Hypothesis) -> float:
-    windows = len(objective.shooting.simulator.shapes)
+def _penalty(objective: LeastSquaresProblem, hypothesis: Hypothesis) -> float:
+    windows = len(objective.forward_model.simulator.shapes)
     count = len(objective.prior_std)
     return hypothesis.penalty(objective.noise.effective_count, count, windows)
 
 
-def _try(objective: Objective, found: Screened, z: Tensor, samples: int | None = None) -> Tested:
+def _try(
+    objective: LeastSquaresProblem, found: Screened, z: Tensor, samples: int | None = None
+) -> Tested:
     begin = first_unknowns(z, found.coefficients, found.hypothesis.guess)
     if samples is not None:
-        begin = grow(pose(objective, found.hypothesis), begin, samples, GROWTH)
+        begin = grow(build_problem(objective, found.hypothesis), begin, samples, GROWTH)
     penalty = _penalty(objective, found.hypothesis)
     return test(objective, found.hypothesis, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
 
 
-def _finish(tested: Tested) -> Cause:
+def _finish(tested: Tested) -> HypothesisFit:
     mine, before = tested.objective, tested.fitted
     fitted = minimise_on(mine, before.phi, LAST_STEPS, LAST_TOLERANCE, AMBIGUOUS)
     score = tested.score - before.cost + fitted.cost
     done = replace(tested, fitted=fitted, score=score)
     guess = tested.hypothesis.guess
     edges = len(guess.values) if guess else 0
-    return Cause(law_of(mine, fitted, done.candidates, score, edges), mine, fitted.phi)
+    return HypothesisFit(law_of(mine, fitted, done.candidates, score, edges), mine, fitted.phi)

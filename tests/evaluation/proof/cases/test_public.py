@@ -10,7 +10,7 @@ import pytest
 from dashred.config import load_config
 from dashred.core.errors import InputError
 from dashred.evaluation.proof.cases.public import HASHES, check, choose, publish
-from dashred.pipeline.problem import pose
+from dashred.pipeline.problem import build_problem
 
 CHECKOUT = Path(__file__).resolve().parents[4]
 PUBLIC = CHECKOUT / "conf" / "proof"
@@ -54,7 +54,7 @@ def test_the_same_secret_chooses_the_same_and_no_order_tells_the_kinds() -> None
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_public_case_can_be_analysed(name) -> None:
-    problem = pose(load_config([f"conf={PUBLIC / name}.yaml"], entry="train"))
+    problem = build_problem(load_config([f"conf={PUBLIC / name}.yaml"], entry="train"))
     assert len(problem.times) > 50 and problem.split.test
 
 

@@ -8,10 +8,10 @@ import pytest
 import torch
 
 from dashred.inference.fit.law import law_of
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
-from dashred.inference.hypotheses.comparison.backward_elimination import simpler_from_the_best
-from dashred.inference.hypotheses.hypothesis_fit import Cause
+from dashred.inference.hypotheses.comparison.backward_elimination import eliminate_terms
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.sensors.leave_one_sensor_out import Beside, beside_the_fault
 from dashred.inference.initial_state.start_models import ScaledStart
 from tests.waves import Waves, fitted
@@ -20,21 +20,23 @@ SIGMA = 0.02
 FAR = 3.0
 
 
-def explanation(objective: Objective, phi: torch.Tensor, penalty: float = 0.0) -> Cause:
+def explanation(
+    objective: LeastSquaresProblem, phi: torch.Tensor, penalty: float = 0.0
+) -> HypothesisFit:
     """Return an explanation fitted from where it is said."""
     found = minimise(objective, phi, 10, 1e-6)
-    law = law_of(objective, found, objective.shooting.candidates, found.cost + penalty)
-    return Cause(law, objective, found.phi)
+    law = law_of(objective, found, objective.forward_model.candidates, found.cost + penalty)
+    return HypothesisFit(law, objective, found.phi)
 
 
-def astray(right: Cause) -> Cause:
+def astray(right: HypothesisFit) -> HypothesisFit:
     """Return an explanation whose fit has ended far from where it belongs."""
     phi = right.phi + FAR
     [cost], _ = right.objective.values(phi[None])
-    return Cause(replace(right.law, score=float(cost)), right.objective, phi)
+    return HypothesisFit(replace(right.law, score=float(cost)), right.objective, phi)
 
 
-def fits(waves: Waves, xi: float, factor: float = 1.0) -> tuple[Cause, Cause]:
+def fits(waves: Waves, xi: float, factor: float = 1.0) -> tuple[HypothesisFit, HypothesisFit]:
     """Return the fits of a law, and of the simulator as it is, to a recording under that law."""
     start = ScaledStart(waves.start, factor)
     law = [(waves.everything["u: u"], xi)]
@@ -50,7 +52,7 @@ def test_a_term_that_does_nothing_is_dropped(waves: Waves) -> None:
     law, nothing = fits(waves, 0.0)
     lost = astray(nothing)
     assert law.law.score < lost.law.score - 100
-    [found] = simpler_from_the_best([lost, law])
+    [found] = eliminate_terms([lost, law])
     assert not found.law.candidates
     assert found.law.score == pytest.approx(nothing.law.score, abs=0.1)
     assert found.law.score < law.law.score
@@ -58,29 +60,27 @@ def test_a_term_that_does_nothing_is_dropped(waves: Waves) -> None:
 
 def test_a_term_that_does_something_is_kept(waves: Waves) -> None:
     law, nothing = fits(waves, -0.25)
-    assert all(
-        found.law.score > law.law.score + 100 for found in simpler_from_the_best([nothing, law])
-    )
+    assert all(found.law.score > law.law.score + 100 for found in eliminate_terms([nothing, law]))
 
 
 def test_nothing_is_fitted_anew_where_the_best_has_no_law(waves: Waves) -> None:
     _, nothing = fits(waves, 0.0)
-    assert simpler_from_the_best([nothing, astray(nothing)]) == []
+    assert eliminate_terms([nothing, astray(nothing)]) == []
 
 
 def test_a_wider_start_is_begun_there_too(waves: Waves) -> None:
     law, _ = fits(waves, 0.0)
     objective = law.objective.only(())
-    shooting = replace(objective.shooting, start=ScaledStart(waves.start, 4.0))
-    wider = replace(objective, shooting=shooting)
+    forward_model = replace(objective.forward_model, start=ScaledStart(waves.start, 4.0))
+    wider = replace(objective, forward_model=forward_model)
     right = explanation(wider, law.phi[: law.objective.modes] / 4.0)
-    [found] = simpler_from_the_best([astray(right), law])
+    [found] = eliminate_terms([astray(right), law])
     assert found.law.score == pytest.approx(right.law.score, abs=0.1)
 
 
 def test_the_fault_beside_it_stays(waves: Waves) -> None:
     law, nothing = fits(waves, 0.0)
     lost = beside_the_fault(astray(nothing), 0)
-    [found] = simpler_from_the_best([lost, law])
+    [found] = eliminate_terms([lost, law])
     assert isinstance(found, Beside) and found.sensor == 0 and found.law.fault is not None
     assert found.bare.law.score == pytest.approx(nothing.law.score, abs=0.1)

@@ -12,10 +12,14 @@ from torch import Tensor
 from dashred.inference.fit.law import Law, law_of
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.windowed_model import localised
-from dashred.inference.hypotheses.comparison.compare_hypotheses import Additions, Weighed, weigh
+from dashred.inference.hypotheses.comparison.compare_hypotheses import (
+    Additions,
+    Comparison,
+    compare_hypotheses,
+)
 from dashred.inference.hypotheses.extended.nonlinear_constants import tunable
 from dashred.inference.hypotheses.free_forcing import force
-from dashred.inference.hypotheses.hypothesis_fit import Cause
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.result import AMBIGUOUS, MISSING
 from dashred.inference.hypotheses.sensors.leave_one_sensor_out import (
     beside_the_fault,
@@ -29,7 +33,7 @@ SIGMA = 0.02
 
 def weighed(
     waves: Waves, name: str | None, shape: Shape | None, edges: list[float], xi: float
-) -> Weighed:
+) -> Comparison:
     """Return what is found of a hidden term, beginning at the simulator as it is."""
     law = []
     if name is not None:
@@ -38,19 +42,19 @@ def weighed(
     return explained(waves, waves.recorded(SIGMA, 1, law))
 
 
-def explained(waves: Waves, recorded: Tensor) -> Weighed:
+def explained(waves: Waves, recorded: Tensor) -> Comparison:
     """Return what is found of a recording, beginning at the simulator as it is."""
     everything = waves.objective(recorded, SIGMA, list(waves.everything))
     null = waves.objective(recorded, SIGMA)
     found = minimise(null, fitted(null), 6, 1e-4)
-    empty = Cause(law_of(null, found, (), found.cost), null, found.phi)
+    empty = HypothesisFit(law_of(null, found, (), found.cost), null, found.phi)
     additions = Additions(
         everywhere=len(waves.everything),
         size=waves.size,
         compiled=lambda: waves.simulator,
         beyond=lambda: waves.beyond,
     )
-    return weigh(everything, empty, empty, [], additions, lambda *_: None)
+    return compare_hypotheses(everything, empty, empty, [], additions, lambda *_: None)
 
 
 def term(law: Law) -> str:
@@ -168,22 +172,22 @@ def test_the_rivals_of_a_law_beside_a_fault_are_weighed_beside_it_too(waves: Wav
     everything = waves.objective(recorded, SIGMA, list(waves.everything))
     additions = Additions(len(waves.everything), waves.size, lambda: waves.simulator, list)
     null = fitted_law(waves, recorded, [])
-    found = weigh(everything, best, null, [rival], additions, lambda *_: None)
+    found = compare_hypotheses(everything, best, null, [rival], additions, lambda *_: None)
     first, second = found.laws[:2]
     assert all(law.fault and law.fault.sensor == "s2" for law in (first, second))
     assert second.score - first.score < AMBIGUOUS
     keys = [{candidate.key for candidate in law.candidates} for law in (first, second)]
     assert {"u: u"} in keys and {"u: u", "v: 1"} in keys
-    alone = weigh(everything, best, null, [], additions, lambda *_: None)
+    alone = compare_hypotheses(everything, best, null, [], additions, lambda *_: None)
     assert not any("v: 1" in {c.key for c in law.candidates} for law in alone.laws)
 
 
-def fitted_law(waves: Waves, recorded: Tensor, names: list[str]) -> Cause:
+def fitted_law(waves: Waves, recorded: Tensor, names: list[str]) -> HypothesisFit:
     """Return a law that acts everywhere, fitted."""
     objective = waves.objective(recorded, SIGMA, names)
     begin = torch.zeros(objective.modes + len(names), dtype=torch.float64)
     found = minimise(objective, begin, 20, 1e-6)
-    return Cause(
+    return HypothesisFit(
         law_of(objective, found, waves.candidates(names), found.cost), objective, found.phi
     )
 
@@ -198,7 +202,7 @@ def test_a_fault_that_gains_nothing_is_none(waves: Waves, bias: float) -> None:
     seen[:, 2] = False
     objective = replace(whole, noise=replace(whole.noise, seen=seen))
     found = minimise(objective, fitted(objective), 6, 1e-4)
-    bare = Cause(law_of(objective, found, (), found.cost), objective, found.phi)
+    bare = HypothesisFit(law_of(objective, found, (), found.cost), objective, found.phi)
     beside = beside_the_fault(bare, 2)
     assert (beside.gain > 0) == bool(bias)
     assert all((law.law.fault is not None) == bool(bias) for law in faulty_or_not([bare], 2)[:1])

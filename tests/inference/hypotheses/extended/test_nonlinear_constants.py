@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.subset_search import Eliminated
+from dashred.inference.fit.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.extended.nonlinear_constants import (
     moved,
@@ -62,13 +62,13 @@ def test_a_step_goes_where_the_coefficients_say_but_not_too_far(system: System) 
     assert moved(found, 0.0, 1.0) == pytest.approx(2.0)
 
 
-def linearised(shift: float) -> Eliminated:
+def linearised(shift: float) -> ProfiledProblem:
     """Return a problem of two columns whose target is the first and so much of the second."""
     generator = torch.Generator().manual_seed(1)
     columns = torch.randn((40, 2), generator=generator, dtype=torch.float64)
     goal = columns @ torch.tensor([2.0, 2.0 * shift], dtype=torch.float64)
     precision = torch.tensor([1e-3, 1e-2], dtype=torch.float64)
-    return Eliminated(columns.T @ columns, columns.T @ goal, float(goal @ goal), precision)
+    return ProfiledProblem(columns.T @ columns, columns.T @ goal, float(goal @ goal), precision)
 
 
 @pytest.mark.parametrize("constant", [1.5, -1.5])
@@ -102,5 +102,5 @@ def test_the_constant_is_found_through_the_simulator(tmp_path: Path) -> None:
     found, alone, fitted = tune(objective, offered, begin)
     inner = tunable(found)
     assert inner is not None and inner.constant == pytest.approx(1.42, abs=0.05)
-    assert [c.key for c in alone.shooting.candidates] == [found.key]
+    assert [c.key for c in alone.forward_model.candidates] == [found.key]
     assert fitted.chi2 / objective.noise.count < 1.2

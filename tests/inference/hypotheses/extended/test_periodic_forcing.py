@@ -11,7 +11,7 @@ from dashred.inference.fit.law import law_of
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.extended.periodic_forcing import Wave, periodic_laws
-from dashred.inference.hypotheses.hypothesis_fit import Cause
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.physics.library import build_library, evaluate_terms, resolve
 from tests.waves import Waves, fitted
 
@@ -25,11 +25,13 @@ def hum(waves: Waves, frequency: float) -> Candidate:
     return Candidate(str(library[0]), "u", resolve(waves.system, library), 1.0)
 
 
-def null_of(waves: Waves, xi: float, sigma: float = SIGMA, frequency: float = FREQUENCY) -> Cause:
+def null_of(
+    waves: Waves, xi: float, sigma: float = SIGMA, frequency: float = FREQUENCY
+) -> HypothesisFit:
     recorded = waves.recorded(sigma, 3, [(hum(waves, frequency), xi)] if xi else [])
     null = waves.objective(recorded, sigma)
     found = minimise(null, fitted(null), 6, 1e-4)
-    return Cause(law_of(null, found, (), found.cost), null, found.phi)
+    return HypothesisFit(law_of(null, found, (), found.cost), null, found.phi)
 
 
 def test_a_wave_in_time_is_found(waves: Waves) -> None:

@@ -13,13 +13,13 @@ from torch import Tensor
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import SensorFault
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.forward.candidate_simulator import Simulator
-from dashred.inference.forward.forward_model import Shooting
-from dashred.inference.hypotheses.hypothesis_fit import Cause
+from dashred.inference.forward.forward_model import ForwardModel
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.sensors.fault_in_units import fitted_fault_in_units
 from dashred.inference.hypotheses.sensors.faults import fit_fault, predicted
-from dashred.inference.hypotheses.sensors.sensor_and_start_faults import faults
+from dashred.inference.hypotheses.sensors.sensor_and_start_faults import sensor_hypotheses
 from dashred.inference.hypotheses.sensors.suspects import suspects
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
 from dashred.physics.solvers.simulate import simulate
@@ -60,12 +60,12 @@ def spiky(values: Tensor) -> Tensor:
     return values
 
 
-def expect(objective: Objective) -> tuple[float, list[SensorFault], float]:
+def expect(objective: LeastSquaresProblem) -> tuple[float, list[SensorFault], float]:
     """Return the score without a fault, and what faults explain, the best first."""
     phi = fitted(objective)
     [cost], _ = objective.values(phi[None])
     law = laws.law(score=float(cost))
-    causes = faults(Cause(law, objective, phi), float(cost))
+    causes = sensor_hypotheses(HypothesisFit(law, objective, phi), float(cost))
     found = sorted((cause.law for cause in causes), key=lambda law: law.score)
     assert all(not law.candidates for law in found)
     best = found[0].score if found else float("inf")
@@ -113,7 +113,7 @@ def test_a_misplaced_sensor_is_found_with_its_distance(waves: Waves, off: float)
     [place] = sensors[0].position
     sensors[0] = replace(sensors[0], position=((place - off) % 10,))
     believed = ObservationOperator(sensors, waves.system)
-    wrong = replace(objective, shooting=replace(objective.shooting, operator=believed))
+    wrong = replace(objective, forward_model=replace(objective.forward_model, operator=believed))
     without, [best, *_], score = expect(wrong)
     assert (best.kind, best.sensor) == ("misplaced", "s0") and score < without - 20
     assert best.std is not None and best.value == pytest.approx(off, abs=4 * best.std)
@@ -125,11 +125,11 @@ def test_sound_sensors_are_not_suspected(waves: Waves) -> None:
     assert found == []
 
 
-def unknowns(objective: Objective) -> dict[str, set[tuple[int, float]]]:
+def unknowns(objective: LeastSquaresProblem) -> dict[str, set[tuple[int, float]]]:
     """Return of each kind how many numbers are fitted, and for how many it is charged."""
     phi = torch.zeros(objective.modes, dtype=torch.float64)
     normal = objective.linearise(phi)
-    [states] = objective.shooting.states(*objective.split(phi[None]))
+    [states] = objective.forward_model.states(*objective.split(phi[None]))
     found: dict[str, set[tuple[int, float]]] = {}
     for fault in suspects(objective, normal):
         own = predicted(objective, normal, fault, states).own
@@ -149,9 +149,11 @@ def test_a_fault_is_charged_for_every_number_that_is_fitted(waves: Waves, tmp_pa
     start = StartPrior(system, nominal[0], field_rms(nominal), None)
     simulator = Simulator(system, system.dt, [], ())
     recorded = operator(simulate(system, nominal, TIMES))[0]
-    shooting = Shooting(simulator, start, [], operator, TIMES)
+    forward_model = ForwardModel(simulator, start, [], operator, TIMES)
     none = torch.zeros(0, dtype=torch.float64)
-    plane = unknowns(Objective(shooting, recorded, waves.noise(recorded, SIGMA), none))
+    plane = unknowns(
+        LeastSquaresProblem(forward_model, recorded, waves.noise(recorded, SIGMA), none)
+    )
     assert plane == ring | {"misplaced": {(2, 2.0)}}
 
 
@@ -159,7 +161,7 @@ def test_the_prediction_is_the_fit_where_the_readings_are_nearly_linear(waves: W
     objective = waves.objective(biased(waves.recorded(SIGMA, seed=3)), SIGMA)
     phi = fitted(objective)
     normal = objective.linearise(phi)
-    [states] = objective.shooting.states(*objective.split(phi[None]))
+    [states] = objective.forward_model.states(*objective.split(phi[None]))
     every = list(suspects(objective, normal))
     assert {fault.kind for fault in every} >= {"bias", "drift", "misplaced"}
     right = next(f for f in every if (f.kind, f.sensor) == ("bias", 2))

@@ -8,22 +8,22 @@ import pytest
 import torch
 
 from dashred.inference.fit.law import law_of
-from dashred.inference.fit.least_squares import Objective
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.windowed_model import found_by, localised
-from dashred.inference.hypotheses.comparison.repeated_screening import screened_on_top
-from dashred.inference.hypotheses.comparison.residual_forcing import look_for_unexplained
-from dashred.inference.hypotheses.extended.extended_library import laws_beyond
+from dashred.inference.hypotheses.comparison.repeated_screening import repeat_screening
+from dashred.inference.hypotheses.comparison.residual_forcing import fit_residual_forcing
+from dashred.inference.hypotheses.extended.extended_library import extended_laws
 from dashred.inference.hypotheses.free_forcing import FreeForcing, force
-from dashred.inference.hypotheses.hypothesis_fit import Cause
-from dashred.inference.hypotheses.windows.screening import eliminated, screen
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
+from dashred.inference.hypotheses.windows.screening import profile_out, screen
 from dashred.inference.hypotheses.windows.windowed_hypothesis import (
     Guess,
     Hypothesis,
+    build_problem,
     first_unknowns,
-    pose,
 )
-from dashred.inference.hypotheses.windows.windowed_laws import local_laws
+from dashred.inference.hypotheses.windows.windowed_laws import windowed_laws
 from dashred.physics.window import box, gate
 from tests.waves import Waves, fitted
 
@@ -39,7 +39,7 @@ def carried_by(waves: Waves, recorded: torch.Tensor, names: list[str]) -> FreeFo
     return force(law, found.phi, waves.size)[0]
 
 
-def everything(waves: Waves, recorded: torch.Tensor) -> Objective:
+def everything(waves: Waves, recorded: torch.Tensor) -> LeastSquaresProblem:
     return waves.objective(recorded, SIGMA, list(waves.everything))
 
 
@@ -48,8 +48,8 @@ def test_a_term_is_found_whatever_carries_the_trajectory(waves: Waves, names: li
     recorded = waves.recorded(SIGMA, 1, [(waves.everything["u: u**2"], -0.15)])
     objective = everything(waves, recorded)
     forced = carried_by(waves, recorded, names)
-    columns = objective.shooting.candidates
-    problem = eliminated(objective, forced, columns, objective.prior_std)
+    columns = objective.forward_model.candidates
+    problem = profile_out(objective, forced, columns, objective.prior_std)
     costs = problem.costs([(j,) for j in range(len(columns))])
     best = int(costs.argmin())
     assert str(columns[best]) == "u: u**2"
@@ -58,14 +58,16 @@ def test_a_term_is_found_whatever_carries_the_trajectory(waves: Waves, names: li
     assert float(problem.coefficients((best,))[0]) == pytest.approx(-0.15, rel=0.1)
 
 
-def in_a_box(waves: Waves, recorded: torch.Tensor, name: str) -> Cause:
+def in_a_box(waves: Waves, recorded: torch.Tensor, name: str) -> HypothesisFit:
     """Return the fit of a term in a box, which guesses the place of it a little off."""
     law = waves.objective(recorded, SIGMA, [name])
     guess = Guess(box(waves.system.axes[0]), (4.0, 2.0, math.log(0.4)), (2.5, 1.25, 1.0))
-    mine = pose(law, Hypothesis((), (0,), guess))
+    mine = build_problem(law, Hypothesis((), (0,), guess))
     z = fitted(waves.objective(recorded, SIGMA))
     found = minimise(mine, first_unknowns(z, [0.0], guess), 12, 1e-4)
-    return Cause(law_of(mine, found, found_by(mine, found.phi), found.cost, 3), mine, found.phi)
+    return HypothesisFit(
+        law_of(mine, found, found_by(mine, found.phi), found.cost, 3), mine, found.phi
+    )
 
 
 def test_a_law_in_a_window_may_carry_the_trajectory(waves: Waves) -> None:
@@ -77,7 +79,7 @@ def test_a_law_in_a_window_may_carry_the_trajectory(waves: Waves) -> None:
     assert gain > 4
     objective = everything(waves, recorded)
     forms = localised(list(waves.everything.values()), window)
-    problem = eliminated(objective, forced, forms, objective.prior_std)
+    problem = profile_out(objective, forced, forms, objective.prior_std)
     costs = problem.costs([(j,) for j in range(len(forms))])
     best = int(costs.argmin())
     assert forms[best].key == "u: u**3"
@@ -95,13 +97,13 @@ def test_screening_goes_on_about_a_better_law_while_a_forcing_gains(waves: Waves
     begin, _ = force(wrong.objective, wrong.phi, waves.size)
     asked: list[float] = []
 
-    def screened(forced: FreeForcing, bound: float) -> list[Cause]:
+    def screened(forced: FreeForcing, bound: float) -> list[HypothesisFit]:
         asked.append(bound)
         if len(asked) == 1:
             return [wrong]
-        return local_laws(whole, count, range(count), forced, math.inf, bound)
+        return windowed_laws(whole, count, range(count), forced, math.inf, bound)
 
-    found, best, nearest, gain = screened_on_top(wrong, screened, [begin], waves.size, silent)
+    found, best, nearest, gain = repeat_screening(wrong, screened, [begin], waves.size, silent)
     assert asked[:2] == [math.inf, wrong.law.score]
     [candidate] = best.law.candidates
     assert candidate.key == "u: u**3" and candidate.window is not None
@@ -116,11 +118,11 @@ def test_screening_ends_where_it_finds_nothing_better(waves: Waves) -> None:
     begin, _ = force(wrong.objective, wrong.phi, waves.size)
     asked: list[float] = []
 
-    def screened(forced: FreeForcing, bound: float) -> list[Cause]:
+    def screened(forced: FreeForcing, bound: float) -> list[HypothesisFit]:
         asked.append(bound)
         return []
 
-    found, best, _, gain = screened_on_top(wrong, screened, [begin], waves.size, silent)
+    found, best, _, gain = repeat_screening(wrong, screened, [begin], waves.size, silent)
     assert (found, best, asked) == ([], wrong, [math.inf, wrong.law.score])
     assert gain > 4
 
@@ -134,21 +136,23 @@ def test_the_next_trajectory_is_asked_where_one_leads_to_nothing(
     wrong, right = everywhere(waves, recorded, "u: u"), everywhere(waves, recorded, "u: u**2")
     asked: list[FreeForcing] = []
 
-    def screened(forced: FreeForcing, bound: float) -> list[Cause]:
+    def screened(forced: FreeForcing, bound: float) -> list[HypothesisFit]:
         asked.append(forced)
         return [right] if forced is on_law or better else []
 
-    _, best, *_ = screened_on_top(wrong, screened, [alone, on_law], waves.size, silent)
+    _, best, *_ = repeat_screening(wrong, screened, [alone, on_law], waves.size, silent)
     assert best is right
     assert asked == ([alone] if better else [alone, on_law])
 
 
-def everywhere(waves: Waves, recorded: torch.Tensor, *names: str) -> Cause:
+def everywhere(waves: Waves, recorded: torch.Tensor, *names: str) -> HypothesisFit:
     """Return the fit of a law that acts everywhere."""
     law = waves.objective(recorded, SIGMA, names)
     z = fitted(waves.objective(recorded, SIGMA))
     found = minimise(law, torch.cat([z, torch.zeros(len(names), dtype=torch.float64)]), 10, 1e-4)
-    return Cause(law_of(law, found, law.shooting.candidates, found.cost), law, found.phi)
+    return HypothesisFit(
+        law_of(law, found, law.forward_model.candidates, found.cost), law, found.phi
+    )
 
 
 @pytest.mark.parametrize(
@@ -161,8 +165,8 @@ def test_a_law_of_many_terms_does_not_carry_alone(
     recorded = waves.recorded(SIGMA, 1, [(waves.everything["u: u**2"], -0.15)])
     best, null = everywhere(waves, recorded, *names), everywhere(waves, recorded)
     whole = everything(waves, recorded)
-    left = look_for_unexplained(whole, best, null, True, waves.size, silent)
-    laws = [[str(c) for c in each.objective.shooting.candidates] for each in left.carriers]
+    left = fit_residual_forcing(whole, best, null, True, waves.size, silent)
+    laws = [[str(c) for c in each.objective.forward_model.candidates] for each in left.carriers]
     told = {"": [], "all": names}
     assert laws == [told.get(each, [each]) for each in carried]
     assert left.forced is min(left.carriers, key=lambda each: each.cost)
@@ -176,8 +180,8 @@ def test_a_gate_between_two_quantiles_screens_where_it_is(waves: Waves) -> None:
     term, edges = waves.everything["u: v**2"], [0.2, math.log(0.1)]
     recorded = waves.recorded(SIGMA, 1, [(localised([term], gate("u", 1).at(edges))[0], -0.4)])
     forced = carried_by(waves, recorded, [])
-    shooting = forced.objective.shooting
-    [states] = shooting.states(*forced.objective.split(forced.phi[None]))
+    forward_model = forced.objective.forward_model
+    [states] = forward_model.states(*forced.objective.split(forced.phi[None]))
     count = len(waves.everything)
     found = screen(everything(waves, recorded), count, range(count), forced, states)
     gates = [f for f in found if f.hypothesis.guess and f.hypothesis.guess.shape == gate("u", 1)]
@@ -206,7 +210,7 @@ def test_a_term_beyond_the_library_is_found_about_a_law_of_it(waves: Waves) -> N
     recorded = waves.recorded(SIGMA, 1, [(hidden, 0.3)])
     forced = carried_by(waves, recorded, ["u: u", "u: u**2"])
     inside = everything(waves, recorded)
-    found = laws_beyond(inside, waves.beyond, forced, len(waves.everything))
+    found = extended_laws(inside, waves.beyond, forced, len(waves.everything))
     best = min(found, key=lambda cause: cause.law.score).law
     assert [candidate.key for candidate in best.candidates] == ["u: sin(2*u)"]
     assert float(best.coefficients[0]) == pytest.approx(0.3, rel=0.15)

@@ -8,9 +8,9 @@ from dataclasses import replace
 import pytest
 import torch
 
-from dashred.inference.forward.windowed_model import LocalShooting
-from dashred.inference.hypotheses.hypothesis_fit import Cause
-from dashred.inference.hypotheses.windows.window_restarts import NEAR, from_other_windows
+from dashred.inference.forward.windowed_model import WindowedModel
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
+from dashred.inference.hypotheses.windows.window_restarts import NEAR, restart_windows
 from dashred.physics.window import box, gate, onset
 from tests.waves import Waves, in_window
 
@@ -18,15 +18,15 @@ TRUE = 0.2
 
 
 @pytest.fixture(scope="module")
-def stuck(waves: Waves) -> Cause:
+def stuck(waves: Waves) -> HypothesisFit:
     """A gate whose fit began far from its threshold, and ended in a minimum there."""
     cause = in_window(waves, gate("u", 1), (TRUE, math.log(0.1)), (1.7, math.log(0.1)))
     assert cause.law.window is not None and abs(cause.law.window.values[0] - TRUE) > 0.5
     return cause
 
 
-def test_it_is_found_from_elsewhere(stuck: Cause) -> None:
-    [found] = from_other_windows([stuck])
+def test_it_is_found_from_elsewhere(stuck: HypothesisFit) -> None:
+    [found] = restart_windows([stuck])
     assert found.law.window is not None and abs(found.law.window.values[0] - TRUE) < 0.1
     [before], _ = stuck.objective.values(stuck.phi[None])
     [after], _ = found.objective.values(found.phi[None])
@@ -39,18 +39,18 @@ def test_a_box_is_found_from_another_width(waves: Waves) -> None:
     """A box of half the width with twice the coefficient: nearly the same, and not the best."""
     half = 2.0
     right = in_window(waves, box(waves.system.axes[0]), (4.4, half, math.log(0.2)))
-    shooting = right.objective.shooting
-    assert isinstance(shooting, LocalShooting) and right.law.window is not None
+    forward_model = right.objective.forward_model
+    assert isinstance(forward_model, WindowedModel) and right.law.window is not None
     place, width, edge = right.law.window.values
     guess = torch.tensor([place, width / 2, edge], dtype=torch.float64)
-    objective = replace(right.objective, shooting=replace(shooting, guess=guess))
+    objective = replace(right.objective, forward_model=replace(forward_model, guess=guess))
     phi = right.phi.clone()
     phi[-3:] = 0.0
     phi[-4] *= 2
     [least], _ = right.objective.values(right.phi[None])
     [cost], _ = objective.values(phi[None])
     law = replace(right.law, score=right.law.score + float(cost - least))
-    [found] = from_other_windows([Cause(law, objective, phi)])
+    [found] = restart_windows([HypothesisFit(law, objective, phi)])
     assert found.law.window is not None
     assert abs(found.law.window.values[1] - half) < 0.1
     assert found.law.score == pytest.approx(right.law.score, abs=1)
@@ -59,12 +59,12 @@ def test_a_box_is_found_from_another_width(waves: Waves) -> None:
 
 def test_what_is_at_its_best_stays(waves: Waves) -> None:
     right = in_window(waves, gate("u", 1), (TRUE, math.log(0.1)))
-    assert from_other_windows([right]) == []
+    assert restart_windows([right]) == []
     later = in_window(waves, onset(), (4.0, math.log(0.2)))
-    assert from_other_windows([later]) == []
+    assert restart_windows([later]) == []
 
 
-def test_what_is_far_from_the_best_is_not_tried(stuck: Cause) -> None:
+def test_what_is_far_from_the_best_is_not_tried(stuck: HypothesisFit) -> None:
     best = replace(stuck, law=replace(stuck.law, score=stuck.law.score - NEAR - 1))
     # Of the two only the best is.
-    assert len(from_other_windows([best, stuck])) == 1
+    assert len(restart_windows([best, stuck])) == 1
