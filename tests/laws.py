@@ -12,7 +12,7 @@ from dashred.inference.fit.law import Law, SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.result import BestOfSize, Discovered
-from dashred.physics.expressions.differentiate import parameter_tendency
+from dashred.physics.parameter_sensitivity import parameter_tendency
 from dashred.physics.system import System, Term
 
 TEXT = """

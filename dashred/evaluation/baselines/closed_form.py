@@ -20,7 +20,8 @@ from torch import Tensor
 
 from dashred.evaluation.baselines.estimate import Estimated, TermEntry
 from dashred.physics.expressions.algebra import Expr, add
-from dashred.physics.expressions.linear import is_linear, split_linear, symbols
+from dashred.physics.expressions.linear import is_linear, split_linear
+from dashred.physics.grids.fourier_symbols import symbols
 from dashred.physics.grids.spectral import Spectral
 from dashred.physics.runs.initial_state_prior import StartPrior
 from dashred.physics.system import System, Term

@@ -87,7 +87,7 @@ def analyst(copy: Path) -> Iterator[Analyst]:
     """Start an analyst in a bare copy; it ends with the block."""
     command, surroundings = python(copy)
     process = subprocess.Popen(
-        [*command, "-m", "dashred.pipeline.run.worker"],
+        [*command, "-m", "dashred.pipeline.worker"],
         cwd=copy,
         env=surroundings,
         stdin=subprocess.PIPE,

@@ -9,11 +9,12 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dashred.physics.expressions.differentiate import parameter_tendency
-from dashred.physics.expressions.linear import split_linear, symbols
+from dashred.physics.expressions.linear import split_linear
 from dashred.physics.expressions.reflection import without_sides
+from dashred.physics.grids.fourier_symbols import symbols
 from dashred.physics.grids.spectral import Spectral
 from dashred.physics.library import COLLINEAR, evaluate_terms, resolve
+from dashred.physics.parameter_sensitivity import parameter_tendency
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
 from dashred.physics.window import Window

@@ -8,7 +8,7 @@ from dataclasses import replace
 from dashred.inference.fit.law import Law
 from dashred.inference.results.parameter_change import exact_change
 from dashred.physics.expressions.algebra import ZERO, multiply
-from dashred.physics.expressions.differentiate import parameter_slopes
+from dashred.physics.parameter_sensitivity import parameter_slopes
 from dashred.physics.system import System, Term
 
 

@@ -17,7 +17,7 @@ from dashred.physics.expressions.algebra import (
     substitute,
     summands,
 )
-from dashred.physics.expressions.differentiate import parameter_slopes
+from dashred.physics.parameter_sensitivity import parameter_slopes
 from dashred.physics.system import System
 
 # Of Runge and Kutta's method, from the old value to the new.

@@ -22,9 +22,7 @@ from dashred.physics.expressions.algebra import (
     multiply,
     power,
     scale,
-    substitute,
 )
-from dashred.physics.system import System
 
 
 class NotDifferentiableError(Exception):
@@ -67,42 +65,6 @@ def differentiate(expr: Expr, name: str) -> Expr:
             return slope if slope == ZERO else Flux(slope, axis, transported)
         case Number():
             return ZERO
-
-
-def parameter_tendency(system: System, parameter: str) -> dict[str, Expr]:
-    """Return ``∂N/∂p`` of every equation that the parameter enters, all values put in.
-
-    Lets are opened first, so that a parameter is found inside them: with ``rate: k*exp(u)``,
-    ``∂(q*rate)/∂k`` is ``q*exp(u)``.
-
-    Raises:
-        KeyError: the system has no such parameter.
-        NotDifferentiableError: see :func:`differentiate`.
-        InputError: the parameters make a constant infinite.
-    """
-    found = {
-        equation: system.ready(slope, equation, f"system.equations.{equation}")
-        for equation, slope in parameter_slopes(system, parameter).items()
-    }
-    return {equation: slope for equation, slope in found.items() if slope != ZERO}
-
-
-def parameter_slopes(system: System, parameter: str) -> dict[str, Expr]:
-    """Return ``∂N/∂p`` of every equation, lets opened, parameters by name.
-
-    Raises:
-        KeyError: the system has no such parameter.
-        NotDifferentiableError: see :func:`differentiate`.
-    """
-    if parameter not in system.config.parameters:
-        raise KeyError(parameter)
-    lets: dict[str, Expr] = {}
-    for let, expr in system.lets.items():
-        lets[let] = substitute(expr, lets)
-    return {
-        equation: differentiate(substitute(expr, lets), parameter)
-        for equation, expr in system.equations.items()
-    }
 
 
 def _of_product(factors: tuple[Expr, ...], name: str) -> Expr:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from dashred.physics.backends.numba_backend import Array, Body, compile_kernel, read_by
 from dashred.physics.expressions.algebra import ZERO, Expr
-from dashred.physics.expressions.linear import symbols
 from dashred.physics.expressions.semilinear import (
     OPERAND,
     Input,
@@ -20,6 +19,7 @@ from dashred.physics.expressions.semilinear import (
     separate,
 )
 from dashred.physics.forcing_basis import SampledForcing
+from dashred.physics.grids.fourier_symbols import symbols
 from dashred.physics.grids.spectral import Spectral
 from dashred.physics.grids.transforms import to_modes
 from dashred.physics.solvers.batch_coefficients import Columns

@@ -7,8 +7,9 @@ from torch import Tensor
 
 from dashred.physics.backends.torch_backend import Program
 from dashred.physics.expressions.algebra import ZERO, names
-from dashred.physics.expressions.linear import split_linear, symbols
+from dashred.physics.expressions.linear import split_linear
 from dashred.physics.forcing_basis import SampledForcing
+from dashred.physics.grids.fourier_symbols import symbols
 from dashred.physics.grids.grid_value import Value, total
 from dashred.physics.grids.spectral import Spectral
 from dashred.physics.solvers.dense_forcing import TermwiseForcing, forcing_evaluator

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from dashred.physics.backends.numpy_backend import Array, Pointwise
 from dashred.physics.expressions.algebra import Expr, add, scale
-from dashred.physics.expressions.linear import symbols
 from dashred.physics.expressions.semilinear import Input, Separated, separate
 from dashred.physics.forcing_basis import SampledForcing
+from dashred.physics.grids.fourier_symbols import symbols
 from dashred.physics.grids.spectral import Spectral
 from dashred.physics.grids.transforms import from_modes, to_modes
 from dashred.physics.solvers.compiled_step import between

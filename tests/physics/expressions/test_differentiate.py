@@ -11,10 +11,10 @@ from dashred.physics.expressions.algebra import Flux, Name, substitute, to_text
 from dashred.physics.expressions.differentiate import (
     NotDifferentiableError,
     differentiate,
-    parameter_tendency,
 )
 from dashred.physics.expressions.nodes import Number
 from dashred.physics.expressions.parser import Vocabulary, number, parse
+from dashred.physics.parameter_sensitivity import parameter_tendency
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.system import System
 

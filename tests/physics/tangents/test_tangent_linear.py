@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 import torch
 
-from dashred.physics.expressions.differentiate import parameter_tendency
 from dashred.physics.library import resolve
+from dashred.physics.parameter_sensitivity import parameter_tendency
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate

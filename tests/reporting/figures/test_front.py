@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dashred.physics.front import follow_front
+from dashred.reporting.figures.fields.front_position import follow_front
 
 LENGTH, POINTS, SPEED, STEEP = 10.0, 128, 1.7, 3.0
 

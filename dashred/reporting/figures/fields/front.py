@@ -7,7 +7,7 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from dashred.core.units import NONE, in_brackets, time_label
-from dashred.physics.front import follow_front
+from dashred.reporting.figures.fields.front_position import follow_front
 from dashred.reporting.figures.style import legend_above, method_look, new_figure, style
 from dashred.reporting.text.method_names import method_name
 

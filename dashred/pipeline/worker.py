@@ -1,4 +1,4 @@
-"""Analyse one recording after another: ``python -m dashred.pipeline.run.worker``.
+"""Analyse one recording after another: ``python -m dashred.pipeline.worker``.
 
 Imports and compiled kernels serve all recordings. Each line of stdin is JSON with the words of one
 analysis and the file that it prints to: ``{"words": [...], "log": FILE}``. Each is answered by a
