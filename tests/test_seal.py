@@ -23,19 +23,7 @@ from dashred.core.errors import InputError
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 PACKAGES = ("dashred", "datamodules", "callbacks")
-# A bench knows every twin's name, and reads scores: it stands on the scorer's side.
-SECRET_FILES = {
-    *("record", "recorder", "score", "sealing", "twin_file", "twin_experiment", "standby"),
-    *("resume", "kept_seal"),
-    *("bench", "compare", "prove", "publish", "scoring", "cause_scoring", "window_kinds"),
-}
-SECRET_PACKAGES = {"benchmark", "comparison", "proof"}
-SECRET = SECRET_FILES | SECRET_PACKAGES
-CONCEALED = (
-    "conf/twins",
-    *(f"dashred/{name}.py" for name in sorted(SECRET_FILES)),
-    *(f"dashred/{name}" for name in sorted(SECRET_PACKAGES)),
-)
+EVALUATION = "dashred.evaluation"
 
 
 def module_files() -> dict[str, Path]:
@@ -49,7 +37,11 @@ def module_files() -> dict[str, Path]:
 
 
 MODULES = module_files()
-SECRET_MODULES = {name for name in MODULES if set(name.split(".")[1:2]) & SECRET}
+# The one rule: an analysis imports nothing of these. The baselines are analyses too.
+BASELINES = f"{EVALUATION}.baselines"
+SECRET_MODULES = {
+    name for name in MODULES if name.startswith(f"{EVALUATION}.") and not name.startswith(BASELINES)
+}
 
 
 def imports(module: str, tree: ast.AST) -> set[str]:
@@ -78,38 +70,6 @@ def tree_of(module: str) -> ast.Module:
     return ast.parse(MODULES[module].read_text(encoding="utf-8"))
 
 
-TWIN_BRANCH = "config.recording.twin is not None"
-RESUME_BRANCH = "not helping and any((word.startswith('resume=') for word in argv))"
-
-
-def train_without_its_branches() -> ast.Module:
-    """Return ``train.py`` as it runs when it is handed a recording."""
-    tree = ast.parse(MODULES["dashred.train"].read_text(encoding="utf-8"))
-    seen = []
-    for node in ast.walk(tree):
-        if isinstance(node, ast.If) and {"twin", "resume="} & words_of(node.test):
-            assert isinstance(node.body[-1], ast.Return) and not node.orelse
-            seen.append(ast.unparse(node.test))
-            node.body = [ast.Pass()]
-    assert sorted(seen) == [TWIN_BRANCH, RESUME_BRANCH]
-    return tree
-
-
-def words_of(test: ast.expr) -> set[object]:
-    """Return the constants and the attributes in a condition."""
-    found: set[object] = set()
-    for node in ast.walk(test):
-        if isinstance(node, ast.Constant):
-            found.add(node.value)
-        elif isinstance(node, ast.Attribute):
-            found.add(node.attr)
-    return found
-
-
-def reached_by_the_analysis() -> set[str]:
-    return reached_from("dashred.train")
-
-
 def reached_from(start: str) -> set[str]:
     seen: set[str] = set()
     waiting = {start}
@@ -117,51 +77,53 @@ def reached_from(start: str) -> set[str]:
         module = waiting.pop()
         if module not in seen:
             seen.add(module)
-            analysis = module == "dashred.train"
-            tree = train_without_its_branches() if analysis else tree_of(module)
-            waiting |= imports(module, tree)
+            waiting |= imports(module, tree_of(module))
     return seen
 
 
 DYNAMIC = {"__import__", "import_module", "exec", "eval", "runpy"}
+# Kernels are written from checked expressions, with the math module alone in reach. A user's own
+# simulator is imported where the command line has named it. A process imports its entry point.
 EXCEPT = {
     "dashred.physics.backends.codegen": {"exec"},
     "dashred.config.python_class": {"import_module"},
+    "dashred.pipeline.run.prewarmed": {"import_module"},
 }
 
 
+# They hand over to a twin experiment, and analyse nothing themselves.
+ENTRIES = {"dashred", "dashred.__main__", "dashred.train"}
+ANALYSIS = sorted(name for name in MODULES if not name.startswith(EVALUATION))
+
+
 def test_the_walk_sees_lazy_and_relative_imports() -> None:
-    code = "def f():\n    from . import score\n    from dashred.data import splits"
-    found = imports("dashred.train", ast.parse(code))
+    code = "def f():\n    from . import score_command\n    from dashred.data import splits"
+    found = imports("dashred.evaluation.twins.recorder", ast.parse(code))
     assert found == {
         "dashred",
+        "dashred.evaluation",
+        "dashred.evaluation.twins",
         "dashred.evaluation.twins.score_command",
         "dashred.data",
         "dashred.data.splits",
     }
-    assert "dashred.evaluation.twins.twin_experiment" in imports(
-        "dashred.train", tree_of("dashred.train")
-    )
-    assert "dashred.evaluation.twins.sealing" in imports(
-        "dashred.evaluation.twins.score_command", tree_of("dashred.evaluation.twins.score_command")
-    )
+    twins = "dashred.evaluation.twins"
+    assert f"{twins}.twin_experiment" in imports("dashred.train", tree_of("dashred.train"))
+    scorer = f"{twins}.score_command"
+    assert f"{twins}.sealing" in imports(scorer, tree_of(scorer))
+
+
+def test_nothing_outside_of_the_evaluation_imports_it() -> None:
+    for module in set(ANALYSIS) - ENTRIES:
+        known = imports(module, tree_of(module))
+        assert not {name for name in known if name.startswith(EVALUATION)}, module
 
 
 def test_the_analysis_reaches_nothing_that_knows_the_truth() -> None:
-    reached = reached_by_the_analysis()
-    assert {
-        "dashred.pipeline.outputs.report",
-        "dashred.physics.solvers.simulate",
-        "callbacks",
-    } <= reached
-    assert not reached & SECRET_MODULES
-
-
-@pytest.mark.parametrize("entry", ["check", "init", "analyst"])
-def test_other_commands_that_read_a_recording_reach_nothing_that_knows_the_truth(entry) -> None:
-    reached = reached_from(f"dashred.{entry}")
-    assert len(reached) > 10
-    assert not reached & SECRET_MODULES
+    reached = reached_from("dashred.pipeline.worker")
+    expected = {"dashred.pipeline.outputs.report", "dashred.physics.solvers.simulate", "callbacks"}
+    assert expected <= reached
+    assert not {name for name in reached if name.startswith(EVALUATION)}
 
 
 def test_other_methods_that_read_the_sensors_reach_nothing_that_knows_the_truth() -> None:
@@ -171,32 +133,20 @@ def test_other_methods_that_read_the_sensors_reach_nothing_that_knows_the_truth(
 
 
 def test_the_analysis_imports_by_statement_alone() -> None:
-    """Else the walk would not see it."""
-    for module in reached_by_the_analysis():
+    """Otherwise the walk over import statements would miss an import."""
+    for module in {*ANALYSIS, *reached_from("dashred.evaluation.baselines.analyse")} - ENTRIES:
         for node in ast.walk(tree_of(module)):
             if isinstance(node, ast.Name | ast.Attribute):
                 name = node.id if isinstance(node, ast.Name) else node.attr
-                # Kernels are code written from checked expressions, with nothing but math in reach.
-                # And a user's own simulator is imported where the command line has named it.
                 allowed = EXCEPT.get(module, set())
                 assert name not in DYNAMIC - allowed, module
 
 
 def test_only_recorder_and_scorer_import_the_seal() -> None:
-    importers = {
-        name
-        for name in MODULES
-        if "dashred.evaluation.twins.sealing" in imports(name, tree_of(name))
-    }
-    assert (
-        {
-            "dashred.evaluation.twins.record_command",
-            "dashred.evaluation.twins.score_command",
-            "dashred.evaluation.twins.twin_file",
-        }
-        <= importers
-        <= SECRET_MODULES
-    )
+    twins = "dashred.evaluation.twins"
+    importers = {name for name in MODULES if f"{twins}.sealing" in imports(name, tree_of(name))}
+    expected = {f"{twins}.{name}" for name in ("record_command", "score_command", "twin_file")}
+    assert expected <= importers <= SECRET_MODULES
 
 
 @pytest.mark.parametrize("word", ["sealed", "twins", "recorder"])
@@ -219,15 +169,10 @@ def test_only_they_name_the_files_of_the_truth(word: str) -> None:
 
 
 def run_without_the_truth(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    """Analyse in a copy of the working tree that has no trace of the twins."""
-    copy = folder / "tree"
-    for name in (*PACKAGES, "conf"):
-        ignore = shutil.ignore_patterns("__pycache__")
-        shutil.copytree(CHECKOUT / name, copy / name, ignore=ignore)
-    for name in CONCEALED:
-        path = copy / name
-        shutil.rmtree(path) if path.is_dir() else path.unlink()
-    secret = sorted(f"dashred.{name}" for name in SECRET)
+    """Analyse in the proof's copy of the package, which has no trace of the twins."""
+    from dashred.evaluation.proof.isolation import isolated_copy
+
+    copy = isolated_copy(folder / "tree")
     # An editable install finds the checkout's own modules for whatever the copy lacks.
     program = (
         "import sys\n"
@@ -235,7 +180,7 @@ def run_without_the_truth(folder: Path, *words: str) -> subprocess.CompletedProc
         "sys.meta_path[:] = [finder for finder in sys.meta_path if not editable(finder)]\n"
         "import importlib.util as u, dashred; from pathlib import Path\n"
         f"assert Path(dashred.__file__).is_relative_to({str(copy)!r})\n"
-        f"assert not any(u.find_spec(name) for name in {secret})\n"
+        f"assert u.find_spec({EVALUATION!r}) is None\n"
         "from dashred.core.errors import run_entry; from dashred.train import main\n"
         "sys.exit(run_entry(main))"
     )
@@ -271,7 +216,7 @@ def test_the_analyser_is_told_the_place_of_the_recording_alone(quick, train, pro
     recorder, analyser, scorer = processes
     assert [words[0] for words in processes] == [
         "dashred.evaluation.twins.record_command",
-        "dashred.train",
+        "dashred.pipeline.analyse",
         "dashred.evaluation.twins.score_command",
     ]
     told = {word.partition("=")[0]: word.partition("=")[2] for word in analyser[1:]}

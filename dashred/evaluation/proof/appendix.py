@@ -8,7 +8,7 @@ from pathlib import Path
 
 from dashred.core.errors import DONE, InputError
 from dashred.core.findings.findings import check_freeze
-from dashred.evaluation.proof.isolation import LIMIT, analyst, bare_copy
+from dashred.evaluation.proof.isolation import LIMIT, isolated_copy, worker
 from dashred.pipeline.run.output_dir import make_output
 from dashred.reporting.text.verdict import verdict_lines
 
@@ -37,10 +37,10 @@ def analyse_pendulum(recording: Path, output: Path) -> str:
     """
     folder = make_output(str(output / FOLDER))
     if not (folder / "findings.json").is_file():
-        with tempfile.TemporaryDirectory(prefix="dashred-analyst-") as copy:
+        with tempfile.TemporaryDirectory(prefix="dashred-worker-") as copy:
             words = ["conf=pendulum", f"recording.path={recording}", f"output={folder}"]
             words += [f"tracking.root={output / 'mlruns'}", "tracking.experiment=proof"]
-            with analyst(bare_copy(Path(copy))) as mine:
+            with worker(isolated_copy(Path(copy))) as mine:
                 code, _ = mine.analyse(words, folder / "log.txt", LIMIT)
         if code != DONE:
             raise InputError(

@@ -1,8 +1,8 @@
-"""Analysts that have no way to the seal.
+"""Analyses that cannot reach a truth.
 
-Each is a process of its own, in a copy of the package without the recorder, the scorer, the draw
-and the twins. It is handed a recording in a folder that holds nothing else, a seed that says
-nothing, and no name. While it works, the truth of its case is on no disk.
+Each worker is a process of its own, in a copy of the package without ``evaluation`` and without the
+twins. It gets a recording in a folder that holds nothing else, a seed, and no name. While it works,
+the truth of its case is on no disk.
 """
 
 from __future__ import annotations
@@ -20,26 +20,19 @@ from sysconfig import get_path
 from threading import Timer
 
 CHECKOUT = Path(__file__).resolve().parents[3]
-NEEDED = ("dashred", "datamodules", "callbacks", "conf")
-# Whatever draws, records, opens or scores.
-CONCEALED = (
-    *("twins", "proof", "benchmark", "comparison", "__pycache__"),
-    *("record.py", "recorder.py", "sealing.py", "twin_file.py", "twin_experiment.py"),
-    *("score.py", "scoring.py", "cause_scoring.py", "window_kinds.py", "bench.py", "prove.py"),
-    *("compare.py", "publish.py", "standby.py", "faulty.py", "resume.py", "kept_seal.py"),
-)
-# An analysis that takes so many seconds will not end.
+PACKAGES = ("dashred", "datamodules", "callbacks")
+# Seconds after which an analysis is ended.
 LIMIT = 3600.0
-# Of our own surroundings an analyst needs no more.
-SURROUNDINGS = ("PATH", "HOME", "LANG", "TMPDIR", "MPLCONFIGDIR")
+# The environment variables that a worker gets.
+ENVIRONMENT = ("PATH", "HOME", "LANG", "TMPDIR", "MPLCONFIGDIR")
 
 
-class AnalystLostError(Exception):
-    """An analyst's process has ended, though nobody told it to."""
+class WorkerLostError(Exception):
+    """A worker's process has ended unexpectedly."""
 
 
 @dataclass(frozen=True, eq=False)
-class Analyst:
+class Worker:
     """A process that analyses one recording after another."""
 
     process: subprocess.Popen[str]
@@ -48,7 +41,7 @@ class Analyst:
         """Return the exit code of one analysis, and the CPU seconds that it took.
 
         Raises:
-            AnalystLostError: the process died of it, or took longer than so many seconds.
+            WorkerLostError: the process died of it, or took longer than so many seconds.
         """
         assert self.process.stdin is not None and self.process.stdout is not None
         watch = Timer(limit, self.process.kill)
@@ -58,38 +51,42 @@ class Analyst:
             self.process.stdin.flush()
             answer = json.loads(self.process.stdout.readline())
         except (BrokenPipeError, ValueError):
-            raise AnalystLostError(f"exit code {self.process.poll()}") from None
+            raise WorkerLostError(f"exit code {self.process.poll()}") from None
         finally:
             watch.cancel()
         return int(answer["code"]), float(answer["cpu_seconds"])
 
 
 def python(copy: Path) -> tuple[list[str], dict[str, str]]:
-    """Return the command and the surroundings in which Python sees a copy, and no checkout.
+    """Return the command and the environment in which Python imports from a copy only.
 
-    Without ``site`` nothing of an editable installation, which leads to the checkout, is in reach.
+    Without ``site``, an editable installation, which leads to the checkout, is not found.
     """
-    known = {name: os.environ[name] for name in SURROUNDINGS if name in os.environ}
+    known = {name: os.environ[name] for name in ENVIRONMENT if name in os.environ}
     paths = dict.fromkeys((str(copy), get_path("purelib"), get_path("platlib")))
-    surroundings = known | {"PYTHONPATH": os.pathsep.join(paths), "OMP_NUM_THREADS": "1"}
-    return [sys.executable, "-S"], surroundings
+    environment = known | {"PYTHONPATH": os.pathsep.join(paths), "OMP_NUM_THREADS": "1"}
+    return [sys.executable, "-S"], environment
 
 
-def bare_copy(to: Path) -> Path:
-    """Copy what an analysis needs, and nothing that knows of truths."""
-    for name in NEEDED:
-        shutil.copytree(CHECKOUT / name, to / name, ignore=shutil.ignore_patterns(*CONCEALED))
+def isolated_copy(to: Path) -> Path:
+    """Copy the package without ``evaluation``, and the systems without their twins."""
+    for name in PACKAGES:
+        ignored = shutil.ignore_patterns("evaluation", "__pycache__")
+        shutil.copytree(CHECKOUT / name, to / name, ignore=ignored)
+    (to / "conf").mkdir()
+    for path in (CHECKOUT / "conf").glob("*.yaml"):
+        shutil.copy(path, to / "conf")
     return to
 
 
 @contextmanager
-def analyst(copy: Path) -> Iterator[Analyst]:
-    """Start an analyst in a bare copy; it ends with the block."""
-    command, surroundings = python(copy)
+def worker(copy: Path) -> Iterator[Worker]:
+    """Start a worker in an isolated copy; it is ended with the block."""
+    command, environment = python(copy)
     process = subprocess.Popen(
         [*command, "-m", "dashred.pipeline.worker"],
         cwd=copy,
-        env=surroundings,
+        env=environment,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
@@ -97,9 +94,9 @@ def analyst(copy: Path) -> Iterator[Analyst]:
         start_new_session=True,
     )
     try:
-        yield Analyst(process)
+        yield Worker(process)
     finally:
         process.kill()
-        # Words that it did not live to read are lost with it.
+        # The worker may have died before it read its last line.
         with suppress(BrokenPipeError), process:
             pass

@@ -24,7 +24,7 @@ from dashred.evaluation.proof.cases.draw import Case, draw_cases, seed_of
 from dashred.evaluation.proof.cases.kept_case import RECORDING, Kept, folder_of, keep, read_done
 from dashred.evaluation.proof.cases.kept_draw import keep_draw
 from dashred.evaluation.proof.cases.record_case import RecordedCase, record_case
-from dashred.evaluation.proof.isolation import LIMIT, Analyst, AnalystLostError, analyst, bare_copy
+from dashred.evaluation.proof.isolation import LIMIT, Worker, WorkerLostError, isolated_copy, worker
 from dashred.evaluation.proof.request import Request
 from dashred.evaluation.proof.scoring.judge import unjudged
 from dashred.evaluation.proof.scoring.score_case import score_case
@@ -50,19 +50,19 @@ def _run(request: Request, output: Path) -> list[Kept]:
     waiting = [case for case in cases if str(case) not in kept]
     _say(f"{len(cases)} cases, {len(kept)} of them done already; in {output}")
     if waiting:
-        with tempfile.TemporaryDirectory(prefix="dashred-analyst-") as folder:
-            desk = _Desk(request, bare_copy(Path(folder)), kept, len(cases))
+        with tempfile.TemporaryDirectory(prefix="dashred-worker-") as folder:
+            desk = _Desk(request, isolated_copy(Path(folder)), kept, len(cases))
             desk.work_through(waiting)
     return [kept[str(case)] for case in cases]
 
 
 class _Desk:
-    """Hands cases to analysts, and scores what comes back: one thing at a time, beside them."""
+    """Hands cases to workers, and scores what comes back: one thing at a time, beside them."""
 
     def __init__(self, request: Request, copy: Path, kept: dict[str, Kept], total: int) -> None:
         self.request, self.copy, self.kept, self.total = request, copy, kept, total
         self.keeper, self.stopped = Lock(), Event()
-        self.analysts: set[Analyst] = set()
+        self.workers: set[Worker] = set()
 
     def work_through(self, waiting: Sequence[Case]) -> None:
         """Analyse every case, so many at once."""
@@ -76,25 +76,25 @@ class _Desk:
                 for done in as_completed(working):
                     done.result()
             except BaseException:
-                # The pool waits for its threads, and these for their analysts.
+                # The pool waits for its threads, and these for their workers.
                 self.stopped.set()
-                for mine in list(self.analysts):
+                for mine in list(self.workers):
                     mine.process.kill()
                 raise
 
     def _empty(self, queue: SimpleQueue[Case]) -> None:
         while not (queue.empty() or self.stopped.is_set()):
-            with analyst(self.copy) as mine:
-                self.analysts.add(mine)
+            with worker(self.copy) as mine:
+                self.workers.add(mine)
                 try:
                     while not self.stopped.is_set():
                         self._finish(queue.get_nowait(), mine)
-                except (AnalystLostError, Empty):
+                except (WorkerLostError, Empty):
                     continue
                 finally:
-                    self.analysts.discard(mine)
+                    self.workers.discard(mine)
 
-    def _finish(self, case: Case, mine: Analyst) -> None:
+    def _finish(self, case: Case, mine: Worker) -> None:
         """See one case through, and keep its record: whatever goes wrong is part of it."""
         began = time.perf_counter()
         # An earlier try may have opened the seal of this very case.
@@ -111,9 +111,9 @@ class _Desk:
                     record = self._judged(recorded, desk, seconds)
                 else:
                     problem = last_line(desk / LOG) or f"exit code {code}"
-            except AnalystLostError as lost:
+            except WorkerLostError as lost:
                 if not self.stopped.is_set():
-                    record = unjudged(case, None, f"the analyst died: {lost}")
+                    record = unjudged(case, None, f"the worker died: {lost}")
                     self._keep(case, recorded, record, desk, began)
                 raise
             except Exception as error:  # The other cases have a right to their turn.
@@ -152,7 +152,7 @@ class _Desk:
         desk: Path,
         began: float,
     ) -> None:
-        """Move what a case left out of the analysts' sight, its record last."""
+        """Move what a case left out of the workers' sight, its record last."""
         wall = time.perf_counter() - began
         shutil.copytree(desk, folder_of(case, self.request.output))
         kept = Kept(record, wall, 1 if recorded is None else recorded.draws)

@@ -47,9 +47,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         # Of several episodes the same in each.
         noise_std=problem.noise | dict(zip(names, discovered.noise.std.tolist(), strict=False)),
         noise_correlation=float(discovered.noise.correlation.max()),
-        own_error=numerical_error(
-            problem, discovered.best, discovered.noise.std[: len(names)]
-        ),
+        own_error=numerical_error(problem, discovered.best, discovered.noise.std[: len(names)]),
         chi2=discovered.best.chi2,
         unexplained=left,
         **errors_of_held_out(problem, analysis),

@@ -1,4 +1,4 @@
-"""An analyst's copy of the package can analyse, and can neither draw, record, open nor score."""
+"""A worker's copy of the package can analyse, and can neither draw, record, open nor score."""
 
 from __future__ import annotations
 
@@ -7,39 +7,30 @@ from pathlib import Path
 
 import pytest
 
-from dashred.evaluation.proof.isolation import (
-    CONCEALED,
-    AnalystLostError,
-    analyst,
-    bare_copy,
-    python,
-)
-from tests.test_seal import SECRET, reached_by_the_analysis
+from dashred.evaluation.proof.isolation import WorkerLostError, isolated_copy, python, worker
+from tests.test_seal import reached_from
 
 
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory) -> Path:
-    return bare_copy(tmp_path_factory.mktemp("copy"))
+    return isolated_copy(tmp_path_factory.mktemp("copy"))
 
 
-def test_nothing_that_knows_of_truths_is_in_the_copy(copy) -> None:
-    names = {path.name for path in copy.rglob("*")}
-    assert not names & set(CONCEALED)
-    modules = {path.stem for path in (copy / "dashred").iterdir()}
-    assert not modules & SECRET
-    assert not (copy / "conf" / "twins").exists()
+def test_the_copy_has_no_evaluation_and_no_twins(copy) -> None:
+    assert not (copy / "dashred" / "evaluation").exists()
+    assert not [path for path in copy.rglob("*") if {"twins", "proof"} & set(path.parts)]
     assert (copy / "conf" / "fhn.yaml").is_file()
 
 
-def test_all_that_the_analysis_reaches_is_in_the_copy(copy) -> None:
-    for module in reached_by_the_analysis():
+def test_all_that_the_analysis_imports_is_in_the_copy(copy) -> None:
+    for module in reached_from("dashred.pipeline.worker"):
         path = copy / Path(*module.split("."))
         assert path.with_suffix(".py").is_file() or (path / "__init__.py").is_file(), module
 
 
-def test_the_analyst_runs_the_copy_and_no_other(copy) -> None:
+def test_a_worker_imports_from_the_copy_only(copy) -> None:
     code = "import dashred; from importlib.util import find_spec as f; "
-    code += "print(dashred.__file__, f('dashred.evaluation.twins.record_command'), f('tests'))"
+    code += "print(dashred.__file__, f('dashred.evaluation'), f('tests'))"
     command, surroundings = python(copy)
     told = subprocess.run(
         [*command, "-c", code],
@@ -53,17 +44,17 @@ def test_the_analyst_runs_the_copy_and_no_other(copy) -> None:
     assert told[1:] == ["None", "None"]
 
 
-def test_an_analyst_answers_each_recording_and_outlives_a_wrong_one(copy, tmp_path) -> None:
-    with analyst(copy) as mine:
+def test_a_worker_answers_each_recording_and_survives_a_wrong_one(copy, tmp_path) -> None:
+    with worker(copy) as mine:
         for words in (["conf=nowhere"], ["conf=fhn", f"recording.path={tmp_path}/none.nc"]):
             code, _ = mine.analyse(words, tmp_path / "log.txt", 100.0)
             assert code == 2
             assert "error:" in (tmp_path / "log.txt").read_text()
 
 
-def test_an_analyst_that_dies_is_told_apart_from_one_that_fails(copy, tmp_path) -> None:
-    with analyst(copy) as mine:
+def test_a_worker_that_dies_is_distinguished_from_one_that_fails(copy, tmp_path) -> None:
+    with worker(copy) as mine:
         mine.process.kill()
         mine.process.wait()
-        with pytest.raises(AnalystLostError):
+        with pytest.raises(WorkerLostError):
             mine.analyse(["conf=fhn"], tmp_path / "log.txt", 100.0)

@@ -17,7 +17,7 @@ from dashred.evaluation.proof import run as proof
 from dashred.evaluation.proof.arguments import read_words
 from dashred.evaluation.proof.cases import kept_case
 from dashred.evaluation.proof.cases.draw import draw_cases, seed_of
-from dashred.evaluation.proof.isolation import Analyst, AnalystLostError
+from dashred.evaluation.proof.isolation import Worker, WorkerLostError
 from dashred.evaluation.proof.request import Request
 from dashred.evaluation.proof.scoring.rescore import rescore
 from tests.evaluation.proof.invented import case as record_of
@@ -39,15 +39,15 @@ def keep(folder: Path, seed: str, cases: int) -> None:
 
 @pytest.fixture
 def analysed(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
-    """Have analysts note their words, and fail."""
+    """Have workers note their words, and fail."""
     told: list[list[str]] = []
 
-    def analyse(self: Analyst, words: list[str], log: Path, limit: float) -> tuple[int, float]:
+    def analyse(self: Worker, words: list[str], log: Path, limit: float) -> tuple[int, float]:
         told.append(list(words))
         log.write_text("Traceback\n  deep inside\nValueError: out of luck\n")
         return 1, 0.5
 
-    monkeypatch.setattr(Analyst, "analyse", analyse)
+    monkeypatch.setattr(Worker, "analyse", analyse)
     return told
 
 
@@ -72,15 +72,15 @@ def test_a_crash_is_a_record_and_is_tried_again(tmp_path, analysed) -> None:
     assert len(analysed) == 2
 
 
-def test_an_interruption_ends_the_analysts_and_keeps_no_record(tmp_path, monkeypatch) -> None:
+def test_an_interruption_ends_the_workers_and_keeps_no_record(tmp_path, monkeypatch) -> None:
     begun = threading.Event()
 
-    def analyse(self: Analyst, words: list[str], log: Path, limit: float) -> tuple[int, float]:
+    def analyse(self: Worker, words: list[str], log: Path, limit: float) -> tuple[int, float]:
         begun.set()
         self.process.wait()
-        raise AnalystLostError("killed")
+        raise WorkerLostError("killed")
 
-    monkeypatch.setattr(Analyst, "analyse", analyse)
+    monkeypatch.setattr(Worker, "analyse", analyse)
     main = threading.main_thread().ident
     assert main is not None
 
@@ -94,7 +94,7 @@ def test_an_interruption_ends_the_analysts_and_keeps_no_record(tmp_path, monkeyp
     assert not list(tmp_path.glob("*/case.json"))
 
 
-def test_an_analyst_is_told_of_its_recording_alone(tmp_path, analysed) -> None:
+def test_an_worker_is_told_of_its_recording_alone(tmp_path, analysed) -> None:
     proof.run_proof(request(tmp_path, 2))
     cases = draw_cases(seed_of("test"), 2, 0)
     for case, words in zip(cases, analysed, strict=True):
@@ -113,7 +113,7 @@ def test_a_case_that_cannot_be_recorded_or_judged_is_a_record(tmp_path, monkeypa
     def fail(*_: object) -> None:
         raise ValueError("out of reach")
 
-    monkeypatch.setattr(Analyst, "analyse", lambda *_: (0, 1.0))
+    monkeypatch.setattr(Worker, "analyse", lambda *_: (0, 1.0))
     monkeypatch.setattr(proof, "check_freeze", fail)
     [kept] = proof.run_proof(request(tmp_path, 1))
     assert kept.record["problem"] == "ValueError: out of reach"
@@ -129,14 +129,14 @@ def test_an_analysis_finds_its_recording_and_nothing_else(tmp_path, monkeypatch)
     """Also where an earlier try had gone as far as to open the seal."""
     seen: list[list[str]] = []
 
-    def analyse(self: Analyst, words: list[str], log: Path, limit: float) -> tuple[int, float]:
+    def analyse(self: Worker, words: list[str], log: Path, limit: float) -> tuple[int, float]:
         folder = next(Path(w.partition("=")[2]) for w in words if w.startswith("output="))
         seen.append(sorted(path.name for path in folder.iterdir()))
         assert not list(tmp_path.rglob("sealed.nc"))
         log.write_text("failed\n")
         return 1, 0.5
 
-    monkeypatch.setattr(Analyst, "analyse", analyse)
+    monkeypatch.setattr(Worker, "analyse", analyse)
     (tmp_path / "case-0").mkdir()
     (tmp_path / "case-0" / "sealed.nc").write_text("the truth")
     proof.run_proof(request(tmp_path, 1))
