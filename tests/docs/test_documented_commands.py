@@ -14,6 +14,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 import warnings
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -30,8 +31,8 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 SHARED = CHECKOUT.parent / "shared" / "data"
 RECORDING = SHARED / "pendulum_single" / "recording.csv"
 DOCUMENTS = [CHECKOUT / "README.md", *sorted((CHECKOUT / "docs").glob("*.md"))]
-COMMAND = re.compile(r"(python -m|make|pip|mlflow) ")
-MODULE = ["python", "-m"]
+COMMAND = re.compile(r"(dashred|python -m|make|pip|mlflow) ")
+DISPATCHER = [sys.executable, "-m", "dashred"]
 SECONDS = 300
 LONGEST = 3600
 
@@ -51,9 +52,9 @@ def commands(document: Path) -> list[list[str]]:
 
 def run(words: list[str], folder: Path) -> None:
     """Run a command of the package in a folder."""
-    assert words[:2] == MODULE
+    assert words[0] == "dashred"
     ended = subprocess.run(
-        [sys.executable, *words[1:]],
+        [*DISPATCHER, *words[1:]],
         cwd=folder,
         env=os.environ | {"PYTHONPATH": str(CHECKOUT), "NO_COLOR": "1", "COLUMNS": "200"},
         capture_output=True,
@@ -61,21 +62,21 @@ def run(words: list[str], folder: Path) -> None:
         timeout=LONGEST,
     )
     # What init has written is checked before the reader has filled it in.
-    open_lines = words[2] == "dashred.pipeline.check.command" and " left to do (!)" in ended.stdout
+    open_lines = words[1] == "check" and " left to do (!)" in ended.stdout
     assert ended.returncode == (2 if open_lines else 0), f"{shlex.join(words)}\n{ended.stderr}"
     assert "Traceback" not in ended.stderr
     assert ended.stdout.strip()
 
 
 def fetch(words: list[str], folder: Path) -> None:
-    """Run ``dashred.data.io.fetch``, from a server on this machine that has the shared data.
+    """Run ``dashred fetch``, from a server on this machine that has the shared data.
 
     Where that is not there, what comes after gets a swing of our own, and the words are read.
     """
     if not RECORDING.is_file():
         [path] = [word.removeprefix("path=") for word in words if word.startswith("path=")]
         shutil.copy(folder / "my.csv", folder / path)
-        run([*words[:3], "--help"], folder)
+        run([*words[:2], "--help"], folder)
         return
     handler = partial(SimpleHTTPRequestHandler, directory=str(SHARED))
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
@@ -98,6 +99,21 @@ def activate(words: list[str], folder: Path) -> None:
     assert words == ["source", f"{venv}/bin/activate"]
 
 
+def pip_words(words: list[str], folder: Path) -> None:
+    """Hold the name of the wheel against the version of the package; nothing is installed."""
+    with (CHECKOUT / "pyproject.toml").open("rb") as file:
+        version = tomllib.load(file)["project"]["version"]
+    if words[1] == "install":
+        assert words[2:] == [f"build/dashred-{version}-py3-none-any.whl"]
+    else:
+        assert words[1:] == ["wheel", "--no-deps", "--wheel-dir", "build", "."]
+
+
+def arguments(words: list[str]) -> list[str]:
+    """Return the arguments of ``dashred COMMAND ...`` or ``python -m dashred.train ...``."""
+    return words[2:] if words[0] == "dashred" else words[3:]
+
+
 def train_words(words: list[str], folder: Path) -> None:
     """Read the words of an analysis; what they name need not be there yet.
 
@@ -105,12 +121,12 @@ def train_words(words: list[str], folder: Path) -> None:
     """
     from dashred.config import load_config
 
-    load_config([word for word in words[3:] if not word.startswith("trust=")], entry="train")
+    load_config([w for w in arguments(words) if not w.startswith("trust=")], entry="train")
 
 
 def resume_words(words: list[str], folder: Path) -> None:
     """Ask for a run that is not there: the words are right, the run is not."""
-    command = [sys.executable, *words[1:], f"tracking.root={folder / 'mlruns'}"]
+    command = [*DISPATCHER, *words[1:], f"tracking.root={folder / 'mlruns'}"]
     environment = os.environ | {"PYTHONPATH": str(CHECKOUT)}
     ended = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
     assert ended.returncode == 2
@@ -133,32 +149,33 @@ def bench_words(words: list[str], folder: Path) -> None:
     from dashred.evaluation.benchmark.arguments import read_words
     from dashred.evaluation.benchmark.plan import plan
 
-    assert plan(read_words([word for word in words[3:] if not word.startswith("document=")]))
+    assert plan(read_words([w for w in arguments(words) if not w.startswith("document=")]))
 
 
 def proof_words(words: list[str], folder: Path) -> None:
     """Read the words of a proof; a draw that is named needs no clean checkout."""
     from dashred.evaluation.proof.arguments import read_words
 
-    read_words(["draw=words", *words[3:]])
+    read_words(["draw=words", *arguments(words)])
 
 
 Check = Callable[[list[str], Path], None]
 CHEAP: dict[str, Check] = {
     r"make [a-z-]+": make,
     r"source .*": activate,
-    r"python -m dashred\.\w+ --help": run,
-    r"python -m dashred\.reference( path=.*)?": run,
-    r"python -m dashred\.fetch path=.*": fetch,
-    r"python -m dashred\.init path=.*": run,
-    r"python -m dashred\.check conf=.*": run,
+    r"pip (install|wheel) .*": pip_words,
+    r"dashred \w+ --help": run,
+    r"dashred reference( path=.*)?": run,
+    r"dashred fetch path=.*": fetch,
+    r"dashred init path=.*": run,
+    r"dashred check conf=.*": run,
 }
 WORDS: dict[str, Check] = {
-    r"python -m dashred\.train conf=.*": train_words,
-    r"python -m dashred\.train resume=RUN_ID.*": resume_words,
+    r"(dashred |python -m dashred\.)train conf=.*": train_words,
+    r"dashred train resume=RUN_ID.*": resume_words,
     r"mlflow (ui|server) .*": mlflow_words,
-    r"python -m dashred\.(bench|compare) systems=.*": bench_words,
-    r"python -m dashred\.prove cases=.*": proof_words,
+    r"dashred (bench|compare) systems=.*": bench_words,
+    r"dashred prove cases=.*": proof_words,
 }
 # What `make test-all` runs to the end, by where it leaves its findings; each takes minutes. Benches
 # and proofs take hours.
@@ -215,14 +232,14 @@ def test_every_command_works_or_its_words_are_read(
 
 def test_a_command_of_no_category_fails() -> None:
     with pytest.raises(AssertionError, match="of no category"):
-        check_of(["python", "-m", "dashred.unheard_of", "path=x"])
+        check_of(["dashred", "unheard_of", "path=x"])
 
 
 def test_a_word_that_does_not_exist_fails(folder: Path) -> None:
     from dashred.core.errors import InputError
 
     with pytest.raises(InputError):
-        train_words([*MODULE, "dashred.train", "conf=rde", "recording.twni=b"], folder)
+        train_words(["dashred", "train", "conf=rde", "recording.twni=b"], folder)
 
 
 def folder_of(words: list[str]) -> str | None:
@@ -240,7 +257,7 @@ def test_a_document_ends_in_verdicts(
     monkeypatch.chdir(folder)
     ended = []
     for words in commands(CHECKOUT / "docs" / name):
-        if words[2:3] != ["dashred.train"]:
+        if words[:2] != ["dashred", "train"]:
             check_of(words)(words, folder)
         elif folder_of(words) in RUNS[name]:
             run([*words, f"tracking.root={folder / 'mlruns'}"], folder)
