@@ -1,8 +1,7 @@
-"""The corrected equations in HTML, with what was put in highlighted."""
+"""The corrected equations, with what was put in apart from what was there."""
 
 import re
-from collections.abc import Mapping, Sequence
-from html import escape
+from collections.abc import Mapping
 from typing import Any
 
 from dashred.core.formatting import MINUS, number, pretty, rounded
@@ -10,36 +9,24 @@ from dashred.core.units import NONE, measured
 from dashred.reporting.text.verdict import bounds
 
 
-def equations_html(findings: Mapping[str, Any]) -> str:
-    """One line for each equation, and one for each parameter that changes; empty without any."""
+def equations(findings: Mapping[str, Any]) -> dict[str, Any]:
+    """The rate of each field with the terms added to it, and each parameter that changes."""
     system = findings["input"]["config"].get("system", {})
-    equations: Mapping[str, str] = system.get("equations", {})
     terms, units = findings["terms"] or [], findings.get("units", NONE)
-    if not equations:
-        return ""
-    partial = bool(system.get("axes"))
-    lines = [
-        _equation(field, text, [t for t in terms if t["equation"] == field], units, partial)
-        for field, text in equations.items()
+    rates = [
+        {
+            "field": field,
+            "known": _printed(text),
+            "added": [_term(term, units) for term in terms if term["equation"] == field],
+        }
+        for field, text in system.get("equations", {}).items()
     ]
-    lines += [_parameter(term, units) for term in terms if term["equation"] is None]
-    lets = [f"{name} = {_printed(text)}" for name, text in system.get("let", {}).items()]
-    told = "".join(f'<div class="eq">{line}</div>' for line in lines)
-    where = "".join(f'<div class="eq let">with {escape(line)}</div>' for line in lets)
-    return f'<div class="equations">{told}{where}</div>'
-
-
-def _equation(
-    field: str,
-    text: str,
-    added: Sequence[Mapping[str, Any]],
-    units: Mapping[str, str],
-    partial: bool,
-) -> str:
-    d = "∂" if partial else "d"
-    gap = "" if len(field) == 1 else "&thinsp;"
-    terms = "".join(f" <mark>{_term(term, units)}</mark>" for term in added)
-    return f"{d}{gap}{escape(field)}/{d}t = {escape(_printed(text))}{terms}"
+    return {
+        "d": "∂" if system.get("axes") else "d",
+        "rates": rates,
+        "changed": [_parameter(term, units) for term in terms if term["equation"] is None],
+        "let": {name: _printed(text) for name, text in system.get("let", {}).items()},
+    }
 
 
 def _term(term: Mapping[str, Any], units: Mapping[str, str]) -> str:
@@ -47,7 +34,7 @@ def _term(term: Mapping[str, Any], units: Mapping[str, str]) -> str:
     sign = MINUS if term["coefficient"] < 0 else "+"
     product = size if term["term"] == "1" else f"{size}·{_factor(_printed(term['term']))}"
     where = f" for {bounds(term['region'][0], units)}" if term["region"] else ""
-    return escape(f"{sign} {product}{where}")
+    return f"{sign} {product}{where}"
 
 
 def _printed(text: str) -> str:
@@ -62,8 +49,7 @@ def _factor(text: str) -> str:
     return f"({text})" if re.search(rf" [+{MINUS}] ", flat) else text
 
 
-def _parameter(term: Mapping[str, Any], units: Mapping[str, str]) -> str:
+def _parameter(term: Mapping[str, Any], units: Mapping[str, str]) -> dict[str, str]:
     new, _ = rounded(term["to"], term["std"])
-    name, unit = term["term"], units.get(term["term"])
-    told = f"{name} = {measured(new, unit)}"
-    return f"<mark>{escape(told)}</mark> instead of {escape(number(term['from']))}"
+    name = term["term"]
+    return {"now": f"{name} = {measured(new, units.get(name))}", "was": number(term["from"])}

@@ -1,19 +1,23 @@
 """`report.html`: one page that holds all a reader needs, and refers to nothing outside it."""
 
 from collections.abc import Mapping, Sequence
-from html import escape
 from pathlib import Path
 from typing import Any
 
 from dashred.core.files.atomic import write_text_atomic
-from dashred.reporting.figures.figure_names import FORECAST, METHOD, PROOF, WHAT, WHERE
+from dashred.core.formatting import number
+from dashred.core.templates import render
+from dashred.core.units import NONE, TIME, measured
+from dashred.reporting.figures.figure_names import OF_EQUATIONS
 from dashred.reporting.page import sections
-from dashred.reporting.page.parts import figures as drawn
-from dashred.reporting.page.parts import paragraphs
-from dashred.reporting.page.provenance import how_it_was_done, provenance
-from dashred.reporting.page.style import PAPER, SCREEN
+from dashred.reporting.page.equations import equations
+from dashred.reporting.page.method import provenance, set_up
+from dashred.reporting.page.views import figures as drawn
+from dashred.reporting.text import verdict
 from dashred.reporting.text.headline import headline
-from dashred.reporting.text.verdict import VERDICTS, causes, law
+from dashred.reporting.text.improvement import UNTESTED, reconstructed, worth
+
+TEMPLATE = "reporting/page/templates/report.html.j2"
 
 
 def write_html(
@@ -24,10 +28,20 @@ def write_html(
     mostly: Sequence[str] = (),
     commit: str | None = None,
 ) -> None:
-    """Write the report, whole or not at all.
+    """Write the report, whole or not at all; the arguments after ``path`` are those of `page`."""
+    write_text_atomic(path, page(findings, figures, summary, mostly, commit))
+
+
+def page(
+    findings: Mapping[str, Any],
+    figures: Mapping[str, Mapping[str, Path]],
+    summary: str,
+    mostly: Sequence[str] = (),
+    commit: str | None = None,
+) -> str:
+    """Return the report.
 
     Args:
-        path: where.
         findings: of ``findings.json``.
         figures: PNG files by caption, by the section that they belong to: ``where``, ``what``,
             ``proof``, ``forecast`` or ``method``.
@@ -35,40 +49,43 @@ def write_html(
         mostly: of more terms than a few, the words of the few that explain nearly all.
         commit: of dashred's own checkout; None names none.
     """
-    title = findings["input"]["config"].get("system", {}).get("title", "The system")
-
-    def of(part: str) -> str:
-        return drawn(figures.get(part, {}))
-
-    parts = [
-        f"<h1>{escape(title)}: the simulation against the recording</h1>",
-        '<p class="about">Found by dashred from sensors alone.</p>',
-        _verdict(findings, mostly),
-        sections.where_it_acts(findings, of(WHERE)),
-        sections.the_law(findings, of(WHAT)),
-        sections.proof(findings, of(PROOF)),
-        sections.forecast(findings, of(FORECAST)),
-        sections.unexplained(findings),
-        sections.cannot_know(findings),
-        how_it_was_done(findings, of(METHOD)),
-        provenance(findings, commit),
-        f"<details><summary>The printed summary</summary><pre>{escape(summary)}</pre></details>",
-    ]
-    body = "\n".join(part for part in parts if part)
-    write_text_atomic(
-        path,
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}: dashred</title>\n<style>{SCREEN}{PAPER}</style>\n</head>\n"
-        f"<body>\n{body}\n</body>\n</html>\n",
+    fit, units, found = findings["fit"], findings.get("units", NONE), findings["terms"] or []
+    system = findings["input"]["config"].get("system", {})
+    splits = findings["input"]["splits"]
+    return render(
+        TEMPLATE,
+        title=system.get("title", "The system"),
+        headline=headline(findings, mostly) if findings["verdict"] else "",
+        verdict=findings["verdict"],
+        untested=findings["verdict"] in UNTESTED,
+        said=_said(findings),
+        places=verdict.places(findings["where"], units) if found else [],
+        equations=equations(findings),
+        consequences=verdict.consequences(findings),
+        terms=sections.terms(found),
+        weighed=sections.weighed(findings["causes"] or []),
+        certainty=verdict.certainty(findings),
+        alternatives=sections.alternatives(findings["alternatives"] or []),
+        errors=sections.proof(fit),
+        worth=[*worth(fit), *reconstructed(findings)],
+        heldout=fit["heldout_time"] or {},
+        inputs=system.get("inputs"),
+        unexplained=sections.unexplained(findings),
+        unknowable=verdict.unknowable(findings),
+        splits=splits,
+        until=measured(number(splits["time_end"]), units.get(TIME)) if splits else "",
+        set_up=set_up(findings),
+        provenance=provenance(findings, commit),
+        figures={place: drawn(figures.get(place, {})) for place in OF_EQUATIONS},
+        summary=summary,
     )
 
 
-def _verdict(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
-    if findings["verdict"] is None:
-        return ""
-    told = VERDICTS.get(findings["verdict"], "see findings.json")
-    said = [] if findings["verdict"] == "outside-library" else causes(findings)
-    lines = [f"Verdict: {findings['verdict']}: {told}.", *said, *law(findings)]
-    first = paragraphs([headline(findings, mostly)], "headline")
-    return f'<div class="verdict">{first}\n{paragraphs(lines)}</div>'
+def _said(findings: Mapping[str, Any]) -> list[str]:
+    """What the verdict means, and the law: a sentence each."""
+    kind = findings["verdict"]
+    if kind is None:
+        return []
+    causes = [] if kind == "outside-library" else verdict.causes(findings)
+    told = verdict.VERDICTS.get(kind, "see findings.json")
+    return [f"Verdict: {kind}: {told}.", *causes, *verdict.law(findings)]

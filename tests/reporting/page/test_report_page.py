@@ -3,15 +3,14 @@
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import pytest
 
 from dashred.core.findings.schema import Fit, Input, misfit, new_findings
-from dashred.reporting.page.equations import equations_html
+from dashred.reporting.page import html
 from dashred.reporting.page.html import write_html
-from dashred.reporting.page.provenance import provenance
-from dashred.reporting.page.sections import forecast, unexplained
 from dashred.reporting.text.headline import headline
 from dashred.reporting.text.summary import summary
 from dashred.reporting.text.verdict import verdict_lines
@@ -217,7 +216,12 @@ class Page(HTMLParser):
     def handle_data(self, data: str) -> None:
         """Keep what a reader sees."""
         if not {"style", "script"} & set(self.open):
-            self.words.append(data)
+            self.words.append(" ".join(data.split()))
+
+
+def text_of(findings: Any, figures: Any = MappingProxyType({}), commit: str | None = None) -> str:
+    """The page's text as a reader sees it, on one line."""
+    return " ".join(Page(html.page(findings, figures, "", commit=commit)).words)
 
 
 @pytest.fixture
@@ -235,6 +239,29 @@ def test_the_page_refers_to_nothing_outside_itself(page: Page, tmp_path: Path) -
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert not re.search(r"https?://|@import|url\(|<script", text)
     assert str(tmp_path) not in text
+
+
+def test_nothing_in_findings_becomes_markup(tmp_path: Path) -> None:
+    evil = "<script>alert('1')</script>\" onload=\"x"
+    image = tmp_path / "a.png"
+    image.write_bytes(b"\x89PNG")
+    system = SYSTEM | {"title": evil, "equations": {"u": evil}, "let": {evil: evil}}
+    system |= {"inputs": {evil: evil}, "snapshots": evil}
+    config = {"system": system, "recording": {"path": evil, "sensors": evil}}
+    splits: Any = {"inputs": [evil], "extra": [], "validate": [], "test": [evil], "note": evil}
+    splits |= {"time_end": 1.0}
+    source: Any = SOURCE | {"config": config, "splits": splits, "library_size": {evil: 1}}
+    cause = {"kind": "outside-library", "probability": 1.0, "says": evil}
+    other = NEXT | {"terms": [NEXT["terms"][0] | {"term": evil}]}
+    findings = found(terms=[TERM | {"term": evil, "says": evil}], causes=[cause])
+    findings |= {"alternatives": [other], "units": {evil: evil}, "corrected": evil}
+    findings["fit"]["noise_std"] = {evil: 0.1}
+    figures = {place: {evil: image} for place in ("where", "what", "proof", "forecast", "method")}
+    text = html.page(findings | {"input": source}, figures, evil, [evil], evil)
+    assert "<script" not in text and 'onload="' not in text
+    # More often than there are fields that hold it: every one of them is on the page.
+    assert text.count("&lt;script&gt;") > 20
+    assert not Page(text).open
 
 
 def test_the_page_tells_the_law_its_rivals_the_proof_and_where_it_comes_from(page: Page) -> None:
@@ -262,16 +289,16 @@ def test_the_page_tells_the_law_its_rivals_the_proof_and_where_it_comes_from(pag
 
 
 def test_the_equations_show_what_is_put_into_them() -> None:
-    lines = equations_html(found())
+    lines = html.page(found(), {}, "")
     assert "∂u/∂t = −u·d(u, x) + nu·lap(u) <mark>− 0.0251·u³</mark>" in lines
     assert "∂&thinsp;lam/∂t = 1 − lam</div>" in lines
     assert "<mark>nu = 0.0500</mark> instead of 0.035" in lines
     gate = [{"field": "u", "above": 0.4, "std": 0.01, "ci95": [0.38, 0.42]}]
     added = TERM | {"term": "u - u**2", "coefficient": 0.2, "region": gate}
     known = found(terms=[added, CHANGE], units={"u": "J", "nu": "m2 s-1"})
-    assert "<mark>+ 0.2000·(u − u²) for u &gt; 0.400 J (± 0.010)</mark>" in equations_html(known)
-    assert "<mark>nu = 0.0500 m²/s</mark>" in equations_html(known)
-    assert equations_html(found(terms=[])).count("<mark>") == 0
+    assert "<mark>+ 0.2000·(u − u²) for u &gt; 0.400 J (± 0.010)</mark>" in html.page(known, {}, "")
+    assert "<mark>nu = 0.0500 m²/s</mark>" in html.page(known, {}, "")
+    assert html.page(found(terms=[]), {}, "").count("<mark>") == 0
 
 
 @pytest.mark.parametrize(
@@ -347,7 +374,7 @@ def test_causes_are_told_with_their_probabilities(tmp_path: Path) -> None:
 def test_what_stays_unexplained_is_held_against_the_noise(share: float, told: str) -> None:
     left = found()
     left["fit"]["unexplained"] = share
-    assert told in unexplained(left)
+    assert told in text_of(left)
 
 
 def test_the_headline_does_not_claim_a_gain_that_there_is_none_of() -> None:
@@ -381,11 +408,16 @@ def test_a_page_of_findings_that_found_nothing_is_short_but_whole(tmp_path: Path
     assert not page.open and "What" not in page.words and "Provenance" in page.words
 
 
-def test_a_forecast_says_what_becomes_of_inputs() -> None:
-    assert "the last value is held" not in forecast(found(), "<figure>")
+def test_a_forecast_says_what_becomes_of_inputs(tmp_path: Path) -> None:
+    image = tmp_path / "forecast.png"
+    image.write_bytes(b"\x89PNG")
+    figures = {"forecast": {"The forecast": image}}
+    assert "runs on freely" not in text_of(found())
+    assert "runs on freely" in text_of(found(), figures)
+    assert "the last value is held" not in text_of(found(), figures)
     driven = {**SYSTEM, "inputs": {"e": "voltage", "f": "force"}}
     source = {**SOURCE, "config": {"system": driven}}
-    told = forecast({**found(), "input": source}, "<figure>")
+    told = text_of({**found(), "input": source}, figures)
     assert "Where inputs (e, f) were not measured that far, the last value is held." in told
 
 
@@ -408,7 +440,7 @@ def test_provenance_names_files_and_commit_and_takes_no_value_for_a_files_hash()
     config = {"system": SYSTEM | {"snapshots": "runs.nc"}}
     config |= {"recording": {"path": "mine.csv", "sensors": "table.csv"}}
     source: Any = SOURCE | {"config": config, "snapshots_sha256": "5eed"}
-    rows = Page(provenance(found() | {"input": source}, "ab12+")).words
+    rows = Page(html.page(found() | {"input": source}, {}, "", commit="ab12+")).words
     for what, value in {
         "recording": "mine.csv",
         "table of sensors": "table.csv",
@@ -419,7 +451,7 @@ def test_provenance_names_files_and_commit_and_takes_no_value_for_a_files_hash()
     }.items():
         assert rows.count(what) == 1 and rows[rows.index(what) + 1] == value
     assert any("sha256sum of a file is another number" in row for row in rows)
-    assert "dashred, git commit" not in Page(provenance(found())).words
+    assert "dashred, git commit" not in text_of(found())
 
 
 def test_the_same_findings_give_the_same_page(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from dashred.core.findings.schema import (
     misfit,
     new_findings,
 )
-from dashred.reporting.page.sections import unexplained
+from dashred.reporting.page.html import page
 from dashred.reporting.text.summary import print_summary, summary
 
 SPLITS = Splits(
@@ -118,7 +118,7 @@ def test_a_simulation_less_exact_than_its_sensors_says_what_to_do() -> None:
     told = [summary(doubtful(error), None, {}) for error in (None, 0.9, 2.44)]
     assert ["halve the time step" in text for text in told] == [False, False, True]
     assert "own numerical error is 2.4 times the sensors' noise" in told[2]
-    assert "halve the time step" in unexplained(doubtful(2.44))
+    assert "halve the time step" in page(doubtful(2.44), {}, "")
 
 
 def doubtful(error: float | None) -> Any:

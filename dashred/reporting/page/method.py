@@ -1,0 +1,72 @@
+"""How an analysis was done and what determines its findings, as the report lists it."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from dashred.core.formatting import number
+from dashred.core.units import NONE, TIME, measured, shown
+
+
+def set_up(findings: Mapping[str, Any]) -> dict[str, str]:
+    """The data, the library and the noise, by what the report calls them."""
+    source, fit, units = findings["input"], findings["fit"], findings.get("units", NONE)
+    splits = source["splits"] or {}
+    noise = (fit["noise_std"] or {}).items()
+    rows = {
+        "sensors that feed SHRED": ", ".join(splits.get("inputs", ())),
+        "further fit sensors": ", ".join(splits.get("extra", ())),
+        "validation sensors": ", ".join(splits.get("validate", ())),
+        "test sensors": ", ".join(splits.get("test", ())),
+        "episodes": "; ".join(
+            _episode(each, units.get(TIME)) for each in splits.get("episodes") or ()
+        ),
+        "library": _listed("{1} terms for {0}", (source["library_size"] or {}).items()),
+        "left out of it, for on the simulation": _listed(
+            "{} {}", (source.get("library_left_out") or {}).items()
+        ),
+        "noise of the sensors, std": _listed(
+            "{} {}", ((name, number(float(f"{std:.2g}"))) for name, std in noise)
+        ),
+        "χ² per sample of the fit": "" if fit["chi2"] is None else number(fit["chi2"]),
+        "units": _listed("{} in {}", ((name, shown(unit)) for name, unit in units.items())),
+    }
+    return {name: text for name, text in rows.items() if text}
+
+
+def provenance(findings: Mapping[str, Any], commit: str | None) -> dict[str, str]:
+    """What determines the findings, by what the report calls it.
+
+    Args:
+        findings: of ``findings.json``.
+        commit: of dashred's own checkout; None names none.
+    """
+    source = findings["input"]
+    recording = source["config"].get("recording", {})
+    versions = sorted(source["versions"].items())
+    rows = {
+        "configuration, sha256": source["config_sha256"],
+        "recording": recording.get("path"),
+        "table of sensors": recording.get("sensors"),
+        "snapshots": source["config"].get("system", {}).get("snapshots"),
+        "recording's values, sha256": source["recording_sha256"],
+        "seed": str(source["seed"]),
+        "dashred, git commit": commit,
+        "versions": _listed("{} {}", versions),
+        "snapshots' values, sha256": source.get("snapshots_sha256"),
+        "corrected simulation": findings["corrected"],
+    }
+    # A twin's sensors are a number, and no file.
+    return {name: text for name, text in rows.items() if isinstance(text, str) and text}
+
+
+def _listed(form: str, pairs: Iterable[tuple[str, Any]]) -> str:
+    return ", ".join(form.format(*pair) for pair in pairs)
+
+
+def _episode(split: Mapping[str, Any], unit: str | None) -> str:
+    end = measured(number(split["end"]), unit)
+    span = f"{split['name']}, from {number(split['begin'])} to {end}"
+    until = f"its first part, to {number(split['time_end'])}, tells its start"
+    if split["held_out_whole"]:
+        return f"{span}: held out whole; {until}"
+    return f"{span}: fitted until {number(split['time_end'])}"
