@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from itertools import pairwise
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
@@ -15,28 +15,9 @@ from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import optional, required
 from dashred.config.source import read_file
 from dashred.core.limits import Limit, Unit
+from dashred.core.templates import render
 
-HEAD = """\
-# Every key of a configuration
-
-Made by `python -m dashred.reference path=docs/config.md` from `dashred/config/schema/settings.py`, its
-parts `system_schema.py` and `recording_schema.py`, and `conf/base.yaml`: change those, not this
-page.
-
-A run reads three layers, each over the one before: `conf/base.yaml` with the defaults below, the
-system's own file (`conf=rde`, or a path), and the words of the command line, where a dotted key
-stands for its section: `recording.noise=0.01 shred.lags=30`. Where a number is asked for,
-arithmetic such as `2*pi` will do. Paths count from the folder of the file that holds them, on the
-command line from where you are. An unknown key is refused with the nearest known one. A system's
-file that says where results go (`output`, `tracking.root`, `tracking.run`, `tracking.parent`) is
-refused, too: it may be a stranger's, and those are for the command line to say.
-
-*Unit*: what a number counts in. "The system's time" is whatever time is counted in in its
-equations and its recording; a number in "the equation's tendency" is a share of it. What has no
-unit is a plain number. *Default*: *must be given* is said where neither file has one.
-"""
 WORDS = {int: "whole number", float: "number", str: "text", bool: "`true` or `false`"}
-COLUMNS = ("key", "meaning", "type and limits", "unit", "default")
 
 
 @dataclass(frozen=True)
@@ -46,7 +27,7 @@ class Key:
     Attributes:
         name: dotted.
         kind: its annotation, limits and unit included.
-        meaning: the text below it in the schema.
+        meaning: the text below it in the schema, on one line.
         default: as YAML; None where it must be given.
     """
 
@@ -55,34 +36,47 @@ class Key:
     meaning: str
     default: str | None
 
+    @property
+    def words(self) -> str:
+        """Its type and limits in words."""
+        return _in_words(self.kind)
+
+    @property
+    def unit(self) -> str | None:
+        """What it counts in."""
+        return unit(self.kind)
+
+
+@dataclass(frozen=True)
+class Section:
+    """One section of a configuration: its dotted name, what it is, and its own keys."""
+
+    name: str
+    about: str
+    keys: list[Key]
+
 
 def page() -> str:
     """Return the page; the same schema and defaults give the same text."""
-    defaults = read_file(BASE, label="conf/base.yaml").values
-    return "\n".join([HEAD, *_section("", Settings, defaults)])
+    return render("config/templates/config.md.j2", sections=sections())
 
 
 def keys() -> list[Key]:
     """Return every key that is no section, in the schema's order."""
+    return [key for section in sections() for key in section.keys]
+
+
+def sections() -> list[Section]:
+    """Return every section, in the schema's order; that of the top has no name."""
     defaults = read_file(BASE, label="conf/base.yaml").values
     return list(_walk("", Settings, defaults))
 
 
-def _walk(prefix: str, kind: type, defaults: dict[str, Any]) -> Iterator[Key]:
-    yield from _plain_keys(prefix, kind, defaults)
+def _walk(prefix: str, kind: type, defaults: dict[str, Any]) -> Iterator[Section]:
+    own = list(_plain_keys(prefix, kind, defaults))
+    yield Section(prefix[:-1], _tidy(inspect.getdoc(kind) or ""), own)
     for name, section in _subsections(prefix, kind):
         yield from _walk(f"{name}.", section, _below(defaults, name[len(prefix) :]))
-
-
-def _section(prefix: str, kind: type, defaults: dict[str, Any]) -> Iterator[str]:
-    """One heading and table, and those of the sections within."""
-    title = f"`{prefix[:-1]}`" if prefix else "At the top"
-    yield f"## {title}\n\n{_tidy(inspect.getdoc(kind) or '')}\n"
-    own = list(_plain_keys(prefix, kind, defaults))
-    if own:
-        yield "\n".join([_row(COLUMNS), _row(["---"] * len(COLUMNS)), *map(_told, own)]) + "\n"
-    for name, section in _subsections(prefix, kind):
-        yield from _section(f"{name}.", section, _below(defaults, name[len(prefix) :]))
 
 
 def _plain_keys(prefix: str, kind: type, defaults: dict[str, Any]) -> Iterator[Key]:
@@ -90,10 +84,8 @@ def _plain_keys(prefix: str, kind: type, defaults: dict[str, Any]) -> Iterator[K
     kinds = get_type_hints(kind, include_extras=True)
     for member in fields(kind):
         if _section_of(kinds[member.name]) is None:
-            default = _default(member, defaults)
-            yield Key(
-                prefix + member.name.rstrip("_"), kinds[member.name], meanings[member.name], default
-            )
+            name, meaning = prefix + member.name.rstrip("_"), _tidy(meanings[member.name])
+            yield Key(name, kinds[member.name], meaning, _default(member, defaults))
 
 
 def _subsections(prefix: str, kind: type) -> Iterator[tuple[str, type]]:
@@ -144,17 +136,6 @@ def _yaml(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:g}"
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
-
-
-def _told(key: Key) -> str:
-    default = "*must be given*" if key.default is None else f"`{key.default}`"
-    return _row(
-        [f"`{key.name}`", _tidy(key.meaning), _in_words(key.kind), unit(key.kind) or "", default]
-    )
-
-
-def _row(cells: Iterable[str]) -> str:
-    return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
 
 
 def _tidy(text: str) -> str:
