@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
-
-from dashred.core.formatting import number
 
 # Of these nothing is escaped. Every other document is taken for HTML: values out of a configuration
 # or a recording must not become markup.
@@ -23,8 +22,13 @@ def _environment() -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters["number"] = number
+    environment.filters["cell"] = _cell
     return environment
+
+
+def _cell(text: str) -> str:
+    """Keep what Markdown would read as a sign of its own, and each line of a table one line."""
+    return re.sub(r"([\\|*_<`~\[])", r"\\\1", " ".join(text.split()))
 
 
 def render(template: str, **values: object) -> str:

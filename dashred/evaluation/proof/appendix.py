@@ -8,25 +8,12 @@ from pathlib import Path
 
 from dashred.core.errors import DONE, InputError
 from dashred.core.findings.findings import check_freeze
+from dashred.core.templates import render
 from dashred.evaluation.proof.isolation import LIMIT, isolated_copy, worker
 from dashred.pipeline.run.output_dir import make_output
 from dashred.reporting.text.verdict import verdict_lines
 
 FOLDER = "real-pendulum"
-TEXT = """\
-## Appendix: a real recording
-
-A real pendulum, recorded by an encoder, against the frictionless simulation of
-`conf/pendulum.yaml`, analysed as the cases are. Nobody knows its law: what counts is the free run
-over the last fifth of the record, which no fit has seen.
-
-```
-{told}
-```
-
-RMSE over that fifth in standard deviations: from a state fitted to the two seconds before it
-{restarted}; from the very first state {whole}.
-"""
 
 
 def analyse_pendulum(recording: Path, output: Path) -> str:
@@ -55,7 +42,8 @@ def analyse_pendulum(recording: Path, output: Path) -> str:
 def _appendix(folder: Path) -> str:
     findings = json.loads((folder / "findings.json").read_text(encoding="utf-8"))
     fit = findings["fit"]
-    return TEXT.format(
+    return render(
+        "evaluation/proof/templates/appendix.md.j2",
         told="\n".join(verdict_lines(findings)),
         restarted=_compared(fit["heldout_restarted"]),
         whole=_compared(fit["heldout_time"]),

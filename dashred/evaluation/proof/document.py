@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import mean, median
+from typing import Any
 
 from dashred.core.files.atomic import write_text_atomic
+from dashred.core.templates import render
 from dashred.evaluation.proof.cases.case_record import KINDS, CaseRecord, name_of
 from dashred.evaluation.proof.figures import FIGURES, WINDOWS, reliability
 from dashred.evaluation.proof.protocol import ProtocolFacts, protocol
@@ -16,6 +17,7 @@ from dashred.evaluation.proof.scoring.statistics import Rate, percent
 from dashred.evaluation.proof.scoring.targets import (
     POOLS,
     TARGETS,
+    Measured,
     Records,
     Target,
     cases,
@@ -25,21 +27,8 @@ from dashred.evaluation.proof.scoring.targets import (
     of_kind,
 )
 
-JUDGED = (
-    "A share is judged by itself; its interval is Wilson's, at 95 %. What has no meaning for a "
-    "case leaves it out of that number: n tells how many count. What a case lacks that could have "
-    "been found in it counts as missed: a region overlaps by 0, a law that was not found gains 1×. "
-    "Classes of fewer than 30 cases are pooled."
-)
-CLASSED = (
-    "Exact form: of the cases in which a law was looked for. Decidable: of those with an oracle. "
-    "Wrong and unflagged: of those that did not die. In brackets: Wilson's 95 % interval."
-)
-CALIBRATED = (
-    "Leading cause: how often it is of the true kind, by the probability stated for it. Intervals: "
-    "how many of those told hold the true coefficient, of laws whose form is exact; z is the error "
-    "in standard deviations as told, and its rms is 1 where these are right."
-)
+TEMPLATE = "evaluation/proof/templates/proof.md.j2"
+Line = list[str]
 
 
 def write_document(
@@ -52,53 +41,25 @@ def write_document(
 
 def document(records: Records, facts: ProtocolFacts) -> str:
     """Return the page."""
-    parts = [
-        "# The proof: effects that are concealed",
-        _headline(records),
-        "## Protocol",
-        protocol(facts, len(records)),
-        "## Targets",
-        _targets(records),
-        JUDGED,
-        "## By class of what was hidden",
-        _classes(records),
-        CLASSED,
-        _figure("proof_scores.png"),
-        "## Calibration",
-        _calibration(records),
-        CALIBRATED,
-        _figure("proof_reliability.png"),
-        _figure("proof_coverage.png"),
-        "## Gains",
-        _figure("proof_gains.png"),
-        "## Every failure",
-        *_failures("cases", cases(records)),
-        *_failures("nulls", nulls(records)),
-        "## Seconds",
-        _seconds(records),
-    ]
-    return "\n\n".join(parts) + "\n"
+    return render(
+        TEMPLATE,
+        outcomes=[target.outcome(target.measure(records)) for target in TARGETS],
+        targets=[_target(target, target.measure(records)) for target in TARGETS],
+        classes=_classes(records),
+        calibration=_calibration(records),
+        failed_cases=_failures(cases(records)),
+        failed_nulls=_failures(nulls(records)),
+        seconds=_seconds(records),
+        captions={name: figure.caption for name, figure in FIGURES.items()},
+        **protocol(facts, len(records)),
+    )
 
 
-def _headline(records: Records) -> str:
-    told = [target.outcome(target.measure(records)) for target in TARGETS]
-    counts = f"{told.count('met')} of {len(told)} targets are met, {told.count('not met')} missed"
-    if empty := told.count("nothing to judge by"):
-        counts += f", and {empty} have nothing to be judged by"
-    return f"**{counts}.**"
-
-
-def _targets(records: Records) -> str:
-    lines = []
-    for target in TARGETS:
-        measured = target.measure(records)
-        rate = measured.value if isinstance(measured.value, Rate) else None
-        name = f"{target.name} ({measured.note})" if measured.note else target.name
-        said = "" if measured.number is None else _number(measured.number, target)
-        outcome = target.outcome(measured)
-        interval = rate.interval if rate else ""
-        lines.append([name, said, str(measured.n), interval, _aim(target), outcome])
-    return _table(("", "measured", "n", "95 % interval", "target", "met?"), lines)
+def _target(target: Target, measured: Measured) -> Line:
+    name = f"{target.name} ({measured.note})" if measured.note else target.name
+    said = "" if measured.number is None else _number(measured.number, target)
+    interval = measured.value.interval if isinstance(measured.value, Rate) else ""
+    return [name, said, str(measured.n), interval, _aim(target), target.outcome(measured)]
 
 
 def _number(number: float, target: Target) -> str:
@@ -115,18 +76,16 @@ def _aim(target: Target) -> str:
     return "" if target.high is None else f"≤ {_number(target.high, target)}"
 
 
-def _classes(records: Records) -> str:
+def _classes(records: Records) -> list[Line]:
     groups = {name: of_kind(records, kind) for kind, name in KINDS.items()}
     groups |= {name: of_kind(records, *kinds) for name, kinds in POOLS.items()}
     for system in sorted({record["system"] for record in cases(records)}):
         groups[f"system: {system}"] = [r for r in cases(records) if r["system"] == system]
     groups |= {"all cases": cases(records), "nulls, apart": nulls(records)}
-    header = ("hidden", "n", "verdict right", "right or listed", "exact form", "decidable")
-    lines = [_class(name, chosen) for name, chosen in groups.items() if chosen]
-    return _table((*header, "wrong and unflagged"), lines)
+    return [_class(name, chosen) for name, chosen in groups.items() if chosen]
 
 
-def _class(name: str, records: Records) -> list[str]:
+def _class(name: str, records: Records) -> Line:
     rates = (
         Rate.of(record["right"] for record in records),
         Rate.of(record["listed"] for record in records),
@@ -137,7 +96,7 @@ def _class(name: str, records: Records) -> list[str]:
     return [name, str(len(records)), *map(str, rates)]
 
 
-def _calibration(records: Records) -> str:
+def _calibration(records: Records) -> list[Line]:
     lines = []
     for low, high, stated, right in reliability(records):
         name = f"leading cause, stated with {low:g} to {high:g}"
@@ -149,24 +108,21 @@ def _calibration(records: Records) -> str:
         lines.append(_share(f"95 % intervals, terms {name}{rms}", coverage(mine), "95 %"))
     alarms = Rate.of(map(outcomes.false_alarm, nulls(records)))
     lines.append(_share("false alarms on nulls", alarms, "0 %"))
-    return _table(("", "measured", "n", "95 % interval", "if all were right"), lines)
+    return lines
 
 
-def _share(name: str, rate: Rate, ideal: str) -> list[str]:
+def _share(name: str, rate: Rate, ideal: str) -> Line:
     said = f"{percent(rate.share)} %" if rate.n else ""
     return [name, said, str(rate.n), rate.interval, ideal]
 
 
-def _failures(group: str, records: Records) -> Iterator[str]:
-    """Yield how many failed, and each of them with what was hidden and what the tool said."""
+def _failures(records: Records) -> dict[str, Any]:
+    """Return how many there are, and a line for each that failed."""
     failed = [(record, said) for record in records if (said := outcomes.failings(record))]
-    yield f"{len(failed)} of {len(records)} {group} fall short in something."
-    if failed:
-        lines = [_failure(record, said) for record, said in failed]
-        yield _table(("case", "what was hidden", "what the tool said", "what is wrong"), lines)
+    return {"n": len(records), "lines": [_failure(record, said) for record, said in failed]}
 
 
-def _failure(record: CaseRecord, said: Sequence[str]) -> list[str]:
+def _failure(record: CaseRecord, said: Sequence[str]) -> Line:
     about = [record["system"], KINDS[record["kind"]], f"noise {100 * record['noise']:.2g} %"]
     about.append(f"{record['sensors']} sensors")
     if record["mismatch"] is not None:
@@ -180,7 +136,7 @@ def _failure(record: CaseRecord, said: Sequence[str]) -> list[str]:
     return [case, record["hidden"], told, "; ".join(said)]
 
 
-def _seconds(records: Records) -> str:
+def _seconds(records: Records) -> list[Line]:
     lines = []
     for system in sorted({record["system"] for record in records}):
         for group in (cases(records), nulls(records)):
@@ -190,19 +146,4 @@ def _seconds(records: Records) -> str:
                 name = f"{system}, {mine[0]['group']}"
                 figures = (mean(known), median(known), max(known), sum(known) / 3600)
                 lines.append([name, str(len(known)), *(f"{value:.3g}" for value in figures)])
-    return _table(("", "n", "mean", "median", "longest", "hours in all"), lines)
-
-
-def _figure(name: str) -> str:
-    caption = FIGURES[name].caption
-    return f"![{caption}](figures/{name})\n\n*{caption}*"
-
-
-def _table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
-    rows = [header, ["---"] * len(header), *([_escaped(cell) for cell in line] for line in lines)]
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
-
-
-def _escaped(cell: str) -> str:
-    """Keep what Markdown would read as a sign of its own, and each line of the table one line."""
-    return re.sub(r"([\\|*_<`~\[])", r"\\\1", " ".join(cell.split()))
+    return lines
