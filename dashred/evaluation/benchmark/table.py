@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from dashred.core.templates import render
 from dashred.evaluation.benchmark.record import RATIOS, Record
 from dashred.evaluation.benchmark.summary import Summary, commits, setting_of
 
@@ -84,13 +85,7 @@ def to_rich(grid: Grid) -> RichTable:
 
 def to_markdown(grids: Sequence[Grid], notes: Sequence[str]) -> str:
     """Return the whole page."""
-    return "\n\n".join(["# Bench", *map(markdown_grid, grids), *notes]) + "\n"
-
-
-def markdown_grid(grid: Grid) -> str:
-    """Return one table with its title."""
-    lines = [grid.header, ["---"] * len(grid.header), *map(_escaped, grid.lines)]
-    return "\n\n".join([f"## {grid.title}", "\n".join(f"| {' | '.join(x)} |" for x in lines)])
+    return render("evaluation/benchmark/templates/bench.md.j2", grids=grids, notes=notes)
 
 
 def notes(records: Sequence[Record]) -> list[str]:
@@ -188,8 +183,3 @@ def _number(value: float | None) -> str:
 
 def _seconds(value: float | None) -> str:
     return "" if value is None else f"{value:.0f}"
-
-
-def _escaped(line: Sequence[str]) -> list[str]:
-    """Keep what Markdown would read as emphasis, or as the end of a cell."""
-    return [cell.replace("|", "\\|").replace("*", "\\*").replace("_", "\\_") for cell in line]

@@ -6,25 +6,19 @@ import math
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from dashred.core.files.atomic import write_text_atomic
+from dashred.core.templates import render
 from dashred.evaluation.benchmark.record import Record
 from dashred.evaluation.benchmark.summary import commits, spread
-from dashred.evaluation.benchmark.table import Grid, markdown_grid, notes_on_code, rows_grid
-from dashred.evaluation.comparison.notes import (
-    FIELD_NOTE,
-    INTRODUCTION,
-    LAW_NOTE,
-    PAPER_NOTE,
-    SECONDS_NOTE,
-    SENSORS_NOTE,
-    unchanged_note,
-)
+from dashred.evaluation.benchmark.table import Grid, notes_on_code, rows_grid
 from dashred.evaluation.comparison.outcomes import count_claims
 from dashred.evaluation.comparison.paper import PAPER
 from dashred.evaluation.comparison.ratios import (
     FIELDS,
     LAWS,
+    REFERENCE,
     ComparedRow,
     FieldRatio,
     count_laws,
@@ -53,37 +47,33 @@ STEP = "one step of the corrected SHRED"
 
 def write_results(rows: Sequence[ComparedRow], path: Path) -> None:
     """Write the page, whole or not at all, and its figures in ``figures`` beside it."""
-    page = "\n\n".join(_page(rows, path)) + "\n"
-    write_text_atomic(path, page)
+    write_text_atomic(path, _page(rows, path))
 
 
-def _page(rows: Sequence[ComparedRow], path: Path) -> Iterator[str]:
-    yield "# Every system of the paper, against the paper"
-    yield INTRODUCTION
+def _page(rows: Sequence[ComparedRow], path: Path) -> str:
     made = {commit for row in rows if (commit := row.git_commit)}
     code = notes_on_code(sorted({*commits(row.record for row in rows), *made}))
-    yield from (note for note in code if note.startswith("Warning"))
+    warnings = [note for note in code if note.startswith("Warning")]
     own = own_layout(rows)
-    yield markdown_grid(_against_the_paper(own))
-    yield PAPER_NOTE
-    noises = list(dict.fromkeys(row.record["noise"] for row in own))
-    for noise in noises:
-        yield markdown_grid(_fields([row for row in own if row.record["noise"] == noise], noise))
-    yield FIELD_NOTE
-    yield unchanged_note(*left_unchanged(own))
-    for noise in noises:
-        yield markdown_grid(_laws([row for row in own if row.record["noise"] == noise], noise))
-    yield LAW_NOTE
-    yield markdown_grid(_seconds(own))
-    yield SECONDS_NOTE
-    if layouts := list(sensors_and_noise(rows)):
-        yield from map(markdown_grid, layouts)
-        yield SENSORS_NOTE
-    yield markdown_grid(rows_grid([row.record for row in rows]))
-    yield from _failures(rows)
-    yield "## Figures"
-    yield from _figures(rows, path.parent / "figures", path.stem)
-    yield from (note for note in code if not note.startswith("Warning"))
+    by_noise: dict[float, list[ComparedRow]] = {}
+    for row in own:
+        by_noise.setdefault(row.record["noise"], []).append(row)
+    unchanged, asked = left_unchanged(own)
+    return render(
+        "evaluation/comparison/templates/results.md.j2",
+        code={"warnings": warnings, "others": [note for note in code if note not in warnings]},
+        paper=_against_the_paper(own),
+        fields=[_fields(mine, noise) for noise, mine in by_noise.items()],
+        reference=FIELDS[REFERENCE],
+        unchanged=unchanged,
+        asked=asked,
+        laws=[_laws(mine, noise) for noise, mine in by_noise.items()],
+        seconds=_seconds(own),
+        layouts=list(sensors_and_noise(rows)),
+        all_rows=rows_grid([row.record for row in rows]),
+        failures=_failures(rows),
+        figures=list(_figures(rows, path.parent / "figures", path.stem)),
+    )
 
 
 def _against_the_paper(rows: Sequence[ComparedRow]) -> Grid:
@@ -174,8 +164,8 @@ def _by_system(rows: Sequence[ComparedRow]) -> dict[str, list[ComparedRow]]:
     return systems
 
 
-def _failures(rows: Sequence[ComparedRow]) -> Iterator[str]:
-    """Yield every row, and every method of one, that failed, and of what."""
+def _failures(rows: Sequence[ComparedRow]) -> Grid:
+    """Return every row, and every method of one, that failed, and of what."""
     lines = []
     for row in rows:
         record = row.record
@@ -186,21 +176,27 @@ def _failures(rows: Sequence[ComparedRow]) -> Iterator[str]:
             for method, told in row.methods.items():
                 if told["failed"] is not None:
                     lines.append([*place, NAMES[method], told["failed"]])
-    if lines:
-        header = ("system", "twin", "noise", "seed", "method", "what it died of")
-        yield markdown_grid(Grid("What failed", header, lines))
+    header = ("system", "twin", "noise", "seed", "method", "what it died of")
+    return Grid("What failed", header, lines)
 
 
-def _figures(rows: Sequence[ComparedRow], folder: Path, page: str) -> Iterator[str]:
+def _figures(rows: Sequence[ComparedRow], folder: Path, page: str) -> Iterator[dict[str, Any]]:
     """Copy the pictures of each system's first row that hides a law, named after the page."""
     folder.mkdir(parents=True, exist_ok=True)
     for system, row in _first(rows):
-        yield f"**{system}**, twin {row.record['twin']}, noise {row.record['noise']:g}"
+        files = []
         for name, shows in FIGURES.items():
             if (row.folder / name).is_file():
                 target = folder / f"{page}_{system}_{name}"
                 shutil.copyfile(row.folder / name, target)
-                yield f"![{system}: {shows}]({folder.name}/{target.name})"
+                files.append({"shows": shows, "path": f"{folder.name}/{target.name}"})
+        record = row.record
+        yield {
+            "system": system,
+            "twin": record["twin"],
+            "noise": f"{record['noise']:g}",
+            "files": files,
+        }
 
 
 def _first(rows: Iterable[ComparedRow]) -> Iterator[tuple[str, ComparedRow]]:

@@ -8,6 +8,7 @@ from dashred.evaluation.proof.cases.identifiability import CLEAR
 from dashred.evaluation.proof.cases.oracle import DECIDABLE
 from dashred.evaluation.proof.cases.systems import SYSTEMS
 
+
 @dataclass(frozen=True)
 class ProtocolFacts:
     """How this draw came to be: what no case's record knows.
