@@ -10,6 +10,7 @@ from dashred.config.schema.types import NAME
 from dashred.config.source import SCALARS
 from dashred.data.recording import Recording
 from dashred.data.resampling import fuller_step, own_step
+from dashred.physics.expressions.functions import FUNCTIONS
 from dashred.pipeline.init.columns import Guessed
 from dashred.pipeline.init.guess import Guess
 
@@ -31,7 +32,7 @@ system:                       # the simulator: your equations, as far as you kno
 
 EQUATIONS = """
   # d(field)/dt as far as you know it: what is missing here is what the analysis looks for. Numbers,
-  # + - * / **, sin cos tan exp log sqrt tanh sech abs sign step, t, fields and parameters{space}.
+  # + - * / **, {functions}, t, fields and parameters{space}.
   # With 0 nothing moves. Text that holds ', ' or ': ' needs quotes.
   equations:
 """
@@ -110,7 +111,7 @@ def document(
         _fields(guessed),
         _units(recording),
         "\n  parameters: {}              # constants of the equations: {g: 9.81, length: 0.5}\n",
-        EQUATIONS.format(space=OF_SPACE if guessed.axes else ""),
+        EQUATIONS.format(functions=" ".join(FUNCTIONS), space=OF_SPACE if guessed.axes else ""),
         *(_equation(field, guessed, guess) for field in guessed.fields),
         _start(guessed, guess),
         _integrator(guessed, guess),
