@@ -117,7 +117,7 @@ def integrate_compiled(
 def _force(
     knots: Array, sampled_forcing: NDArray[np.float64], t: float, rates: NDArray[np.float64]
 ) -> None:
-    """Add the drive at one time to rates ``(field, row, 1)``."""
+    """Add the free forcing at one time to rates ``(field, row, 1)``."""
     if len(knots):
         k, share = between(knots, t)
         rates[:, :, 0] += (1 - share) * sampled_forcing[k] + share * sampled_forcing[k + 1]
@@ -132,12 +132,13 @@ def _square(tableau: Tableau) -> Array:
 
 
 @numba.njit(cache=True)
-def _move(y: Array, h: float, shares: Array, rates: Array, out: Array) -> None:
-    """Set ``out`` to ``y + h Σ_j shares_j rates_j``, of numbers ``(place,)`` each."""
-    out[:] = y
-    for j in range(len(shares)):
-        if shares[j] != 0.0:
-            factor = h * shares[j]
+def _move(y: Array, h: float, shares: Array, count: int, rates: Array, out: Array) -> None:
+    """Set ``out`` to ``y + h Σ_j shares_j rates_j`` over the first rates, ``(place,)`` each."""
+    for place in range(len(out)):
+        out[place] = y[place]
+    for j in range(count):
+        factor = h * shares[j]
+        if factor != 0.0:
             for place in range(len(out)):
                 out[place] += factor * rates[j, place]
 
@@ -173,22 +174,22 @@ def _integrate(
 ) -> None:
     """Fill ``saved`` ``(time, field, row, 1)`` by the explicit method with tableau a, b, c.
 
-    The drive is ``(knot, field, row)``.
+    The free forcing is ``(knot, field, row)``.
     """
     nowhere = np.zeros((0, 1))
-    shape = saved.shape[1:]
-    y = saved[0].copy().reshape(-1)
-    at = np.empty_like(y)
-    rates = np.empty((len(b), len(y)))
+    y = saved[0].copy()
+    at, rates = np.empty_like(y), np.empty((len(b), *y.shape))
+    # The same memory, one number after the other.
+    flat_y, flat_at, flat_rates = y.reshape(-1), at.reshape(-1), rates.reshape((len(b), y.size))
     output = 0
     for i in range(len(times)):
         t, h = times[i], steps[i]
         for stage in range(len(b)):
-            now, rate = t + c[stage] * h, rates[stage].reshape(shape)
-            _move(y, h, a[stage, :stage], rates, at)
-            kernel(at.reshape(shape), nowhere, now, weights, rate)
-            _force(knots, sampled_forcing, now, rate)
-        _move(y, h, b, rates, y)
+            now = t + c[stage] * h
+            _move(flat_y, h, a[stage], stage, flat_rates, flat_at)
+            kernel(at, nowhere, now, weights, rates[stage])
+            _force(knots, sampled_forcing, now, rates[stage])
+        _move(flat_y, h, b, len(b), flat_rates, flat_y)
         if ends[i]:
             output += 1
-            saved[output] = y.reshape(shape)
+            saved[output] = y
