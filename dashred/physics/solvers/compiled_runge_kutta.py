@@ -72,7 +72,7 @@ class CompiledOde:
             times: output times, ``(time,)``.
             weights: coefficient of every term, ``(batch, term)``; with windows, as
                 :class:`dashred.physics.solvers.batch_coefficients.Columns` lays them out.
-            drive: a free forcing of every trajectory.
+            sampled_forcing: a free forcing of every trajectory.
         """
         if sampled_forcing is None:
             sampled_forcing = SampledForcing(
@@ -104,7 +104,7 @@ def integrate_compiled(
     forcing: Forcing | None,
     progress: Progress | None,
 ) -> Tensor:
-    """Return what :func:`dashred.physics.solvers.simulate.simulate` returns, compiled for this run."""
+    """Return what :func:`.simulate.simulate` returns, compiled for this run."""
     if forcing is None:
         forcing = Forcing((), torch.zeros((len(start), 0), dtype=torch.float64))
     found = CompiledOde(system, forcing.terms)(start, times, forcing.coefficients)

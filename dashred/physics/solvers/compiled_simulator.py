@@ -33,8 +33,8 @@ class CompiledSystem(Protocol):
     ) -> Tensor:
         """Return ``(batch, time, field, *grid)`` for the weights and forcing of each trajectory.
 
-        Weights ``(batch, term)``; with windows, as :class:`dashred.physics.solvers.batch_coefficients.Columns` has
-        them.
+        Weights ``(batch, term)``; with windows, as
+        :class:`dashred.physics.solvers.batch_coefficients.Columns` has them.
         """
 
     def with_step(self, dt: float) -> Self:

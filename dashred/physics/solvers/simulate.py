@@ -41,7 +41,7 @@ def simulate(
         times: output times ``(time,)``, increasing, on the recording's clock.
         forcing: further terms with coefficients per trajectory.
         progress: called with the fraction done after every output time.
-        drive: a free forcing f of every trajectory.
+        sampled_forcing: a free forcing f of every trajectory.
 
     Returns:
         ``(batch, time, field, *grid)``. A trajectory that blows up is not finite from then on.

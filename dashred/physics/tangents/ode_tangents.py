@@ -53,7 +53,8 @@ def tangent_ode(
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Yield state and tangents at every output time: ``δ' = N'(u) δ + s(u, t)``.
 
-    The same as :func:`dashred.physics.tangents.tangent_linear.tangent_linear` for systems without axes.
+    The same as :func:`dashred.physics.tangents.tangent_linear.tangent_linear`, for systems
+    without axes.
 
     Args:
         system: one that :func:`supports_ode` tells yes of.
@@ -62,8 +63,8 @@ def tangent_ode(
         times: output times ``(time,)``.
         forcing: one row of further terms, part of the base trajectory and of N'.
         sources: column k is ``∂u(t)/∂ξ`` for ``∂u/∂t = … + ξ Σ_{θ in sources[k]} θ(u)`` at 0.
-        drive: a free forcing of the base trajectory, of one row.
-        pulses: a column for each: ``∂u(t)/∂a``.
+        sampled_forcing: a free forcing of the base trajectory, of one row.
+        forcing_basis: a column for each: ``∂u(t)/∂a``.
 
     Yields:
         The state ``(field,)`` and the tangents ``(column, field)``, float64: directions first,
