@@ -13,6 +13,7 @@ from dashred.physics.expressions.algebra import Expr
 from dashred.physics.expressions.parser import Vocabulary, parse
 from dashred.physics.expressions.reflection import Reflection
 from dashred.physics.methods import METHODS
+from dashred.physics.runge_kutta import Tableau
 
 
 class Declaration:
@@ -25,6 +26,7 @@ class Declaration:
         resolved: the same with lets and parameters put in, so that only fields,
             coordinates and ``t`` are left; and on the rings of axes that have ends.
         method: the time stepper.
+        tableau: its numbers, where it is a Runge–Kutta method with fixed steps.
 
     Raises:
         InputError: an expression is not in the language or reads an unknown name, or the time
@@ -35,7 +37,7 @@ class Declaration:
         self.config, self.where = config, where
         self.title, self.fields = config.title, tuple(config.fields)
         self.spectral = bool(config.axes) and config.integrator.space == "spectral"
-        self.method = self._method()
+        self.method, self.tableau = self._method()
         self.lets: dict[str, Expr] = {}
         for name, text in config.let.items():
             expr = self.parse(text, f"system.let.{name}")
@@ -110,21 +112,21 @@ class Declaration:
         odd = self.reflection.fields[equation]
         return self.reflection.extended(self.resolve(expr, key), odd)
 
-    def _method(self) -> str:
-        """Return the integrator: that which is named, or the first of its kind.
+    def _method(self) -> tuple[str, Tableau | None]:
+        """Return the integrator, that which is named or the first of its kind, and its tableau.
 
         Raises:
             InputError: it is of another kind.
         """
         allowed = METHODS[self.config.integrator.space if self.config.axes else "ode"]
-        method = self.config.integrator.method or allowed[0]
+        method = self.config.integrator.method or next(iter(allowed))
         if method not in allowed:
             raise InputError(
                 f"integrator {method!r} does not fit this system",
                 where=self.where("system.integrator.method"),
                 hint=f"choose from: {', '.join(allowed)}",
             )
-        return method
+        return method, allowed[method]
 
     def _check_energy(self) -> None:
         text, key = self.config.energy, "system.energy"

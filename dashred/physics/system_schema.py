@@ -29,8 +29,8 @@ class Integrator:
     method: str | None
     """Name of the time stepper; null takes the first that fits. In space ``etdrk4`` where it is
     spectral, ``ssprk3`` for finite differences; of an ODE ``rk4``, or ``midpoint`` or ``euler``, or
-    ``dopri5``, ``dopri8`` or ``bosh3``, which choose their own steps: with all but ``rk4`` a run
-    takes many times as long."""
+    ``dopri5``, ``dopri8`` or ``bosh3``, which choose their own steps: with these three a run takes
+    many times as long."""
 
     dt: Time | None
     """Largest time step. Must be given, except with snapshots; adaptive methods choose their own

@@ -16,6 +16,7 @@ from dashred.physics.expressions.algebra import (
     Product,
     Sum,
 )
+from dashred.physics.expressions.functions import FUNCTIONS
 from dashred.physics.system import System
 
 # Marks a name whose unit is not stated; no unit that a user can write begins so.
@@ -78,11 +79,10 @@ def _of_call(system: System, function: str, inner: Unit | None) -> Unit | None:
             return None
         area = along.pop() ** 2
         return {"lap": inner / area, "inv_lap": inner * area, "grad2": inner**2 / area}[function]
-    if function == "abs":
-        return inner
-    if function == "sqrt":
-        return None if inner is None else inner**0.5
-    return ONE
+    power = FUNCTIONS[function].unit_power
+    if power == 0.0:
+        return ONE
+    return None if inner is None else inner**power
 
 
 def _of_name(system: System, name: str) -> Unit:

@@ -18,6 +18,7 @@ from dashred.physics.expressions.algebra import (
     summands,
 )
 from dashred.physics.parameter_sensitivity import parameter_slopes
+from dashred.physics.runge_kutta import CLASSICAL, advance
 from dashred.physics.system import System
 
 # Of Runge and Kutta's method, from the old value to the new.
@@ -86,11 +87,7 @@ class _Tangent:
         """Return p where ξ has grown by so much; not a number where there is none."""
         step = xi / STEPS
         for _ in range(STEPS):
-            k1 = self._slope(value)
-            k2 = self._slope(value + step / 2 * k1)
-            k3 = self._slope(value + step / 2 * k2)
-            k4 = self._slope(value + step * k3)
-            value += step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+            value = advance(CLASSICAL, lambda p, _: self._slope(p), value, 0.0, step)
         return value
 
     def _slope(self, value: float) -> float:

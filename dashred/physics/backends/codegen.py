@@ -10,20 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dashred.physics.expressions.algebra import Call, Expr, Name, Number, Power, Product, Sum
-
-CODE = {
-    "sin": "math.sin({0})",
-    "cos": "math.cos({0})",
-    "tan": "math.tan({0})",
-    "exp": "math.exp({0})",
-    "log": "math.log({0})",
-    "sqrt": "math.sqrt({0})",
-    "tanh": "math.tanh({0})",
-    "sech": "1.0 / math.cosh({0})",
-    "abs": "abs({0})",
-    "sign": "(1.0 if {0} > 0.0 else (-1.0 if {0} < 0.0 else 0.0))",
-    "step": "(1.0 if {0} > 0.0 else 0.0)",
-}
+from dashred.physics.expressions.functions import FUNCTIONS
 
 
 class Writer:
@@ -63,8 +50,8 @@ class Writer:
                 return f"1.0 / {self.write(base)}"
             case Power(base, exponent):
                 return f"{self.write(base)} ** {self.write(exponent)}"
-            case Call(function, operand) if function in CODE:
-                return CODE[function].format(self.write(operand))
+            case Call(function, operand) if function in FUNCTIONS:
+                return FUNCTIONS[function].code.format(self.write(operand))
         raise TypeError(f"{expr!r} is not pointwise")
 
 

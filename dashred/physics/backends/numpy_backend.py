@@ -22,6 +22,7 @@ from dashred.physics.expressions.algebra import (
     split_coefficient,
     summands,
 )
+from dashred.physics.expressions.functions import FUNCTIONS
 
 Array = NDArray[np.float64]
 Points = Array | float
@@ -102,24 +103,11 @@ class Pointwise:
             case Power():
                 return lambda m, v: np.power(m[slots[0]], m[slots[1]])
             case Call(function, _) if function in FUNCTIONS:
-                compute = FUNCTIONS[function]
+                compute = FUNCTIONS[function].arrays(np)
                 return lambda m, v: compute(m[slots[0]])
         raise TypeError(f"{expr!r} is not pointwise")
 
 
-FUNCTIONS: dict[str, Callable[[Points], Array]] = {
-    "sin": np.sin,
-    "cos": np.cos,
-    "tan": np.tan,
-    "exp": np.exp,
-    "log": np.log,
-    "sqrt": np.sqrt,
-    "tanh": np.tanh,
-    "sech": lambda x: 1 / np.cosh(x),
-    "abs": np.abs,
-    "sign": np.sign,
-    "step": lambda x: np.heaviside(x, 0.0),
-}
 PRODUCTS: dict[float, Callable[[Points], Points]] = {
     -2.0: lambda x: 1 / (x * x),
     -1.0: lambda x: 1 / x,

@@ -22,6 +22,7 @@ from dashred.physics.expressions.algebra import (
     names,
     split_coefficient,
 )
+from dashred.physics.expressions.functions import FUNCTIONS
 from dashred.physics.grids.grid_value import Value, total
 from dashred.physics.grids.operators import Operators
 
@@ -100,7 +101,7 @@ def _call(function: str, slot: int) -> Step:
             return lambda m, v, ops: ops.inverse_laplacian(m[slot])
         case "grad2":
             return lambda m, v, ops: Value(_squared_gradient(m[slot], ops))
-    compute = POINTWISE[function]
+    compute = FUNCTIONS[function].arrays(torch)
     return lambda m, v, ops: Value(compute(_tensor(m[slot], ops)))
 
 
@@ -120,18 +121,3 @@ def _power(base: Tensor | float, exponent: float) -> Tensor | float:
 
 def _tensor(value: Value, operators: Operators) -> Tensor:
     return torch.as_tensor(operators.on_grid(value), dtype=torch.float64)
-
-
-POINTWISE: dict[str, Callable[[Tensor], Tensor]] = {
-    "sin": torch.sin,
-    "cos": torch.cos,
-    "tan": torch.tan,
-    "exp": torch.exp,
-    "log": torch.log,
-    "sqrt": torch.sqrt,
-    "tanh": torch.tanh,
-    "sech": lambda x: 1 / torch.cosh(x),
-    "abs": torch.abs,
-    "sign": torch.sign,
-    "step": lambda x: (x > 0).to(x.dtype),
-}

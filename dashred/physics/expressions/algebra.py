@@ -7,8 +7,9 @@ number is written, are equal as Python objects, so a term can be a dictionary ke
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 
+from dashred.physics.expressions.functions import FUNCTIONS
 from dashred.physics.expressions.nodes import (
     Call,
     Derivative,
@@ -153,9 +154,9 @@ def call(function: str, operand: Expr) -> Expr:
     Raises:
         ArithmeticError, ValueError: the constant is not a finite real number.
     """
-    if function in CONSTANT:
+    if function in FUNCTIONS:
         if isinstance(operand, Number):
-            return Number(_real(CONSTANT[function](operand.value)))
+            return Number(_real(FUNCTIONS[function].scalar(operand.value)))
         return Call(function, operand)
     value, rest = split_coefficient(operand)
     if rest == ONE:
@@ -229,21 +230,6 @@ def _real(value: complex) -> float:
         raise ArithmeticError("not a finite real number")
     return float(value)
 
-
-CONSTANT: dict[str, Callable[[float], float]] = {
-    "sin": math.sin,
-    "cos": math.cos,
-    "tan": math.tan,
-    "exp": math.exp,
-    "log": math.log,
-    "sqrt": math.sqrt,
-    "tanh": math.tanh,
-    "sech": lambda x: 1.0 / math.cosh(x),
-    "abs": abs,
-    "sign": lambda x: float((x > 0) - (x < 0)),
-    "step": lambda x: float(x > 0),
-}
-"""The functions of the language, of a constant."""
 
 _RANK = {Number: 0, Name: 1, Power: 2, Call: 3, Derivative: 4, Flux: 5, Product: 6, Sum: 7}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import cache
 
 from dashred.physics.expressions.algebra import (
     ONE,
@@ -22,7 +22,13 @@ from dashred.physics.expressions.algebra import (
     multiply,
     power,
     scale,
+    substitute,
 )
+from dashred.physics.expressions.functions import FUNCTIONS
+from dashred.physics.expressions.parser import Vocabulary, parse
+
+ARGUMENT = "x"
+"""The argument's name in the table's derivatives."""
 
 
 class NotDifferentiableError(Exception):
@@ -53,7 +59,7 @@ def differentiate(expr: Expr, name: str) -> Expr:
         case Call("grad2", operand):
             return _of_squared_gradient(operand, differentiate(operand, name))
         case Call(function, operand):
-            return multiply((SLOPES[function](operand), differentiate(operand, name)))
+            return multiply((_of_function(function, operand), differentiate(operand, name)))
         case Derivative(operand, axis, order):
             return derivative(differentiate(operand, name), axis, order)
         case Flux(operand, axis, transported):
@@ -84,24 +90,19 @@ def _of_power(base: Expr, exponent: Expr, name: str) -> Expr:
     return add(found)
 
 
+def _of_function(function: str, operand: Expr) -> Expr:
+    """Return ``f'(operand)``."""
+    return substitute(_slope(function), {ARGUMENT: operand})
+
+
+@cache
+def _slope(function: str) -> Expr:
+    text = FUNCTIONS[function].derivative
+    return parse(text, Vocabulary(frozenset({ARGUMENT})), where=f"derivative of {function}")
+
+
 def _of_squared_gradient(operand: Expr, slope: Expr) -> Expr:
     """Return ``2∇f·∇g`` by polarisation: the language has no product of gradients."""
     ahead, behind = add((operand, slope)), add((operand, scale(-1.0, slope)))
     halves = (scale(0.5, call("grad2", ahead)), scale(-0.5, call("grad2", behind)))
     return ZERO if slope == ZERO else add(halves)
-
-
-SLOPES: dict[str, Callable[[Expr], Expr]] = {
-    "sin": lambda f: call("cos", f),
-    "cos": lambda f: scale(-1.0, call("sin", f)),
-    "tan": lambda f: add((ONE, power(call("tan", f), Number(2.0)))),
-    "exp": lambda f: call("exp", f),
-    "log": lambda f: power(f, Number(-1.0)),
-    "sqrt": lambda f: scale(0.5, power(call("sqrt", f), Number(-1.0))),
-    "tanh": lambda f: add((ONE, scale(-1.0, power(call("tanh", f), Number(2.0))))),
-    "sech": lambda f: scale(-1.0, multiply((call("sech", f), call("tanh", f)))),
-    "abs": lambda f: call("sign", f),
-    "sign": lambda f: ZERO,
-    "step": lambda f: ZERO,
-}
-"""The derivatives of the language's functions."""

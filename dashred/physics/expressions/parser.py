@@ -18,10 +18,11 @@ from dataclasses import dataclass
 from dashred.core.errors import InputError, nearest
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import Expr, Name, Number
+from dashred.physics.expressions.functions import FUNCTIONS
 
-FUNCTIONS = frozenset(algebra.CONSTANT)
 OPERATORS = frozenset({"d", "lap", "inv_lap", "grad2", "flux"})
-RESERVED = FUNCTIONS | OPERATORS | {"pi", "t"}
+KNOWN = FUNCTIONS.keys() | OPERATORS
+RESERVED = KNOWN | {"pi", "t"}
 LONGEST = 2000
 DEEPEST = 60
 HIGHEST_ORDER = 8
@@ -137,7 +138,7 @@ class _Reader:
     def read_name(self, node: ast.AST, id: str) -> Expr:
         if id == "pi":
             return Number(math.pi)
-        if id in FUNCTIONS | OPERATORS:
+        if id in KNOWN:
             raise self.fail(node, f"{id!r} is a function: write {id}(…)")
         if id not in self.vocabulary.names:
             raise self.unknown(node, f"unknown name {id!r}", id, self.vocabulary.names)
@@ -160,9 +161,8 @@ class _Reader:
     def read_call(
         self, node: ast.AST, function: str, arguments: list[ast.expr], depth: int
     ) -> Expr:
-        if function not in FUNCTIONS | OPERATORS:
-            known = FUNCTIONS | OPERATORS
-            raise self.unknown(node, f"unknown function {function!r}", function, known)
+        if function not in KNOWN:
+            raise self.unknown(node, f"unknown function {function!r}", function, KNOWN)
         counts = {"d": (2, 3), "flux": (2,)}.get(function, (1,))
         if len(arguments) not in counts:
             wanted = " or ".join(map(str, counts))

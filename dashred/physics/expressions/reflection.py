@@ -30,13 +30,14 @@ from dashred.physics.expressions.algebra import (
     multiply,
     power,
 )
+from dashred.physics.expressions.functions import FUNCTIONS, Parity
 
 Odd = frozenset[str]
 """The axes in which an expression on the ring is odd; it is even in the others."""
 EVEN: Odd = frozenset()
 
-ODD_FUNCTIONS = frozenset({"sin", "tan", "tanh", "sign"})
-EVEN_FUNCTIONS = frozenset({"cos", "sech", "abs"})
+ODD_FUNCTIONS = frozenset(f.name for f in FUNCTIONS.values() if f.parity is Parity.ODD)
+EVEN_FUNCTIONS = frozenset(f.name for f in FUNCTIONS.values() if f.parity is Parity.EVEN)
 OPERATORS = frozenset({"lap", "inv_lap"})
 SIDE = " side"
 

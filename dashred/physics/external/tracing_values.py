@@ -11,6 +11,7 @@ from typing import Any
 
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import Expr, Number
+from dashred.physics.expressions.functions import FUNCTIONS
 
 SIGNS = {"add": "+", "sub": "-", "mul": "*", "truediv": "/", "div": "/", "pow": "**"}
 NAMES = {"multiply": "mul", "subtract": "sub", "absolute": "abs", "divide": "div"}
@@ -134,7 +135,7 @@ def function(name: str, *operands: Any) -> Symbol:
         return _signed(SIGNS[bare], *found)
     if len(found) == 1:
         [x] = found
-        if bare in algebra.CONSTANT:
+        if bare in FUNCTIONS:
             return Symbol(algebra.call(bare, x.expr))
         if bare in OTHERS:
             return OTHERS[bare](x)

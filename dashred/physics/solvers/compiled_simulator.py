@@ -14,7 +14,7 @@ from dashred.physics.expressions.semilinear import NotSeparableError
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.solvers.batch_coefficients import Columns
 from dashred.physics.solvers.compiled_etdrk4 import CompiledMarch
-from dashred.physics.solvers.compiled_rk4 import CompiledOde
+from dashred.physics.solvers.compiled_runge_kutta import CompiledOde
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import is_long, simulate
 from dashred.physics.system import System, Term
@@ -33,8 +33,8 @@ class CompiledSystem(Protocol):
     ) -> Tensor:
         """Return ``(batch, time, field, *grid)`` for the weights and forcing of each trajectory.
 
-        Weights ``(batch, term)``; with windows, as :class:`dashred.physics.solvers.batch_coefficients.Columns` has
-        them.
+        Weights ``(batch, term)``; with windows, as
+        :class:`dashred.physics.solvers.batch_coefficients.Columns` has them.
         """
 
     def with_step(self, dt: float) -> Self:
@@ -90,14 +90,14 @@ class InterpretedSystem:
 def compiled(
     system: System, terms: Sequence[Term], shapes: tuple[Shape, ...] = ()
 ) -> CompiledSystem:
-    """Return the system compiled: spectral systems and ODE systems by ``rk4``, on the CPU.
+    """Return the system compiled: spectral systems, and ODE systems with fixed steps, on the CPU.
 
     Args:
         system: the simulator.
         terms: whatever a trajectory may carry, lets and parameters resolved.
         shapes: of the windows in which it may carry them.
     """
-    if not system.axes and system.method == "rk4":
+    if not system.axes and system.tableau is not None:
         return CompiledOde(system, terms, shapes)
     if system.spectral:
         try:

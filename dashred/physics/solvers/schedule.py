@@ -6,8 +6,6 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-from dashred.physics.solvers.ode import round_up
-
 
 class Step(NamedTuple):
     """One step from ``t`` to ``t + h``.
@@ -30,3 +28,8 @@ def schedule(times: Sequence[float], dt: float) -> Iterator[Step]:
         h = float(f"{(end - begin) / count:.12g}")
         for i in range(count):
             yield Step(begin + i * h, h, i == 0, i == count - 1)
+
+
+def round_up(ratio: float) -> int:
+    """Return the smallest whole number of steps, forgiving rounding: 15.0000001 → 15."""
+    return int(-(-(ratio - 1e-6) // 1))

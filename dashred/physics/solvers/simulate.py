@@ -3,25 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from itertools import pairwise
 
 import torch
 from torch import Tensor
 
 from dashred.core.errors import InputError
 from dashred.physics.forcing_basis import SampledForcing
+from dashred.physics.runge_kutta import THREE_EIGHTHS, Tableau, advance
+from dashred.physics.solvers.adaptive import integrate_adaptive
 from dashred.physics.solvers.etdrk4 import Steppers
 from dashred.physics.solvers.forcing import Forcing
-from dashred.physics.solvers.ode import (
-    FIXED,
-    integrate_adaptive,
-    integrate_fixed,
-    round_up,
-    substeps,
-)
 from dashred.physics.solvers.rhs import GridTendency, SpectralTendency
 from dashred.physics.solvers.schedule import schedule
-from dashred.physics.solvers.ssprk3 import SSPRK3
 from dashred.physics.system import System
 
 # Of so few trajectories a step costs its calls: compiling wins from so many steps on.
@@ -48,7 +41,7 @@ def simulate(
         times: output times ``(time,)``, increasing, on the recording's clock.
         forcing: further terms with coefficients per trajectory.
         progress: called with the fraction done after every output time.
-        drive: a free forcing f of every trajectory.
+        sampled_forcing: a free forcing f of every trajectory.
 
     Returns:
         ``(batch, time, field, *grid)``. A trajectory that blows up is not finite from then on.
@@ -57,17 +50,18 @@ def simulate(
     """
     if sampled_forcing is None and _long(system, start, times, forcing):
         from dashred.physics.solvers.compiled_etdrk4 import march_compiled
-        from dashred.physics.solvers.compiled_rk4 import integrate_compiled
+        from dashred.physics.solvers.compiled_runge_kutta import integrate_compiled
 
         run = march_compiled if system.axes else integrate_compiled
         return run(system, start, times, forcing, progress)
-    if not system.axes:
-        return _integrate_ode(system, start, times, forcing, sampled_forcing)
     if system.spectral:
         tendency = SpectralTendency(system, forcing, start.device, sampled_forcing)
         states = _spectral_march(tendency, start, times.tolist())
+    elif system.tableau is not None:
+        explicit = GridTendency(system, forcing, sampled_forcing)
+        states = _march(explicit, system.tableau, start, times.tolist(), system.dt)
     else:
-        states = _grid_march(GridTendency(system, forcing, sampled_forcing), start, times.tolist())
+        return _integrate_adaptive(system, start, times, forcing, sampled_forcing)
     saved = []
     for index, state in enumerate(states):
         saved.append(state)
@@ -93,9 +87,9 @@ def is_long(system: System, start: Tensor, span: float, terms: int) -> bool:
         span: time that is run through.
         terms: how many further terms trajectories may carry.
     """
-    if start.device.type != "cpu" or not (system.spectral or system.method == "rk4"):
+    if start.device.type != "cpu" or start.requires_grad:
         return False
-    if start.requires_grad:
+    if not (system.spectral or (system.tableau is not None and not system.axes)):
         return False
     steps = span / system.dt
     if not system.axes:
@@ -145,18 +139,18 @@ def _spectral_march(
             yield state
 
 
-def _grid_march(tendency: GridTendency, start: Tensor, times: list[float]) -> Iterator[Tensor]:
+def _march(
+    tendency: GridTendency, tableau: Tableau, start: Tensor, times: list[float], dt: float
+) -> Iterator[Tensor]:
     state = start
     yield state
-    for begin, end in pairwise(times):
-        count = max(1, round_up((end - begin) / tendency.system.dt))
-        stepper = SSPRK3(tendency, (end - begin) / count)
-        for i in range(count):
-            state = stepper.step(state, begin + i * stepper.h)
-        yield state
+    for step in schedule(times, dt):
+        state = advance(tableau, tendency, state, step.t, step.h)
+        if step.ends:
+            yield state
 
 
-def _integrate_ode(
+def _integrate_adaptive(
     system: System,
     start: Tensor,
     times: Tensor,
@@ -166,9 +160,6 @@ def _integrate_ode(
     if len(times) == 1:
         return start[:, None]
     tendency = GridTendency(system, forcing, sampled_forcing)
-    if system.method in FIXED:
-        steps = substeps(times, system.dt)
-        return integrate_fixed(tendency, start, times, system.method, steps).transpose(0, 1)
     try:
         return _adaptive(tendency, start, times)
     except FloatingPointError:
@@ -204,8 +195,9 @@ def _until_blow_up(tendency: GridTendency, start: Tensor, times: Tensor) -> Tens
 
 def _overrun(tendency: GridTendency, state: Tensor, window: Tensor) -> Tensor:
     """Run into the infinity that adaptive steps stop short of, to see whose field it is."""
-    steps = substeps(window, float(window[1] - window[0]) / OVERRUN_STEPS)
-    end = integrate_fixed(tendency, state, window, "rk4", steps)[-1]
+    begin, end_time = window.tolist()
+    dt = (end_time - begin) / OVERRUN_STEPS
+    *_, end = _march(tendency, THREE_EIGHTHS, state, [begin, end_time], dt)
     return torch.full_like(end, torch.nan) if torch.isfinite(end).all() else end
 
 

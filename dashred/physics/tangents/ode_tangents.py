@@ -6,29 +6,21 @@ slopes and all sources are evaluated at every stage at once, and the columns are
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from dashred.physics.backends.numpy_backend import Array, Pointwise
-from dashred.physics.backends.scalar_backend import NO_NUMBER, scalar_program
 from dashred.physics.expressions.algebra import Expr, add, scale
 from dashred.physics.expressions.differentiate import NotDifferentiableError, differentiate
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
+from dashred.physics.runge_kutta import Tableau
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.schedule import Step, schedule
 from dashred.physics.system import System, Term
-
-# Kutta's 3/8 rule, which the trajectories themselves are integrated by: of a linear equation along
-# them its columns are then their exact derivatives.
-NODES = (0.0, 1 / 3, 2 / 3, 1.0)
-STAGES = ((), (1 / 3,), (-1 / 3, 1.0), (1.0, -1.0, 1.0))
-WEIGHTS = (1 / 8, 3 / 8, 3 / 8, 1 / 8)
-
-# ``(state, step, stage)`` to the rates of the fields.
-Rates = Callable[[list[float], int, int], list[float]]
+from dashred.physics.tangents.ode_trajectory import trajectory
 
 
 def supports_ode(system: System, terms: Sequence[Term]) -> bool:
@@ -38,7 +30,7 @@ def supports_ode(system: System, terms: Sequence[Term]) -> bool:
         system: any system.
         terms: what the forcing may hold, lets and parameters resolved. Sources are free.
     """
-    if system.axes or system.method != "rk4":
+    if system.axes or system.tableau is None:
         return False
     try:
         for expr in (*system.resolved.values(), *(term.expression for term in terms)):
@@ -61,7 +53,8 @@ def tangent_ode(
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Yield state and tangents at every output time: ``δ' = N'(u) δ + s(u, t)``.
 
-    The same as :func:`dashred.physics.tangents.tangent_linear.tangent_linear` for systems without axes.
+    The same as :func:`dashred.physics.tangents.tangent_linear.tangent_linear`, for systems
+    without axes.
 
     Args:
         system: one that :func:`supports_ode` tells yes of.
@@ -70,33 +63,36 @@ def tangent_ode(
         times: output times ``(time,)``.
         forcing: one row of further terms, part of the base trajectory and of N'.
         sources: column k is ``∂u(t)/∂ξ`` for ``∂u/∂t = … + ξ Σ_{θ in sources[k]} θ(u)`` at 0.
-        drive: a free forcing of the base trajectory, of one row.
-        pulses: a column for each: ``∂u(t)/∂a``.
+        sampled_forcing: a free forcing of the base trajectory, of one row.
+        forcing_basis: a column for each: ``∂u(t)/∂a``.
 
     Yields:
         The state ``(field,)`` and the tangents ``(column, field)``, float64: directions first,
         then sources, then pulses.
     """
-    steps = list(schedule(times.tolist(), system.dt))
+    assert system.tableau is not None
+    tableau, steps = system.tableau, list(schedule(times.tolist(), system.dt))
     # A trajectory that blows up is told by its values.
     with np.errstate(all="ignore"):
         equations = _equations(system, forcing)
-        clock = _clock(steps)
+        clock = _clock(tableau, steps)
         around = _surroundings(system, clock)
         forced = _driven(system, clock, sampled_forcing)
-        stages, states = _trajectory(system, steps, start.numpy(), equations, around, forced)
+        base = tableau, steps, start.numpy(), system.fields
+        stages, states = trajectory(*base, equations, around, forced)
         slopes, source = _along(system, stages, around, equations, sources)
         still = np.zeros((*source.shape[:2], *directions.shape))
         pulsed = [] if forcing_basis is None else [_pulsed(forcing_basis, clock)]
         source = np.concatenate([still, source, *pulsed], axis=2)
-        found = _columns(steps, directions.double().numpy(), slopes, source)
+        begin = directions.double().numpy()
+        found = _columns(tableau, steps, begin, slopes, source)
     for state, columns in zip(states, found, strict=True):
         yield torch.from_numpy(state), torch.from_numpy(columns)
 
 
-def _clock(steps: Sequence[Step]) -> Array:
+def _clock(tableau: Tableau, steps: Sequence[Step]) -> Array:
     """Return the time of every stage, ``(step, stage)``."""
-    return np.array([[step.t + node * step.h for node in NODES] for step in steps])
+    return np.array([[step.t + node * step.h for node in tableau.c] for step in steps])
 
 
 def _equations(system: System, forcing: Forcing | None) -> list[Expr]:
@@ -116,58 +112,6 @@ def _slopes(system: System, expr: Expr) -> list[Expr]:
 def _surroundings(system: System, t: Array) -> dict[str, Array]:
     """Return the time and the inputs."""
     return {"t": t, **system.measured.at(t)}
-
-
-def _trajectory(
-    system: System,
-    steps: Sequence[Step],
-    start: Array,
-    equations: Sequence[Expr],
-    around: Mapping[str, Array],
-    forced: Array,
-) -> tuple[Array, Array]:
-    """Return the states at every stage ``(step, stage, field)``, and at the output times."""
-    pushes = forced.tolist()
-    now = np.stack(list(around.values()), axis=-1).tolist()
-    names = [*system.fields, *around]
-    program = scalar_program(equations, names)
-
-    def by_numbers(state: list[float], i: int, stage: int) -> list[float]:
-        found = program(*state, *now[i][stage])
-        return [rate + push for rate, push in zip(found, pushes[i][stage], strict=True)]
-
-    try:
-        return _march(steps, start, by_numbers)
-    except NO_NUMBER:
-        arrays = Pointwise(equations)
-
-    def by_arrays(state: list[float], i: int, stage: int) -> list[float]:
-        values = np.array([*state, *now[i][stage]])[:, None]
-        found = arrays(dict(zip(names, values, strict=True)), (1,))[:, 0].tolist()
-        return [rate + push for rate, push in zip(found, pushes[i][stage], strict=True)]
-
-    return _march(steps, start, by_arrays)
-
-
-def _march(steps: Sequence[Step], start: Array, rates: Rates) -> tuple[Array, Array]:
-    """Return what :func:`_trajectory` does: Kutta's rule, of plain numbers."""
-    y: list[float] = start.tolist()
-    stages, saved = [], [y]
-    for i, step in enumerate(steps):
-        h = step.h
-        k1 = rates(y, i, 0)
-        second = [v + h * a / 3 for v, a in zip(y, k1, strict=True)]
-        k2 = rates(second, i, 1)
-        third = [v + h * (b - a / 3) for v, a, b in zip(y, k1, k2, strict=True)]
-        k3 = rates(third, i, 2)
-        last = [v + h * (a - b + c) for v, a, b, c in zip(y, k1, k2, k3, strict=True)]
-        k4 = rates(last, i, 3)
-        stages.append((y, second, third, last))
-        every = zip(y, k1, k2, k3, k4, strict=True)
-        y = [v + h * (a + 3 * (b + c) + d) / 8 for v, a, b, c, d in every]
-        if step.ends:
-            saved.append(y)
-    return np.array(stages).reshape(len(steps), len(NODES), len(start)), np.array(saved)
 
 
 def _driven(system: System, clock: Array, sampled_forcing: SampledForcing | None) -> Array:
@@ -217,9 +161,12 @@ def _pulsed(forcing_basis: ForcingBasis, clock: Array) -> Array:
     return found.reshape(*clock.shape, forcing_basis.count, forcing_basis.fields)
 
 
-def _columns(steps: Sequence[Step], begin: Array, slopes: Array, source: Array) -> list[Array]:
+def _columns(
+    tableau: Tableau, steps: Sequence[Step], begin: Array, slopes: Array, source: Array
+) -> list[Array]:
     """Return the columns at every output time, each ``(column, field)``."""
-    turns, pushes = _propagators(np.array([step.h for step in steps]), slopes, source)
+    lengths = np.array([step.h for step in steps])
+    turns, pushes = _propagators(tableau, lengths, slopes, source)
     columns = np.zeros(source.shape[2:])
     columns[: len(begin)] = begin
     saved = [columns]
@@ -230,8 +177,11 @@ def _columns(steps: Sequence[Step], begin: Array, slopes: Array, source: Array) 
     return saved
 
 
-def _propagators(h: Array, slopes: Array, source: Array) -> tuple[Array, Array]:
+def _propagators(tableau: Tableau, h: Array, slopes: Array, source: Array) -> tuple[Array, Array]:
     """Return what a step does to columns, ``c → c A + b``: it is linear in them.
+
+    The columns are stepped by the method that steps the trajectory itself: then they are its exact
+    derivatives.
 
     Returns:
         A, ``(step, field, field)``, and b, ``(step, column, field)``.
@@ -240,12 +190,12 @@ def _propagators(h: Array, slopes: Array, source: Array) -> tuple[Array, Array]:
     still = np.broadcast_to(np.eye(slopes.shape[-1]), slopes[:, 0].shape)
     turned: list[Array] = []
     pushed: list[Array] = []
-    for stage, shares in enumerate(STAGES):
+    for stage, shares in enumerate(tableau.a):
         jacobian = slopes[:, stage].swapaxes(1, 2)
         turned.append((still + along * _combined(shares, turned)) @ jacobian)
         at = np.zeros_like(source[:, 0]) + along * _combined(shares, pushed)
         pushed.append(at @ jacobian + source[:, stage])
-    return still + along * _combined(WEIGHTS, turned), along * _combined(WEIGHTS, pushed)
+    return still + along * _combined(tableau.b, turned), along * _combined(tableau.b, pushed)
 
 
 def _combined(shares: Sequence[float], rates: Sequence[Array]) -> Array | float:

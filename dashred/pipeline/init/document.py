@@ -11,6 +11,7 @@ from dashred.config.source import SCALARS
 from dashred.core.templates import render
 from dashred.data.recording import Recording
 from dashred.data.resampling import fuller_step, own_step
+from dashred.physics.expressions.functions import FUNCTIONS
 from dashred.pipeline.init.columns import Guessed
 from dashred.pipeline.init.guess import Guess
 
@@ -37,6 +38,7 @@ def document(
         TEMPLATE,
         axes=guessed.axes,
         fields=guessed.fields,
+        functions=list(FUNCTIONS),
         units=recording.units,
         guess=guess,
         examples={field: _example(field, guessed, guess) for field in guessed.fields},

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from dashred.physics.backends.input_signals import Array, Measured
-from dashred.physics.solvers.compiled_rk4 import CompiledOde
+from dashred.physics.solvers.compiled_runge_kutta import CompiledOde
 from dashred.physics.solvers.compiled_simulator import compiled
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System

@@ -14,7 +14,7 @@ from torch import Tensor
 from dashred.core.threads import use_threads
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.compiled_etdrk4 import CompiledMarch
-from dashred.physics.solvers.compiled_rk4 import CompiledOde
+from dashred.physics.solvers.compiled_runge_kutta import CompiledOde
 from dashred.physics.solvers.compiled_simulator import CompiledSystem, InterpretedSystem, compiled
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate

@@ -13,7 +13,7 @@ from dashred.physics.expressions.algebra import multiply
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.batch_coefficients import Columns
 from dashred.physics.solvers.compiled_etdrk4 import CompiledMarch
-from dashred.physics.solvers.compiled_rk4 import CompiledOde
+from dashred.physics.solvers.compiled_runge_kutta import CompiledOde
 from dashred.physics.solvers.compiled_simulator import InterpretedSystem, compiled
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate

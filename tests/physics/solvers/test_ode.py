@@ -11,7 +11,6 @@ from scipy.special import ellipj, ellipk
 
 from dashred.core.errors import InputError
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.solvers.ode import round_up, substeps
 from dashred.physics.solvers.simulate import simulate
 
 AMPLITUDE, RATE = 2.0, 3.0
@@ -67,17 +66,3 @@ def test_the_default_method_is_the_one_that_is_compiled(make_system):
 def test_an_integrator_of_another_kind_is_refused(make_system):
     with pytest.raises(InputError, match="'etdrk4' does not fit this system"):
         pendulum(make_system, dt=0.1, method="etdrk4")
-
-
-def test_substeps_contain_every_time_and_are_no_longer_than_asked():
-    times = torch.from_numpy(TIMES)
-    steps = substeps(times, 0.07)
-    assert set(TIMES) <= set(steps.tolist())
-    assert 0 < float(steps.diff().min()) <= float(steps.diff().max()) <= 0.07 + 1e-9
-
-
-@pytest.mark.parametrize(
-    ("ratio", "count"), [(15.0000001, 15), (14.9999, 15), (15.1, 16), (0.2, 1)]
-)
-def test_rounding_does_not_add_a_step(ratio, count):
-    assert round_up(ratio) == count

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from dashred.physics.backends.numba_backend import KERNEL, REAL, Array, Body, compile_kernel
 from dashred.physics.forcing_basis import SampledForcing
+from dashred.physics.runge_kutta import Tableau
 from dashred.physics.solvers.batch_coefficients import Columns
 from dashred.physics.solvers.compiled_step import between
 from dashred.physics.solvers.forcing import Forcing
@@ -25,12 +26,12 @@ Progress = Callable[[float], None]
 
 
 class CompiledOde:
-    """The same trajectories as :func:`dashred.physics.solvers.simulate.simulate` by ``rk4``.
+    """The same trajectories as :func:`dashred.physics.solvers.simulate.simulate` with fixed steps.
 
     Worth its second of compilation where many runs are made of one system.
 
     Args:
-        system: an ODE system whose method is ``rk4``.
+        system: an ODE system whose method has a tableau.
         terms: whatever a trajectory may carry, lets and parameters resolved.
         shapes: of the windows in which it may carry them.
     """
@@ -38,7 +39,8 @@ class CompiledOde:
     def __init__(
         self, system: System, terms: Sequence[Term], shapes: tuple[Shape, ...] = ()
     ) -> None:
-        self.system = system
+        assert system.tableau is not None
+        self.system, self.tableau = system, system.tableau
         columns = Columns(len(terms), shapes)
         channel = {field: i for i, field in enumerate(system.fields)}
         bodies = [Body(channel[f], expr, None) for f, expr in system.resolved.items()]
@@ -70,7 +72,7 @@ class CompiledOde:
             times: output times, ``(time,)``.
             weights: coefficient of every term, ``(batch, term)``; with windows, as
                 :class:`dashred.physics.solvers.batch_coefficients.Columns` lays them out.
-            drive: a free forcing of every trajectory.
+            sampled_forcing: a free forcing of every trajectory.
         """
         if sampled_forcing is None:
             sampled_forcing = SampledForcing(
@@ -88,6 +90,9 @@ class CompiledOde:
             np.ascontiguousarray(weights.numpy()),
             sampled_forcing.knots.numpy(),
             sampled_forcing.values.permute(1, 2, 0).contiguous().numpy(),
+            _square(self.tableau),
+            np.array(self.tableau.b),
+            np.array(self.tableau.c),
         )
         return torch.from_numpy(saved[..., 0]).permute(2, 0, 1).contiguous()
 
@@ -99,7 +104,7 @@ def integrate_compiled(
     forcing: Forcing | None,
     progress: Progress | None,
 ) -> Tensor:
-    """Return what :func:`dashred.physics.solvers.simulate.simulate` returns, compiled for this run."""
+    """Return what :func:`.simulate.simulate` returns, compiled for this run."""
     if forcing is None:
         forcing = Forcing((), torch.zeros((len(start), 0), dtype=torch.float64))
     found = CompiledOde(system, forcing.terms)(start, times, forcing.coefficients)
@@ -112,10 +117,30 @@ def integrate_compiled(
 def _force(
     knots: Array, sampled_forcing: NDArray[np.float64], t: float, rates: NDArray[np.float64]
 ) -> None:
-    """Add the drive at one time to rates ``(field, row, 1)``."""
+    """Add the free forcing at one time to rates ``(field, row, 1)``."""
     if len(knots):
         k, share = between(knots, t)
         rates[:, :, 0] += (1 - share) * sampled_forcing[k] + share * sampled_forcing[k + 1]
+
+
+def _square(tableau: Tableau) -> Array:
+    """Return the shares a of a tableau, ``(stage, stage)``, zeros on and above the diagonal."""
+    found = np.zeros((len(tableau.b), len(tableau.b)))
+    for row, shares in zip(found, tableau.a, strict=True):
+        row[: len(shares)] = shares
+    return found
+
+
+@numba.njit(cache=True)
+def _move(y: Array, h: float, shares: Array, count: int, rates: Array, out: Array) -> None:
+    """Set ``out`` to ``y + h Σ_j shares_j rates_j`` over the first rates, ``(place,)`` each."""
+    for place in range(len(out)):
+        out[place] = y[place]
+    for j in range(count):
+        factor = h * shares[j]
+        if factor != 0.0:
+            for place in range(len(out)):
+                out[place] += factor * rates[j, place]
 
 
 @numba.njit(
@@ -128,6 +153,9 @@ def _force(
         REAL[:, ::1],
         REAL[::1],
         REAL[:, :, ::1],
+        REAL[:, ::1],
+        REAL[::1],
+        REAL[::1],
     ),
     cache=True,
 )
@@ -140,26 +168,28 @@ def _integrate(
     weights: Array,
     knots: Array,
     sampled_forcing: NDArray[np.float64],
+    a: Array,
+    b: Array,
+    c: Array,
 ) -> None:
-    """Fill ``saved`` ``(time, field, row, 1)`` by Kutta's 3/8 rule, which torchdiffeq's rk4 is.
+    """Fill ``saved`` ``(time, field, row, 1)`` by the explicit method with tableau a, b, c.
 
-    The drive is ``(knot, field, row)``.
+    The free forcing is ``(knot, field, row)``.
     """
     nowhere = np.zeros((0, 1))
     y = saved[0].copy()
-    k1, k2, k3, k4 = np.empty_like(y), np.empty_like(y), np.empty_like(y), np.empty_like(y)
+    at, rates = np.empty_like(y), np.empty((len(b), *y.shape))
+    # The same memory, one number after the other.
+    flat_y, flat_at, flat_rates = y.reshape(-1), at.reshape(-1), rates.reshape((len(b), y.size))
     output = 0
     for i in range(len(times)):
         t, h = times[i], steps[i]
-        kernel(y, nowhere, t, weights, k1)
-        _force(knots, sampled_forcing, t, k1)
-        kernel(y + h * k1 / 3, nowhere, t + h / 3, weights, k2)
-        _force(knots, sampled_forcing, t + h / 3, k2)
-        kernel(y + h * (k2 - k1 / 3), nowhere, t + 2 * h / 3, weights, k3)
-        _force(knots, sampled_forcing, t + 2 * h / 3, k3)
-        kernel(y + h * (k1 - k2 + k3), nowhere, t + h, weights, k4)
-        _force(knots, sampled_forcing, t + h, k4)
-        y = y + h * (k1 + 3 * (k2 + k3) + k4) / 8
+        for stage in range(len(b)):
+            now = t + c[stage] * h
+            _move(flat_y, h, a[stage], stage, flat_rates, flat_at)
+            kernel(at, nowhere, now, weights, rates[stage])
+            _force(knots, sampled_forcing, now, rates[stage])
+        _move(flat_y, h, b, len(b), flat_rates, flat_y)
         if ends[i]:
             output += 1
             saved[output] = y

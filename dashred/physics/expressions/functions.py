@@ -1,0 +1,104 @@
+"""The functions of the equation language: everything that is known of each, in one table.
+
+Whatever reads, differentiates, evaluates or documents expressions looks up its functions here, so
+that a new function is one new entry of :data:`FUNCTIONS`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from operator import attrgetter
+from types import MappingProxyType
+from typing import Any
+
+
+class Parity(Enum):
+    """Symmetry about 0: ``f(-x) = f(x)``, ``f(-x) = -f(x)``, or neither."""
+
+    EVEN = "even"
+    ODD = "odd"
+    NEITHER = "neither"
+
+
+@dataclass(frozen=True)
+class Function:
+    """A function of one real number.
+
+    Attributes:
+        name: what equations call it.
+        scalar: its value at a Python float; raises ``ArithmeticError`` or ``ValueError`` where
+            there is none.
+        code: its value as Python source over ``math``, with ``{0}`` for the argument. numba
+            compiles it.
+        arrays: returns it as a function of arrays, given the array library: ``numpy`` or
+            ``torch``. The table imports neither.
+        derivative: f'(x), in the equation language.
+        parity: its symmetry.
+        unit_power: n, where the unit of its value is its argument's to the power n; 0 of those
+            that are pure numbers of pure numbers.
+    """
+
+    name: str
+    scalar: Callable[[float], float]
+    code: str
+    arrays: Callable[[Any], Callable[[Any], Any]]
+    derivative: str
+    parity: Parity = Parity.NEITHER
+    unit_power: float = 0.0
+
+
+def _common(
+    name: str, derivative: str, parity: Parity = Parity.NEITHER, unit_power: float = 0.0
+) -> Function:
+    """Return a function that ``math``, NumPy and torch all have under the same name."""
+    scalar, code, arrays = getattr(math, name), f"math.{name}({{0}})", attrgetter(name)
+    return Function(name, scalar, code, arrays, derivative, parity, unit_power)
+
+
+_TABLE = (
+    _common("sin", "cos(x)", Parity.ODD),
+    _common("cos", "-sin(x)", Parity.EVEN),
+    _common("tan", "1 + tan(x)**2", Parity.ODD),
+    _common("exp", "exp(x)"),
+    _common("log", "1/x"),
+    _common("sqrt", "0.5/sqrt(x)", unit_power=0.5),
+    _common("tanh", "1 - tanh(x)**2", Parity.ODD),
+    Function(
+        "sech",
+        scalar=lambda x: 1.0 / math.cosh(x),
+        code="1.0 / math.cosh({0})",
+        arrays=lambda library: lambda x: 1 / library.cosh(x),
+        derivative="-sech(x)*tanh(x)",
+        parity=Parity.EVEN,
+    ),
+    Function(
+        "abs",
+        scalar=abs,
+        code="abs({0})",
+        arrays=attrgetter("abs"),
+        derivative="sign(x)",
+        parity=Parity.EVEN,
+        unit_power=1.0,
+    ),
+    Function(
+        "sign",
+        scalar=lambda x: float((x > 0) - (x < 0)),
+        code="(1.0 if {0} > 0.0 else (-1.0 if {0} < 0.0 else 0.0))",
+        arrays=attrgetter("sign"),
+        derivative="0",
+        parity=Parity.ODD,
+    ),
+    Function(
+        "step",
+        scalar=lambda x: float(x > 0),
+        code="(1.0 if {0} > 0.0 else 0.0)",
+        arrays=lambda library: lambda x: (x > 0) * library.ones_like(x),
+        derivative="0",
+    ),
+)
+
+FUNCTIONS: Mapping[str, Function] = MappingProxyType({f.name: f for f in _TABLE})
+"""Every function by its name, in the order in which documents list them."""
