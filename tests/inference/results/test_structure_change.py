@@ -142,14 +142,14 @@ def test_a_term_of_a_string_between_fixed_ends(text: str, xi: float, expected: P
         ("phi", "phi", ("R", True)),
     ],
 )
-@pytest.mark.parametrize("drive", [0.0, 0.5])
+@pytest.mark.parametrize("amplitude", [0.0, 0.5])
 def test_a_term_of_a_driven_circuit(
-    equation: str, text: str, expected: Part, sampled_forcing: float
+    equation: str, text: str, expected: Part, amplitude: float
 ) -> None:
-    """The drive begins at 0: at that time alone a term of it would have no power."""
+    """The voltage begins at 0: at that time alone a term of it would have no power."""
     config = load_config(["conf=rlc"], entry="test")
     times = torch.linspace(0, 20, 41, dtype=torch.float64)
-    voltage = {"V": sampled_forcing * np.sin(1.1 * times.numpy())}
+    voltage = {"V": amplitude * np.sin(1.1 * times.numpy())}
     system = System(config.system, config.where, Measured(times.numpy(), voltage))
     assert system.config.structure is not None
     form = PortHamiltonian.of(system, system.config.structure)
