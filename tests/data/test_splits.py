@@ -128,7 +128,7 @@ def test_extra_sensors_by_default_and_by_number(make_recording):
         (5, wanted(), "5 sensors are too few to hold out 5"),
         (2, wanted(["s0"], ["s1"]), "2 sensors are too few to hold out 2"),
         (12, wanted(["s3"], ["s3"]), "'s3' occurs twice"),
-        (12, wanted(["s33"]), "did you mean 's3'"),
+        (12, wanted(["s33"]), "did you mean s3"),
         (12, wanted(extra=7), "leave none of 7 fit sensors"),
     ],
 )

@@ -140,8 +140,8 @@ def test_a_sensor_that_reads_what_the_system_does_not_have(quick, train, own) ->
     [
         ("-u*d(u, x) + nu*lap(u", ("^",)),
         ("-u*d(u, x) +* nu*lap(u)", ("^",)),
-        ("-u*d(u, x) + nuu*lap(u)", ("'nuu'", "'nu'")),
-        ("-u*d(u, x) + nu*lapl(u)", ("'lapl'", "'lap'")),
+        ("-u*d(u, x) + nuu*lap(u)", ("'nuu'", "mean nu?")),
+        ("-u*d(u, x) + nu*lapl(u)", ("'lapl'", "mean lap?")),
         ("-u^2", ("**",)),
         ("__import__('os').system('touch hacked')", ()),
         ("u.real", ()),
@@ -166,7 +166,7 @@ def test_wrong_equations(quick, train, own, tmp_path, equation, says) -> None:
 
 def test_a_wrong_equation_is_refused_before_any_process_begins(quick, train, processes) -> None:
     ended = train(f"conf={quick}", "system.equations.u=-d(u**2/2, x) + nuu*lap(u)")
-    assert_refused(ended, "command line", "'nuu'", "'nu'")
+    assert_refused(ended, "command line", "'nuu'", "mean nu?")
     assert not processes
 
 
@@ -246,7 +246,7 @@ def test_a_library_that_only_the_analysis_reads_leaves_no_run_of_a_twin(
     assert_refused(ended, "'u' and '2*u' are the same term")
     assert [words[0] for words in processes] == [
         "dashred.evaluation.twins.record_command",
-        "dashred.train",
+        "dashred.pipeline.analyse",
     ]
 
 
