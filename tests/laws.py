@@ -11,7 +11,7 @@ from dashred.config import load_config
 from dashred.inference.fit.law import Law, SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.hypotheses.result import BestOfSize, Discovered
+from dashred.inference.hypotheses.result import BestOfSize, Discovery
 from dashred.physics.parameter_sensitivity import parameter_tendency
 from dashred.physics.system import System, Term
 
@@ -98,9 +98,9 @@ def discovery(
     free_chi2: float = 1.0,
     exhausted: bool = True,
     seen: torch.Tensor | None = None,
-    beyond: float = 0.0,
+    forcing_gain: float = 0.0,
     path: list[BestOfSize] | None = None,
-) -> Discovered:
+) -> Discovery:
     """Return a discovery with these laws, the best first, under noise of σ = 1."""
     everywhere = torch.ones(SAMPLES, SENSORS, dtype=torch.bool)
     noise = NoiseModel(
@@ -108,17 +108,17 @@ def discovery(
         torch.zeros(SENSORS, dtype=torch.float64),
         everywhere if seen is None else seen,
     )
-    return Discovered(
+    return Discovery(
         laws=list(laws),
         nothing=nothing or law(score=1000.0, misfit=3.0, chi2=9.0),
         noise=noise,
-        seeds={"prior": 1.0},
-        seed="prior",
+        first_guesses={"prior": 1.0},
+        first_guess="prior",
         levels=[(10, 1.0), (SAMPLES, 1.1)],
         reached=reached,
         free_chi2=free_chi2,
         exhausted=exhausted,
         path=path or [BestOfSize((), (), 1000.0, 3.0)],
         tried=50,
-        beyond=beyond,
+        forcing_gain=forcing_gain,
     )

@@ -17,9 +17,13 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.noise_model import NoiseModel
-from dashred.inference.forward.candidate_simulator import Simulator
+from dashred.inference.forward.candidate_simulator import CandidateSimulator
 from dashred.inference.forward.candidates import Candidate
+from dashred.inference.forward.episodes import EpisodeStarts, stack_times
 from dashred.inference.forward.forward_model import ForwardModel
+from dashred.inference.forward.law_block import LawBlock
+from dashred.inference.forward.sensor_block import SensorBlock
+from dashred.inference.forward.simulator import Simulator
 from dashred.inference.initial_state.start_models import LinearStart
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
@@ -60,7 +64,7 @@ class Swing:
         terms = [laws.term(system, "p", text) for text in dict.fromkeys((*FORCES, *DRIVES))]
         parameters = [laws.parameter(system, name) for name in system.config.parameters]
         everything = [*parameters, *terms]
-        simulator = Simulator(system, system.dt, everything)
+        simulator = Simulator([CandidateSimulator(system, system.dt, everything)])
         return cls(system, simulator, {found.name: found for found in everything})
 
     @cached_property
@@ -69,35 +73,42 @@ class Swing:
         return ObservationOperator(SENSORS, self.system)
 
     @cached_property
-    def start(self) -> LinearStart:
-        """Where the start is looked for: ``m + 0.3 z``."""
+    def estimate(self) -> LinearStart:
+        """The start of one episode: ``m + 0.3 z``."""
         mean = torch.tensor(MEAN, dtype=torch.float64)
         return LinearStart(mean, SPREAD * torch.eye(2, dtype=torch.float64))
 
+    @cached_property
+    def start(self) -> EpisodeStarts:
+        """Where the start is looked for."""
+        return EpisodeStarts((self.estimate,))
+
+    def forward_model(self, names: Sequence[str]) -> ForwardModel:
+        """Return the forward model with candidates by name."""
+        law = LawBlock([self.everything[name] for name in names])
+        sensors = SensorBlock(self.operator)
+        return ForwardModel(self.simulator, self.start, law, sensors, stack_times([TIMES]))
+
     def clean(self, z: Sequence[float], names: Sequence[str], xi: Sequence[float]) -> Tensor:
         """Return what the sensors would read without noise, ``(time, sensor)``."""
-        candidates = [self.everything[name] for name in names]
-        forward_model = ForwardModel(self.simulator, self.start, candidates, self.operator, TIMES)
         unknowns = (torch.tensor([u], dtype=torch.float64) for u in (z, xi))
-        return forward_model.readings(*unknowns)[0]
+        return self.forward_model(names).readings(*unknowns)[0]
 
     def foreign(self, z: Sequence[float], text: str, value: float) -> Tensor:
         """Return readings under a force that is no candidate."""
         term = Term("p", self.system.parse(text, "test", equation="p"))
         other = self.system.with_terms([(term, value)])
-        start = self.start.start(torch.tensor([z], dtype=torch.float64))
+        [start] = self.start.start(torch.tensor([z], dtype=torch.float64))
         return self.operator(simulate(other, start, TIMES))[0]
 
     def objective(
         self, names: Sequence[str], recorded: Tensor, sigma: float, prior: Sequence[float] | float
     ) -> LeastSquaresProblem:
         """Return F with candidates by name."""
-        candidates = [self.everything[name] for name in names]
-        forward_model = ForwardModel(self.simulator, self.start, candidates, self.operator, TIMES)
         std = torch.full((len(SENSORS),), sigma, dtype=torch.float64)
         noise = NoiseModel(std, torch.zeros_like(std), ~recorded.isnan())
         stds = torch.as_tensor(prior, dtype=torch.float64).expand(len(names)).clone()
-        return LeastSquaresProblem(forward_model, recorded, noise, stds)
+        return LeastSquaresProblem(self.forward_model(names), recorded, noise, stds)
 
 
 def noisy(values: Tensor, sigma: float, seed: int) -> Tensor:

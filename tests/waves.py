@@ -17,10 +17,13 @@ from dashred.inference.fit.law import law_of
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import grow, minimise
 from dashred.inference.fit.noise_model import NoiseModel
-from dashred.inference.forward.candidate_simulator import Simulator
+from dashred.inference.forward.candidate_simulator import CandidateSimulator
 from dashred.inference.forward.candidates import Candidate, build_candidates, forcing_of
+from dashred.inference.forward.episodes import EpisodeStarts, stack_times
 from dashred.inference.forward.forward_model import ForwardModel
-from dashred.inference.forward.windowed_model import found_by, localised
+from dashred.inference.forward.law_block import LawBlock, localised
+from dashred.inference.forward.sensor_block import SensorBlock
+from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.extended.extended_library import extended_candidates
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.windows.windowed_hypothesis import (
@@ -71,15 +74,15 @@ class Waves:
         states = simulate(system, nominal_start(system), TIMES)[0]
         library = [Term(e, system.parse(text, "library", equation=e)) for e, text in TERMS]
         everything = build_candidates(system, library, states, 0.0)
-        simulator = Simulator(system, system.dt, everything, shapes_of(system))
-        return cls(system, simulator, {str(found): found for found in everything})
+        part = CandidateSimulator(system, system.dt, everything, shapes_of(system))
+        return cls(system, Simulator([part]), {str(found): found for found in everything})
 
     def simulated(self) -> Tensor:
         """Return the simulator's own run, ``(time, field, *grid)``."""
         return simulate(self.system, nominal_start(self.system), TIMES)[0]
 
     @cached_property
-    def beyond(self) -> list[Candidate]:
+    def extended(self) -> list[Candidate]:
         """Candidates that the library does not have."""
         states = self.simulated()
         library = [Term(e, self.system.parse(t, "library", equation=e)) for e, t in TERMS]
@@ -96,7 +99,7 @@ class Waves:
     def start(self) -> StartModel:
         """The prior about the nominal start."""
         nominal = nominal_start(self.system)
-        return StartPrior(self.system, nominal[0], field_rms(nominal), None)
+        return EpisodeStarts((StartPrior(self.system, nominal[0], field_rms(nominal), None),))
 
     def candidates(self, names: Sequence[str]) -> list[Candidate]:
         """Return candidates by name, ``equation: term``."""
@@ -111,10 +114,14 @@ class Waves:
         self, recorded: Tensor, sigma: float, names: Sequence[str] = ()
     ) -> LeastSquaresProblem:
         """Return F with candidates by name; their prior is their natural scale."""
-        candidates = self.candidates(names)
-        forward_model = ForwardModel(self.simulator, self.start, candidates, self.operator, TIMES)
-        stds = torch.tensor([c.scale for c in candidates], dtype=torch.float64)
-        return LeastSquaresProblem(forward_model, recorded, self.noise(recorded, sigma), stds)
+        forward_model = self.forward_model(LawBlock(self.candidates(names)))
+        noise = self.noise(recorded, sigma)
+        return LeastSquaresProblem(forward_model, recorded, noise, forward_model.law.scales)
+
+    def forward_model(self, law: LawBlock, times: Tensor = TIMES) -> ForwardModel:
+        """Return the forward model of a law."""
+        sensors = SensorBlock(self.operator)
+        return ForwardModel(self.simulator, self.start, law, sensors, stack_times([times]))
 
     def recorded(
         self,
@@ -131,7 +138,8 @@ class Waves:
             [candidate for candidate, _ in law],
             torch.tensor([[value for _, value in law]], dtype=torch.float64),
         )
-        clean = self.operator(simulate(self.system, drawn.start(z), TIMES, forcing))[0]
+        [begin] = drawn.start(z)
+        clean = self.operator(simulate(self.system, begin, TIMES, forcing))[0]
         return clean + sigma * torch.randn(clean.shape, generator=generator).double()
 
     @cached_property
@@ -163,5 +171,4 @@ def in_window(
     mine = build_problem(objective, hypothesis)
     z = fitted(waves.objective(recorded, LOCAL_SIGMA))
     found = minimise(mine, first_unknowns(z, [LOCAL_XI], hypothesis.guess), 12, 1e-6)
-    law = law_of(mine, found, found_by(mine, found.phi), found.cost, len(values))
-    return HypothesisFit(law, mine, found.phi)
+    return HypothesisFit(law_of(mine, found, found.cost), mine, found.phi)

@@ -52,6 +52,11 @@ class ObservationOperator(nn.Module):
         self.register_buffer("_weights", _weights([sensors[i] for i in order], system))
         self.register_buffer("_order", torch.tensor(order, dtype=torch.long).argsort())
 
+    @property
+    def axes(self) -> int:
+        """Number of axes of the grid that its states are on."""
+        return len(self._system.axes)
+
     def forward(
         self, state: Float[Tensor, "*dims"], t: float = 0.0
     ) -> Float[Tensor, "*batch sensor"]:

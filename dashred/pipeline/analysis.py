@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from torch import Tensor
 
-from dashred.inference.hypotheses.result import Discovered
+from dashred.inference.hypotheses.result import Discovery
 from dashred.pipeline.assimilation import Assimilated
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation import Nominal
@@ -32,7 +32,7 @@ class Analysis:
     nominal: Nominal
     learned: Learned
     found: Assimilated
-    discovered: Discovered
+    discovered: Discovery
     free: Trajectories
     relearned: Learned
     corrected_shred: Tensor

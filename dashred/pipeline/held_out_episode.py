@@ -9,8 +9,12 @@ from dashred.inference.fit.first_window import fit_first_window
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
-from dashred.inference.forward.candidate_simulator import Simulator
+from dashred.inference.forward.candidate_simulator import CandidateSimulator
+from dashred.inference.forward.episodes import EpisodeStarts, stack_times
 from dashred.inference.forward.forward_model import ForwardModel
+from dashred.inference.forward.law_block import LawBlock
+from dashred.inference.forward.sensor_block import SensorBlock
+from dashred.inference.forward.simulator import Simulator
 from dashred.inference.initial_state.start_models import StartModel
 from dashred.inference.results.corrected_system import correct
 from dashred.physics.system import System
@@ -37,9 +41,12 @@ def fit_starts(episode: Problem, prior: StartModel, law: Law) -> tuple[Tensor, T
 
 def _fitted(episode: Problem, prior: StartModel, law: Law, system: System) -> Tensor:
     fit = episode.split.fit
-    times = episode.times[: len(fit.times)]
     forward_model = ForwardModel(
-        Simulator(system, system.dt, []), prior, [], episode.operator(fit), times
+        Simulator([CandidateSimulator(system, system.dt, [])]),
+        EpisodeStarts((prior,)),
+        LawBlock([]),
+        SensorBlock(episode.operator(fit)),
+        stack_times([episode.times[: len(fit.times)]]),
     )
     none = torch.zeros(0, dtype=torch.float64)
     recorded = torch.from_numpy(fit.values)

@@ -73,10 +73,6 @@ class Problem:
         """All episodes that are fitted."""
         return (self, *self.others)
 
-    def starts(self, start: Tensor) -> Tensor:
-        """Return what a fit calls the start as ``(episode, field, *grid)``."""
-        return start.reshape(-1, len(self.system.fields), *self.system.grid.shape)
-
     @property
     def ensemble_system(self) -> System:
         """The simulator with the step that is good enough for an ensemble."""

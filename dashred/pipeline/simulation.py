@@ -11,7 +11,7 @@ from torch import Tensor
 
 from dashred.core.progress import stage
 from dashred.data.observation_operator import ObservationOperator
-from dashred.inference.forward.episodes import starts_of
+from dashred.inference.forward.episodes import EpisodeStarts
 from dashred.inference.initial_state.start_models import StartModel
 from dashred.physics.runs.ensemble import Discrepancies, Ensemble, draw_ensemble
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
@@ -40,7 +40,7 @@ class Nominal:
     @cached_property
     def start(self) -> StartModel:
         """What is known of the starts of all fitted episodes."""
-        return starts_of([self.prior] * (1 + len(self.others)))
+        return EpisodeStarts((self.prior,) * (1 + len(self.others)))
 
 
 @torch.no_grad()

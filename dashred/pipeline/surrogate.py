@@ -61,7 +61,7 @@ def retrain(
         every episode.
     """
     settings = problem.config.surrogate
-    prior, starts = nominal.prior, problem.starts(law.start)
+    prior, starts = nominal.prior, law.start
     corrected = [free, *free.others]
     with torch.no_grad(), stage("simulate the corrected", seconds) as report:
         drawn = []

@@ -10,7 +10,7 @@ from torch import Tensor
 from dashred.core.progress import stage
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import forcing_of
-from dashred.inference.hypotheses.result import Discovered
+from dashred.inference.hypotheses.result import Discovery
 from dashred.physics.solvers.simulate import simulate
 from dashred.pipeline.held_out_episode import fit_starts
 from dashred.pipeline.problem import Problem
@@ -47,7 +47,7 @@ class Trajectories:
 
 @torch.no_grad()
 def run_free(
-    problem: Problem, nominal: Nominal, discovered: Discovered, seconds: dict[str, float]
+    problem: Problem, nominal: Nominal, discovered: Discovery, seconds: dict[str, float]
 ) -> Trajectories:
     """Run all three in every episode; a run that blows up is not finite from then on."""
     best, nothing = discovered.best, discovered.nothing
@@ -56,8 +56,8 @@ def run_free(
             _run(episode, best, mine, alone)
             for episode, mine, alone in zip(
                 problem.episodes,
-                problem.starts(best.start),
-                problem.starts(nothing.start),
+                best.start,
+                nothing.start,
                 strict=True,
             )
         ]

@@ -48,7 +48,7 @@ class Law:
         candidates: what is missing or mis-stated; empty for the simulator as it is.
         coefficients: ξ, ``(candidate,)``, in the user's units.
         covariance: posterior covariance of ξ, the start's uncertainty in it.
-        start: state at the first sample, ``(field, *grid)``; of several episodes, of each.
+        start: states at the first sample, ``(episode, field, *grid)``.
         score: ``F + k (ln n + 2 ln p)``; differences are ΔBIC.
         chi2: mean squared whitened residual over the fit; 1 for noise alone.
         residuals: readings minus recording over the fit, ``(time, sensor)``, NaN where missing.
@@ -107,9 +107,9 @@ class Law:
         return found
 
     @property
-    def beyond(self) -> bool:
+    def extended(self) -> bool:
         """Whether it has terms that the library does not have."""
-        return any(candidate.beyond for candidate in self.candidates)
+        return any(candidate.extended for candidate in self.candidates)
 
     @property
     def window(self) -> Window | None:
@@ -161,7 +161,7 @@ def posterior(
     covariance = normal.covariance(objective.places(members))
     chi2 = float(objective.residuals(readings).square().sum()) / objective.noise.count
     return Law(
-        candidates=tuple(forward_model.candidates[j] for j in members),
+        candidates=tuple(forward_model.law.candidates[j] for j in members),
         coefficients=xi[list(members)],
         covariance=covariance[objective.modes :, objective.modes :],
         start=forward_model.start.start(z[None])[0],
@@ -174,29 +174,25 @@ def posterior(
 def law_of(
     objective: LeastSquaresProblem,
     fitted: Fitted,
-    candidates: Sequence[Candidate],
     score: float,
-    edges: int = 0,
     known: Normal | None = None,
 ) -> Law:
-    """Return the law at a minimum of an F whose coefficients are those of some candidates first.
+    """Return the law at a minimum of F, with the covariance of its coefficients.
 
     Args:
-        objective: F; behind the candidates' coefficients there may be unknowns of a window, or of
-            a sensor's fault.
+        objective: F.
         fitted: its minimum.
-        candidates: what the law says is missing.
         score: of the law.
-        edges: how many unknowns belong to the window; they come last.
         known: F linearised there, where it is known already.
     """
-    count, modes = len(candidates), objective.modes
+    candidates, modes = found_by(objective, fitted.phi), objective.modes
+    count, last = len(candidates), objective.forward_model.law.count
     z, xi = objective.split(fitted.phi)
     normal = known or objective.linearise(fitted.phi, fitted.readings)
     covariance = normal.covariance(range(len(fitted.phi)))
     stds = covariance.diagonal().clamp(min=0).sqrt().tolist()
     return Law(
-        candidates=tuple(candidates),
+        candidates=candidates,
         coefficients=xi[:count],
         covariance=covariance[modes : modes + count, modes : modes + count],
         start=objective.forward_model.start.start(z[None])[0],
@@ -205,8 +201,14 @@ def law_of(
         residuals=torch.where(
             objective.noise.seen, fitted.readings - objective.recorded, torch.nan
         ),
-        edges=tuple(stds[len(stds) - edges :]) if edges else (),
+        edges=tuple(stds[modes + count : modes + last]),
     )
+
+
+def found_by(objective: LeastSquaresProblem, phi: Tensor) -> tuple[Candidate, ...]:
+    """Return what a fit's coefficients multiply, terms in a window with its edges."""
+    forward_model = objective.forward_model
+    return forward_model.law.terms(objective.split(phi)[1][forward_model.places.law])
 
 
 def unlike(laws: Sequence[Law]) -> list[Law]:

@@ -20,6 +20,8 @@ from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.fit.normal_equations import solve
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.forward_model import ForwardModel
+from dashred.inference.forward.law_block import LawBlock
+from dashred.inference.initial_state.start_models import StartModel
 
 
 class Trials(NamedTuple):
@@ -43,10 +45,10 @@ class LeastSquaresProblem:
     """What a fit minimises.
 
     Attributes:
-        shooting: from unknowns to readings.
+        forward_model: from unknowns to readings.
         recorded: y, ``(time, sensor)``; NaN where missing.
         noise: W, whitening.
-        prior_std: d of every candidate, ``(candidate,)``, in the user's units.
+        prior_std: d of every coefficient, ``(coefficient,)``, in the user's units.
     """
 
     forward_model: ForwardModel
@@ -66,17 +68,30 @@ class LeastSquaresProblem:
         return torch.cat([ones, self.prior_std.double() ** -2])
 
     def only(self, members: Sequence[int]) -> LeastSquaresProblem:
-        """Return F with some of the candidates alone."""
-        candidates = [self.forward_model.candidates[j] for j in members]
-        forward_model = replace(self.forward_model, candidates=candidates)
+        """Return F with some of the candidates alone; those of F are its only coefficients."""
+        law = LawBlock([self.forward_model.law.candidates[j] for j in members])
+        forward_model = replace(self.forward_model, law=law)
         return replace(self, forward_model=forward_model, prior_std=self.prior_std[list(members)])
 
     def of(self, candidates: Sequence[Candidate]) -> LeastSquaresProblem:
         """Return F of others, alone in the simulator's reach; their prior is their scale."""
-        simulator = self.forward_model.simulator.of(candidates)
-        forward_model = replace(self.forward_model, simulator=simulator, candidates=candidates)
-        scales = torch.tensor([c.scale for c in candidates], dtype=torch.float64)
-        return replace(self, forward_model=forward_model, prior_std=scales)
+        simulator, law = self.forward_model.simulator.of(candidates), LawBlock(candidates)
+        forward_model = replace(self.forward_model, simulator=simulator, law=law)
+        return replace(self, forward_model=forward_model, prior_std=law.scales)
+
+    def about(self, start: StartModel) -> LeastSquaresProblem:
+        """Return F about another start."""
+        return replace(self, forward_model=replace(self.forward_model, start=start))
+
+    def extended(self, forward_model: ForwardModel, stds: Tensor) -> LeastSquaresProblem:
+        """Return F of a forward model with further unknowns, behind those of this one.
+
+        Args:
+            forward_model: with the block that the unknowns belong to.
+            stds: their prior standard deviations, ``(unknown,)``.
+        """
+        prior_std = torch.cat([self.prior_std, stds])
+        return replace(self, forward_model=forward_model, prior_std=prior_std)
 
     def until(self, samples: int) -> LeastSquaresProblem:
         """Return F over the first samples alone."""
@@ -98,7 +113,7 @@ class LeastSquaresProblem:
         return [*range(self.modes), *(self.modes + j for j in members)]
 
     def split(self, phi: Tensor) -> tuple[Tensor, Tensor]:
-        """Return z and ξ of unknowns ``(…, mode + candidate)``."""
+        """Return z and ξ of unknowns ``(…, mode + coefficient)``."""
         return phi[..., : self.modes], phi[..., self.modes :]
 
     def residuals(self, readings: Tensor) -> Tensor:
@@ -112,7 +127,7 @@ class LeastSquaresProblem:
             readings: of the fit, ``(time, sensor)``.
             spent: how many numbers it has taken from the recording (:meth:`Normal.spent`).
         """
-        groups = [sensor.reads for sensor in self.forward_model.operator.sensors]
+        groups = [sensor.reads for sensor in self.forward_model.sensors.sensors]
         return self.noise.estimated(readings - self.recorded, groups, spent)
 
     def penalty(self, phi: Tensor) -> Tensor:

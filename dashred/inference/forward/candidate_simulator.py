@@ -1,4 +1,9 @@
-"""The simulator with any law of its candidates: trajectories, and their derivatives."""
+"""One simulator with candidate terms added: trajectories and their derivatives.
+
+It integrates ``∂u/∂t = N(u) + Σ_j ξ_j θ_j(u) + χ(ψ) Σ_j η_j θ_j(u) + f(x, t)``: the system's own
+tendency N, candidate terms θ, candidate terms within a window χ, and a forcing f. The coefficients
+of one trajectory are a row of weights, so that one compiled program serves every fit.
+"""
 
 from __future__ import annotations
 
@@ -20,22 +25,23 @@ from dashred.physics.tangents.tangent_linear import supports, tangent_linear
 from dashred.physics.window import Shape, Window
 
 
-class Simulator:
-    """The simulator with every candidate in reach, compiled once for all fits, by the first run.
+class CandidateSimulator:
+    """A system with candidate terms, compiled by its first run.
 
-    What is only linearised need not be compiled.
+    A simulator that is only linearised is never compiled.
 
     Attributes:
         system: the simulator.
-        tangent: the same with the step that its derivative is good enough with.
-        shapes: of the windows in which candidates may be added.
+        tangent: the same system with the time step of the derivative.
+        shapes: shapes of the windows in which candidates may act.
+        has_tangents: whether tangent-linear equations exist for it.
 
     Args:
         system: the simulator.
-        tangent_dt: longest step of the derivative; a percent of error in it costs nothing, for
-            residuals are always those of the system itself.
-        candidates: whatever may be added to it.
-        shapes: of the windows in which it may be added.
+        tangent_dt: longest time step of the derivative. An error of a percent in the derivative
+            costs nothing, since residuals always come from the system itself.
+        candidates: every term that may be added.
+        shapes: shapes of the windows in which they may act.
     """
 
     def __init__(
@@ -60,61 +66,58 @@ class Simulator:
     def _run(self) -> CompiledSystem:
         return compiled(self.system, self.terms, self.shapes)
 
-    def coarse(self) -> Simulator:
-        """Return the simulator that takes the derivative's steps itself."""
+    def coarse(self) -> CandidateSimulator:
+        """Return the simulator that takes the derivative's time steps itself."""
         other = copy.copy(self)
         other.system = self.tangent
         other._run = self._run.with_step(self.tangent.dt)
         return other
 
-    def finer(self) -> Simulator:
-        """Return the simulator whose derivative takes its own steps."""
+    def finer(self) -> CandidateSimulator:
+        """Return the simulator whose derivative takes the system's own time steps."""
         other = copy.copy(self)
         other.tangent = self.system
         return other
 
-    def of(self, candidates: Sequence[Candidate]) -> Simulator:
-        """Return the same system with other candidates in reach, everywhere."""
-        return Simulator(self.system, self.tangent.dt, candidates)
+    def of(self, candidates: Sequence[Candidate]) -> CandidateSimulator:
+        """Return the same system with other candidates, without windows."""
+        return CandidateSimulator(self.system, self.tangent.dt, candidates)
 
-    def run(
+    def weights(
         self,
-        start: Tensor,
-        times: Tensor,
         candidates: Sequence[Candidate],
         xi: Tensor,
-        sampled_forcing: SampledForcing | None = None,
+        windowed: Tensor | None = None,
+        windows: Sequence[Window] = (),
     ) -> Tensor:
-        """Return trajectories ``(batch, time, field, *grid)`` with coefficients of some."""
-        weights = torch.zeros((len(start), self._layout.count), dtype=torch.float64)
-        weights[:, : len(self.terms)] = self._by_term(candidates, xi)
-        return self._run(start, times, weights, sampled_forcing)
-
-    def run_local(
-        self,
-        start: Tensor,
-        times: Tensor,
-        candidates: Sequence[Candidate],
-        everywhere: Tensor,
-        inside: Tensor,
-        windows: Sequence[Window],
-        sampled_forcing: SampledForcing | None = None,
-    ) -> Tensor:
-        """Return trajectories in which candidates act within each row's window, too.
+        """Return the weights of trajectories, ``(row, weight)``.
 
         Args:
-            start: ``(batch, field, *grid)``.
-            times: ``(time,)``.
-            candidates: some of them.
-            everywhere: their coefficients, ``(batch, candidate)``.
-            inside: what is added to these within the window.
-            windows: of each row.
-            drive: a free forcing of each row.
+            candidates: some of the simulator's candidates.
+            xi: their coefficients, ``(row, candidate)``.
+            windowed: what is added to the coefficients within each row's window,
+                ``(row, candidate)``; None without windows.
+            windows: the window of each row.
         """
-        plain = self._by_term(candidates, everywhere)
-        local = self._by_term(candidates, inside)
-        weights = self._layout.weights(plain, local, windows)
-        return self._run(start, times, weights, sampled_forcing)
+        if windowed is not None:
+            by_term = self._by_term(candidates, xi), self._by_term(candidates, windowed)
+            return self._layout.weights(*by_term, windows)
+        weights = torch.zeros((len(xi), self._layout.count), dtype=torch.float64)
+        weights[:, : len(self.terms)] = self._by_term(candidates, xi)
+        return weights
+
+    def run(
+        self, start: Tensor, times: Tensor, weights: Tensor, forcing: SampledForcing | None = None
+    ) -> Tensor:
+        """Return trajectories ``(row, time, field, *grid)``.
+
+        Args:
+            start: states at the first time, ``(row, field, *grid)``.
+            times: ``(time,)``.
+            weights: of each row, as :meth:`weights` returns them.
+            forcing: a forcing of each row.
+        """
+        return self._run(start, times, weights, forcing)
 
     def tangents(
         self,
@@ -126,15 +129,14 @@ class Simulator:
         sampled_forcing: SampledForcing | None,
         forcing_basis: ForcingBasis | None,
     ) -> Iterator[tuple[Tensor, Tensor]]:
-        """Yield state and tangents at every sample: of the directions, the sources, the pulses."""
+        """Yield the state and its derivatives at every time.
+
+        The columns are by the start's directions, the sources and the forcing's amplitudes.
+        """
         base = self.tangent, start, directions, times, forcing, sources
         if self.system.axes:
             return tangent_linear(*base, torch.float32, sampled_forcing, forcing_basis)
         return tangent_ode(*base, sampled_forcing, forcing_basis)
-
-    def visited(self, states: Tensor, times: Tensor) -> Tensor:
-        """Return all states ``(sample, field, *grid)`` of a trajectory on its clock."""
-        return states
 
     def _by_term(self, candidates: Sequence[Candidate], xi: Tensor) -> Tensor:
         weights = torch.zeros((len(xi), len(self.terms)), dtype=torch.float64)

@@ -33,7 +33,7 @@ class Candidate:
         aliases: parameters whose change has the same effect to first order.
         replaces: library terms, ``equation: term``, that a parameter stands for.
         window: where alone it acts; None everywhere.
-        beyond: whether it is a term that the library does not have.
+        extended: whether it is a term that the library does not have.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Candidate:
     aliases: tuple[str, ...] = ()
     replaces: tuple[str, ...] = ()
     window: Window | None = None
-    beyond: bool = False
+    extended: bool = False
 
     @property
     def key(self) -> str:

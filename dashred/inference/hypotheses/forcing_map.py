@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from dashred.inference.forward.forced_model import ForcedModel
 from dashred.inference.hypotheses.free_forcing import FreeForcing
 from dashred.physics.system import System
 
@@ -41,15 +40,13 @@ def map_of(forced: FreeForcing, gain: float) -> ForcingMap | None:
     """Return the map of a free forcing; None of one that is none."""
     if not any(forced.levels):
         return None
-    forward_model = forced.objective.forward_model
-    assert isinstance(forward_model, ForcedModel)
-    forcing_basis, size = forward_model.forcing_basis, forward_model.size[:, None, None]
-    variance = forced.normal.covariance(range(len(forced.phi))).diagonal()[-forcing_basis.count :]
-    stds = variance.clamp(min=0).sqrt().reshape(forcing_basis.shape)
-    system = forward_model.simulator.system
+    basis, size = forced.block.basis, forced.block.size[:, None, None]
+    variance = forced.normal.covariance(range(len(forced.phi))).diagonal()[-basis.count :]
+    stds = variance.clamp(min=0).sqrt().reshape(basis.shape)
+    system = forced.objective.forward_model.simulator.system
     return ForcingMap(
-        _places(system, len(forcing_basis.bumps)),
-        forcing_basis.knots,
+        _places(system, len(basis.bumps)),
+        basis.knots,
         forced.amplitudes / size,
         stds / size,
         gain,

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
 from dashred.inference.fit.levenberg_marquardt import grow, minimise
-from dashred.inference.forward.forced_model import ForcedModel
+from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.physics.forcing_basis import ForcingBasis
 
 # Of a forcing: along each axis, by how many there are, for every cell is a column of the Jacobian;
@@ -43,7 +43,8 @@ class FreeForcing:
     """A forcing that was fitted together with the start.
 
     Attributes:
-        objective: F, in the start and the amplitudes.
+        objective: F, in the start, the law and the amplitudes.
+        block: the forcing, with its place among the unknowns.
         phi: its minimum, ``(unknown,)``.
         cost: F there.
         normal: F linearised there: several questions are put to it, and it is dear.
@@ -52,6 +53,7 @@ class FreeForcing:
     """
 
     objective: LeastSquaresProblem
+    block: ForcingBlock
     phi: Tensor
     cost: float
     normal: Normal
@@ -64,21 +66,15 @@ class FreeForcing:
 
         Over all levels, none preferred: the best of many would be found evident by chance.
         """
-        forward_model = self.objective.forward_model
-        assert isinstance(forward_model, ForcedModel)
-        found = [
-            _with_levels(self.normal, forward_model.forcing_basis, forward_model.size, levels)
-            for levels in _choices(self.equations, len(forward_model.size))
-        ]
+        choices = _choices(self.equations, len(self.block.size))
+        found = [_with_levels(self.normal, self.block, levels) for levels in choices]
         least = min(found)
         return least - 2 * math.log(sum(math.exp((least - v) / 2) for v in found) / len(found))
 
     @property
     def amplitudes(self) -> Tensor:
         """Return a, ``(equation, cell, knot)``."""
-        forward_model = self.objective.forward_model
-        assert isinstance(forward_model, ForcedModel)
-        return forward_model.amplitudes(self.objective.split(self.phi[None])[1])[0]
+        return self.block.amplitudes(self.phi[-self.block.count :])[0]
 
 
 def evidence(normal: Normal, index: Sequence[int]) -> float:
@@ -105,8 +101,7 @@ def evidence(normal: Normal, index: Sequence[int]) -> float:
 def fit_free_forcing(
     objective: LeastSquaresProblem,
     phi: Tensor,
-    forcing_basis: ForcingBasis,
-    size: Tensor,
+    block: ForcingBlock,
     equations: Sequence[int],
 ) -> tuple[FreeForcing, float]:
     """Fit a forcing of some equations, its size in each by the evidence.
@@ -114,37 +109,32 @@ def fit_free_forcing(
     Args:
         objective: F of a law, or of none, over the whole record.
         phi: a fit of start and law, ``(unknown,)``.
-        pulses: the forcing.
-        size: rms of each equation's own tendency, ``(equation,)``.
+        block: the forcing.
         equations: those that are forced; of the others the forcing is none.
 
     Returns:
         the forcing, and the evidence without one.
     """
-    driven = ForcedModel.on(objective.forward_model, forcing_basis, size)
-    stds = _stds(forcing_basis, size, LEVELS[-1:] * len(size))
-    largest = torch.cat([objective.prior_std, stds])
-    whole = replace(objective, forward_model=driven, prior_std=largest)
-    begin = torch.cat([phi, torch.zeros(forcing_basis.count, dtype=torch.float64)])
+    driven = replace(objective.forward_model, forcing=block)
+    whole = objective.extended(driven, _stds(block, LEVELS[-1:] * len(block.size)))
+    begin = torch.cat([phi, torch.zeros(block.count, dtype=torch.float64)])
     first = whole.linearise(begin)
     without = evidence(first, range(len(phi)))
-    found = _forced(whole, begin, equations, first)
+    found = _forced(whole, block, begin, equations, first)
     return (found if not _lost(found) else _grown(whole, begin, found)), without
 
 
 def _grown(whole: LeastSquaresProblem, begin: Tensor, lost: FreeForcing) -> FreeForcing:
     """Return a forcing that was fitted anew from the first samples, if that leaves less."""
-    driven, found = whole.forward_model, lost
-    assert isinstance(driven, ForcedModel)
-    forcing_basis, size = driven.forcing_basis, driven.size
+    block, found = lost.block, lost
     begin = begin.clone()
     begin[: whole.modes] = 0.0
     for level in GROWN:
-        stds = _stds(forcing_basis, size, (level,) * len(size))
-        small = replace(whole, prior_std=torch.cat([whole.prior_std[: -forcing_basis.count], stds]))
-        loose = replace(small, noise=whole.noise.scaled(COARSE))
+        loose = replace(
+            _as_large(whole, block, (level,) * len(block.size)), noise=whole.noise.scaled(COARSE)
+        )
         phi = grow(loose, begin, BEGIN, GROWTH, GROWING_STEPS)
-        grown = _forced(whole, phi, lost.equations, whole.linearise(phi))
+        grown = _forced(whole, block, phi, lost.equations, whole.linearise(phi))
         found = min(found, grown, key=lambda forced: forced.cost)
         if not _lost(found):
             break
@@ -152,7 +142,11 @@ def _grown(whole: LeastSquaresProblem, begin: Tensor, lost: FreeForcing) -> Free
 
 
 def _forced(
-    objective: LeastSquaresProblem, phi: Tensor, equations: Sequence[int], normal: Normal
+    objective: LeastSquaresProblem,
+    block: ForcingBlock,
+    phi: Tensor,
+    equations: Sequence[int],
+    normal: Normal,
 ) -> FreeForcing:
     """Fit start, law and forcing from where they are, the forcing's size by the evidence.
 
@@ -160,20 +154,15 @@ def _forced(
 
     Args:
         objective: F, in all of them.
+        block: the forcing.
         phi: where they are.
         equations: those that are forced.
         normal: F linearised there.
     """
-    driven = objective.forward_model
-    assert isinstance(driven, ForcedModel)
-    forcing_basis, size = driven.forcing_basis, driven.size
-    law = objective.prior_std[: -forcing_basis.count]
     levels: tuple[float, ...] = ()
     for _ in range(ROUNDS):
-        before, levels = levels, _best_levels(normal, forcing_basis, size, equations)
-        objective = replace(
-            objective, prior_std=torch.cat([law, _stds(forcing_basis, size, levels)])
-        )
+        before, levels = levels, _best_levels(normal, block, equations)
+        objective = _as_large(objective, block, levels)
         if not any(levels):
             break
         fitted = minimise(objective, phi, STEPS, TOLERANCE, normal)
@@ -183,7 +172,7 @@ def _forced(
             break
     normal = replace(normal, precision=objective.precision)
     [cost], _ = objective.values(phi[None])
-    return FreeForcing(objective, phi, float(cost), normal, levels, tuple(equations))
+    return FreeForcing(objective, block, phi, float(cost), normal, levels, tuple(equations))
 
 
 def _lost(forced: FreeForcing) -> bool:
@@ -211,17 +200,18 @@ def force(objective: LeastSquaresProblem, phi: Tensor, size: Tensor) -> tuple[Fr
     """
     forward_model = objective.forward_model
     system = forward_model.simulator.system
-    forcing_basis = ForcingBasis.over(system, forward_model.times, CELLS[len(system.axes)], KNOTS)
-    forced, without = fit_free_forcing(objective, phi, forcing_basis, size, range(len(size)))
+    basis = ForcingBasis.over(system, forward_model.times, CELLS[len(system.axes)], KNOTS)
+    block = ForcingBlock(basis, size)
+    forced, without = fit_free_forcing(objective, phi, block, range(len(size)))
     return forced, without - forced.evidence
 
 
 def _best_levels(
-    normal: Normal, forcing_basis: ForcingBasis, size: Tensor, equations: Sequence[int]
+    normal: Normal, block: ForcingBlock, equations: Sequence[int]
 ) -> tuple[float, ...]:
     """Return the levels with the best evidence."""
-    choices = _choices(equations, len(size))
-    return min(choices, key=lambda levels: _with_levels(normal, forcing_basis, size, levels))
+    choices = _choices(equations, len(block.size))
+    return min(choices, key=lambda levels: _with_levels(normal, block, levels))
 
 
 def _choices(equations: Sequence[int], fields: int) -> list[tuple[float, ...]]:
@@ -229,16 +219,20 @@ def _choices(equations: Sequence[int], fields: int) -> list[tuple[float, ...]]:
     return list(product(*(LEVELS if e in equations else LEVELS[:1] for e in range(fields))))
 
 
-def _with_levels(
-    normal: Normal, forcing_basis: ForcingBasis, size: Tensor, levels: tuple[float, ...]
-) -> float:
+def _with_levels(normal: Normal, block: ForcingBlock, levels: tuple[float, ...]) -> float:
     """Return the evidence of a forcing of some levels."""
-    stds = _stds(forcing_basis, size, levels)
-    precision = torch.cat([normal.precision[: len(normal.phi) - forcing_basis.count], stds**-2])
+    precision = torch.cat([normal.precision[: -block.count], _stds(block, levels) ** -2])
     return evidence(replace(normal, precision=precision), range(len(precision)))
 
 
-def _stds(forcing_basis: ForcingBasis, size: Tensor, levels: Sequence[float]) -> Tensor:
-    _, cells, knots = forcing_basis.shape
+def _as_large(
+    objective: LeastSquaresProblem, block: ForcingBlock, levels: tuple[float, ...]
+) -> LeastSquaresProblem:
+    """Return F of a forcing of some levels."""
+    stds = torch.cat([objective.prior_std[: -block.count], _stds(block, levels)])
+    return replace(objective, prior_std=stds)
+
+
+def _stds(block: ForcingBlock, levels: Sequence[float]) -> Tensor:
     shares = torch.tensor([max(level, NONE) for level in levels], dtype=torch.float64)
-    return (shares * size).repeat_interleave(cells * knots)
+    return block.by_amplitude(shares * block.size)

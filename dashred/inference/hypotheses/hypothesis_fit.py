@@ -10,7 +10,6 @@ from torch import Tensor
 from dashred.inference.fit.law import Law, law_of
 from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
 from dashred.inference.fit.levenberg_marquardt import Fitted, grow, minimise, minimise_on
-from dashred.inference.forward.windowed_model import found_by
 
 STEPS, TOLERANCE = 10, 1e-4
 # A score this much worse than the best is out of the question.
@@ -25,6 +24,22 @@ FAR = 3.0
 
 
 @dataclass(frozen=True)
+class LeftOut:
+    """A sensor that had no part in a fit, because it may be at fault.
+
+    Attributes:
+        bare: the explanation without what is wrong with the sensor.
+        sensor: its index.
+        gain: by how much F is lower with the fault than without, penalty and all, were the model
+            linear: a fit to all samples may get stuck, and its F is no match for a linear one.
+    """
+
+    bare: HypothesisFit
+    sensor: int
+    gain: float
+
+
+@dataclass(frozen=True)
 class HypothesisFit:
     """An explanation, and where it was fitted.
 
@@ -32,11 +47,13 @@ class HypothesisFit:
         law: the explanation.
         objective: F, in its own unknowns.
         phi: its minimum.
+        left_out: the sensor that the fit was made without; None where it was made with all.
     """
 
     law: Law
     objective: LeastSquaresProblem
     phi: Tensor
+    left_out: LeftOut | None = None
 
     @cached_property
     def normal(self) -> Normal:
@@ -87,6 +104,6 @@ def ended(cause: HypothesisFit, objective: LeastSquaresProblem, fitted: Fitted) 
     law = cause.law
     [before], _ = cause.objective.values(cause.phi[None])
     score = law.score - float(before) + fitted.cost
-    found = law_of(objective, fitted, found_by(objective, fitted.phi), score, len(law.edges))
+    found = law_of(objective, fitted, score)
     again = replace(found, fault=law.fault, widened=law.widened)
     return HypothesisFit(again, objective, fitted.phi)

@@ -35,37 +35,38 @@ class BestOfSize:
 
 
 @dataclass(frozen=True)
-class Discovered:
+class Discovery:
     """The findings of the refinement, before anything held out was looked at.
 
     Attributes:
         laws: the best law and its rivals, the best first; each fitted to the end.
         nothing: the simulator as it is, with its own best start.
         noise: what the best law's residuals speak for.
-        seeds: RMSE on the validation sensors in σ after the first window, by seed.
-        seed: the one that was used.
+        first_guesses: RMSE on the validation sensors in σ after the first window, by first guess
+            of the start.
+        first_guess: the one that was used.
         levels: ``(samples, χ²/n)`` along the growing horizon.
         reached: whether the horizon grew to the whole fit window.
         free_chi2: χ²/n of the fit of all candidates together, under the same noise.
         exhausted: whether the swap search ran to its end.
         path: the best law of each size, the smallest first.
         tried: how many sets were refitted.
-        beyond: evidence for a free forcing on top of the best law.
+        forcing_gain: evidence for a free forcing on top of the best law.
         forcing: the map of a free forcing on top of the simulator as it is, where one was needed.
     """
 
     laws: list[Law]
     nothing: Law
     noise: NoiseModel
-    seeds: dict[str, float]
-    seed: str
+    first_guesses: dict[str, float]
+    first_guess: str
     levels: list[tuple[int, float]]
     reached: bool
     free_chi2: float
     exhausted: bool
     path: list[BestOfSize]
     tried: int
-    beyond: float = 0.0
+    forcing_gain: float = 0.0
     forcing: ForcingMap | None = None
 
     @property

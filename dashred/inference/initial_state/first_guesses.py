@@ -1,6 +1,6 @@
-"""Seeds: what is believed of the state at a recording's first sample, from several sources.
+"""First guesses of the start: the state at a recording's first sample, from several sources.
 
-Shooting starts from each and the validation sensors choose (design §4.2). ``prior`` is right
+A fit begins from each and the validation sensors choose (design §4.2). ``prior`` is right
 where the recording begins as the simulator would; where a front stands at a phase that nobody
 knows, only the others are: ``blue``, ``filter`` and ``dashred``.
 """
@@ -30,13 +30,13 @@ from dashred.physics.system import System, Term
 
 @dataclass(frozen=True)
 class FirstGuessSettings:
-    """How seeds are made; defaults from trials on the rotating detonation engine.
+    """How first guesses are made; defaults from trials on the rotating detonation engine.
 
     Attributes:
         analogs: simulated states that the estimates are made of.
         window: samples that choose the analogs and make the linear estimate.
         filtered: samples that the filter assimilates.
-        modes: of each seed, at most.
+        modes: of each first guess, at most.
         inflation: of the modes. The first samples, which made the estimate, are fitted once more:
             an estimate that is believed too much would leave its errors to the law.
         filter: localisation and inflation of the filter.
@@ -90,9 +90,10 @@ def first_guesses(
     network: NetworkEstimate | None,
     settings: FirstGuessSettings,
 ) -> dict[str, StartModel]:
-    """Return the seeds by name: ``prior``, ``blue``, ``filter``, and ``dashred`` if it is known.
+    """Return the first guesses by name: ``prior``, ``blue``, ``filter`` and ``dashred``.
 
-    A filter whose members blow up under their random laws is no seed.
+    ``dashred`` is left out if it is not known, and a filter whose members blow up under their
+    random laws.
 
     Args:
         system: the simulator, with the step that is good enough for an ensemble.
@@ -119,15 +120,15 @@ def first_guesses(
         settings.analogs,
     )
     scale = field_rms(ensemble.states.flatten(0, 1))
-    seeds: dict[str, StartModel] = {
+    guesses: dict[str, StartModel] = {
         "prior": prior,
         "blue": linear_guess(analogs, begin, scale, settings),
     }
     with suppress(FilterLostError):
-        seeds["filter"] = filter_guess(system, analogs, terms, readings, scale, settings)
+        guesses["filter"] = filter_guess(system, analogs, terms, readings, scale, settings)
     if network is not None:
-        seeds["dashred"] = network_guess(network, analogs, settings)
-    return seeds
+        guesses["dashred"] = network_guess(network, analogs, settings)
+    return guesses
 
 
 def linear_guess(

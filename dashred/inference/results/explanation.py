@@ -17,7 +17,7 @@ from dashred.core.formatting import number, rounded
 from dashred.core.units import measured
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.hypotheses.result import AMBIGUOUS, Discovered
+from dashred.inference.hypotheses.result import AMBIGUOUS, Discovery
 from dashred.inference.results.parameter_change import exact_change, is_exact, parameter_change
 from dashred.inference.results.posterior_probabilities import inclusion
 from dashred.inference.wording.wording import words
@@ -30,7 +30,7 @@ MOST_ALTERNATIVES = 3
 NEAR = 12.0
 
 
-def explain(system: System, discovered: Discovered) -> list[TermFound | ParameterChange]:
+def explain(system: System, discovered: Discovery) -> list[TermFound | ParameterChange]:
     """Return ``findings["terms"]``: one entry for each candidate of the best law."""
     law = discovered.best
     found: list[TermFound | ParameterChange] = []
@@ -43,7 +43,7 @@ def explain(system: System, discovered: Discovered) -> list[TermFound | Paramete
     return found
 
 
-def alternatives(discovered: Discovered, system: System) -> list[Alternative]:
+def alternatives(discovered: Discovery, system: System) -> list[Alternative]:
     """Return at most three other laws: rivals first, then by score.
 
     Of a law of several terms the best one-term law is among them, for comparison.
@@ -70,7 +70,7 @@ def alternatives(discovered: Discovered, system: System) -> list[Alternative]:
     ]
 
 
-def smaller(discovered: Discovered, system: System) -> list[SmallerLaw]:
+def smaller(discovered: Discovery, system: System) -> list[SmallerLaw]:
     """Return the best laws of fewer terms than the best law has, where that acts everywhere.
 
     What one explains is ``(F₀ - F_k) / (F₀ - F)``: F of no law, of k terms, and of all.
@@ -230,7 +230,7 @@ def _tried(
     ]
 
 
-def _reads_the_same(discovered: Discovered, law: Law) -> bool:
+def _reads_the_same(discovered: Discovery, law: Law) -> bool:
     """Whether the two laws' readings differ by less, in χ², than what tells rivals apart."""
     difference = discovered.noise.whiten(law.residuals - discovered.best.residuals)
     return float(difference.square().sum()) < AMBIGUOUS

@@ -12,7 +12,7 @@ from torch import Tensor
 from dashred.core.findings.law_schema import Forcing, Profile, SensorGain, Where
 from dashred.inference.fit.law import Law
 from dashred.inference.hypotheses.forcing_map import ForcingMap
-from dashred.inference.hypotheses.result import Discovered
+from dashred.inference.hypotheses.result import Discovery
 from dashred.inference.results.explanation import region_of
 from dashred.inference.results.regime import regime
 from dashred.physics.expressions import algebra
@@ -25,7 +25,7 @@ LONGEST_PROFILE = 200
 
 def locate(
     system: System,
-    discovered: Discovered,
+    discovered: Discovery,
     states: Tensor,
     times: Tensor,
     sensors: Sequence[str],

@@ -6,10 +6,10 @@ import math
 
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.hypotheses.result import Discovered
+from dashred.inference.hypotheses.result import Discovery
 
 
-def posterior_probabilities(discovered: Discovered) -> list[tuple[Law, float]]:
+def posterior_probabilities(discovered: Discovery) -> list[tuple[Law, float]]:
     """Return each law with its probability among all tried; the simulator as it is is one."""
     laws = list(discovered.laws)
     if all(law.candidates for law in laws):
@@ -20,7 +20,7 @@ def posterior_probabilities(discovered: Discovered) -> list[tuple[Law, float]]:
     return [(law, weight / total) for law, weight in zip(laws, weights, strict=True)]
 
 
-def inclusion(discovered: Discovered, candidate: Candidate) -> float:
+def inclusion(discovered: Discovery, candidate: Candidate) -> float:
     """Return the probability that a candidate belongs to the law, with whatever others."""
     name = str(candidate)
     found = (

@@ -11,7 +11,7 @@ from torch import Tensor
 from dashred.core.findings.schema import Verdict
 from dashred.inference.fit.law import Law, SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
-from dashred.inference.hypotheses.result import MISSING, Discovered
+from dashred.inference.hypotheses.result import MISSING, Discovery
 from dashred.inference.results.posterior_probabilities import posterior_probabilities
 from dashred.inference.wording.fault_wording import fault_in_words
 
@@ -28,7 +28,7 @@ EXTENDED = (
 
 
 def verdict(
-    discovered: Discovered, left: float | None = None, tell: FaultTold = fault_in_words
+    discovered: Discovery, left: float | None = None, tell: FaultTold = fault_in_words
 ) -> tuple[Verdict, list[dict[str, Any]]]:
     """Return the verdict, and its causes by falling probability.
 
@@ -45,7 +45,7 @@ def verdict(
         cause = {"kind": "not-converged", "probability": 1.0, "where": None, "says": reason}
         return "not-converged", [cause]
     causes = _causes(discovered, tell)
-    if discovered.beyond > MISSING:
+    if discovered.forcing_gain > MISSING:
         return "outside-library", [_outside(discovered), *causes]
     kinds = {_kind(law) for law in (discovered.best, *discovered.rivals)}
     # Which of the laws beyond the library it is may be open, and yet that none of it does is not.
@@ -70,7 +70,7 @@ def unexplained(stated: Tensor | None, found: NoiseModel) -> float | None:
     return max(0.0, 1.0 - 1.0 / excess) if excess > 0 else 0.0
 
 
-def _not_converged(discovered: Discovered, left: float | None) -> str | None:
+def _not_converged(discovered: Discovery, left: float | None) -> str | None:
     if not discovered.reached:
         samples, level = discovered.levels[-1] if discovered.levels else (0, float("nan"))
         return (
@@ -83,7 +83,7 @@ def _not_converged(discovered: Discovered, left: float | None) -> str | None:
             f"reach {discovered.free_chi2:.3g}: no sparse law was fitted to the end"
         )
     lawless = not discovered.best.candidates and discovered.best.fault is None
-    if lawless and left is not None and left > UNEXPLAINED and discovered.beyond <= MISSING:
+    if lawless and left is not None and left > UNEXPLAINED and discovered.forcing_gain <= MISSING:
         return (
             f"nothing that was tried explains the recording: {left:.0%} of what is left is not the "
             "noise that was stated, or that the traces alone speak for"
@@ -91,7 +91,7 @@ def _not_converged(discovered: Discovered, left: float | None) -> str | None:
     return None
 
 
-def _causes(discovered: Discovered, tell: FaultTold) -> list[dict[str, Any]]:
+def _causes(discovered: Discovery, tell: FaultTold) -> list[dict[str, Any]]:
     probabilities: dict[Verdict, float] = {}
     best: dict[Verdict, Law] = {}
     plausible = posterior_probabilities(discovered)
@@ -120,13 +120,13 @@ def _of_fault(fault: SensorFault, plausible: Sequence[tuple[Law, float]]) -> flo
     return min(1.0, math.fsum(found))
 
 
-def _outside(discovered: Discovered) -> dict[str, Any]:
+def _outside(discovered: Discovery) -> dict[str, Any]:
     says = (
-        f"a free forcing on top of the best law gains {discovered.beyond:.3g} in evidence: "
+        f"a free forcing on top of the best law gains {discovered.forcing_gain:.3g} in evidence: "
         "something is missing that no law of the library expresses, and the terms given are the "
         "nearest that do"
     )
-    probability = 1 / (1 + math.exp(-discovered.beyond / 2))
+    probability = 1 / (1 + math.exp(-discovered.forcing_gain / 2))
     return {"kind": "outside-library", "probability": probability, "where": None, "says": says}
 
 
@@ -137,7 +137,7 @@ def _kind(law: Law) -> Verdict:
         return "initial-condition"
     if not law.candidates:
         return "nothing-missing"
-    if law.beyond:
+    if law.extended:
         return "outside-library"
     if all(candidate.equation is None for candidate in law.candidates):
         return "parameter"

@@ -15,7 +15,7 @@ from dashred.inference.fit.law import Law, posterior
 from dashred.inference.fit.stepwise_selection import Selection, Tried, better, polish, select
 from dashred.inference.forward.candidates import Candidate, build_candidates, indices_by_name
 from dashred.inference.hypotheses.comparison.compare_hypotheses import Comparison
-from dashred.inference.hypotheses.result import MISSING, BestOfSize, Discovered
+from dashred.inference.hypotheses.result import MISSING, BestOfSize, Discovery
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline.assimilation import Assimilated
@@ -31,7 +31,7 @@ from dashred.pipeline.discovery.objectives import (
     exact_simulator,
     rough_simulator,
 )
-from dashred.pipeline.discovery.prior_start import about, select_near_prior
+from dashred.pipeline.discovery.prior_start import select_near_prior
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation import Nominal
 from dashred.pipeline.training import Learned
@@ -54,32 +54,35 @@ def discover(
     found: Assimilated,
     run: Tracker,
     seconds: dict[str, float],
-) -> Discovered:
-    """Seed, walk the horizon, select, and fit to the end (design §4.2)."""
+) -> Discovery:
+    """Guess the start, walk the horizon, select, and fit to the end (design §4.2)."""
     candidates = build_candidates(problem.system, problem.library, nominal.states, problem.times)
     proposals = _proposals(problem, candidates, found)
     with run.child("discover") as child:
         with stage("seed the start", seconds) as report:
             simulator = exact_simulator(problem, candidates)
             rough = rough_simulator(problem, simulator, resolution)
-            seeds = fit_first_guesses(problem, rough, nominal, ensemble, learned, found, report)
-            report(1.0, ", ".join(f"{s.name} {s.error:.2f}" for s in seeds) + " σ off its sensors")
-        child.log_metrics({f"seed/{s.name}": s.error for s in seeds if math.isfinite(s.error)}, 0)
+            guesses = fit_first_guesses(problem, rough, nominal, ensemble, learned, found, report)
+            report(
+                1.0, ", ".join(f"{g.name} {g.error:.2f}" for g in guesses) + " σ off its sensors"
+            )
+        errors = {f"seed/{g.name}": g.error for g in guesses if math.isfinite(g.error)}
+        child.log_metrics(errors, 0)
         with stage("grow the horizon", seconds) as report:
-            seed, walked = fit_from_first_guesses(problem, rough, candidates, seeds, report)
-            child.set_tags({"seed of the start": seed.name})
+            guess, walked = fit_from_first_guesses(problem, rough, candidates, guesses, report)
+            child.set_tags({"seed of the start": guess.name})
         for samples, level in walked.levels:
             child.log_metrics({"horizon/chi2": level}, samples)
             run.log_metrics({"horizon/chi2": level}, samples)
         weak = problem.config.discovery.weak
-        objective = build_least_squares(problem, simulator, seed.start, candidates, weak)
+        objective = build_least_squares(problem, simulator, guess.start, candidates, weak)
         objective = with_noise_after(objective, walked)
         with stage("select the law", seconds) as report:
             selection = select(objective.until(walked.samples), walked.phi, proposals, report)
             if not walked.reached:
                 walked, selection = walk_on(objective, walked, selection, proposals, report)
             selection = select_near_prior(nominal.start, selection, KEPT, report)
-            objective = about(objective, selection.objective.forward_model.start)
+            objective = objective.about(selection.objective.forward_model.start)
             report(1.0, f"{len(selection.tried)} sets refitted")
         with stage("fit the law to the end", seconds) as report:
             laws, ranked, nothing = _finish(selection)
@@ -88,7 +91,7 @@ def discover(
             seen = replace(selection.objective.noise, seen=objective.noise.seen)
             whole, reach = replace(objective, noise=seen), walked.samples
             weighed = run_comparison(
-                problem, nominal, whole, reach, laws, ranked, nothing, seeds[0], report
+                problem, nominal, whole, reach, laws, ranked, nothing, guesses[0], report
             )
             report(1.0, str(weighed.laws[0]))
         path = _path(selection, nothing)
@@ -97,12 +100,12 @@ def discover(
             child.log_metrics(scores | _coefficients(best_of), len(best_of.candidates))
     part = selection.objective
     free = part.noise.whiten(walked.readings - part.recorded).square().sum()
-    return Discovered(
+    return Discovery(
         laws=weighed.laws,
         nothing=weighed.nothing,
         noise=weighed.noise,
-        seeds={s.name: s.error for s in seeds},
-        seed=seed.name,
+        first_guesses={g.name: g.error for g in guesses},
+        first_guess=guess.name,
         levels=walked.levels,
         reached=walked.reached or _explains(problem, weighed),
         # A walk that got lost says nothing of what can be reached over the whole record.
@@ -110,7 +113,7 @@ def discover(
         exhausted=selection.exhausted,
         path=path,
         tried=len(selection.tried),
-        beyond=weighed.gain,
+        forcing_gain=weighed.gain,
         forcing=weighed.forcing,
     )
 
@@ -184,7 +187,7 @@ def _empty(selection: Selection, best: Tried) -> Tried:
 def _path(selection: Selection, nothing: Tried) -> list[BestOfSize]:
     """Return the best law of each size that was tried, and none as it was fitted to the end."""
     objective = selection.objective
-    known = objective.forward_model.candidates
+    known = objective.forward_model.law.candidates
     best: dict[int, Tried] = {}
     for tried in (nothing, *selection.tried):
         if math.isfinite(tried.score):

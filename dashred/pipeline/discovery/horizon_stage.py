@@ -1,4 +1,4 @@
-"""Walk the horizon: from which seed, how far, and farther with the law that was found."""
+"""Walk the horizon: from which first guess, how far, and farther with the law that was found."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from dashred.inference.fit.first_window import first_samples
 from dashred.inference.fit.growing_horizon import HorizonFit, grow_horizon
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.stepwise_selection import Selection, select
-from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate
+from dashred.inference.forward.simulator import Simulator
 from dashred.pipeline.discovery.first_guess_stage import FittedGuess
 from dashred.pipeline.discovery.objectives import build_least_squares
 from dashred.pipeline.problem import Problem
@@ -26,29 +26,29 @@ def fit_from_first_guesses(
     problem: Problem,
     simulator: Simulator,
     candidates: Sequence[Candidate],
-    seeds: Sequence[FittedGuess],
+    guesses: Sequence[FittedGuess],
     report: Report,
 ) -> tuple[FittedGuess, HorizonFit]:
-    """Walk from the best seed; where it gets lost, from the next; keep who came farthest.
+    """Walk from the best first guess; where it gets lost, from the next; keep who came farthest.
 
     Args:
         problem: the recording, and how far to walk.
         simulator: with all candidates in reach, as fine as walking needs.
         candidates: of the model error.
-        seeds: of the start, the best first.
+        guesses: of the start, the best first.
         report: progress.
     """
     settings = problem.config.discovery
     limits = torch.tensor([c.limit for c in candidates], dtype=torch.float64)
     best: tuple[FittedGuess, HorizonFit] | None = None
-    for seed in seeds:
-        objective = build_least_squares(problem, simulator, seed.start, candidates, settings.tight)
+    for guess in guesses:
+        objective = build_least_squares(problem, simulator, guess.start, candidates, settings.tight)
         tight = torch.minimum(objective.prior_std, limits)
         objective = replace(objective, prior_std=tight)
-        begin, samples = objective.embed(seed.z, []), first_samples(objective)
+        begin, samples = objective.embed(guess.z, []), first_samples(objective)
         walked = grow_horizon(objective, begin, samples, settings.walking, report)
         if best is None or walked.samples > best[1].samples:
-            best = seed, walked
+            best = guess, walked
         if walked.reached:
             break
     assert best is not None

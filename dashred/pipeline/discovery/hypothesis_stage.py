@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import torch
 from torch import Tensor
 
 from dashred.core.progress import Report
@@ -14,8 +13,9 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import grow, minimise
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.fit.stepwise_selection import Tried
-from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate, replaced_terms
+from dashred.inference.forward.law_block import LawBlock
+from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.comparison.compare_hypotheses import (
     Additions,
     Comparison,
@@ -29,7 +29,7 @@ from dashred.physics.system import System, Term
 from dashred.physics.window import shapes_of
 from dashred.pipeline.discovery.first_guess_stage import FittedGuess
 from dashred.pipeline.discovery.objectives import fit_noise, simulator_with
-from dashred.pipeline.discovery.prior_start import about, fit_near_prior
+from dashred.pipeline.discovery.prior_start import fit_near_prior
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation import Nominal
 
@@ -50,7 +50,7 @@ def run_comparison(
     laws: Sequence[Law],
     ranked: Sequence[Tried],
     nothing: Tried,
-    seed: FittedGuess,
+    guess: FittedGuess,
     report: Report,
 ) -> Comparison:
     """Return all explanations over the whole record.
@@ -63,7 +63,7 @@ def run_comparison(
         laws: that act everywhere, the best first.
         ranked: their fits.
         nothing: the simulator as it is.
-        seed: the best of the start; where no law could be followed to the end of the record, the
+        guess: the best of the start; where no law could be followed to the end of the record, the
             one from which most were says nothing.
         report: progress.
     """
@@ -72,12 +72,12 @@ def run_comparison(
     if inflated(problem, objective.noise):
         # A sensor at fault can do that, and laws that were fitted under such noise say nothing.
         reached, objective = False, replace(objective, noise=fit_noise(problem))
-    known = list(objective.forward_model.candidates)
+    known = list(objective.forward_model.law.candidates)
     local = replaced_terms(problem.system, problem.library, known, nominal.states, times)
     everything = _with(objective, local, problem.config.discovery.weak)
     if samples < len(objective.recorded):
-        everything = about(everything, seed.start)
-        null, phi = everything.only(()), seed.z
+        everything = everything.about(guess.start)
+        null, phi = everything.only(()), guess.z
     else:
         null, phi = objective.only(()), nothing.phi[: objective.modes]
     if not reached:
@@ -87,8 +87,8 @@ def run_comparison(
     if not (reached and best.members):
         again = fit_near_prior(nominal.start, null, fitted.phi)
         if again is not None:
-            everything, (null, fitted) = about(everything, nominal.start), again
-    empty = HypothesisFit(law_of(null, fitted, (), fitted.cost), null, fitted.phi)
+            everything, (null, fitted) = everything.about(nominal.start), again
+    empty = HypothesisFit(law_of(null, fitted, fitted.cost), null, fitted.phi)
     fits = [
         HypothesisFit(law, objective.only(fit.members), fit.phi[objective.places(fit.members)])
         for law, fit in zip(laws, ranked, strict=True)
@@ -96,10 +96,12 @@ def run_comparison(
     found = fits[0] if reached else empty
     near = [fit for fit in fits[1:] if fit.law.score < laws[0].score + AMBIGUOUS]
     additions = Additions(
-        everywhere=len(known),
+        global_count=len(known),
         size=_tendency_size(problem.system, nominal.states, times),
         compiled=lambda: _with_windows(problem, [*known, *local]),
-        beyond=lambda: extended_candidates(problem.system, problem.library, nominal.states, times),
+        extended=lambda: extended_candidates(
+            problem.system, problem.library, nominal.states, times
+        ),
     )
     weighed = compare_hypotheses(
         everything, found, empty, near if reached else [], additions, report
@@ -134,12 +136,10 @@ def _with(
     objective: LeastSquaresProblem, local: Sequence[Candidate], weak: float
 ) -> LeastSquaresProblem:
     """Return F with further candidates."""
-    scales = torch.tensor([c.scale for c in local], dtype=torch.float64)
-    candidates = [*objective.forward_model.candidates, *local]
-    return replace(
-        objective,
-        forward_model=replace(objective.forward_model, candidates=candidates),
-        prior_std=torch.cat([objective.prior_std, weak * scales]),
+    forward_model = objective.forward_model
+    law = LawBlock([*forward_model.law.candidates, *local])
+    return objective.extended(
+        replace(forward_model, law=law), weak * law.scales[len(objective.prior_std) :]
     )
 
 

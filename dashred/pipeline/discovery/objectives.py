@@ -10,11 +10,13 @@ from torch import Tensor
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.noise_model import NoiseModel
-from dashred.inference.forward.candidate_simulator import Simulator
+from dashred.inference.forward.candidate_simulator import CandidateSimulator
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.forward.episodes import clocks, operator_of, side_by_side
-from dashred.inference.forward.episodes_simulator import simulator_of
+from dashred.inference.forward.episodes import stack_readings, stack_times
 from dashred.inference.forward.forward_model import ForwardModel
+from dashred.inference.forward.law_block import LawBlock
+from dashred.inference.forward.sensor_block import SensorBlock
+from dashred.inference.forward.simulator import Simulator
 from dashred.inference.initial_state.start_models import StartModel
 from dashred.physics.runs.resolution import Resolution
 from dashred.physics.window import Shape
@@ -35,11 +37,11 @@ def simulator_with(
 ) -> Simulator:
     """Return the simulator of every episode, compiled once where no input tells them apart."""
     dt = problem.ensemble_system.dt
-    first = Simulator(problem.system, dt, candidates, shapes)
+    first = CandidateSimulator(problem.system, dt, candidates, shapes)
     if not problem.system.inputs:
-        return simulator_of([first] * len(problem.episodes))
-    further = (Simulator(other.system, dt, candidates, shapes) for other in problem.others)
-    return simulator_of([first, *further])
+        return Simulator([first] * len(problem.episodes))
+    further = (CandidateSimulator(e.system, dt, candidates, shapes) for e in problem.others)
+    return Simulator([first, *further])
 
 
 def rough_simulator(problem: Problem, simulator: Simulator, resolution: Resolution) -> Simulator:
@@ -89,7 +91,7 @@ def for_each_episode(problem: Problem, values: Tensor) -> Tensor:
 
 
 def _recorded(problem: Problem) -> Tensor:
-    return side_by_side([torch.from_numpy(e.split.fit.values) for e in problem.episodes])
+    return stack_readings([torch.from_numpy(e.split.fit.values) for e in problem.episodes])
 
 
 def build_least_squares(
@@ -109,10 +111,10 @@ def build_least_squares(
         prior: std of each coefficient, in units of its natural scale (design §4.2.3).
     """
     episodes = problem.episodes
-    operator = operator_of(problem.operator(problem.split.fit), len(episodes))
-    times = clocks([e.times[: len(e.split.fit.times)] for e in episodes])
-    scales = torch.tensor([c.scale for c in candidates], dtype=torch.float64)
-    forward_model = ForwardModel(simulator, start, candidates, operator, times)
+    sensors = SensorBlock(problem.operator(problem.split.fit), len(episodes))
+    times = stack_times([e.times[: len(e.split.fit.times)] for e in episodes])
+    law = LawBlock(candidates)
+    forward_model = ForwardModel(simulator, start, law, sensors, times)
     return LeastSquaresProblem(
-        forward_model, _recorded(problem), fit_noise(problem), prior * scales
+        forward_model, _recorded(problem), fit_noise(problem), prior * law.scales
     )

@@ -1,12 +1,10 @@
-"""Ask of a fit about a seed whether it stands about the prior of the start, too.
+"""Ask of a fit about a first guess whether it stands about the prior of the start, too.
 
-A seed that was made from the recording uses the first samples twice: where it is off in what no
-sensor reads, it leaves its error to the law, and it cannot tell a start outside of the prior.
+A first guess that was made from the recording uses the first samples twice: where it is off in what
+no sensor reads, it leaves its error to the law, and it cannot tell a start outside of the prior.
 """
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -23,11 +21,6 @@ STEPS, TOLERANCE = 10, 1e-4
 NO_WORSE, LAW_NO_WORSE = 1.3, 1.1
 
 
-def about(objective: LeastSquaresProblem, start: StartModel) -> LeastSquaresProblem:
-    """Return F about another start."""
-    return replace(objective, forward_model=replace(objective.forward_model, start=start))
-
-
 def fit_near_prior(
     prior: StartModel, objective: LeastSquaresProblem, phi: Tensor, worse: float = NO_WORSE
 ) -> tuple[LeastSquaresProblem, Fitted] | None:
@@ -35,14 +28,14 @@ def fit_near_prior(
 
     Args:
         prior: what is known of the start without the recording.
-        objective: F about a seed.
+        objective: F about a first guess.
         phi: its minimum, ``(unknown,)``.
         worse: how much larger its misfit may be about the prior.
     """
     if objective.forward_model.start is prior:
         return None
     z, xi = objective.split(phi)
-    mine = about(objective, prior)
+    mine = objective.about(prior)
     begin = nearest(prior, objective.forward_model.start.start(z[None])[0])
     found = minimise(mine, torch.cat([begin, xi]), STEPS, TOLERANCE)
     _, trials = objective.values(phi[None])
@@ -57,7 +50,7 @@ def select_near_prior(
 
     Args:
         prior: what is known of the start without the recording.
-        selection: the laws about a seed.
+        selection: the laws about a first guess.
         kept: how many of the best sets are refitted first.
         report: progress.
     """
@@ -69,7 +62,7 @@ def select_near_prior(
     found = fit_near_prior(prior, law, phi, LAW_NO_WORSE)
     if found is None:
         return selection
-    whole = about(objective, prior)
+    whole = objective.about(prior)
     begin = whole.embed(found[1].phi, best.members)
     sets = [tried.members for tried in selection.tried[:kept]]
     return select(whole, begin, sets, report)

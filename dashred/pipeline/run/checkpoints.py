@@ -24,7 +24,7 @@ from dashred.inference.fit.law import Law, SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.forcing_map import ForcingMap
-from dashred.inference.hypotheses.result import BestOfSize, Discovered
+from dashred.inference.hypotheses.result import BestOfSize, Discovery
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.physics.expressions import nodes
 from dashred.physics.system import Term
@@ -40,7 +40,7 @@ EXPRESSIONS = (
     *(nodes.Power, nodes.Call, nodes.Derivative, nodes.Flux),
 )
 RECORDS = (
-    *(Assimilated, SparseFit, Discovered, BestOfSize, Law, SensorFault, Candidate, Term),
+    *(Assimilated, SparseFit, Discovery, BestOfSize, Law, SensorFault, Candidate, Term),
     *(Window, Shape, NoiseModel, ForcingMap, KeptNetwork, *EXPRESSIONS),
 )
 ARRAYS: tuple[Any, ...] = (

@@ -36,7 +36,7 @@ def energy_lost(
     if system.config.energy is None:
         return None
     laws = torch.cat([law.coefficients[None], _draws(law, rng)])
-    starts = law.start.expand(len(laws), *law.start.shape)
+    starts = law.start[:1].expand(len(laws), *law.start.shape[1:])
     paths = simulate(system, starts, times, forcing_of(law.candidates, laws))
     best, *drawn = (_shares(system, path, times.numpy()) for path in paths)
     swung = [each for each in drawn if len(each)]

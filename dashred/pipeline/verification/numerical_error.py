@@ -39,8 +39,8 @@ def numerical_error(problem: Problem, law: Law, noise: Tensor) -> float:
         noise: σ under which it was, ``(sensor,)``: all that it leaves, which may be more than the
             sensors' own noise. What is small beside that is not what the law lacks.
     """
-    starts = problem.starts(law.start)
-    return max(_error(e, law, s, noise) for e, s in zip(problem.episodes, starts, strict=True))
+    episodes = zip(problem.episodes, law.start, strict=True)
+    return max(_error(e, law, start, noise) for e, start in episodes)
 
 
 def _error(problem: Problem, law: Law, start: Tensor, noise: Tensor) -> float:

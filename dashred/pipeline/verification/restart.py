@@ -10,8 +10,12 @@ from torch import Tensor
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
-from dashred.inference.forward.candidate_simulator import Simulator
+from dashred.inference.forward.candidate_simulator import CandidateSimulator
+from dashred.inference.forward.episodes import EpisodeStarts, stack_times
 from dashred.inference.forward.forward_model import ForwardModel
+from dashred.inference.forward.law_block import LawBlock
+from dashred.inference.forward.sensor_block import SensorBlock
+from dashred.inference.forward.simulator import Simulator
 from dashred.inference.initial_state.start_models import LinearStart
 from dashred.inference.results.corrected_system import correct
 from dashred.pipeline.discovery.objectives import sound_noise
@@ -42,19 +46,20 @@ def restart(problem: Problem, law: Law, corrected: Tensor) -> dict[str, Tensor]:
     values = torch.from_numpy(fit.values[first:])
     noise = sound_noise(problem, law)
     noise = replace(noise, seen=noise.seen[first:])
-    start = LinearStart(corrected[first], torch.diag(corrected.std(dim=0)))
-    times, count = problem.times[first:], len(values)
+    start = EpisodeStarts((LinearStart(corrected[first], torch.diag(corrected.std(dim=0))),))
+    times, count = stack_times([problem.times[first:]]), len(values)
+    sensors = SensorBlock(problem.operator(fit))
     runs = {}
     for method, system in (
         ("before_refit", problem.system),
         ("after", correct(problem.system, law)),
     ):
-        simulator = Simulator(system, system.dt, [])
-        forward_model = ForwardModel(simulator, start, [], problem.operator(fit), times[:count])
+        simulator = Simulator([CandidateSimulator(system, system.dt, [])])
+        forward_model = ForwardModel(simulator, start, LawBlock([]), sensors, times[:count])
         objective = LeastSquaresProblem(
             forward_model, values, noise, torch.zeros(0, dtype=torch.float64)
         )
         begin = torch.zeros(start.size, dtype=torch.float64)
         z = minimise(objective, begin, STEPS, TOLERANCE).phi[None]
-        runs[method] = replace(forward_model, times=times).states(z, z[:, :0])[0, count:]
+        runs[method] = replace(forward_model, times=times).states(z, z[:, :0])[0, count:, 0]
     return runs

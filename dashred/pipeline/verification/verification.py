@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 from dashred.config import config_sha256, frozen_input
@@ -77,7 +76,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         smaller=smaller(discovered, problem.system),
         energy=energy_lost(
             problem.system,
-            replace(discovered.best, start=problem.starts(discovered.best.start)[0]),
+            discovered.best,
             problem.times[:count],
             problem.rng("energy"),
         ),

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import torch
 
 from dashred.inference.fit.first_window import SAMPLES, first_samples, fit_first_window
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
+from dashred.inference.forward.episodes import EpisodeStarts
 from dashred.inference.initial_state.start_models import LinearStart
 from tests.swing import Swing, noisy
 
@@ -21,8 +20,8 @@ def test_the_first_window_is_short_however_many_modes_the_start_has(swing: Swing
     objective = swing.objective(("k",), recorded, SIGMA, 1.0)
     assert first_samples(objective) == SAMPLES
     assert first_samples(objective.until(4)) == 4
-    wide = LinearStart(swing.start.mean, swing.start.modes.repeat(10, 1))
-    many = dataclasses.replace(objective.forward_model, start=wide, candidates=[])
+    wide = LinearStart(swing.estimate.mean, swing.estimate.modes.repeat(10, 1))
+    many = objective.only(()).about(EpisodeStarts((wide,))).forward_model
     whole = LeastSquaresProblem(many, recorded, objective.noise, torch.empty(0))
     assert first_samples(whole) == SAMPLES < whole.modes / recorded.shape[1]
 

@@ -13,7 +13,7 @@ from dashred.inference.fit.law import Law, posterior
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from tests import laws
-from tests.swing import DRIVES, Swing, noisy, ridge
+from tests.swing import DRIVES, TIMES, Swing, noisy, ridge
 
 SIGMA, PRIOR = 0.2, (0.5, 0.1, 1.0, 0.3)
 Z, XI = (0.8, -0.6), (0.2, 0.05, -0.3, 0.1)
@@ -116,7 +116,7 @@ def test_the_law_runs_as_it_was_fitted(linear: LeastSquaresProblem, swing: Swing
     from dashred.physics.solvers.simulate import simulate
 
     law, phi = fitted(linear, (0, 3))
-    run = simulate(swing.system, law.start[None], linear.forward_model.times, law.forcing())
+    run = simulate(swing.system, law.start, TIMES, law.forcing())
     [readings] = linear.forward_model.readings(*linear.split(phi[None]))
     torch.testing.assert_close(swing.operator(run)[0], readings, rtol=1e-10, atol=1e-10)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -9,18 +11,18 @@ from dashred.inference.fit.law import law_of
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.noise_model import NoiseModel
-from dashred.inference.forward.candidate_simulator import Simulator
+from dashred.inference.forward.candidate_simulator import CandidateSimulator
 from dashred.inference.forward.episodes import (
-    clocks,
-    one_after_another,
-    operator_of,
-    running,
-    side_by_side,
-    starts_of,
+    EpisodeStarts,
+    concatenate_episodes,
+    stack_readings,
+    stack_times,
+    until_end,
 )
-from dashred.inference.forward.episodes_simulator import simulator_of
 from dashred.inference.forward.forward_model import ForwardModel
-from dashred.inference.forward.windowed_model import WindowedModel
+from dashred.inference.forward.law_block import LawBlock, WindowedTerms
+from dashred.inference.forward.sensor_block import SensorBlock
+from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.sensors.fault_in_units import fault_in_units
 from dashred.inference.hypotheses.sensors.faults import Fault, fit_fault
@@ -43,18 +45,16 @@ SIGMA = 0.02
 
 
 def alone(swing: Swing, episode: int, names=LAW) -> ForwardModel:
-    candidates = [swing.everything[name] for name in names]
-    return ForwardModel(swing.simulator, swing.start, candidates, swing.operator, TIMES[episode])
+    return replace(swing.forward_model(names), times=stack_times([TIMES[episode]]))
 
 
 def together(swing: Swing, names=LAW) -> ForwardModel:
-    candidates = [swing.everything[name] for name in names]
     return ForwardModel(
-        simulator_of([swing.simulator] * 3),
-        starts_of([swing.start] * 3),
-        candidates,
-        operator_of(swing.operator, 3),
-        clocks(TIMES),
+        Simulator([*swing.simulator.parts] * 3),
+        EpisodeStarts((swing.estimate,) * 3),
+        LawBlock([swing.everything[name] for name in names]),
+        SensorBlock(swing.operator, 3),
+        stack_times(TIMES),
     )
 
 
@@ -65,7 +65,7 @@ def readings(swing: Swing, xi=XI) -> list[torch.Tensor]:
 
 
 def objective(swing: Swing, recorded: list[torch.Tensor], names=LAW) -> LeastSquaresProblem:
-    values = side_by_side(recorded)
+    values = stack_readings(recorded)
     std = torch.full((values.shape[1],), SIGMA, dtype=torch.float64)
     noise = NoiseModel(std, torch.zeros_like(std), ~values.isnan())
     return LeastSquaresProblem(
@@ -87,26 +87,26 @@ def test_each_reads_what_it_would_alone_and_stands_still_after_its_end(swing, z)
         torch.testing.assert_close(
             mine[len(expected) :], expected[-1:].expand(len(mine) - len(expected), -1)
         )
-    visited = together(swing).visited(z, xi)
-    assert len(visited) == sum(map(len, TIMES))
+    states = together(swing).sampled_states(z, xi)
+    assert len(states) == sum(map(len, TIMES))
 
 
 def test_a_clock_that_stands_still_is_no_time(swing):
-    times = clocks(TIMES)
-    assert [len(running(clock)) for clock in times.T] == [61, 41, 61]
-    assert [len(running(clock)) for clock in times[:45].T] == [45, 41, 45]
-    flat = one_after_another(times[..., None], times)[:, 0]
+    times = stack_times(TIMES)
+    assert [len(until_end(clock)) for clock in times.T] == [61, 41, 61]
+    assert [len(until_end(clock)) for clock in times[:45].T] == [45, 41, 45]
+    flat = concatenate_episodes(times[..., None], times)[:, 0]
     torch.testing.assert_close(flat, torch.cat(TIMES))
 
 
 def test_its_derivative_is_that_of_its_readings(swing, z):
     forward_model, xi = together(swing), torch.tensor(XI, dtype=torch.float64)
     point = forward_model.linearise(z, xi)
-    differences = forward_model._difference(z, xi)
-    recorded = ~side_by_side(readings(swing)).isnan()
+    by_start, by_error = forward_model._differences(z, xi).split([6, 2], dim=-1)
+    recorded = ~stack_readings(readings(swing)).isnan()
     for mine, other in (
-        (point.by_start, differences.by_start),
-        (point.by_error, differences.by_error),
+        (point.by_start, by_start),
+        (point.by_error, by_error),
     ):
         torch.testing.assert_close(mine[recorded], other[recorded], atol=1e-5, rtol=1e-4)
         assert not mine[~recorded].any()
@@ -120,17 +120,9 @@ def test_windows_and_forcings_are_on_the_clocks(swing, z):
     inside = [swing.everything["x**3"]]
     everywhere = [swing.everything["cos(2*t)"]]
     both = together(swing, ("cos(2*t)",))
-    windowed = Simulator(swing.system, swing.system.dt, [*everywhere, *inside], (onset(),))
-    local = WindowedModel(
-        simulator=simulator_of([windowed] * 3),
-        start=both.start,
-        candidates=everywhere,
-        operator=both.operator,
-        times=both.times,
-        inside=inside,
-        shape=onset(),
-        guess=guess,
-    )
+    part = CandidateSimulator(swing.system, swing.system.dt, [*everywhere, *inside], (onset(),))
+    law = LawBlock(everywhere, WindowedTerms(inside, onset(), guess))
+    local = replace(both, simulator=Simulator([part] * 3), law=law)
     order = xi[[1, 0, 2, 3]]
     [found] = local.readings(z[None], order[None])
     [without] = both.readings(z[None], order[None, :1])
@@ -145,7 +137,7 @@ def test_one_law_is_fitted_to_all_and_surer_than_to_one(swing, z):
     recorded = [noisy(r, SIGMA, seed=e) for e, r in enumerate(readings(swing))]
     begin = torch.cat([0.5 * z, torch.zeros(2, dtype=torch.float64)])
     fitted = minimise(objective(swing, recorded), begin, 30, 1e-8)
-    law = law_of(objective(swing, recorded), fitted, together(swing).candidates, fitted.cost)
+    law = law_of(objective(swing, recorded), fitted, fitted.cost)
     stds = law.covariance.diagonal().sqrt()
     assert ((law.coefficients - torch.tensor(XI)) / stds).abs().max() < 3
     torch.testing.assert_close(fitted.phi[:6], z, atol=0.1, rtol=0.1)
@@ -156,7 +148,7 @@ def test_one_law_is_fitted_to_all_and_surer_than_to_one(swing, z):
     noise = NoiseModel(std, torch.zeros_like(std), ~values.isnan())
     single = LeastSquaresProblem(alone(swing, 0), values, noise, torch.ones(2).double())
     mine = minimise(single, torch.zeros(4).double(), 30, 1e-8)
-    alone_stds = law_of(single, mine, alone(swing, 0).candidates, 0.0).covariance.diagonal().sqrt()
+    alone_stds = law_of(single, mine, 0.0).covariance.diagonal().sqrt()
     assert bool((stds < alone_stds).all())
 
 
@@ -185,5 +177,5 @@ def test_a_fault_of_one_episode_is_looked_at_among_those_of_its_sensor(swing, z)
     told = fault_in_units(posed, stuck, torch.zeros(0), torch.zeros(0))
     assert told.sensor == "place" and told.begin == pytest.approx(63.0, abs=0.2)
     assert told.episode == 1
-    law = law_of(posed, minimise(posed, phi, 3, 1e-3), posed.forward_model.candidates, 0.0)
+    law = law_of(posed, minimise(posed, phi, 3, 1e-3), 0.0)
     assert beside_the_fault(HypothesisFit(law, posed, phi), stuck.sensor).law.fault is not None

@@ -1,13 +1,18 @@
-"""Shooting's derivative takes longer steps than the simulator: as long as these are stable."""
+"""The derivative takes longer steps than the simulator: as long as these are stable."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import pytest
 import torch
 
-from dashred.inference.forward.candidate_simulator import Simulator
-from dashred.inference.forward.forced_model import ForcedModel
+from dashred.inference.forward.candidate_simulator import CandidateSimulator
+from dashred.inference.forward.episodes import EpisodeStarts
+from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.forward.forward_model import ForwardModel
+from dashred.inference.forward.law_block import LawBlock
+from dashred.inference.forward.simulator import Simulator
 from dashred.inference.initial_state.start_models import LinearStart
 from dashred.physics.forcing_basis import ForcingBasis
 from tests.waves import TIMES, Waves
@@ -16,13 +21,14 @@ STEP, LONGER = 0.01, 0.25
 
 
 def far_off(waves: Waves, tangent_dt: float) -> ForwardModel:
-    """Return a shooting from where the equations are stiff, its derivative in such steps."""
+    """Return a forward model from where the equations are stiff, its derivative in such steps."""
     candidates = waves.candidates(["u: u", "v: v**2"])
     shape = (len(waves.system.fields), *waves.system.grid.shape)
     modes = torch.eye(2, dtype=torch.float64).reshape(2, 2, 1).expand(2, *shape)
     start = LinearStart(torch.full(shape, 12.0, dtype=torch.float64), modes)
-    simulator = Simulator(waves.system.with_step(STEP), tangent_dt, candidates)
-    return ForwardModel(simulator, start, candidates, waves.operator, TIMES)
+    part = CandidateSimulator(waves.system.with_step(STEP), tangent_dt, candidates)
+    plain = waves.forward_model(LawBlock(candidates))
+    return replace(plain, simulator=Simulator([part]), start=EpisodeStarts((start,)))
 
 
 def test_where_they_blow_up_the_simulator_s_own_are_taken(waves: Waves) -> None:
@@ -49,9 +55,9 @@ def test_samples_are_observed_together_as_one_by_one(
 
 def test_under_a_free_forcing_too(waves: Waves) -> None:
     forcing_basis = ForcingBasis.over(waves.system, TIMES, 3, 4)
-    z, xi = torch.zeros(2).double(), torch.zeros(2 + forcing_basis.count).double()
+    block = ForcingBlock(forcing_basis, waves.size)
+    z, xi = torch.zeros(2).double(), torch.zeros(2 + block.count).double()
     found, expected = (
-        ForcedModel.on(far_off(waves, step), forcing_basis, waves.size).linearise(z, xi)
-        for step in (LONGER, STEP)
+        replace(far_off(waves, step), forcing=block).linearise(z, xi) for step in (LONGER, STEP)
     )
     torch.testing.assert_close(found.by_error, expected.by_error)

@@ -1,17 +1,18 @@
-"""Shooting with windows and with a free forcing: their Jacobians against differences."""
+"""The forward model with windows and with a free forcing: their Jacobians against differences."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
 from torch import Tensor
 
 from dashred.inference.forward.candidates import forcing_of
-from dashred.inference.forward.forced_model import ForcedModel
+from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.forward.forward_model import ForwardModel
-from dashred.inference.forward.windowed_model import WindowedModel, localised
+from dashred.inference.forward.law_block import LawBlock, WindowedTerms, localised
 from dashred.physics.forcing_basis import ForcingBasis
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.window import Shape, box, gate, onset
@@ -28,9 +29,10 @@ def unknowns(waves: Waves, count: int) -> tuple[Tensor, Tensor]:
 
 def check(forward_model: ForwardModel, z: Tensor, xi: Tensor) -> None:
     """Hold tangents to central differences, which have the error of the tangents' precision."""
-    exact, rough = forward_model.linearise(z, xi), forward_model._difference(z, xi)
-    torch.testing.assert_close(exact.readings, rough.readings)
-    for found, expected in ((exact.by_start, rough.by_start), (exact.by_error, rough.by_error)):
+    exact, rough = forward_model.linearise(z, xi), forward_model._differences(z, xi)
+    torch.testing.assert_close(exact.readings, forward_model.readings(z[None], xi[None])[0])
+    by_start, by_error = rough.split([len(z), len(xi)], dim=-1)
+    for found, expected in ((exact.by_start, by_start), (exact.by_error, by_error)):
         size = expected.norm(dim=(0, 1))
         assert (size > 0).all()
         assert float(((found - expected).norm(dim=(0, 1)) / size).max()) < 2e-3
@@ -49,27 +51,19 @@ def test_a_window_s_edges_are_unknowns_like_any_other(waves: Waves, kind: str) -
     shape, guess = shapes(waves)[kind]
     everywhere = waves.candidates(["u: u**3"])
     inside = waves.candidates(["v: 1", "u: u"])
-    forward_model = WindowedModel(
-        waves.simulator,
-        waves.start,
-        everywhere,
-        waves.operator,
-        SHORT,
-        inside,
-        shape,
-        torch.tensor(guess, dtype=torch.float64),
-    )
+    windowed = WindowedTerms(inside, shape, torch.tensor(guess, dtype=torch.float64))
+    forward_model = waves.forward_model(LawBlock(everywhere, windowed), SHORT)
     z, xi = unknowns(waves, 3 + len(guess))
     check(forward_model, z, xi)
     # The window is where the guess and the unknowns say, and its law is a law like any other.
-    window = forward_model.window(xi)
+    window = windowed.window(xi[1:])
     assert window.values == pytest.approx(
         [g + float(d) for g, d in zip(guess, xi[3:], strict=True)]
     )
     found = [*everywhere, *localised(inside, window)]
     assert [c.window for c in found] == [None, window, window]
     path = simulate(
-        waves.system, waves.start.start(z[None]), SHORT, forcing_of(found, xi[None, :3])
+        waves.system, waves.start.start(z[None])[0], SHORT, forcing_of(found, xi[None, :3])
     )
     torch.testing.assert_close(waves.operator(path), forward_model.readings(z[None], xi[None]))
 
@@ -78,8 +72,8 @@ def test_a_free_forcing_s_amplitudes_are_too(waves: Waves) -> None:
     forcing_basis = ForcingBasis.over(waves.system, SHORT, cells=3, knots=3)
     size = torch.tensor([0.5, 0.2], dtype=torch.float64)
     candidates = waves.candidates(["u: u", "v: 1"])
-    plain = ForwardModel(waves.simulator, waves.start, candidates, waves.operator, SHORT)
-    forward_model = ForcedModel.on(plain, forcing_basis, size)
+    plain = waves.forward_model(LawBlock(candidates), SHORT)
+    forward_model = replace(plain, forcing=ForcingBlock(forcing_basis, size))
     z, xi = unknowns(waves, 2 + forcing_basis.count)
     check(forward_model, z, xi)
     none = forward_model.readings(z[None], torch.cat([xi[:2], 0 * xi[2:]])[None])
@@ -92,15 +86,9 @@ def test_a_free_forcing_s_amplitudes_are_too(waves: Waves) -> None:
 def test_a_law_in_a_window_may_be_forced_too(waves: Waves) -> None:
     shape, guess = shapes(waves)["box"]
     forcing_basis = ForcingBasis.over(waves.system, SHORT, cells=2, knots=2)
-    law = WindowedModel(
-        waves.simulator,
-        waves.start,
-        [],
-        waves.operator,
-        SHORT,
-        waves.candidates(["u: u"]),
-        shape,
-        torch.tensor(guess, dtype=torch.float64),
-    )
+    edges = torch.tensor(guess, dtype=torch.float64)
+    law = LawBlock([], WindowedTerms(waves.candidates(["u: u"]), shape, edges))
     size = torch.tensor([0.5, 0.2], dtype=torch.float64)
-    check(ForcedModel.on(law, forcing_basis, size), *unknowns(waves, 4 + forcing_basis.count))
+    block = ForcingBlock(forcing_basis, size)
+    forced = replace(waves.forward_model(law, SHORT), forcing=block)
+    check(forced, *unknowns(waves, 4 + block.count))

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from dashred.inference.forward.windowed_model import localised
+from dashred.inference.forward.law_block import localised
 from dashred.inference.hypotheses.forcing_map import map_of
 from dashred.inference.hypotheses.free_forcing import force
 from dashred.physics.window import box

@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from dashred.inference.fit.least_squares import Normal
+from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.hypotheses import free_forcing
 from dashred.inference.hypotheses.free_forcing import FreeForcing, evidence, fit_free_forcing, force
 from dashred.inference.hypotheses.result import MISSING
@@ -50,11 +51,9 @@ def test_it_brings_the_trajectory_to_the_recording_and_says_in_which_equation(wa
     [before], _ = objective.values(phi[None])
     forced, gain = force(objective, phi, waves.size)
     assert gain > 100 and forced.cost < 1.2 * recorded.numel() < 0.3 * float(before)
-    forcing_basis = ForcingBasis.over(waves.system, TIMES, 6, 7)
+    block = ForcingBlock(ForcingBasis.over(waves.system, TIMES, 6, 7), waves.size)
     alone = {
-        equation: fit_free_forcing(objective, phi, forcing_basis, waves.size, [equation])[
-            0
-        ].evidence
+        equation: fit_free_forcing(objective, phi, block, [equation])[0].evidence
         for equation in range(2)
     }
     assert alone[1] < alone[0]
@@ -66,14 +65,14 @@ def test_one_that_is_lost_grows_anew_from_the_mean_of_the_start(
     [hidden] = waves.candidates(["v: 1"])
     recorded = waves.recorded(SIGMA, 7, [(hidden, 0.2)])
     objective = waves.objective(recorded, SIGMA)
-    forcing_basis = ForcingBasis.over(waves.system, TIMES, 6, 7)
+    block = ForcingBlock(ForcingBasis.over(waves.system, TIMES, 6, 7), waves.size)
     # One step does not lead back from a start as far off as this.
     monkeypatch.setattr(free_forcing, "ROUNDS", 1)
     monkeypatch.setattr(free_forcing, "STEPS", 1)
     astray = torch.full((objective.modes,), 6.0, dtype=torch.float64)
 
     def cost() -> float:
-        return fit_free_forcing(objective, astray, forcing_basis, waves.size, [0, 1])[0].cost
+        return fit_free_forcing(objective, astray, block, [0, 1])[0].cost
 
     assert cost() < 1.2 * recorded.numel()
     monkeypatch.setattr(free_forcing, "LOST", math.inf)
@@ -87,9 +86,9 @@ def test_one_sensor_at_fault_is_not_a_lost_trajectory_and_some_that_miss_its_end
     forced, _ = force(objective, fitted(objective), waves.size)
     shape = objective.recorded.shape
 
-    def left(sensors: int, beyond: int) -> FreeForcing:
+    def left(sensors: int, first: int) -> FreeForcing:
         residuals = torch.ones(shape, dtype=torch.float64)
-        residuals[beyond:, :sensors] = 15.0
+        residuals[first:, :sensors] = 15.0
         return replace(forced, normal=replace(forced.normal, residuals=residuals.flatten()))
 
     assert not free_forcing._lost(left(1, 0))

@@ -23,8 +23,7 @@ def explained(waves: Waves, term: str = "u: u") -> HypothesisFit:
     recorded = waves.recorded(SIGMA, 1, [(waves.everything["u: u"], XI)], waves.start)
     objective = waves.objective(recorded, SIGMA, [term])
     found = minimise(objective, torch.zeros(objective.modes + 1, dtype=torch.float64), 20, 1e-6)
-    candidates = objective.forward_model.candidates
-    return HypothesisFit(law_of(objective, found, candidates, found.cost), objective, found.phi)
+    return HypothesisFit(law_of(objective, found, found.cost), objective, found.phi)
 
 
 def moved(cause: HypothesisFit, by: float) -> HypothesisFit:

@@ -9,7 +9,7 @@ import pytest
 
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.forward.windowed_model import localised
+from dashred.inference.forward.law_block import localised
 from dashred.inference.hypotheses.result import BestOfSize
 from dashred.inference.results.corrected_system import correct
 from dashred.inference.results.explanation import alternatives, explain, law_in_words, smaller

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from dashred.core.findings.law_schema import Where
 from dashred.inference.fit.law import Law
-from dashred.inference.hypotheses.result import Discovered
+from dashred.inference.hypotheses.result import Discovery
 from dashred.inference.results.location import law_tendency, locate
 from dashred.inference.results.regime import regime
 from dashred.physics.library import evaluate_terms
@@ -34,7 +34,7 @@ def bump(system: System) -> Tensor:
     return torch.stack([u, 0.5 + 0.1 * torch.cos(shift)], dim=1)
 
 
-def found(system: System, discovered: Discovered) -> Where:
+def found(system: System, discovered: Discovery) -> Where:
     return locate(system, discovered, bump(system), TIMES, NAMES)
 
 

@@ -67,14 +67,14 @@ def test_what_a_free_forcing_finds_beyond_the_best_law_lies_outside_of_the_libra
     flow: System,
 ) -> None:
     best = laws.law([laws.term(flow, "u", "u")], [0.1])
-    assert verdict(laws.discovery(best, beyond=3.0))[0] == "missing-term"
-    found, [outside, nearest, *_] = verdict(laws.discovery(best, beyond=30.0))
+    assert verdict(laws.discovery(best, forcing_gain=3.0))[0] == "missing-term"
+    found, [outside, nearest, *_] = verdict(laws.discovery(best, forcing_gain=30.0))
     assert found == outside["kind"] == "outside-library" and outside["probability"] > 0.99
     assert nearest["terms"] == ["u: u"]
 
 
 def test_a_law_beyond_the_library_is_said_to_be_that(flow: System) -> None:
-    term = replace(laws.term(flow, "u", "sin(2*u)"), beyond=True)
+    term = replace(laws.term(flow, "u", "sin(2*u)"), extended=True)
     best = laws.law([term], [0.1])
     found, [cause, *_] = verdict(laws.discovery(best, laws.law(score=50.0)))
     assert found == cause["kind"] == "outside-library"
@@ -83,7 +83,7 @@ def test_a_law_beyond_the_library_is_said_to_be_that(flow: System) -> None:
     near = laws.law([laws.term(flow, "u", "u")], [0.1], score=3.0)
     assert verdict(laws.discovery(best, near))[0] == "ambiguous"
     # Which wave it is may be open: that it is none of the library's is not.
-    wave = replace(laws.term(flow, "lam", "cos(2*u)"), beyond=True)
+    wave = replace(laws.term(flow, "lam", "cos(2*u)"), extended=True)
     found, [cause, *_] = verdict(laws.discovery(best, laws.law([wave], [0.1], score=3.0)))
     assert found == "outside-library" and cause["probability"] == pytest.approx(1.0)
 
@@ -155,7 +155,7 @@ def test_without_a_law_twice_the_noise_is_no_explanation(flow: System, widened: 
     assert verdict(laws.discovery(law), 0.83)[0] == "missing-term"
     fault = laws.law(fault=SensorFault("drift", "s03", 0.0123, 0.0011, None))
     assert verdict(laws.discovery(fault), 0.83)[0] == "sensor-fault"
-    assert verdict(laws.discovery(lawless, beyond=30.0), 0.83)[0] == "outside-library"
+    assert verdict(laws.discovery(lawless, forcing_gain=30.0), 0.83)[0] == "outside-library"
 
 
 def test_unexplained_is_the_share_beyond_the_noise_that_was_stated() -> None:

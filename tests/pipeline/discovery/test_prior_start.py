@@ -1,4 +1,4 @@
-"""A seed that is too sure of itself bends the law to its start: the prior puts it right."""
+"""A first guess that is too sure of itself bends the law to its start: the prior puts it right."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ import torch
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.stepwise_selection import Selection, select
+from dashred.inference.forward.episodes import EpisodeStarts
 from dashred.inference.initial_state.start_models import LinearStart, StartModel
-from dashred.pipeline.discovery.prior_start import about, fit_near_prior, select_near_prior
+from dashred.pipeline.discovery.prior_start import fit_near_prior, select_near_prior
 from tests.swing import Swing, noisy
 
 SIGMA = 0.02
@@ -30,13 +31,14 @@ def swing(tmp_path_factory: pytest.TempPathFactory) -> Swing:
 
 def posed(swing: Swing, z: tuple[float, float], start: StartModel) -> LeastSquaresProblem:
     recorded = noisy(swing.clean(z, ["x**3"], [-0.3]), SIGMA, 3)
-    return about(swing.objective(NAMES, recorded, SIGMA, 1.0), start)
+    return swing.objective(NAMES, recorded, SIGMA, 1.0).about(start)
 
 
-def seed(swing: Swing, z: tuple[float, float], off: tuple[float, float], std: float) -> LinearStart:
-    """Return a seed about a start that is off."""
-    [true] = swing.start.start(torch.tensor([z], dtype=torch.float64))
-    return LinearStart(true + torch.tensor(off), std * torch.eye(2, dtype=torch.float64))
+def guess(swing: Swing, z: tuple[float, float], off: tuple[float, float], std: float) -> StartModel:
+    """Return a first guess about a start that is off."""
+    [true] = swing.estimate.start(torch.tensor([z], dtype=torch.float64))
+    about = LinearStart(true + torch.tensor(off), std * torch.eye(2, dtype=torch.float64))
+    return EpisodeStarts((about,))
 
 
 def searched(objective: LeastSquaresProblem) -> Selection:
@@ -45,9 +47,9 @@ def searched(objective: LeastSquaresProblem) -> Selection:
     return select(objective, minimise(tight, zero, 6, 1e-3).phi, [TRUE], silent)
 
 
-def test_a_law_that_was_bent_to_a_seed_is_put_right(swing: Swing) -> None:
+def test_a_law_that_was_bent_to_a_first_guess_is_put_right(swing: Swing) -> None:
     z = (0.8, -0.6)
-    bent = searched(posed(swing, z, seed(swing, z, (0.04, 0.06), 0.002)))
+    bent = searched(posed(swing, z, guess(swing, z, (0.04, 0.06), 0.002)))
     assert bent.tried[0].members != TRUE
     found = select_near_prior(swing.start, bent, 6, silent)
     assert found.objective.forward_model.start is swing.start
@@ -55,11 +57,12 @@ def test_a_law_that_was_bent_to_a_seed_is_put_right(swing: Swing) -> None:
     assert float(found.tried[0].phi[2 + TRUE[0]]) == pytest.approx(-0.3, abs=0.02)
 
 
-def test_a_start_outside_of_the_prior_stays_with_its_seed(swing: Swing) -> None:
+def test_a_start_outside_of_the_prior_stays_with_its_first_guess(swing: Swing) -> None:
     z = (0.8, -0.6)
-    told = searched(posed(swing, z, seed(swing, z, (0.0, 0.0), 0.1)))
+    told = searched(posed(swing, z, guess(swing, z, (0.0, 0.0), 0.1)))
     assert told.tried[0].members == TRUE
-    elsewhere = LinearStart(swing.start.mean - 3.0, 0.1 * swing.start.modes)
+    far_off = LinearStart(swing.estimate.mean - 3.0, 0.1 * swing.estimate.modes)
+    elsewhere = EpisodeStarts((far_off,))
     assert select_near_prior(elsewhere, told, 6, silent) is told
 
 
@@ -71,7 +74,7 @@ def test_of_a_fit_about_the_prior_nothing_more_is_asked(swing: Swing) -> None:
 
 def test_the_same_start_is_found_about_the_prior(swing: Swing) -> None:
     z = (0.8, -0.6)
-    law = posed(swing, z, seed(swing, z, (0.02, -0.05), 0.1)).only(TRUE)
+    law = posed(swing, z, guess(swing, z, (0.02, -0.05), 0.1)).only(TRUE)
     fitted = minimise(law, torch.zeros(law.modes + 1, dtype=torch.float64), 10, 1e-6)
     found = fit_near_prior(swing.start, law, fitted.phi)
     assert found is not None

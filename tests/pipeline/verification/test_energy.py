@@ -36,7 +36,7 @@ def swing(folder: Path, energy: str = "p**2/2 + k*x**2/2") -> System:
 
 
 def damped(system: System, damping: float) -> Law:
-    start = torch.tensor([1.0, 0.0], dtype=torch.float64)
+    start = torch.tensor([[1.0, 0.0]], dtype=torch.float64)
     found = torch.tensor([damping], dtype=torch.float64)
     covariance = torch.tensor([[ERROR**2]], dtype=torch.float64)
     candidate = laws.term(system, "p", "p")
@@ -61,7 +61,7 @@ def test_growth_is_a_negative_loss_and_no_law_loses_nothing(tmp_path: Path) -> N
     rng = np.random.default_rng(0)
     grown = energy_lost(system, damped(system, 0.1), TIMES, rng)
     assert grown is not None and grown["first"]["lost"] < -0.3
-    start = torch.tensor([1.0, 0.0], dtype=torch.float64)
+    start = torch.tensor([[1.0, 0.0]], dtype=torch.float64)
     none = Law((), torch.zeros(0).double(), torch.zeros(0, 0).double(), start, 0.0, 1.0, start)
     kept = energy_lost(system, none, TIMES, rng)
     assert kept is not None and abs(kept["last"]["lost"]) < 1e-3 and kept["last"]["std"] == 0.0

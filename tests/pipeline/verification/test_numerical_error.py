@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -35,14 +36,13 @@ def problem(system: System) -> Any:
         system=system,
         times=times,
         split=SimpleNamespace(fit=fit),
-        starts=lambda start: [start],
     )
     posed.episodes = [posed]
     return posed
 
 
 def from_start(value: float, damping: Tensor, system: System) -> Law:
-    start = torch.tensor([value], dtype=torch.float64)
+    start = torch.tensor([[value]], dtype=torch.float64)
     found = (laws.term(system, "x", "x"),)
     return Law(found, damping, torch.zeros(1, 1).double(), start, 0.0, 1.0, start)
 
@@ -76,5 +76,5 @@ def test_of_several_episodes_the_worst_one_tells(tmp_path) -> None:
     twice = problem(system)
     alone = numerical_error(twice, law, SIGMA)
     twice.episodes = [twice, twice]
-    twice.starts = lambda start: [start, 3 * start]
-    assert numerical_error(twice, law, SIGMA) == pytest.approx(3 * alone)
+    both = replace(law, start=torch.cat([law.start, 3 * law.start]))
+    assert numerical_error(twice, both, SIGMA) == pytest.approx(3 * alone)

@@ -209,5 +209,5 @@ def known(name: str, problem: Problem) -> tuple[StartModel, list[Candidate]]:
         nominal = simulate_nominal(problem, {})
         apart = keep_identifiable_terms(problem, nominal.states, problem.times)
         library = build_candidates(problem.system, apart.library, nominal.states, problem.times)
-        KEPT[name] = nominal.prior, library
+        KEPT[name] = nominal.start, library
     return KEPT[name]

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, by_score, ended
-from dashred.inference.hypotheses.sensors.leave_one_sensor_out import Beside, beside_the_fault
+from dashred.inference.hypotheses.sensors.leave_one_sensor_out import beside_the_fault
 from dashred.inference.initial_state.start_models import StartModel, nearest
 
 STEPS, TOLERANCE = 10, 1e-4
@@ -34,15 +34,15 @@ def eliminate_terms(found: Sequence[HypothesisFit]) -> list[HypothesisFit]:
 
 def _is_simpler(cause: HypothesisFit) -> bool:
     """Tell whether an explanation has no law; what fitted a fault has told of it where it ended."""
-    told = cause.law.fault is not None and not isinstance(cause, Beside)
+    told = cause.law.fault is not None and cause.left_out is None
     return not cause.law.candidates and not told
 
 
 def _begun(cause: HypothesisFit, best: HypothesisFit) -> HypothesisFit | None:
     """Return an explanation fitted from the best one's start; None where that is no better."""
-    if isinstance(cause, Beside):
-        bare = _begun(cause.bare, best)
-        return bare and beside_the_fault(bare, cause.sensor)
+    if cause.left_out is not None:
+        bare = _begun(cause.left_out.bare, best)
+        return bare and beside_the_fault(bare, cause.left_out.sensor)
     objective = cause.objective
     z = _start_of(best, objective.forward_model.start)
     phi = torch.cat([z, cause.phi[len(z) :]])

@@ -15,8 +15,8 @@ from dashred.core.progress import Report
 from dashred.inference.fit.law import Law, unlike
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.noise_model import NoiseModel
-from dashred.inference.forward.candidate_simulator import Simulator
 from dashred.inference.forward.candidates import Candidate
+from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.comparison.backward_elimination import eliminate_terms
 from dashred.inference.hypotheses.comparison.noise_reestimation import (
     refitted_under,
@@ -50,16 +50,16 @@ class Additions:
     """What may be added to the simulator.
 
     Attributes:
-        everywhere: how many of the candidates, the first, may act everywhere.
+        global_count: how many of the candidates, the first, may act everywhere.
         size: rms of each equation's own tendency, ``(equation,)``.
         compiled: the simulator with windows in reach: worth its seconds only if they are needed.
-        beyond: terms that the library does not have.
+        extended: terms that the library does not have.
     """
 
-    everywhere: int
+    global_count: int
     size: Tensor
     compiled: Callable[[], Simulator]
-    beyond: Callable[[], Sequence[Candidate]]
+    extended: Callable[[], Sequence[Candidate]]
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def _periodic(
     waves = [
         wave
         for base in bases
-        for wave in periodic_laws(base, additions.size, additions.everywhere, bound)
+        for wave in periodic_laws(base, additions.size, additions.global_count, bound)
     ]
     return left.with_fault(waves)
 
@@ -150,7 +150,7 @@ def _somewhere(
     whole = _through(left.everything, additions.compiled())
 
     def screened(carried: FreeForcing, bound: float) -> list[HypothesisFit]:
-        local = windowed_laws(whole, additions.everywhere, every, carried, null, bound)
+        local = windowed_laws(whole, additions.global_count, every, carried, null, bound)
         return left.with_fault(local)
 
     begin = min([left.best, *waves], key=by_score)
@@ -159,7 +159,7 @@ def _somewhere(
     )
     if gain > MISSING or len(first.law.candidates) >= SIMPLE:
         report(0.8, "screening terms beyond the library")
-        further = left.with_fault(_beyond(left, additions, nearest, math.inf))
+        further = left.with_fault(_extended(left, additions, nearest, math.inf))
         gain = _gain_of(further, first, gain, additions.size)
         found += further
     return found, gain
@@ -171,14 +171,14 @@ def _as_good(left: ResidualForcing, additions: Additions) -> list[HypothesisFit]
     bound, null = best.law.score + HOPELESS, left.null.law.score
     alike = _alike(left.everything, best)
     local = windowed_laws(whole, 0, alike, left.forced, null, bound)
-    return [*local, *_beyond(left, additions, left.forced, bound)]
+    return [*local, *_extended(left, additions, left.forced, bound)]
 
 
-def _beyond(
+def _extended(
     left: ResidualForcing, additions: Additions, carried: FreeForcing, bound: float
 ) -> list[HypothesisFit]:
     """Return laws with terms that the library does not have, found about a trajectory."""
-    further, library = additions.beyond(), additions.everywhere
+    further, library = additions.extended(), additions.global_count
     return extended_laws(left.everything, further, carried, library, bound)
 
 
@@ -217,7 +217,7 @@ def _through(everything: LeastSquaresProblem, simulator: Simulator) -> LeastSqua
 def _alike(everything: LeastSquaresProblem, best: HypothesisFit) -> list[int]:
     """Return the candidates in the equations of a law."""
     equations = {candidate.equation for candidate in best.law.candidates}
-    candidates = everything.forward_model.candidates
+    candidates = everything.forward_model.law.candidates
     return [j for j, candidate in enumerate(candidates) if candidate.equation in equations]
 
 

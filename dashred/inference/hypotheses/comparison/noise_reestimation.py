@@ -14,7 +14,7 @@ from dashred.inference.hypotheses.hypothesis_fit import (
     refitted,
     settled,
 )
-from dashred.inference.hypotheses.sensors.leave_one_sensor_out import Beside, beside_the_fault
+from dashred.inference.hypotheses.sensors.leave_one_sensor_out import beside_the_fault
 
 
 def noise_left_by(forced: FreeForcing) -> NoiseModel:
@@ -44,7 +44,8 @@ def refitted_under_own_noise(found: Sequence[HypothesisFit]) -> list[HypothesisF
 
 def refitted_under(cause: HypothesisFit, noise: NoiseModel) -> HypothesisFit:
     """Return an explanation fitted under another noise; the samples that it sees stay its own."""
-    if isinstance(cause, Beside):
-        return beside_the_fault(refitted_under(cause.bare, noise), cause.sensor)
+    if cause.left_out is not None:
+        bare = refitted_under(cause.left_out.bare, noise)
+        return beside_the_fault(bare, cause.left_out.sensor)
     before = cause.objective
     return refitted(cause, replace(before, noise=replace(noise, seen=before.noise.seen)))

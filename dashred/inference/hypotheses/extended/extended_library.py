@@ -58,7 +58,7 @@ def extended_candidates(
                 further.append(term)
     names = {f"{term.equation}: {term}" for term in further}
     found = build_candidates(system, [*library, *further], nominal, t)
-    return [replace(c, beyond=True) for c in found if str(c) in names]
+    return [replace(c, extended=True) for c in found if str(c) in names]
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def extended_laws(
     """
     columns, asked = list(further), [*further, *slopes_of(further)]
     # In reach: what is fitted, and what the forcing's trajectory is run with.
-    reach = everything.of([*asked, *forced.objective.forward_model.candidates])
+    reach = everything.of([*asked, *forced.objective.forward_model.law.candidates])
     objective = reach.only(range(len(columns)))
     problem = profile_out(objective, forced, asked, reach.prior_std[: len(asked)])
     samples, count = objective.noise.effective_count, library + len(columns)
@@ -153,12 +153,11 @@ def _fit(
     if form.tuned is not None:
         xi, by_constant = coefficients.tolist()
         begin = form.tuned.at(moved(form.tuned, xi, by_constant))
-        term, mine, fitted = tune(objective, begin, torch.cat([start, coefficients[:1]]))
-        return HypothesisFit(law_of(mine, fitted, (term,), fitted.cost + penalty), mine, fitted.phi)
-    terms = tuple(objective.forward_model.candidates[j] for j in form.members)
-    mine = objective.of(terms)
-    fitted = minimise(mine, torch.cat([start, coefficients]), STEPS, TOLERANCE)
-    return HypothesisFit(law_of(mine, fitted, terms, fitted.cost + penalty), mine, fitted.phi)
+        _, mine, fitted = tune(objective, begin, torch.cat([start, coefficients[:1]]))
+    else:
+        mine = objective.of([objective.forward_model.law.candidates[j] for j in form.members])
+        fitted = minimise(mine, torch.cat([start, coefficients]), STEPS, TOLERANCE)
+    return HypothesisFit(law_of(mine, fitted, fitted.cost + penalty), mine, fitted.phi)
 
 
 def _waves(candidates: Sequence[Candidate]) -> list[tuple[int, int]]:

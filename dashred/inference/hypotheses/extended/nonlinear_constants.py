@@ -92,7 +92,7 @@ def tunable(candidate: Candidate) -> Tunable | None:
         equation=candidate.equation,
         terms=(Term(term.equation, slope),),
         scale=candidate.scale * abs(constant) * FARTHEST,
-        beyond=True,
+        extended=True,
     )
     return Tunable(candidate, beside, function, operand, constant)
 

@@ -19,7 +19,7 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.forward.forced_model import ForcedModel
+from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.physics.forcing_basis import ForcingBasis
 from dashred.physics.library import build_library, resolve
@@ -92,14 +92,9 @@ def periodic_laws(
     objective = base.objective
     system, times = objective.forward_model.simulator.system, objective.forward_model.times
     forcing_basis = ForcingBasis.over(system, times, 1, KNOTS)
-    driven = ForcedModel.on(objective.forward_model, forcing_basis, size)
-    stds = size.repeat_interleave(KNOTS)
-    whole = replace(
-        objective, forward_model=driven, prior_std=torch.cat([objective.prior_std, stds])
-    )
-    normal = whole.linearise(
-        torch.cat([base.phi, torch.zeros(forcing_basis.count, dtype=torch.float64)])
-    )
+    block = ForcingBlock(forcing_basis, size)
+    whole = objective.extended(replace(objective.forward_model, forcing=block), block.scales)
+    normal = whole.linearise(torch.cat([base.phi, torch.zeros_like(block.scales)]))
     grid = _frequencies(times)
     # Frequencies that are less than a turn apart are not told from each other.
     choices = candidates + len(system.fields) * len(grid) * APART
@@ -184,8 +179,7 @@ def _fit(base: HypothesisFit, wave: Wave, size: Tensor, penalty: float) -> Hypot
     fitted = minimise(mine, torch.cat([phi, begin]), LAST_STEPS, LAST_TOLERANCE)
     [before], _ = base.objective.values(base.phi[None])
     score = base.law.score - float(before) + fitted.cost + penalty
-    law = law_of(mine, fitted, (*base.law.candidates, *terms), score)
-    return HypothesisFit(law, mine, fitted.phi)
+    return HypothesisFit(law_of(mine, fitted, score), mine, fitted.phi)
 
 
 def _terms(base: HypothesisFit, wave: Wave, size: Tensor) -> list[Candidate]:
@@ -205,7 +199,7 @@ def _candidates(
 ) -> Iterator[Candidate]:
     terms = build_library(system, {equation: list(texts)})
     for term, ready in zip(terms, resolve(system, terms), strict=True):
-        yield Candidate(str(term), equation, (ready,), scale, beyond=True)
+        yield Candidate(str(term), equation, (ready,), scale, extended=True)
 
 
 def _with(base: HypothesisFit, further: Sequence[Candidate]) -> LeastSquaresProblem:

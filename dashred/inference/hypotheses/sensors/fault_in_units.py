@@ -7,7 +7,6 @@ from torch import Tensor
 
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.forward.faulty_sensor_model import columns_of
 from dashred.inference.hypotheses.sensors.faults import Fault, FittedFault
 
 
@@ -36,10 +35,10 @@ def fault_in_units(
         stds: their standard deviations.
     """
     times = objective.forward_model.times
-    sensors = objective.forward_model.operator.sensors
-    name = sensors[fault.sensor].name
+    block = objective.forward_model.sensors
+    name = block.sensors[fault.sensor].name
     if not len(own):
-        columns = columns_of(sensors, fault.sensor)
+        columns = block.columns_of(fault.sensor)
         index = columns.index(fault.sensor)
         episode = index if len(columns) > 1 else None
         if fault.kind == "spikes":
@@ -47,7 +46,7 @@ def fault_in_units(
             return SensorFault(fault.kind, name, count, None, None, episode)
         tail = objective.recorded[fault.samples, fault.sensor]
         first = int(torch.nonzero(fault.samples)[0])
-        begin = float(times.reshape(len(times), -1)[first, index])
+        begin = float(times[first, index])
         return SensorFault(fault.kind, name, float(tail.nanmean()), None, begin, episode)
     length = float((times - times[0]).max()) if fault.kind == "drift" else 1.0
     value = float(own[0]) if len(own) == 1 else float(own.norm())

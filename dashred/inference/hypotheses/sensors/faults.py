@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from itertools import product
 
 import torch
 from torch import Tensor
@@ -17,17 +16,8 @@ from torch import Tensor
 from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 from dashred.inference.fit.normal_equations import solve
-from dashred.inference.forward.faulty_sensor_model import (
-    MovedSensorModel,
-    SensorOffsetModel,
-    columns_of,
-)
-from dashred.physics.grids.grid import Axis
+from dashred.inference.forward.sensor_block import MovedSensor, OffsetErrors, SensorErrors
 
-# How far off a sensor may be, as a share of the axis, over what its readings are differentiated,
-# and where it is looked for first: a front is narrower than what a sensor may be off.
-MISPLACED, REACH = 0.03, 0.0005
-SOUGHT = (0.0, 0.0025, 0.005, 0.01, 0.015, 0.02, 0.03, 0.045)
 STEPS, TOLERANCE = 6, 1e-3
 
 
@@ -96,26 +86,27 @@ def predicted(
         objective: F of a law.
         normal: linearised about its fit.
         fault: what may be wrong with one sensor.
-        states: at that fit, ``(time, field, *grid)``.
+        states: at that fit, ``(time, episode, field, *grid)``.
     """
-    mine, extra = _posed(objective, fault)
+    errors = _errors(objective, fault)
     kept = (~fault.samples).to(torch.float64)
     shape = objective.recorded.shape
     rows = torch.ones(shape, dtype=torch.float64)
     rows[:, fault.sensor] = kept
     weights = rows.flatten()
     jacobian, target = normal.jacobian * weights[:, None], normal.target * weights
-    precision = normal.precision
-    if extra:
-        begin, columns, added = _about(mine, states, fault)
+    precision, own_numbers = normal.precision, 0
+    if errors is not None:
+        begin, columns, added = _about(_unseen(objective, fault), errors, states)
         target = target + (columns @ begin - added) * weights
         jacobian = torch.cat([jacobian, columns.to(jacobian.dtype)], dim=1)
-        precision = torch.cat([precision, mine.prior_std[-extra:] ** -2])
+        precision = torch.cat([precision, errors.scales**-2])
+        own_numbers = len(errors.scales)
     goal = jacobian.T @ target
     hessian = jacobian.T @ jacobian + torch.diag(precision)
     phi = solve(hessian, goal[:, None])[:, 0]
     score = float(target.square().sum() - goal @ phi) + fault.constant
-    first = len(phi) - extra
+    first = len(phi) - own_numbers
     own = torch.eye(len(phi), dtype=hessian.dtype)[:, first:]
     stds = solve(hessian, own)[first:].diagonal().sqrt()
     return Predicted(score + _penalty(objective, fault), phi[first:], stds)
@@ -137,7 +128,7 @@ def predicted_faults(
 
 
 def _about(
-    objective: LeastSquaresProblem, states: Tensor, fault: Fault
+    objective: LeastSquaresProblem, errors: SensorErrors, states: Tensor
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Return a fault's own unknowns near which it is linear, and what it does to the readings.
 
@@ -145,39 +136,11 @@ def _about(
         The unknowns, ``(number,)``; what one unit of each adds to the whitened readings about them,
         ``(time·sensor, number)``; and what they add themselves, ``(time·sensor,)``.
     """
-    forward_model, noise = objective.forward_model, objective.noise
-    if isinstance(forward_model, SensorOffsetModel):
-        columns = noise.whiten(forward_model.columns(states).movedim(-1, 0)).flatten(1).T
-        return torch.zeros(columns.shape[1], dtype=torch.float64), columns, 0 * columns[:, 0]
-    assert isinstance(forward_model, MovedSensorModel)
-    own = columns_of(forward_model.operator.sensors, fault.sensor)
-    begin = _sought(forward_model, objective.recorded[:, own], noise.std[fault.sensor], states)
-    columns = noise.whiten(forward_model.columns(states, begin).movedim(-1, 0)).flatten(1).T
-    moved = torch.zeros_like(objective.recorded)
-    stated = forward_model.operator(states)[:, own]
-    moved[:, own] = forward_model.at(states, begin[None]).reshape(stated.shape) - stated
-    return begin, columns, noise.whiten(moved).flatten()
-
-
-def _sought(
-    forward_model: MovedSensorModel, trace: Tensor, sigma: Tensor, states: Tensor
-) -> Tensor:
-    """Return how far from its stated place a sensor would read about what it has read, ``(axis,)``.
-
-    Args:
-        shooting: of which sensor.
-        trace: what it has read, ``(time, column)``; NaN is missing.
-        sigma: its noise.
-        states: ``(time, field, *grid)``.
-    """
-    axes = forward_model.simulator.system.axes
-    shares = sorted({sign * share for share in SOUGHT for sign in (-1.0, 1.0)}, key=abs)
-    places = torch.tensor(list(product(shares, repeat=len(axes))), dtype=torch.float64)
-    lengths = torch.tensor([axis.length for axis in axes], dtype=torch.float64)
-    found = forward_model.at(states, places * lengths).reshape(*trace.shape, len(places))
-    left = ((found - trace[..., None]) / sigma).flatten(0, 1)
-    misfits = left.nan_to_num().square().sum(dim=0) + (places / MISPLACED).square().sum(dim=1)
-    return places[int(misfits.argmin())] * lengths
+    noise, stated = objective.noise, objective.forward_model.sensors.observe(states)
+    begin = errors.first_guess(states, objective.recorded, noise.std)
+    columns = noise.whiten(errors.columns(stated, states, begin).movedim(-1, 0)).flatten(1).T
+    [moved] = errors.apply(stated[None], states[None], begin[None])
+    return begin, columns, noise.whiten(moved - stated).flatten()
 
 
 def _penalty(objective: LeastSquaresProblem, fault: Fault) -> float:
@@ -195,51 +158,39 @@ def fit_fault(
         phi: where the fit of start and law begins.
         own: where that of the numbers that describe the fault does, ``(number,)``.
     """
-    mine, _ = _posed(objective, fault)
+    mine, errors = _unseen(objective, fault), _errors(objective, fault)
+    if errors is not None:
+        forward_model = mine.forward_model
+        sensors = replace(forward_model.sensors, errors=errors)
+        mine = mine.extended(replace(forward_model, sensors=sensors), errors.scales)
     fitted = minimise(mine, torch.cat([phi, own]), STEPS, TOLERANCE)
     score = fitted.cost + fault.constant + _penalty(objective, fault)
     return FittedFault(fault, mine, fitted, score)
 
 
-def _posed(objective: LeastSquaresProblem, fault: Fault) -> tuple[LeastSquaresProblem, int]:
-    """Return F with a fault, and how many unknowns this has of its own."""
+def _unseen(objective: LeastSquaresProblem, fault: Fault) -> LeastSquaresProblem:
+    """Return F without the samples that are no readings."""
     seen = objective.noise.seen.clone()
     seen[:, fault.sensor] &= ~fault.samples
-    without = replace(objective, noise=replace(objective.noise, seen=seen))
-    found = _parametrised(without, fault)
-    return found or without, len(found.prior_std) - len(objective.prior_std) if found else 0
+    return replace(objective, noise=replace(objective.noise, seen=seen))
 
 
-def _parametrised(objective: LeastSquaresProblem, fault: Fault) -> LeastSquaresProblem | None:
-    """Return F with the fault's own unknowns; None for one that only takes samples away."""
-    forward_model = objective.forward_model
-    same = (
-        forward_model.simulator,
-        forward_model.start,
-        forward_model.candidates,
-        forward_model.operator,
-    )
+def _errors(objective: LeastSquaresProblem, fault: Fault) -> SensorErrors | None:
+    """Return the fault's own unknowns; None for one that only takes samples away."""
+    forward_model, block = objective.forward_model, objective.forward_model.sensors
+    own = block.columns_of(fault.sensor)
     if fault.kind == "misplaced":
-        axes: tuple[Axis, ...] = forward_model.simulator.system.axes
-        reach = tuple(REACH * axis.length for axis in axes)
-        moved = MovedSensorModel(*same, forward_model.times, fault.sensor, reach)
-        stds = torch.tensor([MISPLACED * axis.length for axis in axes], dtype=torch.float64)
-        return replace(
-            objective, forward_model=moved, prior_std=torch.cat([objective.prior_std, stds])
-        )
+        return MovedSensor(block.sensors[fault.sensor], own, forward_model.simulator.system)
     if fault.kind not in ("bias", "drift"):
         return None
     times = forward_model.times
     pattern = torch.zeros((1, *objective.recorded.shape), dtype=torch.float64)
     # A drift begins anew with every episode.
-    passed = (times - times[0]).reshape(len(times), -1)
-    own = columns_of(forward_model.operator.sensors, fault.sensor)
+    passed = times - times[0]
     pattern[0, :, own] = passed / passed.max() if fault.kind == "drift" else 1.0
-    offset = SensorOffsetModel(*same, times, pattern)
     # Of a trace in which nothing changes, the noise is all that tells how large an offset may be.
     traces = objective.recorded[:, own]
     size = traces[~traces.isnan()].std()
-    stds = torch.where(size > 0, size, objective.noise.std[fault.sensor])[None]
-    return replace(
-        objective, forward_model=offset, prior_std=torch.cat([objective.prior_std, stds])
+    return OffsetErrors(
+        pattern, torch.where(size > 0, size, objective.noise.std[fault.sensor])[None]
     )

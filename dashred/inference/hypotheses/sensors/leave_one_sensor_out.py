@@ -8,15 +8,14 @@ wrong with it is read off the law that was found.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from dashred.inference.fit.law import law_of
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.noise_model import NoiseModel
-from dashred.inference.forward.faulty_sensor_model import columns_of
 from dashred.inference.hypotheses.free_forcing import FreeForcing
-from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, refitted
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, LeftOut, refitted
 from dashred.inference.hypotheses.sensors.fault_in_units import fault_in_units
 from dashred.inference.hypotheses.sensors.faults import Fault, predicted_faults
 from dashred.inference.hypotheses.sensors.suspects import suspects
@@ -32,7 +31,7 @@ STEPS, TOLERANCE = 6, 1e-3
 def fault_beneath(forced: FreeForcing) -> Fault | None:
     """Return the fault of a sensor that even a free forcing needs; None if it needs none."""
     objective, phi = forced.objective, forced.phi
-    sensors = objective.forward_model.operator.sensors
+    sensors = objective.forward_model.sensors.sensors
     seen = objective.noise.seen.any(dim=0).tolist()
     if len({s.name for s, any_ in zip(sensors, seen, strict=True) if any_}) < FEWEST:
         return None
@@ -45,10 +44,10 @@ def fault_beneath(forced: FreeForcing) -> Fault | None:
 
 def forced_without(forced: FreeForcing, sensor: int) -> FreeForcing:
     """Return a free forcing of the same size that one of the sensors has no part in."""
-    seen = forced.objective.noise.seen.clone()
-    seen[:, columns_of(forced.objective.forward_model.operator.sensors, sensor)] = False
-    noise = replace(forced.objective.noise, seen=seen)
-    mine = replace(forced.objective, noise=noise)
+    noise, sensors = forced.objective.noise, forced.objective.forward_model.sensors
+    seen = noise.seen.clone()
+    seen[:, sensors.columns_of(sensor)] = False
+    mine = replace(forced.objective, noise=replace(noise, seen=seen))
     fitted = minimise(mine, forced.phi, STEPS, TOLERANCE)
     normal = mine.linearise(fitted.phi, fitted.readings)
     return replace(forced, objective=mine, phi=fitted.phi, cost=fitted.cost, normal=normal)
@@ -64,37 +63,26 @@ def nothing_without(null: HypothesisFit, forced: FreeForcing, noise: NoiseModel)
     """
     mine = replace(null.objective, noise=noise)
     fitted = minimise(mine, forced.phi[: mine.modes], STEPS, TOLERANCE)
-    return HypothesisFit(law_of(mine, fitted, (), fitted.cost), mine, fitted.phi)
+    return HypothesisFit(law_of(mine, fitted, fitted.cost), mine, fitted.phi)
 
 
-@dataclass(frozen=True)
-class Beside(HypothesisFit):
-    """An explanation that was fitted without a sensor, beside what is wrong with that.
-
-    Attributes:
-        bare: the explanation alone.
-        sensor: index of the sensor.
-        gain: by how much F is lower with the fault than without, penalty and all, were the model
-            linear: a fit to all samples may get stuck, and its F is no match for a linear one.
-    """
-
-    bare: HypothesisFit
-    sensor: int
-    gain: float
-
-
-def beside_the_fault(bare: HypothesisFit, sensor: int) -> Beside:
+def beside_the_fault(bare: HypothesisFit, sensor: int) -> HypothesisFit:
     """Return an explanation that was fitted without a sensor, beside what is wrong with that."""
+    return _with_fault(bare, sensor)[0]
+
+
+def _with_fault(bare: HypothesisFit, sensor: int) -> tuple[HypothesisFit, LeftOut]:
     whole, phi = _whole(bare.objective), bare.phi
     normal = whole.linearise(phi)
-    own = columns_of(whole.forward_model.operator.sensors, sensor)
+    own = whole.forward_model.sensors.columns_of(sensor)
     mine = [fault for fault in suspects(whole, normal) if fault.sensor in own]
     found = predicted_faults(whole, phi, normal, mine)
     best, fault = min(found, key=lambda pair: pair[0].score)
     [cost], _ = bare.objective.values(phi[None])
     score = bare.law.score - float(cost) + best.score
     law = replace(bare.law, score=score, fault=fault_in_units(whole, fault, best.own, best.stds))
-    return Beside(law, bare.objective, phi, bare, sensor, normal.least() - best.score)
+    left_out = LeftOut(bare, sensor, normal.least() - best.score)
+    return replace(bare, law=law, left_out=left_out), left_out
 
 
 def faulty_or_not(laws: Sequence[HypothesisFit], sensor: int) -> list[HypothesisFit]:
@@ -104,12 +92,13 @@ def faulty_or_not(laws: Sequence[HypothesisFit], sensor: int) -> list[Hypothesis
     """
     if not laws:
         return []
-    found = [beside_the_fault(law, sensor) for law in laws]
-    best = min(found, key=lambda cause: cause.law.score)
-    without = _with_all_sensors(best.bare)
-    if best.gain <= 0 or without.law.score < best.law.score:
-        return [without if law is best.bare else _with_all_sensors(law) for law in laws]
-    return [*found, without]
+    found = [_with_fault(law, sensor) for law in laws]
+    first = min(range(len(laws)), key=lambda j: found[j][0].law.score)
+    best, left_out = found[first]
+    without = _with_all_sensors(laws[first])
+    if left_out.gain <= 0 or without.law.score < best.law.score:
+        return [without if law is laws[first] else _with_all_sensors(law) for law in laws]
+    return [*(beside for beside, _ in found), without]
 
 
 def _with_all_sensors(bare: HypothesisFit) -> HypothesisFit:

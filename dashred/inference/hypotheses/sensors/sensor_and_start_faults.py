@@ -47,8 +47,7 @@ def sensor_hypotheses(cause: HypothesisFit, bound: float) -> list[HypothesisFit]
     tests.sort(key=lambda tested: tested.score)
     found = []
     for tested in [*(_fitted_on(t, cause.law) for t in tests[:FURTHER]), *tests[FURTHER:]]:
-        candidates = objective.forward_model.candidates
-        law = law_of(tested.objective, tested.fitted, candidates, tested.score + freedom)
+        law = law_of(tested.objective, tested.fitted, tested.score + freedom)
         law = replace(law, fault=fitted_fault_in_units(objective, tested))
         found.append(HypothesisFit(law, tested.objective, tested.fitted.phi))
     return found
@@ -81,12 +80,9 @@ def start_hypotheses(null: HypothesisFit, bound: float = math.inf) -> list[Hypot
     factor = _likeliest(normal, 1.0)
     if _widened(normal, factor) > _widened(normal, 1.0):
         return []
-    z, forward_model = phi / factor, objective.forward_model
+    z, start = phi / factor, objective.forward_model.start
     for _ in range(ROUNDS):
-        mine = replace(
-            objective,
-            forward_model=replace(forward_model, start=ScaledStart(forward_model.start, factor)),
-        )
+        mine = objective.about(ScaledStart(start, factor))
         fitted = _anywhere(mine, z, bound)
         there = mine.linearise(fitted.phi, fitted.readings)
         before, factor = factor, _likeliest(there, factor)
@@ -96,7 +92,7 @@ def start_hypotheses(null: HypothesisFit, bound: float = math.inf) -> list[Hypot
     plain = replace(there, precision=there.precision * before**2)
     cost = _volume(_over_all(there, before), there) - _volume(_widened(plain, 1.0), plain)
     score = fitted.cost + cost + math.log(objective.noise.effective_count)
-    law = replace(law_of(mine, fitted, (), score, known=there), widened=before)
+    law = replace(law_of(mine, fitted, score, there), widened=before)
     return [HypothesisFit(law, mine, fitted.phi)]
 
 

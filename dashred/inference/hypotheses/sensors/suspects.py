@@ -9,7 +9,6 @@ from torch import Tensor
 
 from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
 from dashred.inference.fit.normal_equations import solve
-from dashred.inference.forward.faulty_sensor_model import columns_of
 from dashred.inference.hypotheses.sensors.faults import Fault
 
 # A sample this many σ off what the other sensors and neighbours say is a spike.
@@ -34,7 +33,7 @@ def suspects(objective: LeastSquaresProblem, normal: Normal) -> Iterator[Fault]:
     none = torch.zeros(shape[0], dtype=torch.bool)
     for sensor in range(shape[1]):
         rest = _without(objective, normal, sensor)
-        if columns_of(objective.forward_model.operator.sensors, sensor)[0] == sensor:
+        if objective.forward_model.sensors.columns_of(sensor)[0] == sensor:
             yield from _in_all_episodes(objective, sensor, none)
         sigma = float(objective.noise.std[sensor])
         yield from _stuck(objective, sensor)
@@ -58,7 +57,7 @@ def _without(objective: LeastSquaresProblem, normal: Normal, sensor: int) -> Ten
     shape = objective.recorded.shape
     jacobian = normal.jacobian.reshape(*shape, -1)
     target = normal.target.reshape(shape)
-    own = columns_of(objective.forward_model.operator.sensors, sensor)
+    own = objective.forward_model.sensors.columns_of(sensor)
     others = [s for s in range(shape[1]) if s not in own]
     rows, goal = jacobian[:, others].flatten(0, 1), target[:, others].flatten()
     matrix = rows.T @ rows + torch.diag(normal.precision)

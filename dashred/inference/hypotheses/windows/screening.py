@@ -16,8 +16,7 @@ from torch import Tensor
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.forward.forced_model import ForcedModel
-from dashred.inference.forward.windowed_model import as_terms, localised
+from dashred.inference.forward.law_block import LawBlock, localised
 from dashred.inference.hypotheses.free_forcing import FreeForcing
 from dashred.inference.hypotheses.windows.window_columns import pieces_of, windows_of
 from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis
@@ -40,8 +39,8 @@ class Screened:
 
 def screen(
     objective: LeastSquaresProblem,
-    everywhere: int,
-    inside: Sequence[int],
+    global_count: int,
+    windowed: Sequence[int],
     forced: FreeForcing,
     states: Tensor,
 ) -> list[Screened]:
@@ -49,22 +48,22 @@ def screen(
 
     Args:
         objective: F of all candidates.
-        everywhere: how many of these, the first, may act everywhere.
-        inside: those that may act in a window.
+        global_count: how many of these, the first, may act everywhere.
+        windowed: those that may act in a window.
         forced: a forcing that explains the recording.
-        states: of its trajectory, ``(time, field, *grid)``: thresholds of gates lie among them.
+        states: of its trajectory, ``(sample, field, *grid)``: thresholds of gates lie among them.
     """
     system = objective.forward_model.simulator.system
-    candidates = objective.forward_model.candidates
-    pieces = list(pieces_of(system, candidates, inside, objective.forward_model.times, states))
+    candidates = objective.forward_model.law.candidates
+    pieces = list(pieces_of(system, candidates, windowed, objective.forward_model.times, states))
     columns = [
         *candidates,
         *(localised([candidates[p.candidate]], p.window)[0] for p in pieces),
     ]
     stds = torch.cat([objective.prior_std, *[objective.prior_std[[p.candidate]] for p in pieces]])
     problem = profile_out(objective, forced, columns, stds)
-    found = [_screened(problem, Hypothesis((j,)), {j: 1.0}) for j in range(everywhere)]
-    pairs = [(i, j) for j in range(everywhere) for i in range(j)]
+    found = [_screened(problem, Hypothesis((j,)), {j: 1.0}) for j in range(global_count)]
+    pairs = [(i, j) for j in range(global_count) for i in range(j)]
     costs = problem.costs(pairs).tolist() if pairs else []
     for pair, cost in zip(pairs, costs, strict=True):
         coefficients = tuple(problem.coefficients(pair).tolist())
@@ -85,16 +84,15 @@ def profile_out(
         columns: candidates, in a window or not.
         stds: prior std of each one's coefficient.
     """
-    driven = forced.objective.forward_model
-    assert isinstance(driven, ForcedModel)
+    driven, places = forced.objective.forward_model, forced.objective.forward_model.places
     z, xi = forced.objective.split(forced.phi)
-    carrier = as_terms(driven.law, xi[: -driven.forcing_basis.count])
+    carrier = driven.law.terms(xi[places.law])
     # A term in a window goes by the name of the plain one: only tangents tell them apart.
     [readings] = driven.readings(z[None], xi[None])
-    law = replace(objective.forward_model, candidates=(*columns, *carrier))
-    forward_model = ForcedModel.on(law, driven.forcing_basis, driven.size)
+    law = LawBlock((*columns, *carrier))
+    forward_model = replace(objective.forward_model, law=law, forcing=driven.forcing)
     # The edges of the carrier's window stay where they are.
-    borne = [*range(len(carrier)), *range(len(xi) - driven.forcing_basis.count, len(xi))]
+    borne = [*range(len(carrier)), *range(len(xi))[places.forcing]]
     priors = torch.cat([stds, forced.objective.prior_std[borne]])
     whole = replace(objective, forward_model=forward_model, prior_std=priors)
     zero = torch.zeros(len(columns), dtype=torch.float64)

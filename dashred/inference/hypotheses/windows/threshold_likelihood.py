@@ -14,11 +14,11 @@ from torch import Tensor
 
 from dashred.inference.fit.law import Z95, Law
 from dashred.inference.fit.levenberg_marquardt import chord_refits
-from dashred.inference.forward.windowed_model import WindowedModel
+from dashred.inference.forward.law_block import WindowedTerms
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 
 # Thresholds that are tried on either side: from a share of the std that the curvature gives, to the
-# farthest state that is visited.
+# farthest state of the trajectory.
 TRIED, NEAREST = 16, 0.5
 STEPS, SETTLED, HOPELESS = 6, 0.1, 200.0
 # F rises by this to the ends of a 95 % interval.
@@ -27,26 +27,25 @@ RISE = Z95**2
 
 def with_profile(cause: HypothesisFit) -> Law:
     """Return the law of a fit, a gate's threshold with the interval that its profile gives."""
-    window, forward_model = cause.law.window, cause.objective.forward_model
-    if window is None or not window.shape.kind.startswith("gate"):
+    window, windowed = cause.law.window, cause.objective.forward_model.law.windowed
+    if window is None or windowed is None or not window.shape.kind.startswith("gate"):
         return cause.law
-    if not isinstance(forward_model, WindowedModel):
-        return cause.law
-    low, high = _interval(cause, forward_model)
+    low, high = _interval(cause, windowed)
     threshold = window.values[0]
     std = max(high - threshold, threshold - low) / Z95
     edges = (max(std, cause.law.edges[0]), *cause.law.edges[1:])
     return replace(cause.law, edges=edges, threshold=(low, high))
 
 
-def _interval(cause: HypothesisFit, forward_model: WindowedModel) -> tuple[float, float]:
+def _interval(cause: HypothesisFit, windowed: WindowedTerms) -> tuple[float, float]:
     """Return between which thresholds F, at its lowest in all else, rises by less than ``RISE``."""
     objective, phi = cause.objective, cause.phi
-    place = len(phi) - len(forward_model.guess)
+    forward_model, threshold = objective.forward_model, float(windowed.guess[0])
+    place = len(phi) - len(windowed.guess)
     at = float(phi[place])
-    states = forward_model.visited(*objective.split(phi))
-    field = objective.forward_model.simulator.system.fields.index(forward_model.shape.of)
-    values = states[:, field] - float(forward_model.guess[0])
+    states = forward_model.sampled_states(*objective.split(phi))
+    field = forward_model.simulator.system.fields.index(windowed.shape.of)
+    values = states[:, field] - threshold
     nearest = NEAREST * cause.law.edges[0]
     sides = [
         at + sign * _steps(nearest, sign * (float(end) - at))
@@ -60,7 +59,6 @@ def _interval(cause: HypothesisFit, forward_model: WindowedModel) -> tuple[float
     found = chord_refits(objective, cause.normal, begin, free, STEPS, SETTLED, HOPELESS)
     [cost], _ = objective.values(phi[None])
     rises = (found.cost - cost).split(TRIED)
-    threshold = float(forward_model.guess[0])
     ends = [_crossing(at, side, rise) for side, rise in zip(sides, rises, strict=True)]
     return threshold + min(ends), threshold + max(ends)
 

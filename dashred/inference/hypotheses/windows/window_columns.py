@@ -59,7 +59,7 @@ def _can_be_local(system: System, candidate: Candidate) -> bool:
 def pieces_of(
     system: System,
     candidates: Sequence[Candidate],
-    inside: Sequence[int],
+    windowed: Sequence[int],
     times: Tensor,
     states: Tensor,
 ) -> Iterator[Piece]:
@@ -69,7 +69,7 @@ def pieces_of(
         *_periods(times),
         *_states(system, states),
     ]
-    for j in inside:
+    for j in windowed:
         if _can_be_local(system, candidates[j]):
             yield from (Piece(j, window) for window in windows)
 

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
-from dashred.inference.forward.windowed_model import WindowedModel
+from dashred.inference.forward.law_block import WindowedTerms
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, ended
 
 # Windows whose score is no farther than this from the best may yet be the best; of so many.
@@ -68,44 +68,50 @@ def _better(cause: HypothesisFit, begun: Sequence[Elsewhere]) -> HypothesisFit |
 
 def _beginnings(cause: HypothesisFit) -> list[Elsewhere]:
     """Return where else the window of a law may be; nowhere, if it has none of these kinds."""
-    forward_model = cause.objective.forward_model
-    if not isinstance(forward_model, WindowedModel):
+    windowed = cause.objective.forward_model.law.windowed
+    if windowed is None:
         return []
-    edges = torch.tensor(forward_model.window(cause.objective.split(cause.phi)[1]).values).double()
-    if forward_model.shape.kind == "box":
-        return _boxes(forward_model, edges)
-    return _gates(cause, edges) if forward_model.shape.kind.startswith("gate") else []
+    window = windowed.window(cause.phi[-windowed.count :])
+    edges = torch.tensor(window.values).double()
+    if windowed.shape.kind == "box":
+        return _boxes(cause, windowed, edges)
+    return _gates(cause, windowed, edges) if windowed.shape.kind.startswith("gate") else []
 
 
-def _boxes(forward_model: WindowedModel, edges: Tensor) -> list[Elsewhere]:
+def _boxes(cause: HypothesisFit, windowed: WindowedTerms, edges: Tensor) -> list[Elsewhere]:
     """Return boxes of other widths about the same place."""
-    axes = {axis.name: axis for axis in forward_model.simulator.system.axes}
-    most = LONGEST * axes[forward_model.shape.of].length / 2
+    axes = {axis.name: axis for axis in cause.objective.forward_model.simulator.system.axes}
+    most = LONGEST * axes[windowed.shape.of].length / 2
     place, half, rest = edges[:1], edges[1:2], edges[2:]
     wider = [width for width in WIDTHS if width * float(half) < most]
     return [Elsewhere(torch.cat([place, width * half, rest]), 1 / width) for width in wider]
 
 
-def _gates(cause: HypothesisFit, edges: Tensor) -> list[Elsewhere]:
+def _gates(cause: HypothesisFit, windowed: WindowedTerms, edges: Tensor) -> list[Elsewhere]:
     """Return gates at thresholds among the states of the law's own trajectory."""
     objective, forward_model = cause.objective, cause.objective.forward_model
-    assert isinstance(forward_model, WindowedModel)
-    states = forward_model.visited(*objective.split(cause.phi))
-    field = forward_model.simulator.system.fields.index(forward_model.shape.of)
+    states = forward_model.sampled_states(*objective.split(cause.phi))
+    field = forward_model.simulator.system.fields.index(windowed.shape.of)
     values = states[:, field].flatten()
     low, high = (float(values.quantile(share)) for share in (TAIL, 1 - TAIL))
     places = torch.linspace(low, high, TRIED + 2, dtype=torch.float64)[1:-1]
     apart = (places - edges[0]).abs() > CLOSE * (high - low)
     # How sharp the gate was guessed to be tells more than a fit that ended elsewhere.
-    return [Elsewhere(torch.cat([at[None], forward_model.guess[1:]]), 1.0) for at in places[apart]]
+    return [Elsewhere(torch.cat([at[None], windowed.guess[1:]]), 1.0) for at in places[apart]]
 
 
 def _fit(cause: HypothesisFit, begin: Elsewhere) -> tuple[LeastSquaresProblem, Fitted]:
     """Give a window a few steps from elsewhere."""
-    forward_model = cause.objective.forward_model
-    assert isinstance(forward_model, WindowedModel)
-    objective = replace(cause.objective, forward_model=replace(forward_model, guess=begin.edges))
+    objective = moved_window(cause.objective, begin.edges)
     phi, edges = cause.phi.clone(), len(cause.phi) - len(begin.edges)
     phi[edges:] = 0.0
-    phi[edges - len(forward_model.inside) : edges] *= begin.factor
+    phi[objective.modes + len(objective.forward_model.law.candidates) : edges] *= begin.factor
     return objective, minimise(objective, phi, FIRST_STEPS, FIRST_TOLERANCE)
+
+
+def moved_window(objective: LeastSquaresProblem, guess: Tensor) -> LeastSquaresProblem:
+    """Return F of a law in a window, the first guess of that elsewhere, ``(edge,)``."""
+    forward_model, windowed = objective.forward_model, objective.forward_model.law.windowed
+    moved = windowed and replace(windowed, guess=guess)
+    law = replace(forward_model.law, windowed=moved)
+    return replace(objective, forward_model=replace(forward_model, law=law))

@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from dashred.inference.fit.law import found_by
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.forward.windowed_model import WindowedModel, found_by
+from dashred.inference.forward.law_block import LawBlock, WindowedTerms
 from dashred.physics.window import Shape
 
 # Prior std of a window's log width.
@@ -39,19 +40,19 @@ class Hypothesis:
     """Candidates that act everywhere, and others that act within one window.
 
     Attributes:
-        everywhere: indices of candidates.
-        inside: indices of candidates.
+        global_terms: indices of the candidates that act everywhere.
+        windowed_terms: indices of those that act within the window.
         guess: of the window; None without one.
     """
 
-    everywhere: tuple[int, ...] = ()
-    inside: tuple[int, ...] = ()
+    global_terms: tuple[int, ...] = ()
+    windowed_terms: tuple[int, ...] = ()
     guess: Guess | None = None
 
     @property
     def kind(self) -> str:
         """The kind of its window, or how many candidates act everywhere."""
-        return self.guess.shape.kind if self.guess else f"{len(self.everywhere)} everywhere"
+        return self.guess.shape.kind if self.guess else f"{len(self.global_terms)} everywhere"
 
     def penalty(self, samples: float, candidates: int, windows: int) -> float:
         """Return what its freedom costs, beside its priors (design §4.3.7).
@@ -62,10 +63,10 @@ class Hypothesis:
             windows: shapes that are tried: the best of many does well by chance.
         """
         n, p = math.log(samples), math.log(candidates)
-        cost = len(self.everywhere) * (n + 2 * p)
+        cost = len(self.global_terms) * (n + 2 * p)
         if self.guess is None:
             return cost
-        cost += len(self.inside) * (n + 2 * p)
+        cost += len(self.windowed_terms) * (n + 2 * p)
         edges = len(self.guess.values) - 1
         return cost + edges * n + 2 * math.log(windows)
 
@@ -99,26 +100,18 @@ def build_problem(objective: LeastSquaresProblem, hypothesis: Hypothesis) -> Lea
         objective: F of all candidates, acting everywhere.
         hypothesis: some of them.
     """
-    plain = objective.only(hypothesis.everywhere)
-    guess = hypothesis.guess
+    plain, guess = objective.only(hypothesis.global_terms), hypothesis.guess
     if guess is None:
         return plain
-    forward_model = objective.forward_model
-    local = WindowedModel(
-        forward_model.simulator,
-        forward_model.start,
-        plain.forward_model.candidates,
-        forward_model.operator,
-        forward_model.times,
-        [forward_model.candidates[j] for j in hypothesis.inside],
+    windowed = WindowedTerms(
+        [objective.forward_model.law.candidates[j] for j in hypothesis.windowed_terms],
         guess.shape,
         torch.tensor(guess.values, dtype=torch.float64),
     )
-    inside = objective.prior_std[list(hypothesis.inside)]
+    law = LawBlock(plain.forward_model.law.candidates, windowed)
+    coefficients = objective.prior_std[list(hypothesis.windowed_terms)]
     edges = torch.tensor(guess.spread, dtype=torch.float64)
-    return replace(
-        plain, forward_model=local, prior_std=torch.cat([plain.prior_std, inside, edges])
-    )
+    return plain.extended(replace(plain.forward_model, law=law), torch.cat([coefficients, edges]))
 
 
 def test(

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 
 from torch import Tensor
 
@@ -41,8 +40,8 @@ PROBES, AGAIN, BEGIN, GROWTH = 4, 6, 0.25, 1.15
 
 def windowed_laws(
     objective: LeastSquaresProblem,
-    everywhere: int,
-    inside: Sequence[int],
+    global_count: int,
+    windowed: Sequence[int],
     forced: FreeForcing,
     nothing: float,
     bound: float = math.inf,
@@ -51,15 +50,15 @@ def windowed_laws(
 
     Args:
         objective: F of all candidates, its simulator with windows in reach.
-        everywhere: how many of these, the first, may act everywhere.
-        inside: those that may act in a window.
+        global_count: how many of these, the first, may act everywhere.
+        windowed: those that may act in a window.
         forced: a free forcing that explains the recording, on top of a law or of none.
         nothing: score of the simulator as it is.
         bound: what screens worse is not fitted.
     """
     forward_model = forced.objective.forward_model
-    states = forward_model.visited(*forced.objective.split(forced.phi))
-    screened = screen(objective, everywhere, inside, forced, states)
+    states = forward_model.sampled_states(*forced.objective.split(forced.phi))
+    screened = screen(objective, global_count, windowed, forced, states)
     near = [found for found in screened if _expected(objective, found) < bound]
     ranked = sorted(near, key=lambda found: _expected(objective, found))
     chosen = _various(ranked, ALIKE, TRIED)
@@ -90,11 +89,11 @@ def _parts(
 
     From the trajectory of a forcing one may not get there, and the other is spurious.
     """
-    if len(hypothesis.everywhere) < 2:
+    if len(hypothesis.global_terms) < 2:
         return []
     z, xi = objective.split(pair.phi)
     alone = []
-    for j, coefficient in zip(hypothesis.everywhere, xi.tolist(), strict=False):
+    for j, coefficient in zip(hypothesis.global_terms, xi.tolist(), strict=False):
         part = Hypothesis((j,))
         begin = first_unknowns(z, [coefficient], None)
         penalty = _penalty(objective, part)
@@ -110,7 +109,7 @@ def _various(ranked: Iterable[Screened], alike: int, most: int) -> list[Screened
     chosen = []
     for found in ranked:
         h = found.hypothesis
-        law = h.kind, h.everywhere, h.inside
+        law = h.kind, h.global_terms, h.windowed_terms
         if kinds[h.kind] < KIND and laws[law] < alike:
             kinds[h.kind] += 1
             laws[law] += 1
@@ -167,7 +166,4 @@ def _finish(tested: Tested) -> HypothesisFit:
     mine, before = tested.objective, tested.fitted
     fitted = minimise_on(mine, before.phi, LAST_STEPS, LAST_TOLERANCE, AMBIGUOUS)
     score = tested.score - before.cost + fitted.cost
-    done = replace(tested, fitted=fitted, score=score)
-    guess = tested.hypothesis.guess
-    edges = len(guess.values) if guess else 0
-    return HypothesisFit(law_of(mine, fitted, done.candidates, score, edges), mine, fitted.phi)
+    return HypothesisFit(law_of(mine, fitted, score), mine, fitted.phi)

@@ -12,7 +12,7 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.hypotheses.comparison.backward_elimination import eliminate_terms
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
-from dashred.inference.hypotheses.sensors.leave_one_sensor_out import Beside, beside_the_fault
+from dashred.inference.hypotheses.sensors.leave_one_sensor_out import beside_the_fault
 from dashred.inference.initial_state.start_models import ScaledStart
 from tests.waves import Waves, fitted
 
@@ -25,7 +25,7 @@ def explanation(
 ) -> HypothesisFit:
     """Return an explanation fitted from where it is said."""
     found = minimise(objective, phi, 10, 1e-6)
-    law = law_of(objective, found, objective.forward_model.candidates, found.cost + penalty)
+    law = law_of(objective, found, found.cost + penalty)
     return HypothesisFit(law, objective, found.phi)
 
 
@@ -71,8 +71,7 @@ def test_nothing_is_fitted_anew_where_the_best_has_no_law(waves: Waves) -> None:
 def test_a_wider_start_is_begun_there_too(waves: Waves) -> None:
     law, _ = fits(waves, 0.0)
     objective = law.objective.only(())
-    forward_model = replace(objective.forward_model, start=ScaledStart(waves.start, 4.0))
-    wider = replace(objective, forward_model=forward_model)
+    wider = objective.about(ScaledStart(waves.start, 4.0))
     right = explanation(wider, law.phi[: law.objective.modes] / 4.0)
     [found] = eliminate_terms([astray(right), law])
     assert found.law.score == pytest.approx(right.law.score, abs=0.1)
@@ -82,5 +81,6 @@ def test_the_fault_beside_it_stays(waves: Waves) -> None:
     law, nothing = fits(waves, 0.0)
     lost = beside_the_fault(astray(nothing), 0)
     [found] = eliminate_terms([lost, law])
-    assert isinstance(found, Beside) and found.sensor == 0 and found.law.fault is not None
-    assert found.bare.law.score == pytest.approx(nothing.law.score, abs=0.1)
+    left_out = found.left_out
+    assert left_out is not None and left_out.sensor == 0 and found.law.fault is not None
+    assert left_out.bare.law.score == pytest.approx(nothing.law.score, abs=0.1)

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from dashred.inference.fit.law import Law, law_of
 from dashred.inference.fit.levenberg_marquardt import minimise
-from dashred.inference.forward.windowed_model import localised
+from dashred.inference.forward.law_block import localised
 from dashred.inference.hypotheses.comparison.compare_hypotheses import (
     Additions,
     Comparison,
@@ -47,12 +47,12 @@ def explained(waves: Waves, recorded: Tensor) -> Comparison:
     everything = waves.objective(recorded, SIGMA, list(waves.everything))
     null = waves.objective(recorded, SIGMA)
     found = minimise(null, fitted(null), 6, 1e-4)
-    empty = HypothesisFit(law_of(null, found, (), found.cost), null, found.phi)
+    empty = HypothesisFit(law_of(null, found, found.cost), null, found.phi)
     additions = Additions(
-        everywhere=len(waves.everything),
+        global_count=len(waves.everything),
         size=waves.size,
         compiled=lambda: waves.simulator,
-        beyond=lambda: waves.beyond,
+        extended=lambda: waves.extended,
     )
     return compare_hypotheses(everything, empty, empty, [], additions, lambda *_: None)
 
@@ -114,31 +114,31 @@ def test_where_nothing_is_missing_nothing_is_found(waves: Waves, seed: int) -> N
 
 
 def test_a_law_beyond_the_library_is_found_there(waves: Waves) -> None:
-    known = {str(found): found for found in waves.beyond}
+    known = {str(found): found for found in waves.extended}
     found = explained(waves, waves.recorded(SIGMA, 1, [(known["u: sin(2*u)"], 0.3)]))
     best = found.laws[0]
     [candidate] = best.candidates
-    assert candidate.beyond and candidate.key == "u: sin(2*u)"
+    assert candidate.extended and candidate.key == "u: sin(2*u)"
     assert abs(float(best.coefficients[0]) - 0.3) < 3 * float(best.std[0]) < 0.1
     assert found.gain < MISSING
-    assert best.score < min(law.score for law in found.laws if not law.beyond) - 6
+    assert best.score < min(law.score for law in found.laws if not law.extended) - 6
 
 
 def test_the_constant_of_a_law_beyond_the_library_is_fitted(waves: Waves) -> None:
-    known = {str(found): found for found in waves.beyond}
+    known = {str(found): found for found in waves.extended}
     offered = tunable(known["u: sin(2*u)"])
     assert offered is not None
     found = explained(waves, waves.recorded(SIGMA, 1, [(offered.at(2.4).candidate, 0.3)]))
     [candidate] = found.laws[0].candidates
     fitted = tunable(candidate)
-    assert fitted is not None and fitted.function == "sin" and candidate.beyond
+    assert fitted is not None and fitted.function == "sin" and candidate.extended
     assert fitted.constant == pytest.approx(2.4, abs=0.03)
     assert candidate.key == f"u: sin({fitted.constant:.4g}*u)"
     assert float(found.laws[0].coefficients[0]) == pytest.approx(0.3, rel=0.1)
 
 
 def test_a_wave_is_found_whatever_its_phase(waves: Waves) -> None:
-    known = {str(found): found for found in waves.beyond}
+    known = {str(found): found for found in waves.extended}
     names = [f"u: u*{wave}(0.6283185307179586*x)" for wave in ("sin", "cos")]
     law = [(known[name], xi) for name, xi in zip(names, (0.2, -0.2), strict=True)]
     found = explained(waves, waves.recorded(SIGMA, 1, law))
@@ -187,9 +187,7 @@ def fitted_law(waves: Waves, recorded: Tensor, names: list[str]) -> HypothesisFi
     objective = waves.objective(recorded, SIGMA, names)
     begin = torch.zeros(objective.modes + len(names), dtype=torch.float64)
     found = minimise(objective, begin, 20, 1e-6)
-    return HypothesisFit(
-        law_of(objective, found, waves.candidates(names), found.cost), objective, found.phi
-    )
+    return HypothesisFit(law_of(objective, found, found.cost), objective, found.phi)
 
 
 @pytest.mark.parametrize("bias", [0.0, 0.4])
@@ -202,13 +200,13 @@ def test_a_fault_that_gains_nothing_is_none(waves: Waves, bias: float) -> None:
     seen[:, 2] = False
     objective = replace(whole, noise=replace(whole.noise, seen=seen))
     found = minimise(objective, fitted(objective), 6, 1e-4)
-    bare = HypothesisFit(law_of(objective, found, (), found.cost), objective, found.phi)
+    bare = HypothesisFit(law_of(objective, found, found.cost), objective, found.phi)
     beside = beside_the_fault(bare, 2)
-    assert (beside.gain > 0) == bool(bias)
+    assert beside.left_out is not None and (beside.left_out.gain > 0) == bool(bias)
     assert all((law.law.fault is not None) == bool(bias) for law in faulty_or_not([bare], 2)[:1])
 
 
 def test_a_law_of_the_library_is_not_looked_for_beyond(waves: Waves) -> None:
     found = weighed(waves, "u: u**2", None, [], 0.1)
-    assert not any(law.beyond for law in found.laws[:1])
+    assert not any(law.extended for law in found.laws[:1])
     assert term(found.laws[0]) == "u: u**2"

@@ -31,7 +31,7 @@ def system(tmp_path: Path) -> System:
 
 
 def candidate(system: System, text: str) -> Candidate:
-    return replace(laws.term(system, "u", text), beyond=True)
+    return replace(laws.term(system, "u", text), extended=True)
 
 
 @pytest.mark.parametrize("text", ["sin(2*u)", "cos(3*v)", "tanh(u)", "exp(-1.5*v)"])
@@ -93,7 +93,7 @@ def test_a_constant_is_the_best_one_within_reach(constant: float, shift: float) 
 
 def test_the_constant_is_found_through_the_simulator(tmp_path: Path) -> None:
     waves = Waves.declared(tmp_path)
-    offered = tunable({str(c): c for c in waves.beyond}["u: tanh(u)"])
+    offered = tunable({str(c): c for c in waves.extended}["u: tanh(u)"])
     assert offered is not None
     recorded = waves.recorded(SIGMA, 3, [(offered.at(1.42).candidate, -0.2)])
     objective = waves.objective(recorded, SIGMA)
@@ -102,5 +102,5 @@ def test_the_constant_is_found_through_the_simulator(tmp_path: Path) -> None:
     found, alone, fitted = tune(objective, offered, begin)
     inner = tunable(found)
     assert inner is not None and inner.constant == pytest.approx(1.42, abs=0.05)
-    assert [c.key for c in alone.forward_model.candidates] == [found.key]
+    assert [c.key for c in alone.forward_model.law.candidates] == [found.key]
     assert fitted.chi2 / objective.noise.count < 1.2

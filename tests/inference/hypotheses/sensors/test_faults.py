@@ -14,8 +14,12 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.forward.candidate_simulator import Simulator
+from dashred.inference.forward.candidate_simulator import CandidateSimulator
+from dashred.inference.forward.episodes import EpisodeStarts, stack_times
 from dashred.inference.forward.forward_model import ForwardModel
+from dashred.inference.forward.law_block import LawBlock
+from dashred.inference.forward.sensor_block import SensorBlock
+from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.sensors.fault_in_units import fitted_fault_in_units
 from dashred.inference.hypotheses.sensors.faults import fit_fault, predicted
@@ -113,7 +117,8 @@ def test_a_misplaced_sensor_is_found_with_its_distance(waves: Waves, off: float)
     [place] = sensors[0].position
     sensors[0] = replace(sensors[0], position=((place - off) % 10,))
     believed = ObservationOperator(sensors, waves.system)
-    wrong = replace(objective, forward_model=replace(objective.forward_model, operator=believed))
+    forward_model = replace(objective.forward_model, sensors=SensorBlock(believed))
+    wrong = replace(objective, forward_model=forward_model)
     without, [best, *_], score = expect(wrong)
     assert (best.kind, best.sensor) == ("misplaced", "s0") and score < without - 20
     assert best.std is not None and best.value == pytest.approx(off, abs=4 * best.std)
@@ -146,10 +151,11 @@ def test_a_fault_is_charged_for_every_number_that_is_fitted(waves: Waves, tmp_pa
     nominal = nominal_start(system)
     sensors = [Sensor(f"s{j}", "u", (1.3 + 3 * j, 0.7 + 2 * j)) for j in range(3)]
     operator = ObservationOperator(sensors, system)
-    start = StartPrior(system, nominal[0], field_rms(nominal), None)
-    simulator = Simulator(system, system.dt, [], ())
+    start = EpisodeStarts((StartPrior(system, nominal[0], field_rms(nominal), None),))
+    simulator = Simulator([CandidateSimulator(system, system.dt, [])])
     recorded = operator(simulate(system, nominal, TIMES))[0]
-    forward_model = ForwardModel(simulator, start, [], operator, TIMES)
+    block, times = SensorBlock(operator), stack_times([TIMES])
+    forward_model = ForwardModel(simulator, start, LawBlock([]), block, times)
     none = torch.zeros(0, dtype=torch.float64)
     plane = unknowns(
         LeastSquaresProblem(forward_model, recorded, waves.noise(recorded, SIGMA), none)

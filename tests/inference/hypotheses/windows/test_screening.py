@@ -10,7 +10,7 @@ import torch
 from dashred.inference.fit.law import law_of
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
-from dashred.inference.forward.windowed_model import found_by, localised
+from dashred.inference.forward.law_block import localised
 from dashred.inference.hypotheses.comparison.repeated_screening import repeat_screening
 from dashred.inference.hypotheses.comparison.residual_forcing import fit_residual_forcing
 from dashred.inference.hypotheses.extended.extended_library import extended_laws
@@ -48,7 +48,7 @@ def test_a_term_is_found_whatever_carries_the_trajectory(waves: Waves, names: li
     recorded = waves.recorded(SIGMA, 1, [(waves.everything["u: u**2"], -0.15)])
     objective = everything(waves, recorded)
     forced = carried_by(waves, recorded, names)
-    columns = objective.forward_model.candidates
+    columns = objective.forward_model.law.candidates
     problem = profile_out(objective, forced, columns, objective.prior_std)
     costs = problem.costs([(j,) for j in range(len(columns))])
     best = int(costs.argmin())
@@ -65,9 +65,7 @@ def in_a_box(waves: Waves, recorded: torch.Tensor, name: str) -> HypothesisFit:
     mine = build_problem(law, Hypothesis((), (0,), guess))
     z = fitted(waves.objective(recorded, SIGMA))
     found = minimise(mine, first_unknowns(z, [0.0], guess), 12, 1e-4)
-    return HypothesisFit(
-        law_of(mine, found, found_by(mine, found.phi), found.cost, 3), mine, found.phi
-    )
+    return HypothesisFit(law_of(mine, found, found.cost), mine, found.phi)
 
 
 def test_a_law_in_a_window_may_carry_the_trajectory(waves: Waves) -> None:
@@ -150,9 +148,7 @@ def everywhere(waves: Waves, recorded: torch.Tensor, *names: str) -> HypothesisF
     law = waves.objective(recorded, SIGMA, names)
     z = fitted(waves.objective(recorded, SIGMA))
     found = minimise(law, torch.cat([z, torch.zeros(len(names), dtype=torch.float64)]), 10, 1e-4)
-    return HypothesisFit(
-        law_of(law, found, law.forward_model.candidates, found.cost), law, found.phi
-    )
+    return HypothesisFit(law_of(law, found, found.cost), law, found.phi)
 
 
 @pytest.mark.parametrize(
@@ -166,7 +162,7 @@ def test_a_law_of_many_terms_does_not_carry_alone(
     best, null = everywhere(waves, recorded, *names), everywhere(waves, recorded)
     whole = everything(waves, recorded)
     left = fit_residual_forcing(whole, best, null, True, waves.size, silent)
-    laws = [[str(c) for c in each.objective.forward_model.candidates] for each in left.carriers]
+    laws = [[str(c) for c in each.objective.forward_model.law.candidates] for each in left.carriers]
     told = {"": [], "all": names}
     assert laws == [told.get(each, [each]) for each in carried]
     assert left.forced is min(left.carriers, key=lambda each: each.cost)
@@ -181,13 +177,13 @@ def test_a_gate_between_two_quantiles_screens_where_it_is(waves: Waves) -> None:
     recorded = waves.recorded(SIGMA, 1, [(localised([term], gate("u", 1).at(edges))[0], -0.4)])
     forced = carried_by(waves, recorded, [])
     forward_model = forced.objective.forward_model
-    [states] = forward_model.states(*forced.objective.split(forced.phi[None]))
+    states = forward_model.sampled_states(*forced.objective.split(forced.phi))
     count = len(waves.everything)
     found = screen(everything(waves, recorded), count, range(count), forced, states)
     gates = [f for f in found if f.hypothesis.guess and f.hypothesis.guess.shape == gate("u", 1)]
     best = min(gates, key=lambda f: f.cost).hypothesis
     assert best.guess is not None
-    assert [str(list(waves.everything.values())[j]) for j in best.inside] == ["u: v**2"]
+    assert [str(list(waves.everything.values())[j]) for j in best.windowed_terms] == ["u: v**2"]
     assert abs(best.guess.values[0] - 0.2) < 0.1 * float(states[:, 0].max() - states[:, 0].min())
 
 
@@ -206,11 +202,11 @@ def test_a_gate_that_acts_in_few_samples_is_screened_where_it_is(waves: Waves) -
 
 
 def test_a_term_beyond_the_library_is_found_about_a_law_of_it(waves: Waves) -> None:
-    hidden = {str(candidate): candidate for candidate in waves.beyond}["u: sin(2*u)"]
+    hidden = {str(candidate): candidate for candidate in waves.extended}["u: sin(2*u)"]
     recorded = waves.recorded(SIGMA, 1, [(hidden, 0.3)])
     forced = carried_by(waves, recorded, ["u: u", "u: u**2"])
     inside = everything(waves, recorded)
-    found = extended_laws(inside, waves.beyond, forced, len(waves.everything))
+    found = extended_laws(inside, waves.extended, forced, len(waves.everything))
     best = min(found, key=lambda cause: cause.law.score).law
     assert [candidate.key for candidate in best.candidates] == ["u: sin(2*u)"]
     assert float(best.coefficients[0]) == pytest.approx(0.3, rel=0.15)

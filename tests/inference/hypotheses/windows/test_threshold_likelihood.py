@@ -10,9 +10,9 @@ import torch
 
 from dashred.inference.fit.law import Z95, law_of
 from dashred.inference.fit.levenberg_marquardt import minimise
-from dashred.inference.forward.windowed_model import WindowedModel
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.windows.threshold_likelihood import with_profile
+from dashred.inference.hypotheses.windows.window_restarts import moved_window
 from dashred.physics.window import gate, onset
 from tests.waves import LOCAL_SIGMA, Waves, in_window
 
@@ -26,18 +26,16 @@ def waves(tmp_path_factory: pytest.TempPathFactory) -> Waves:
 
 def held(cause: HypothesisFit, threshold: float) -> float:
     """Return F at its lowest in all else, the threshold held by the tightest of priors."""
-    forward_model = cause.objective.forward_model
-    assert isinstance(forward_model, WindowedModel)
-    place = len(forward_model.guess)
-    guess = forward_model.guess.clone()
+    windowed = cause.objective.forward_model.law.windowed
+    assert windowed is not None
+    place = len(windowed.guess)
+    guess = windowed.guess.clone()
     moved = threshold - float(guess[0])
     guess[0] = threshold
     prior = cause.objective.prior_std.clone()
     spread = float(prior[-place])
     prior[-place] = 1e-9
-    mine = replace(
-        cause.objective, forward_model=replace(forward_model, guess=guess), prior_std=prior
-    )
+    mine = replace(moved_window(cause.objective, guess), prior_std=prior)
     phi = cause.phi.clone()
     phi[-place] = 0.0
     return minimise(mine, phi, 12, 1e-7).cost + (moved / spread) ** 2
@@ -63,5 +61,5 @@ def test_other_windows_and_laws_stay_as_they_are(waves: Waves) -> None:
     recorded = waves.recorded(LOCAL_SIGMA, 4)
     null = waves.objective(recorded, LOCAL_SIGMA)
     found = minimise(null, torch.zeros(null.modes, dtype=torch.float64), 4, 1e-3)
-    plain = HypothesisFit(law_of(null, found, (), found.cost), null, found.phi)
+    plain = HypothesisFit(law_of(null, found, found.cost), null, found.phi)
     assert with_profile(plain) is plain.law

@@ -8,9 +8,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from dashred.inference.forward.windowed_model import WindowedModel
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
-from dashred.inference.hypotheses.windows.window_restarts import NEAR, restart_windows
+from dashred.inference.hypotheses.windows.window_restarts import NEAR, moved_window, restart_windows
 from dashred.physics.window import box, gate, onset
 from tests.waves import Waves, in_window
 
@@ -39,11 +38,10 @@ def test_a_box_is_found_from_another_width(waves: Waves) -> None:
     """A box of half the width with twice the coefficient: nearly the same, and not the best."""
     half = 2.0
     right = in_window(waves, box(waves.system.axes[0]), (4.4, half, math.log(0.2)))
-    forward_model = right.objective.forward_model
-    assert isinstance(forward_model, WindowedModel) and right.law.window is not None
+    assert right.law.window is not None
     place, width, edge = right.law.window.values
     guess = torch.tensor([place, width / 2, edge], dtype=torch.float64)
-    objective = replace(right.objective, forward_model=replace(forward_model, guess=guess))
+    objective = moved_window(right.objective, guess)
     phi = right.phi.clone()
     phi[-3:] = 0.0
     phi[-4] *= 2

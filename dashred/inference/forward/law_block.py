@@ -1,0 +1,126 @@
+"""The law as a block of unknowns: coefficients of candidates, everywhere or in a window.
+
+The block adds ``Σ_i ξ_i θ_i(u) + χ(ψ₀ + δψ) Σ_j η_j θ_j(u)`` to the simulator's tendency. Its
+unknowns are ξ, then η, then δψ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from dashred.inference.forward.candidates import Candidate, forcing_of
+from dashred.inference.forward.simulator import Simulator
+from dashred.physics.expressions.algebra import Number, multiply
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.system import Term
+from dashred.physics.window import Shape, Window
+
+EDGE_STEP = 0.1
+
+
+@dataclass(frozen=True)
+class WindowedTerms:
+    """Candidates that act within one window alone.
+
+    Attributes:
+        candidates: what η multiplies.
+        shape: of the window.
+        guess: ψ₀, the first guess of the window's parameters, ``(edge,)``.
+    """
+
+    candidates: Sequence[Candidate]
+    shape: Shape
+    guess: Tensor
+
+    @property
+    def count(self) -> int:
+        """Number of unknowns η and δψ."""
+        return len(self.candidates) + len(self.guess)
+
+    def window(self, unknowns: Tensor) -> Window:
+        """Return the window of one vector of unknowns ``(η, δψ)``."""
+        return self.shape.at((self.guess + unknowns[len(self.candidates) :]).tolist())
+
+
+@dataclass(frozen=True)
+class LawBlock:
+    """Candidates whose coefficients are unknown.
+
+    Attributes:
+        candidates: what ξ multiplies; they act everywhere.
+        windowed: further candidates, within a window; None without one.
+    """
+
+    candidates: Sequence[Candidate]
+    windowed: WindowedTerms | None = None
+
+    @property
+    def count(self) -> int:
+        """Number of unknowns."""
+        return len(self.candidates) + (self.windowed.count if self.windowed else 0)
+
+    @property
+    def scales(self) -> Tensor:
+        """A change of every unknown that makes a difference, ``(unknown,)``."""
+        sizes = [candidate.scale for candidate in self.candidates]
+        if self.windowed:
+            sizes += [candidate.scale for candidate in self.windowed.candidates]
+            sizes += [EDGE_STEP] * len(self.windowed.guess)
+        return torch.tensor(sizes, dtype=torch.float64)
+
+    def terms(self, unknowns: Tensor) -> tuple[Candidate, ...]:
+        """Return what ξ and η multiply, the window at its place as a factor of the term."""
+        if self.windowed is None:
+            return tuple(self.candidates)
+        window = self.windowed.window(unknowns[len(self.candidates) :])
+        return (*self.candidates, *localised(self.windowed.candidates, window))
+
+    def weights(self, simulator: Simulator, unknowns: Tensor) -> Tensor:
+        """Return the simulator's weights for rows of unknowns, ``(row, weight)``."""
+        if self.windowed is None:
+            return simulator.weights(self.candidates, unknowns)
+        split, both = len(self.candidates), [*self.candidates, *self.windowed.candidates]
+        coefficients = unknowns[:, : len(both)]
+        inside = torch.arange(len(both)) >= split
+        windows = [self.windowed.window(row[split:]) for row in unknowns]
+        return simulator.weights(both, coefficients * ~inside, coefficients * inside, windows)
+
+    def forcing(self, unknowns: Tensor) -> Forcing:
+        """Return the law of one vector of unknowns; terms with a coefficient of 0 are left out."""
+        terms = self.terms(unknowns)
+        carried = torch.nonzero(unknowns[: len(terms)]).flatten().tolist()
+        return forcing_of([terms[j] for j in carried], unknowns[None, carried])
+
+    def sources(self, unknowns: Tensor) -> list[tuple[Term, ...]]:
+        """Return the derivative of the tendency by each unknown, as terms."""
+        found = [candidate.terms for candidate in self.terms(unknowns)]
+        if self.windowed is None:
+            return found
+        coefficients = unknowns[len(self.candidates) : len(found)].tolist()
+        local = [*zip(self.windowed.candidates, coefficients, strict=True)]
+        window = self.windowed.window(unknowns[len(self.candidates) :])
+        return found + [
+            tuple(
+                Term(term.equation, multiply((slope, term.expression, Number(value))))
+                for candidate, value in local
+                for term in candidate.terms
+            )
+            for slope in window.slopes()
+        ]
+
+
+def localised(candidates: Sequence[Candidate], window: Window) -> list[Candidate]:
+    """Return candidates that act within a window alone: ``χ θ`` is a term like any other."""
+    chi = window.expression
+    return [
+        replace(
+            candidate,
+            terms=tuple(Term(t.equation, multiply((chi, t.expression))) for t in candidate.terms),
+            window=window,
+        )
+        for candidate in candidates
+    ]

@@ -1,0 +1,159 @@
+"""The simulator of all episodes: one trajectory for each, under one law.
+
+Every array has an episode axis; a single recording is one episode::
+
+    times     (time, episode)
+    states    (batch, time, episode, field, *grid)
+
+After its last sample an episode's clock stands still, and so does its state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import torch
+from torch import Tensor
+
+from dashred.inference.forward.candidate_simulator import CandidateSimulator
+from dashred.inference.forward.candidates import Candidate
+from dashred.inference.forward.episodes import until_end
+from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.system import Term
+from dashred.physics.window import Window
+
+
+class Simulator:
+    """One :class:`CandidateSimulator` for each episode.
+
+    Episodes without inputs share one. Episodes that share a simulator and a clock are integrated
+    as members of one batch.
+
+    Attributes:
+        parts: the simulator of each episode.
+        system: that of the first episode; the others differ in their inputs only.
+        tangent: the same system with the time step of the derivative.
+        shapes: shapes of the windows in which candidates may act.
+        has_tangents: whether tangent-linear equations exist for all of them.
+    """
+
+    def __init__(self, parts: Sequence[CandidateSimulator]) -> None:
+        self.parts, first = tuple(parts), parts[0]
+        self.system, self.tangent, self.shapes = first.system, first.tangent, first.shapes
+        self.has_tangents = all(part.has_tangents for part in parts)
+
+    def coarse(self) -> Simulator:
+        """Return the simulators that take the derivative's time steps themselves."""
+        return self._each(CandidateSimulator.coarse)
+
+    def finer(self) -> Simulator:
+        """Return the simulators whose derivatives take the system's own time steps."""
+        return self._each(CandidateSimulator.finer)
+
+    def of(self, candidates: Sequence[Candidate]) -> Simulator:
+        """Return the same systems with other candidates, without windows."""
+        return self._each(lambda part: part.of(candidates))
+
+    def weights(
+        self,
+        candidates: Sequence[Candidate],
+        xi: Tensor,
+        windowed: Tensor | None = None,
+        windows: Sequence[Window] = (),
+    ) -> Tensor:
+        """Return the weights of trajectories, as :meth:`CandidateSimulator.weights` has them."""
+        return self.parts[0].weights(candidates, xi, windowed, windows)
+
+    def run(
+        self, start: Tensor, times: Tensor, weights: Tensor, forcing: SampledForcing | None = None
+    ) -> Tensor:
+        """Return trajectories ``(batch, time, episode, field, *grid)``.
+
+        Args:
+            start: ``(batch, episode, field, *grid)``.
+            times: ``(time, episode)``.
+            weights: ``(batch, weight)``, the same in all episodes.
+            forcing: a forcing of each row of the batch, the same in all episodes.
+        """
+        states = start.new_empty((len(start), len(times), *start.shape[1:]))
+        for group in self._groups(times):
+            clock, count = until_end(times[:, group[0]]), len(group)
+            rows = weights.repeat_interleave(count, dim=0)
+            force = forcing and SampledForcing(
+                forcing.knots, forcing.values.repeat_interleave(count, dim=0)
+            )
+            begin = start[:, group].flatten(0, 1)
+            found = self.parts[group[0]].run(begin, clock, rows, force)
+            for i, episode in enumerate(group):
+                states[:, : len(clock), episode] = found[i::count]
+                states[:, len(clock) :, episode] = found[i::count, -1:]
+        return states
+
+    def tangents(
+        self,
+        start: Tensor,
+        directions: Tensor,
+        times: Tensor,
+        forcing: Forcing,
+        sources: Sequence[tuple[Term, ...]],
+        sampled_forcing: SampledForcing | None,
+        forcing_basis: ForcingBasis | None,
+    ) -> Iterator[tuple[Tensor, Tensor]]:
+        """Yield states ``(episode, field, *grid)`` and derivatives ``(column, episode, …)``.
+
+        Args:
+            start: ``(episode, field, *grid)``.
+            directions: derivatives of the start, ``(direction, episode, field, *grid)``.
+            times: ``(time, episode)``.
+            forcing: the law, one row.
+            sources: the terms whose coefficients the columns are derivatives by.
+            sampled_forcing: the forcing, one row.
+            forcing_basis: the forcing whose amplitudes the last columns are derivatives by.
+        """
+        shared = forcing, sources, sampled_forcing, forcing_basis
+        each = [
+            _held(part, start[e], directions[:, e], times[:, e], *shared)
+            for e, part in enumerate(self.parts)
+        ]
+        for samples in zip(*each, strict=True):
+            states, columns = zip(*samples, strict=True)
+            yield torch.stack(states), torch.stack(columns, dim=1)
+
+    def _each(self, change: Callable[[CandidateSimulator], CandidateSimulator]) -> Simulator:
+        changed = {part: change(part) for part in dict.fromkeys(self.parts)}
+        return Simulator([changed[part] for part in self.parts])
+
+    def _groups(self, times: Tensor) -> list[list[int]]:
+        """Return the episodes that share a simulator and a clock."""
+        found: dict[tuple[CandidateSimulator, tuple[float, ...]], list[int]] = {}
+        for e, (part, clock) in enumerate(zip(self.parts, times.T.tolist(), strict=True)):
+            found.setdefault((part, tuple(clock)), []).append(e)
+        return list(found.values())
+
+
+def _held(
+    part: CandidateSimulator,
+    start: Tensor,
+    directions: Tensor,
+    clock: Tensor,
+    forcing: Forcing,
+    sources: Sequence[tuple[Term, ...]],
+    sampled_forcing: SampledForcing | None,
+    forcing_basis: ForcingBasis | None,
+) -> Iterator[tuple[Tensor, Tensor]]:
+    """Yield one episode's state and derivatives, held after its end.
+
+    Directions that do not move this episode's start are zero throughout and are not integrated.
+    """
+    moving, own = directions.flatten(1).any(dim=1), until_end(clock)
+    count, moved = len(directions), int(moving.sum())
+    base = start, directions[moving], own, forcing, sources, sampled_forcing, forcing_basis
+    for state, columns in part.tangents(*base):
+        whole = columns
+        if moved < count:
+            whole = columns.new_zeros((count + len(columns) - moved, *columns.shape[1:]))
+            whole[:count][moving], whole[count:] = columns[:moved], columns[moved:]
+        yield state, whole
+    for _ in range(len(clock) - len(own)):
+        yield state, torch.zeros_like(whole)
