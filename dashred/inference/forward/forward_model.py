@@ -12,7 +12,6 @@ of the sensors' errors. Every array has an episode axis; a single recording is o
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -28,8 +27,6 @@ from dashred.inference.forward.simulator import Simulator
 from dashred.inference.initial_state.start_models import StartModel
 
 DIFFERENCE = 1e-5
-# Numbers of tangents that are observed together: calls of few would cost more than their sums.
-AT_ONCE = 2**16
 
 
 @dataclass(frozen=True)
@@ -154,7 +151,7 @@ class ForwardModel:
         [base] = self.start.start(z[None])
         directions = (self.start.start(z + DIFFERENCE * eye) - base) / DIFFERENCE
         places, forcing = self.places, self.forcing
-        samples = self.simulator.tangents(
+        blocks = self.simulator.tangents(
             base,
             directions,
             self.times,
@@ -163,8 +160,7 @@ class ForwardModel:
             forcing.sampled(xi[None, places.forcing]) if forcing else None,
             forcing.basis if forcing else None,
         )
-        observed = [self._observe(*blocks) for blocks in _together(samples)]
-        return torch.cat(observed)
+        return torch.cat([self._observe(*block) for block in blocks])
 
     def _observe(self, states: Tensor, tangents: Tensor) -> Tensor:
         """Return H' w of tangents ``(sample, column, …)``: ``(sample, sensor, column)``.
@@ -190,17 +186,3 @@ class ForwardModel:
         ahead, behind = found.split(len(moves))
         steps = steps[: len(moves), None, None]
         return ((ahead - behind) / (2 * steps)).permute(1, 2, 0)
-
-
-def _together(samples: Iterator[tuple[Tensor, Tensor]]) -> Iterator[tuple[Tensor, Tensor]]:
-    """Yield states and tangents of as many samples as are few numbers: one call observes all."""
-    states: list[Tensor] = []
-    tangents: list[Tensor] = []
-    for state, columns in samples:
-        states.append(state)
-        tangents.append(columns.double())
-        if len(states) * columns.numel() >= AT_ONCE:
-            yield torch.stack(states), torch.stack(tangents)
-            states, tangents = [], []
-    if states:
-        yield torch.stack(states), torch.stack(tangents)

@@ -24,6 +24,11 @@ from dashred.physics.system import Term
 from dashred.physics.window import Window
 
 
+# Numbers of derivatives that make a block: calls for few would cost more than their sums.
+AT_ONCE = 2**16
+Samples = Iterator[tuple[Tensor, Tensor]]
+
+
 class Simulator:
     """One :class:`CandidateSimulator` for each episode.
 
@@ -99,8 +104,11 @@ class Simulator:
         sources: Sequence[tuple[Term, ...]],
         sampled_forcing: SampledForcing | None,
         forcing_basis: ForcingBasis | None,
-    ) -> Iterator[tuple[Tensor, Tensor]]:
-        """Yield states ``(episode, field, *grid)`` and derivatives ``(column, episode, …)``.
+    ) -> Samples:
+        """Yield states and their derivatives, a block of samples at a time.
+
+        States ``(sample, episode, field, *grid)``, derivatives ``(sample, column, episode, …)``.
+        Directions that do not move an episode's start are not integrated there.
 
         Args:
             start: ``(episode, field, *grid)``.
@@ -111,14 +119,16 @@ class Simulator:
             sampled_forcing: the forcing, one row.
             forcing_basis: the forcing whose amplitudes the last columns are derivatives by.
         """
+        moving = directions.flatten(2).any(dim=2)
         shared = forcing, sources, sampled_forcing, forcing_basis
-        each = [
-            _held(part, start[e], directions[:, e], times[:, e], *shared)
-            for e, part in enumerate(self.parts)
-        ]
-        for samples in zip(*each, strict=True):
-            states, columns = zip(*samples, strict=True)
-            yield torch.stack(states), torch.stack(columns, dim=1)
+        each = []
+        for e, part in enumerate(self.parts):
+            own, moved = until_end(times[:, e]), moving[:, e]
+            samples = part.tangents(start[e], directions[moved, e], own, *shared)
+            each.append(_blocks(_held(samples, len(times) - len(own)), moved))
+        for blocks in zip(*each, strict=True):
+            states, columns = zip(*blocks, strict=True)
+            yield torch.stack(states, dim=1), torch.stack(columns, dim=2)
 
     def _each(self, change: Callable[[CandidateSimulator], CandidateSimulator]) -> Simulator:
         changed = {part: change(part) for part in dict.fromkeys(self.parts)}
@@ -132,28 +142,37 @@ class Simulator:
         return list(found.values())
 
 
-def _held(
-    part: CandidateSimulator,
-    start: Tensor,
-    directions: Tensor,
-    clock: Tensor,
-    forcing: Forcing,
-    sources: Sequence[tuple[Term, ...]],
-    sampled_forcing: SampledForcing | None,
-    forcing_basis: ForcingBasis | None,
-) -> Iterator[tuple[Tensor, Tensor]]:
-    """Yield one episode's state and derivatives, held after its end.
+def _held(samples: Samples, further: int) -> Samples:
+    """Yield an episode's samples, and the last state as often as its clock stands still."""
+    for state, columns in samples:
+        yield state, columns
+    for _ in range(further):
+        yield state, torch.zeros_like(columns)
 
-    Directions that do not move this episode's start are zero throughout and are not integrated.
+
+def _blocks(samples: Samples, moved: Tensor) -> Samples:
+    """Yield samples by blocks, with columns of zeros for directions that were not integrated.
+
+    Args:
+        samples: states, and columns of the directions that were, then of everything else.
+        moved: which directions these are, ``(direction,)``.
     """
-    moving, own = directions.flatten(1).any(dim=1), until_end(clock)
-    count, moved = len(directions), int(moving.sum())
-    base = start, directions[moving], own, forcing, sources, sampled_forcing, forcing_basis
-    for state, columns in part.tangents(*base):
-        whole = columns
-        if moved < count:
-            whole = columns.new_zeros((count + len(columns) - moved, *columns.shape[1:]))
-            whole[:count][moving], whole[count:] = columns[:moved], columns[moved:]
-        yield state, whole
-    for _ in range(len(clock) - len(own)):
-        yield state, torch.zeros_like(whole)
+    states: list[Tensor] = []
+    tangents: list[Tensor] = []
+    for state, columns in samples:
+        states.append(state)
+        tangents.append(columns.double())
+        if len(states) * columns.numel() >= AT_ONCE:
+            yield torch.stack(states), _whole(torch.stack(tangents), moved)
+            states, tangents = [], []
+    if states:
+        yield torch.stack(states), _whole(torch.stack(tangents), moved)
+
+
+def _whole(columns: Tensor, moved: Tensor) -> Tensor:
+    if bool(moved.all()):
+        return columns
+    kept = torch.cat([moved, moved.new_ones(columns.shape[1] - int(moved.sum()))])
+    whole = columns.new_zeros((len(columns), len(kept), *columns.shape[2:]))
+    whole[:, kept] = columns
+    return whole

@@ -48,7 +48,7 @@ def test_samples_are_observed_together_as_one_by_one(
     forward_model = far_off(waves, STEP)
     z, xi = torch.zeros(2).double(), torch.zeros(2).double()
     expected = forward_model._columns(z, xi)
-    monkeypatch.setattr("dashred.inference.forward.forward_model.AT_ONCE", at_once)
+    monkeypatch.setattr("dashred.inference.forward.simulator.AT_ONCE", at_once)
     torch.testing.assert_close(forward_model._columns(z, xi), expected, rtol=1e-8, atol=1e-10)
     assert expected.shape == (len(TIMES), len(waves.operator.sensors), 4)
 
