@@ -196,7 +196,7 @@ class SensorBlock:
 
 
 def _by_episode(operator: ObservationOperator, states: Tensor) -> Tensor:
-    """Return ``H u`` of states ``(…, time, episode, field, *grid)``, ``(…, time, episode, sensor)``.
+    """Return ``H u``, ``(…, time, episode, sensor)``, of ``(…, time, episode, field, *grid)``.
 
     One axis for time and episode: a product of many small matrices would be slower.
     """

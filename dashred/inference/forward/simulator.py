@@ -23,7 +23,6 @@ from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import Term
 from dashred.physics.window import Window
 
-
 # Numbers of derivatives that make a block: calls for few would cost more than their sums.
 AT_ONCE = 2**16
 Samples = Iterator[tuple[Tensor, Tensor]]

@@ -23,8 +23,8 @@ from dashred.evaluation.proof.cases.oracle import DECIDABLE, known
 from dashred.evaluation.twins.recorder import expression_of
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.subset_search import ProfiledProblem, small_sets
-from dashred.inference.forward.simulator import Simulator
 from dashred.inference.forward.candidates import Candidate, indices_by_name
+from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis
 from dashred.inference.initial_state.start_models import nearest
 from dashred.physics.system import Term
