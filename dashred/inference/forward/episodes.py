@@ -15,9 +15,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import torch
 from torch import Tensor
+from torch.nn.functional import pad
 
 from dashred.inference.initial_state.start_models import StartModel
 
@@ -32,10 +34,9 @@ def stack_times(times: Sequence[Tensor]) -> Tensor:
 def stack_readings(values: Sequence[Tensor]) -> Tensor:
     """Return readings ``(time, sensor)`` as ``(time, episode·sensor)``; padding is NaN."""
     longest = max(map(len, values))
-    padded = [
-        torch.cat([v, v.new_full((longest - len(v), *v.shape[1:]), torch.nan)]) for v in values
-    ]
-    return torch.cat(padded, dim=1)
+    padded = [pad(v, (0, 0, 0, longest - len(v)), value=torch.nan) for v in values]
+    # Pair by pair, so that the readings of a single recording keep their order in memory.
+    return reduce(lambda before, after: torch.hstack((before, after)), padded)
 
 
 def until_end(clock: Tensor) -> Tensor:

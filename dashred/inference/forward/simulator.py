@@ -158,10 +158,12 @@ def _blocks(samples: Samples, moved: Tensor) -> Samples:
     """
     states: list[Tensor] = []
     tangents: list[Tensor] = []
+    still = int((~moved).sum())
     for state, columns in samples:
         states.append(state)
         tangents.append(columns.double())
-        if len(states) * columns.numel() >= AT_ONCE:
+        # Blocks are as long in every episode, however many directions are integrated there.
+        if len(states) * (len(columns) + still) * state.numel() >= AT_ONCE:
             yield torch.stack(states), _whole(torch.stack(tangents), moved)
             states, tangents = [], []
     if states:

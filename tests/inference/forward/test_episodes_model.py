@@ -179,3 +179,18 @@ def test_a_fault_of_one_episode_is_looked_at_among_those_of_its_sensor(swing, z)
     assert told.episode == 1
     law = law_of(posed, minimise(posed, phi, 3, 1e-3), 0.0)
     assert beside_the_fault(HypothesisFit(law, posed, phi), stuck.sensor).law.fault is not None
+
+
+@pytest.mark.parametrize("at_once", [1, 100, 10**9])
+def test_starts_may_have_different_numbers_of_modes(
+    swing: Swing, at_once: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dashred.inference.forward.simulator.AT_ONCE", at_once)
+    modes = swing.estimate.modes
+    few, many = replace(swing.estimate, modes=modes[:1]), replace(swing.estimate, modes=modes * 2)
+    forward_model = replace(together(swing), start=EpisodeStarts((few, many, few)))
+    z, xi = torch.tensor([0.3, -0.2, 0.5, 1.0]).double(), torch.tensor(XI).double()
+    found, expected = forward_model._columns(z, xi), forward_model._differences(z, xi)
+    recorded = ~stack_readings(readings(swing)).isnan()
+    torch.testing.assert_close(found[recorded], expected[recorded], atol=1e-5, rtol=1e-4)
+    assert not found[~recorded].any()
