@@ -47,16 +47,16 @@ class StructureChange:
 
 
 def structure_changes(
-    form: PortHamiltonian, law: Law, visited: SampledStates
+    form: PortHamiltonian, law: Law, states: SampledStates
 ) -> list[StructureChange]:
     """Return what each candidate of a law changes.
 
     Args:
         form: the simulator's structure.
         law: what it leaves out.
-        visited: states that the fields visit, each at its own time.
+        states: that the fields visit, each at its own time.
     """
-    at = form.defined(visited.with_waves(form.system))
+    at = form.defined(states.with_waves(form.system))
     found = []
     for index, candidate in enumerate(law.candidates):
         if candidate.equation is None:
@@ -67,7 +67,7 @@ def structure_changes(
 
 
 def stays_port_hamiltonian(
-    form: PortHamiltonian, law: Law, changes: Sequence[StructureChange], visited: SampledStates
+    form: PortHamiltonian, law: Law, changes: Sequence[StructureChange], states: SampledStates
 ) -> bool:
     """Tell whether the corrected system, as a whole, is port-Hamiltonian: J skew, and R ⪰ 0 in sum.
 
@@ -75,7 +75,7 @@ def stays_port_hamiltonian(
         form: the simulator's structure.
         law: what it leaves out.
         changes: of each of its candidates.
-        visited: states that the fields visit, each at its own time.
+        states: that the fields visit, each at its own time.
     """
     values = law.coefficients.tolist()
     moved = {
@@ -84,7 +84,7 @@ def stays_port_hamiltonian(
         if candidate.equation is None
     }
     changed = form.with_parameters(moved)
-    at = changed.defined(visited.with_waves(form.system))
+    at = changed.defined(states.with_waves(form.system))
     if not changed.is_skew(at):
         return False
     efforts = _changed_efforts(changed, law, changes, at)
