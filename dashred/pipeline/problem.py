@@ -12,15 +12,15 @@ from torch import Tensor
 from dashred.config import Config
 from dashred.config.checks.checks import MOST_STEPS
 from dashred.core.errors import InputError
-from dashred.data.episodes import Episodes, said_of
-from dashred.data.inputs import under
+from dashred.data.episodes import Episodes, name_episode_in_errors
+from dashred.data.inputs import with_inputs
 from dashred.data.io.reader import read_episodes
 from dashred.data.noise_level import noise_std
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
-from dashred.data.resampling import own_step, resample_all
+from dashred.data.resampling import native_step, resample_all
 from dashred.data.sensors import Sensor
-from dashred.data.splits import Split, hold_out, split_recording
+from dashred.data.splits import Split, hold_out_episode, split_recording
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.wording.fault_wording import fault_in_words
 from dashred.physics.expressions.algebra import names
@@ -125,11 +125,11 @@ def build_problem(config: Config) -> Problem:
     system = system.declared_as(replace(system.config, units=units))
     every, snapshots = config.recording.every, _snapshots(system, read)
     if snapshots is not None:
-        every = snapshots.clock_step(own_step(read.episodes[0].recording.times), every)
+        every = snapshots.clock_step(native_step(read.episodes[0].recording.times), every)
     sampled, clock = resample_all(read, every)
     splits = []
     for part in sampled.episodes:
-        with said_of(part.name):
+        with name_episode_in_errors(part.name):
             times = part.recording.times
             _check_steps(config, float(times[-1] - times[0]), system.dt)
             splits.append(split_recording(part.recording, config.splits, config.seed))
@@ -137,12 +137,12 @@ def build_problem(config: Config) -> Problem:
     raw = [episode.recording for episode in read.episodes]
     fitted = len(splits) - held_out
     if held_out:
-        splits[-1] = hold_out(sampled.episodes[-1].recording, splits[-1])
+        splits[-1] = hold_out_episode(sampled.episodes[-1].recording, splits[-1])
     noise, sha256 = _noise(raw[:fitted], splits[:fitted]), read.sha256()
     posed = [
         Problem(
             config=config,
-            system=under(system, episode.recording.inputs),
+            system=with_inputs(system, episode.recording.inputs),
             library=library,
             recording_sha256=sha256,
             times=torch.from_numpy(episode.recording.times),

@@ -8,7 +8,7 @@ import pytest
 from dashred.core.errors import InputError
 from dashred.data.episodes import Episode, Episodes
 from dashred.data.recording import Recording
-from dashred.data.resampling import own_step, resample, resample_all
+from dashred.data.resampling import native_step, resample, resample_all
 from dashred.data.sensors import Sensor
 
 
@@ -120,8 +120,8 @@ def test_values_are_not_invented_before_the_first_or_after_the_last():
 
 
 def test_the_own_step_ignores_gaps_and_averages_rounding():
-    assert own_step(np.r_[0:1:0.1, 5:6:0.1]) == pytest.approx(0.1)
-    assert own_step(np.round(np.arange(301) / 300, 3)) == pytest.approx(1 / 300, rel=1e-3)
+    assert native_step(np.r_[0:1:0.1, 5:6:0.1]) == pytest.approx(0.1)
+    assert native_step(np.round(np.arange(301) / 300, 3)) == pytest.approx(1 / 300, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_the_step_between_one_clock_and_another_is_refused_and_the_hint_works(re
     ):
         with pytest.raises(InputError, match=r"nearly all of .* samples would be empty") as refused:
             every()
-        assert "two clocks in one table? Set recording.every=0.1" in str(refused.value.hint)
+        assert "does the table mix two clocks? Set recording.every=0.1" in str(refused.value.hint)
     sampled, says = resample(recording, 0.1)
     assert "interpolated" in says
     assert np.isnan(sampled.values).mean() < 0.05

@@ -111,7 +111,7 @@ class MovedSensorModel(ForwardModel):
         sensor, system = self.operator.sensors[self.sensor], self.simulator.system
         stated = list(zip(sensor.position, system.axes, strict=True))
         moved = [
-            tuple(axis.inside(x + d) for (x, axis), d in zip(stated, delta, strict=True))
+            tuple(axis.wrap(x + d) for (x, axis), d in zip(stated, delta, strict=True))
             for delta in deltas.tolist()
         ]
         return ObservationOperator([replace(sensor, position=p) for p in moved], system)(states)

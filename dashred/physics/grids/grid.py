@@ -42,7 +42,7 @@ class Axis:
         return self.ends == "periodic"
 
     @property
-    def around(self) -> int:
+    def ring_points(self) -> int:
         """Points of the ring."""
         return self.points if self.periodic else 2 * self.points
 
@@ -61,7 +61,7 @@ class Axis:
         """The ring's points that are the axis' own."""
         return slice(self.own_points)
 
-    def inside(self, place: float) -> float:
+    def wrap(self, place: float) -> float:
         """Return a place on the axis: around it, or mirrored at an end."""
         if self.periodic:
             return place % self.length
@@ -77,7 +77,7 @@ class Grid:
     @property
     def shape(self) -> tuple[int, ...]:
         """Points around each axis' ring."""
-        return tuple(axis.around for axis in self.axes)
+        return tuple(axis.ring_points for axis in self.axes)
 
     @property
     def dims(self) -> tuple[int, ...]:
@@ -103,8 +103,8 @@ class Grid:
         """Coordinate of every point, broadcastable over the grid, float64; an image has its own."""
         found = {}
         for index, axis in enumerate(self.axes):
-            around = torch.arange(axis.around, dtype=torch.float64)
-            points = around if axis.periodic else torch.minimum(around, axis.around - around)
+            around = torch.arange(axis.ring_points, dtype=torch.float64)
+            points = around if axis.periodic else torch.minimum(around, axis.ring_points - around)
             found[axis.name] = (points * axis.spacing).reshape(self._broadcast(index))
         return found
 
@@ -114,7 +114,7 @@ class Grid:
         found = {}
         for index, axis in enumerate(self.axes):
             if not axis.periodic:
-                around = torch.arange(axis.around)
+                around = torch.arange(axis.ring_points)
                 signs = torch.sign(axis.points - around) * torch.sign(around)
                 found[side(axis.name)] = signs.double().reshape(self._broadcast(index))
         return found
@@ -146,14 +146,14 @@ class Grid:
         for index, axis in enumerate(self.axes):
             last = index == len(self.axes) - 1
             frequencies = torch.fft.rfftfreq if last else torch.fft.fftfreq
-            k = frequencies(axis.around, d=axis.spacing, dtype=torch.float64) * 2 * math.pi
+            k = frequencies(axis.ring_points, d=axis.spacing, dtype=torch.float64) * 2 * math.pi
             found.append(k.reshape(self._broadcast(index)))
         return tuple(found)
 
     def interpolate(self, states: Tensor, finer: Grid) -> Tensor:
         """Band-limited interpolation of ``(…, *grid)`` to ``(…, *finer.grid)``, exact at nodes."""
         for dim, axis, target in zip(self.dims, self.axes, finer.axes, strict=True):
-            states = _resample(states, dim, axis.around, target.around)
+            states = _resample(states, dim, axis.ring_points, target.ring_points)
         return states
 
     def _broadcast(self, index: int) -> tuple[int, ...]:

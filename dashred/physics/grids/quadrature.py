@@ -29,7 +29,7 @@ def integral(grid: Grid, field: Float[Tensor, "*batch_and_grid"]) -> Float[Tenso
 @lru_cache
 def _weights(axis: Axis) -> Tensor:
     """Return ``w_j = (1/M) Σ_k e^{-i k x_j} ∫₀ᴸ e^{i k x} dx``, ``(point,)``."""
-    points = axis.around
+    points = axis.ring_points
     k = 2 * torch.pi * torch.fft.fftfreq(points, d=axis.spacing, dtype=torch.float64)
     turned = torch.exp(1j * k * axis.length) - 1
     waves = torch.where(k == 0, axis.length + 0j, turned / (1j * torch.where(k == 0, 1.0, k)))

@@ -166,7 +166,7 @@ class Spectral:
         k = self.grid.wavenumbers[index]
         if order % 2 == 0:
             return (-1.0) ** (order // 2) * k**order
-        points = self.grid.axes[index].around
+        points = self.grid.axes[index].ring_points
         if points % 2 == 0:
             nyquist = torch.arange(k.numel()).reshape(k.shape) == points // 2
             k = torch.where(nyquist, 0.0, k)

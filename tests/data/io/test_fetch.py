@@ -18,7 +18,7 @@ from scipy.io import savemat
 
 from dashred.core.errors import InputError
 from dashred.data.io.fetch import main
-from dashred.data.io.published_recording import PENDULUM, fetched
+from dashred.data.io.published_recording import PENDULUM, fetch_csv
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 SHARED = CHECKOUT.parent / "shared" / "data"
@@ -100,20 +100,20 @@ def test_what_is_there_is_not_fetched_again(tmp_path, capsys) -> None:
     path = tmp_path / "pendulum.csv"
     path.write_bytes((SHARED / NAME).read_bytes())
     assert main([f"path={path}", "source=http://127.0.0.1:9/nobody-listens"]) == 0
-    assert capsys.readouterr().out.startswith(f"already there: {path}")
+    assert capsys.readouterr().out.startswith(f"already exists: {path}")
 
 
 @needs_data
 def test_the_authors_file_becomes_the_known_recording(tmp_path) -> None:
     source = tmp_path / "SinglePendulumDataForParameterEstimation.mat"
     source.write_bytes(matlab(SHARED / NAME))
-    assert fetched(PENDULUM, str(source)) == (SHARED / NAME).read_text()
+    assert fetch_csv(PENDULUM, str(source)) == (SHARED / NAME).read_text()
 
 
 def test_something_else_at_the_place_is_left_as_it_is(tmp_path) -> None:
     path = tmp_path / "mine.csv"
     path.write_text("time,theta\n")
-    with pytest.raises(InputError, match="something else is there"):
+    with pytest.raises(InputError, match="is not this recording"):
         main([f"path={path}"])
     assert path.read_text() == "time,theta\n"
 
@@ -141,7 +141,7 @@ def test_a_missing_page_is_told_with_the_servers_answer(shared, tmp_path) -> Non
 
 
 def test_what_was_cut_short_is_not_kept(breaking, tmp_path) -> None:
-    with pytest.raises(InputError, match=r"cut short|cannot be fetched"):
+    with pytest.raises(InputError, match=r"cut short|cannot be downloaded"):
         main([f"path={tmp_path / 'pendulum.csv'}", f"source={breaking}/recording.csv"])
     assert not list(tmp_path.iterdir())
 
@@ -150,7 +150,7 @@ def test_a_broken_matlab_file_is_refused(tmp_path) -> None:
     source = tmp_path / "broken.mat"
     source.write_bytes(b"MATLAB 5.0 MAT-file".ljust(128) + bytes(range(256)) * 4)
     with pytest.raises(InputError, match="not the authors' MATLAB file"):
-        fetched(PENDULUM, str(source))
+        fetch_csv(PENDULUM, str(source))
 
 
 @pytest.mark.parametrize(

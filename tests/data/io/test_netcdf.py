@@ -135,9 +135,9 @@ FAULTS = {
     "outside": (lambda d: d.assign(x=d["x"] + 1), "outside the axis"),
     "std": (lambda d: d.assign(std=d["std"].fillna(0)), "must be positive"),
     "short": (lambda d: d.isel(time=slice(7)), "7 samples are too few"),
-    "back": (second_time_first, "sample 5, 'time': time goes back"),
+    "back": (second_time_first, "sample 5, 'time': time decreases"),
     "infinite": (lambda d: with_values(d, 6, 1, np.inf), "sample 7, 's1': the value is infinite"),
-    "silent": (lambda d: with_values(d, slice(None), 1, np.nan), "'s1' has no value at all"),
+    "silent": (lambda d: with_values(d, slice(None), 1, np.nan), "'s1' has no values"),
 }
 
 
