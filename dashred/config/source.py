@@ -17,7 +17,7 @@ import yaml
 from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from dashred.core.errors import InputError
-from dashred.core.files.plain_text import unprintable
+from dashred.core.files.plain_text import first_unprintable
 
 TAG = "tag:yaml.org,2002:"
 QUOTE = "quote a text that holds ': ' or ' #', or that begins with one of * & ! % @ ` [ { - |"
@@ -116,7 +116,7 @@ def plain(text: str, *, where: str) -> str:
     Raises:
         InputError: it holds an interpolation, the mark of a missing value, or a control character.
     """
-    if sign := unprintable(text):
+    if sign := first_unprintable(text):
         problem = f"the character {sign!r} cannot stand in a text"
         raise InputError(problem, where=where, hint="write plain text")
     if "${" in text:

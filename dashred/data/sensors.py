@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from dashred.core.errors import InputError, nearest
-from dashred.core.files.plain_text import unprintable
+from dashred.core.files.plain_text import first_unprintable
 
 # Columns of a recording that are not sensors.
 RESERVED = ("time", "episode")
@@ -96,7 +96,7 @@ def check_sensor(sensor: Sensor, system: SystemDescription, where: str) -> None:
         InputError: for an unusable name, an unknown quantity, a position outside the axes, or a
             noise std that is not a positive number.
     """
-    if unprintable(sensor.name) or sensor.name in ("", *RESERVED):
+    if first_unprintable(sensor.name) or sensor.name in ("", *RESERVED):
         problem = f"{sensor.name!r} is not a valid sensor name"
         raise InputError(problem, where=where, hint="give each sensor a unique name")
     if sensor.reads not in observable_names(system):

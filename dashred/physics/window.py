@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from dashred.core.units import measured
+from dashred.core.units import with_unit
 from dashred.physics.expressions.algebra import (
     ONE,
     Expr,
@@ -75,9 +75,9 @@ class Window:
         """Return the same with units by name, where they are known: ``for t > 11 s``."""
         of, place = self.shape.of, self.values[0]
         if self.shape.kind == "box":
-            end = measured(f"{place + self.values[1]:.3g}", units.get(of))
+            end = with_unit(f"{place + self.values[1]:.3g}", units.get(of))
             return f"for {place - self.values[1]:.3g} < {of} < {end}"
-        edge = measured(f"{place:.3g}", units.get(of))
+        edge = with_unit(f"{place:.3g}", units.get(of))
         return f"for {of} {'<' if self.shape.kind == 'gate below' else '>'} {edge}"
 
     @property

@@ -10,7 +10,7 @@ import torch
 from dashred.data.observation_operator import ObservationOperator
 from dashred.physics.runs.ensemble import Ensemble
 from datamodules import SimulationDataModule
-from datamodules.simulation import LAST_AGAIN
+from datamodules.simulation import LAST_REPEATS
 from tests import ring
 
 LAGS, MEMBERS, HELD_OUT, MODES = 6, 14, 5, 7
@@ -93,7 +93,7 @@ def test_every_sample_of_a_record_is_trained_on_its_own_coefficient(system, ense
     per_member = len(stretches) // (MEMBERS - HELD_OUT)
     last = len(ring.TIMES) - 1
     ends = [*range(0, last, max(1, LAGS // 4)), last]
-    assert per_member == len(ends) + LAST_AGAIN
+    assert per_member == len(ends) + LAST_REPEATS
     assert last - ends[-2] <= LAGS // 2 + 1  # no gap between the targets
     for member, place in ((0, 0), (3, 5), (8, len(ends) - 1), (2, per_member - 1)):
         row, end = member * per_member + place, ends[min(place, len(ends) - 1)]

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import strategies as st
 
 from dashred.core.errors import InputError
-from dashred.core.files.plain_text import unprintable
+from dashred.core.files.plain_text import first_unprintable
 from dashred.data.io.reader import read_episodes
 from dashred.data.io.sensors_table import read_sensors
 from dashred.data.io.stated_units import StatedUnits
@@ -115,7 +115,7 @@ def assert_sound(recording: Recording) -> None:
     assert not np.isinf(recording.values).any()
     assert np.isfinite(recording.trace_std()).all()
     assert len(set(recording.names)) == len(recording.names) > 0
-    assert all(name and not unprintable(name) for name in recording.names)
+    assert all(name and not first_unprintable(name) for name in recording.names)
     assert len(recording.sha256()) == 64
 
 
@@ -159,7 +159,7 @@ def test_any_table_of_sensors_is_refused_or_sound(
         return
     assert sensors and len({sensor.name for sensor in sensors}) == len(sensors)
     for sensor in sensors:
-        assert not unprintable(sensor.name) and sensor.reads in ("u", "v", "speed")
+        assert not first_unprintable(sensor.name) and sensor.reads in ("u", "v", "speed")
         assert all(0 <= place <= 2 for place in sensor.position) and len(sensor.position) == 1
         assert sensor.std is None or 0 < sensor.std < np.inf
 

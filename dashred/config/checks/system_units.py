@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dashred.config.layers import where_in
 from dashred.core.errors import InputError, nearest
-from dashred.core.units import TIME, check_same, check_unit, split_unit
+from dashred.core.units import TIME, check_same_unit, check_unit, split_unit
 from dashred.physics.system_schema import System
 
 
@@ -33,7 +33,7 @@ def settle_units(system: System, lines: dict[str, str]) -> None:
             continue
         place = where(f"system.fields.{name}")
         check_unit(behind, name, place)
-        check_same(name, behind, place, system.units.get(name), where(f"system.units.{name}"))
+        check_same_unit(name, behind, place, system.units.get(name), where(f"system.units.{name}"))
         system.fields[name] = meaning
         if name not in system.units:
             system.units[name], lines[f"system.units.{name}"] = behind, place

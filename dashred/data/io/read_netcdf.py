@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError, nearest
-from dashred.core.files.damaged_files import reading
+from dashred.core.files.damaged_files import reading_errors
 from dashred.core.files.external_links import check_hdf5
 from dashred.core.units import TIME, check_unit
 from dashred.data.checks import check_covered, check_input, checked_recording
@@ -174,7 +174,7 @@ def _inputs(
 
 
 def _load(path: str) -> xr.Dataset:
-    with reading("NetCDF-4 file", path):
+    with reading_errors("NetCDF-4 file", path):
         # Imported here, because they take a second. h5netcdf is imported explicitly, because
         # xarray's error for a missing engine does not name it.
         import h5netcdf  # noqa: F401

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from dashred.core.units import check_same
+from dashred.core.units import check_same_unit
 from dashred.data.sensors import SystemDescription
 
 
@@ -38,7 +38,7 @@ class StatedUnits:
         if unit is None:
             return
         what, key = what or name, f"system.units.{name}"
-        check_same(what, unit, where, self.system.units.get(name), self.system.where(key))
-        check_same(what, unit, where, self.units.get(name), self.places.get(name, ""))
+        check_same_unit(what, unit, where, self.system.units.get(name), self.system.where(key))
+        check_same_unit(what, unit, where, self.units.get(name), self.places.get(name, ""))
         self.units.setdefault(name, unit)
         self.places.setdefault(name, where)

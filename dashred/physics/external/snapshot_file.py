@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dashred.core.errors import InputError, nearest
-from dashred.core.files.damaged_files import reading
+from dashred.core.files.damaged_files import reading_errors
 from dashred.core.files.external_links import check_folder, check_hdf5
-from dashred.core.units import TIME, check_same, check_unit
+from dashred.core.units import TIME, check_same_unit, check_unit
 from dashred.physics.external.snapshots import Snapshots
 from dashred.physics.grids.grid import Axis
 from dashred.physics.system import System
@@ -56,7 +56,7 @@ def _open(path: str) -> xr.Dataset:
         raise InputError("no such file or folder", where=path, hint=f"looked in {Path.cwd()}")
     engine = "zarr" if Path(path).is_dir() else "h5netcdf"
     kind = "Zarr folder" if engine == "zarr" else "NetCDF-4 file"
-    with reading(kind, path, FORMATS):
+    with reading_errors(kind, path, FORMATS):
         # Of an engine that is not installed xarray says nothing that names it.
         if engine == "zarr":
             import zarr  # noqa: F401
@@ -119,7 +119,7 @@ def _check_units(dataset: xr.Dataset, system: System, path: str) -> None:
         if text.strip():
             where = f"{path}, {variable!r}"
             unit = check_unit(text, variable, where)
-            check_same(variable, unit, where, system.units.get(name), UNITS_KEY.format(name))
+            check_same_unit(variable, unit, where, system.units.get(name), UNITS_KEY.format(name))
 
 
 def _step(dataset: xr.Dataset, path: str) -> float:

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.core.errors import InputError
-from dashred.core.files.damaged_files import reading
+from dashred.core.files.damaged_files import reading_errors
 from dashred.physics.system import System
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ class Snapshots:
             indices = {"member": member, "time": slice(None, None, stride)}
             part = self.dataset.isel(indices, missing_dims="ignore")
             for index, field in enumerate(self.system.fields):
-                with reading("file of snapshots", self.path, DAMAGED):
+                with reading_errors("file of snapshots", self.path, DAMAGED):
                     values = np.asarray(part[field].transpose("time", *axes).values, np.float64)
                 self._check_finite(values, field, member, stride)
                 digest.update(np.ascontiguousarray(values, "<f8").tobytes())

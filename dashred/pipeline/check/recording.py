@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
-from dashred.core.units import measured
+from dashred.core.units import with_unit
 from dashred.data.io.missing_sentinels import sentinel_counts
 from dashred.data.noise_level import noise_std
 from dashred.data.recording import Recording
@@ -41,7 +41,7 @@ def about_recording(situation: CheckContext) -> Iterator[Remark]:
         return
     times = recording.times
     span = f"{len(times)} samples of {counted(len(recording.sensors), 'sensor')}"
-    end = measured(f"{times[-1]:.6g}", situation.system.units.get("t"))
+    end = with_unit(f"{times[-1]:.6g}", situation.system.units.get("t"))
     yield Remark(f"{span}, t from {times[0]:.6g} to {end}")
     if situation.others:
         yield Remark(f"That is the longest of {len(situation.others) + 1} episodes")

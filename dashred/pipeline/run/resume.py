@@ -14,7 +14,7 @@ from dashred.config.layers import absolute, store_root
 from dashred.config.source import read_file
 from dashred.core.errors import DONE, InputError, nearest
 from dashred.core.files.user_path import is_server
-from dashred.core.job_control import alone_in
+from dashred.core.job_control import lock_folder
 from dashred.core.mlflow.store import INTERRUPTED, Store, status_of, store_of_run, tags_of
 from dashred.core.mlflow.tracker import Tracker
 from dashred.pipeline.run.output_dir import make_output
@@ -49,7 +49,7 @@ def resume(argv: list[str], conclude: Callable[[Tracker, Path, str, str], None])
     _refuse_finished(store, run_id)
     folder, analysed = store.checkpoints(run_id), FROZEN in tags_of(store, run_id)
     told = [] if analysed else _told(folder, run_id)
-    with alone_in(folder, "analysis"):
+    with lock_folder(folder, "analysis"):
         pass
     output = make_output(named_folder(words)) if "output" in words else store.artifact_dir(run_id)
     told += [f"trust={words['trust']}"] if "trust" in words else []

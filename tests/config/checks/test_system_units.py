@@ -53,7 +53,7 @@ def test_without_units_the_frozen_input_knows_of_none(tmp_path: Path) -> None:
     [
         ("{w: m}", "bead.yaml:9: system.units names w, which the system does not have"),
         ("{nu: ''}", "bead.yaml:9: the unit of nu is empty"),
-        ("{v: '[m'}", "bead.yaml:9: '[m' cannot be the unit of v"),
+        ("{v: '[m'}", "bead.yaml:9: '[m' is not a valid unit of v"),
         ("{u: degC}", "bead.yaml:5: u is in K here, but in degC in"),
         ("[m]", "bead.yaml:9: system.units must be a section of keys"),
     ],

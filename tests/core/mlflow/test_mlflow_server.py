@@ -218,7 +218,7 @@ def seen(url: str, profile: Path) -> str:
 def test_a_server_that_does_not_answer_is_named() -> None:
     url = f"http://127.0.0.1:{free_port()}"
     with (
-        pytest.raises(InputError, match="no MLflow server answers") as caught,
+        pytest.raises(InputError, match="no MLflow server responds") as caught,
         Tracker.open(url, "rde", "a run"),
     ):
         pass

@@ -18,7 +18,7 @@ from dashred.core.errors import InputError, run_entry
 from dashred.core.mlflow.metric_names import metric_name
 from dashred.core.mlflow.run import flatten
 from dashred.core.mlflow.tracker import Tracker
-from dashred.core.system_errors import RefusedError
+from dashred.core.system_errors import ExternalServiceError
 
 # MLflow is imported before the fork, so that the processes reach the fresh store together.
 OPEN_TOGETHER = """
@@ -242,7 +242,7 @@ def test_a_deleted_experiment_is_refused_with_its_name(root: str, tracker: Track
 def test_a_store_that_was_moved_is_refused(root: str, tracker: Tracker, tmp_path: Path) -> None:
     moved = shutil.copytree(root, tmp_path / "moved")
     with (
-        pytest.raises(InputError, match="keeps its artifacts elsewhere"),
+        pytest.raises(InputError, match="artifacts of this experiment are elsewhere"),
         Tracker.open(str(moved), "rde", "a run"),
     ):
         pass
@@ -366,7 +366,7 @@ def test_a_locked_database_is_told_in_a_message(tmp_path: Path) -> None:
     with Tracker.open(str(tmp_path), "rde", "a run") as tracker:
         with closing(sqlite3.connect(tmp_path / "mlflow.db", isolation_level=None)) as database:
             database.execute("BEGIN EXCLUSIVE")
-            with pytest.raises(RefusedError, match="locked") as caught:
+            with pytest.raises(ExternalServiceError, match="locked") as caught:
                 tracker.log_metrics({"loss": 1.0}, 0)
         assert f"resume={tracker.run_id}" in str(caught.value)
         tracker.log_metrics({"loss": 1.0}, 0)
