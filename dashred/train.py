@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 
 from dashred.config import load_config
-from dashred.config.checks.placeholders import refuse_open_lines
+from dashred.config.checks.placeholders import refuse_unfinished_lines
 from dashred.core.errors import DONE, run_entry
 from dashred.core.mlflow.server import check_server
 
@@ -25,7 +25,7 @@ def main(argv: list[str]) -> int:
 
         return resume(argv, score_if_sealed)
     config = load_config(argv, entry="train")
-    refuse_open_lines(config)
+    refuse_unfinished_lines(config)
     check_server(config.tracking.root)
     if config.recording.twin is not None:
         from dashred.evaluation.twins.twin_experiment import run_twin

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from dashred.config import Config
-from dashred.config.checks.checks import MOST_STEPS
+from dashred.config.checks.checks import MAX_STEPS
 from dashred.core.errors import InputError
 from dashred.data.episodes import Episodes, name_episode_in_errors
 from dashred.data.inputs import with_inputs
@@ -190,9 +190,9 @@ def _check_readings(system: System, sensors: Sequence[Sensor]) -> None:
 
 
 def _check_steps(config: Config, span: float, dt: float) -> None:
-    if span > MOST_STEPS * dt:
+    if span > MAX_STEPS * dt:
         problem = f"the recording spans {span:g}: in steps of {dt:g} these are too many"
-        hint = f"{MOST_STEPS} steps at most: are the recording's times in the system's unit?"
+        hint = f"{MAX_STEPS} steps at most: are the recording's times in the system's unit?"
         raise InputError(problem, where=config.where("system.integrator.dt"), hint=hint)
 
 

@@ -129,7 +129,7 @@ REFUSED = {
     "my_pendulum.Absent": "my_pendulum.Absent fails: AttributeError",
     "no_such_module.Pendulum": "ModuleNotFoundError",
     "Pendulum": "is not the name of a class",
-    "dashred.evaluation.twins.sealing.Truth": "is no simulator of yours",
+    "dashred.evaluation.twins.sealing.Truth": "is not a user's simulator",
     "os.path/../x": "is not the name of a class",
 }
 
@@ -143,7 +143,7 @@ def test_a_class_that_cannot_be_used_is_refused(folder: Path, name: str) -> None
 WORDS = {
     "system.equations.theta=omega": "system.class and system.equations are both given",
     "system.snapshots=runs.nc": "system.class and system.snapshots are both given",
-    "recording.twin=a": "a twin's truth is made of declared equations",
+    "recording.twin=a": "a twin needs declared equations",
     "trust=again.Again": "trust= is given twice",
 }
 

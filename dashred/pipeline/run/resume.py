@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from dashred.config.commandline import BASE, PLACE
-from dashred.config.layers import absolute, store_root
+from dashred.config.layers import absolute_path, store_root
 from dashred.config.source import read_file
 from dashred.core.errors import DONE, InputError, nearest
 from dashred.core.files.user_path import is_server
@@ -91,7 +91,7 @@ def read_words(argv: list[str]) -> dict[str, str]:
 
 def named_folder(words: dict[str, str]) -> str:
     """Return the folder of ``output=`` as it is from anywhere, the home folder spelt out."""
-    return absolute(words["output"], folder=Path.cwd(), where=PLACE)
+    return absolute_path(words["output"], folder=Path.cwd(), where=PLACE)
 
 
 def _root(words: dict[str, str]) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from dashred.core.formatting import number
-from dashred.core.units import NO_UNITS, TIME, with_unit, format_unit
+from dashred.core.units import NO_UNITS, TIME, format_unit, with_unit
 
 
 def set_up(findings: Mapping[str, Any]) -> dict[str, str]:

@@ -79,7 +79,7 @@ def test_what_is_one_or_a_folder(root: str) -> None:
 
 
 def test_a_recording_is_no_address() -> None:
-    with pytest.raises(InputError, match="an address, and no file"):
+    with pytest.raises(InputError, match="a URL, not a local file"):
         load_config(["conf=rde", "recording.path=https://a.example/b.csv"], entry="train")
 
 
