@@ -1,4 +1,4 @@
-"""Laws and discoveries made by hand, for the tests of what is said about them."""
+"""Laws and discoveries for the tests of reports."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def law(
     fault: SensorFault | None = None,
     widened: float = 1.0,
 ) -> Law:
-    """Return a law whose residuals are all `misfit`."""
+    """Return a law whose residuals are all ``misfit``."""
     return Law(
         candidates=tuple(candidates),
         coefficients=torch.tensor(values, dtype=torch.float64),
@@ -101,7 +101,7 @@ def discovery(
     beyond: float = 0.0,
     path: list[BestOfSize] | None = None,
 ) -> Discovered:
-    """Return a discovery with these laws, the best first, under noise of σ = 1."""
+    """Return a discovery with these laws, the best first, with noise σ = 1."""
     everywhere = torch.ones(SAMPLES, SENSORS, dtype=torch.bool)
     noise = NoiseModel(
         torch.ones(SENSORS, dtype=torch.float64),

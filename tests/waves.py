@@ -1,4 +1,4 @@
-"""Two coupled fields on a ring, of which sensors read the first: small, nonlinear and resolved."""
+"""Two coupled nonlinear fields on a periodic axis; the sensors read the first."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ TIMES = 0.25 * torch.arange(41, dtype=torch.float64)
 
 @dataclass(frozen=True)
 class Waves:
-    """The compiled waves, with every kind of window in reach."""
+    """The compiled waves, with all kinds of windows."""
 
     system: System
     simulator: Simulator
@@ -66,7 +66,7 @@ class Waves:
 
     @classmethod
     def declared(cls, folder: Path) -> Waves:
-        """Return them with all candidates in reach."""
+        """Return the waves with all candidates."""
         system = laws.declared(folder, TEXT)
         states = simulate(system, nominal_start(system), TIMES)[0]
         library = [Term(e, system.parse(text, "library", equation=e)) for e, text in TERMS]
@@ -87,14 +87,14 @@ class Waves:
 
     @cached_property
     def operator(self) -> ObservationOperator:
-        """Reads u at six places off the grid."""
+        """Observation operator of u at six positions off the grid."""
         places = [0.3 + 10 / 6 * j + 0.2 * math.sin(5.0 * j) for j in range(6)]
         sensors = [Sensor(f"s{j}", "u", (x,)) for j, x in enumerate(places)]
         return ObservationOperator(sensors, self.system)
 
     @cached_property
     def start(self) -> StartModel:
-        """The prior about the nominal start."""
+        """Prior around the nominal start."""
         nominal = nominal_start(self.system)
         return StartPrior(self.system, nominal[0], field_rms(nominal), None)
 

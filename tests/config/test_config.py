@@ -1,4 +1,4 @@
-"""Configuration: layers, types, places, and one clear message for every kind of wrong input."""
+"""Configuration: layers, types, locations, and one clear message for every input error."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ recording:
 
 @pytest.fixture
 def write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Write a system's file into an empty working directory; returns the loader of it."""
+    """Write a system's file into an empty working directory; return its loader."""
     monkeypatch.chdir(tmp_path)
 
     def load(*words: str, text: str = SYSTEM, entry: str = "train") -> Config:
@@ -60,10 +60,10 @@ def swapped(old: str, new: str) -> str:
     return SYSTEM.replace(old, new)
 
 
-# --- what a good configuration becomes -----------------------------------------------------------
+# --- valid configurations ------------------------------------------------------------------------
 
 
-def test_layers_lie_over_one_another(write: Any) -> None:
+def test_layers_override_one_another(write: Any) -> None:
     config = write("shred.lags=30", "recording.noise=1e-2")
     assert config.shred.lags == 30  # command line
     assert config.recording.every == 0.1  # file
@@ -92,7 +92,7 @@ def test_the_result_is_plain_python(write: Any) -> None:
     assert plain(frozen_input(write()))
 
 
-def test_texts_on_the_command_line_are_taken_as_they_stand(write: Any) -> None:
+def test_texts_on_the_command_line_are_taken_literally(write: Any) -> None:
     config = write("system.title=a: b # c", "tracking.run=12e45", "system.equations.u=-2*d(u, x)")
     assert config.system.title == "a: b # c"
     assert config.tracking.run == "12e45"
@@ -189,7 +189,7 @@ def test_every_default_is_in_base_yaml() -> None:
     assert unset(Settings, yaml.safe_load(BASE.read_text())) == own
 
 
-# --- what is frozen ------------------------------------------------------------------------------
+# --- frozen input --------------------------------------------------------------------------------
 
 
 def test_the_hash_changes_with_the_findings_input_alone(write: Any) -> None:
@@ -200,7 +200,7 @@ def test_the_hash_changes_with_the_findings_input_alone(write: Any) -> None:
     assert same != config_sha256(write("recording.path=my.csv", "system.parameters.c=1.1"))
 
 
-# --- what is refused -----------------------------------------------------------------------------
+# --- invalid input -------------------------------------------------------------------------------
 
 UNKNOWN = [
     ("shred.lag=3", "unknown key shred.lag", "did you mean shred.lags?"),
@@ -424,7 +424,7 @@ def test_an_unknown_system_gets_the_nearest_and_the_list() -> None:
     assert ", ".join(bundled()) in caught.value.hint
 
 
-def test_a_hidden_truth_is_no_system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_twin_file_is_not_a_system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "twins").mkdir()
     (tmp_path / "twins" / "a.yaml").write_text("seed: 1\n")
     monkeypatch.setattr("dashred.config.commandline.CONF", tmp_path)
@@ -432,7 +432,7 @@ def test_a_hidden_truth_is_no_system(tmp_path: Path, monkeypatch: pytest.MonkeyP
         load_config([f"conf={tmp_path / 'twins' / 'a.yaml'}"], entry="train")
 
 
-# Refusal is the only failure: whatever is written, no other exception may come out.
+# InputError is the only exception, whatever the input.
 ATOMS = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=12)
 TREES = st.recursive(
     ATOMS, lambda x: st.lists(x, max_size=3) | st.dictionaries(st.text(max_size=6), x, max_size=3)

@@ -1,4 +1,4 @@
-"""A full disk, missing rights, a held database, a missing package: one message, no traceback."""
+"""System errors, such as a full disk or a locked database, give one message, no traceback."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _raise(error: BaseException) -> int:
 
 
 def wrapped(inner: BaseException) -> BaseException:
-    """Return an error of a library that was raised because of another."""
+    """Return the exception of a library that was caused by another exception."""
     try:
         raise RuntimeError("the store failed") from inner
     except RuntimeError as outer:
@@ -75,14 +75,14 @@ def test_what_the_machine_refuses_is_told_in_two_lines(error, says, capsys) -> N
         ImportError("cannot import name 'x'", name="dashred.train"),
     ],
 )
-def test_a_failure_of_ours_is_none_of_the_machines(error) -> None:
+def test_a_bug_is_not_described_as_a_system_error(error) -> None:
     assert describe_system_error(error) is None
     with pytest.raises(type(error)):
         run_entry(lambda _: _raise(error))
 
 
 @pytest.mark.parametrize("entry", ["train", "record", "bench"])
-def test_a_python_without_the_packages_is_told_what_to_do(entry) -> None:
+def test_missing_packages_are_reported_with_a_hint(entry) -> None:
     """``-S`` leaves the installed packages out."""
     command = [sys.executable, "-S", "-m", f"dashred.{entry}", "conf=rde"]
     ended = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True)
@@ -129,7 +129,7 @@ def test_what_a_killed_run_had_not_finished_is_taken_away(tmp_path) -> None:
 
 @pytest.fixture
 def mounted(tmp_path: Path) -> Iterator[Path]:
-    """A disk of 64 kB; skipped where nobody may mount one."""
+    """A disk of 64 kB; skipped if mounting is not permitted."""
     folder = tmp_path / "disk"
     folder.mkdir()
     size = ["-o", "size=64k"]
@@ -151,7 +151,7 @@ def recording() -> Recording:
 
 
 def test_a_full_disk_leaves_what_was_there(mounted, tmp_path) -> None:
-    """By every way of writing that there is: text, copy, NetCDF, figure."""
+    """Covers all ways of writing: text, copy, NetCDF and figure."""
     large = tmp_path / "large"
     large.write_bytes(bytes(200_000))
     noise = np.random.default_rng(0).random((300, 300))
@@ -185,8 +185,8 @@ def test_a_folder_that_is_only_read_is_refused_before_any_work(mounted) -> None:
 
 
 @pytest.mark.slow
-def test_a_store_that_somebody_holds_is_told(tmp_path) -> None:
-    """MLflow waits for twenty seconds before it gives up."""
+def test_a_locked_store_is_reported(tmp_path) -> None:
+    """MLflow gives up after twenty seconds."""
     root = str(tmp_path / "mlruns")
     open_store(root, "first")
     holder = sqlite3.connect(tmp_path / "mlruns" / "mlflow.db")

@@ -1,4 +1,4 @@
-"""Units are compared, multiplied and written as products of powers; nothing is converted."""
+"""Units are compared, multiplied and written as products of powers, without conversion."""
 
 import pytest
 from hypothesis import given
@@ -59,7 +59,7 @@ def test_units_multiply_and_cancel() -> None:
     assert str(parse_unit("10 cm") / s**2) == "(10 cm)/s^2"
 
 
-def test_one_over_a_symbol_is_said_in_words() -> None:
+def test_one_over_a_symbol_is_written_in_words() -> None:
     assert per_unit("1/s") == per_unit("s-1") == "per s"
     assert per_unit("m/s") is None
     assert per_unit("s-2") is None

@@ -1,4 +1,4 @@
-"""Recordings of several episodes: what is written is read, in CSV and NetCDF, or refused."""
+"""Recordings of several episodes in CSV and NetCDF: round trip and errors."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ VALUES = st.floats(-1e6, 1e6) | st.just(math.nan)
 
 @st.composite
 def several(draw, inputs=False):
-    """Draw episodes with lengths, starts, irregular steps and missing values of their own."""
+    """Draw episodes with different lengths, starts, irregular steps and missing values."""
     parts: list[Episode] = []
     for name in draw(st.lists(NAMES, min_size=1, max_size=4, unique=True)):
         count = draw(st.integers(20, 30))
@@ -101,7 +101,7 @@ def test_one_episode_is_a_recording_like_any_other(ode, write):
     assert read_recording(named, None, ode).sha256() == read_episodes(plain, None, ode).sha256()
 
 
-def test_where_one_is_expected_several_are_refused(ode, write):
+def test_several_episodes_are_refused_where_one_is_expected(ode, write):
     rows = [f"{i},{i // 20},1" for i in range(40)]
     with pytest.raises(InputError, match="2 episodes, but one is expected"):
         read_recording(write("r.csv", "\n".join(["time,episode,u", *rows])), None, ode)

@@ -1,4 +1,4 @@
-"""The inputs of twins: driven past the recording's end, written, and read again."""
+"""Input signals of twins: sampled past the end of the recording, written and read."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_a_drive_is_known_as_far_as_forecasts_go(circuit) -> None:
     assert float(now) == pytest.approx(expected[7])
 
 
-def test_it_is_written_on_a_clock_of_its_own_and_read_again(circuit, tmp_path: Path) -> None:
+def test_inputs_are_written_on_their_own_clock_and_read_again(circuit, tmp_path: Path) -> None:
     system, config = circuit
     times = clock_of(config)
     inputs = drive_signals(system, config, times)

@@ -1,4 +1,4 @@
-"""Roles of sensors and parts of the time."""
+"""Splits: roles of the sensors, and fit, validation and held-out times."""
 
 from __future__ import annotations
 

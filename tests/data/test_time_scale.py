@@ -1,4 +1,4 @@
-"""How many samples a change takes, against waves whose period is known."""
+"""Time scales of waves with known periods."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One step of a network is timed as it comes in: a window at a time, the first few left out."""
+"""Latency of one step for a single window, without the warm-up steps."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.ring import SENSORS, ensemble, linear_system, untrained
 
 
 def ticking(slow: float, fast: float) -> Iterator[float]:
-    """Yield a clock's times: the steps that warm up are slow, the others fast."""
+    """Yield the times of a clock: warm-up steps are slow, the others fast."""
     now = 0.0
     for step in range(WARM_UP_STEPS + TIMED_STEPS):
         yield now
@@ -34,7 +34,7 @@ def test_the_median_of_the_steps_after_the_first(
     assert seconds_per_step(shred, window) == pytest.approx(0.002)
 
 
-def test_one_core_is_timed_and_the_others_come_back() -> None:
+def test_one_thread_is_timed_and_the_others_are_restored() -> None:
     before, during = torch.get_num_threads(), []
     torch.set_num_threads(2)
 

@@ -1,4 +1,4 @@
-"""SHRED: shapes, checkpoints, and that it reconstructs because of what its latent says."""
+"""SHRED: shapes, checkpoints, and a reconstruction that depends on the latent state."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STEPS = 500
 
 
 def waves(members: int, seed: int) -> Tensor:
-    """Travelling waves of random phase and speed, ``(member, time, field, x)``."""
+    """Return travelling waves of random phase and speed, ``(member, time, field, x)``."""
     generator = torch.Generator().manual_seed(seed)
     phase = 2 * math.pi * torch.rand(members, 1, 1, 1, generator=generator)
     speed = 0.5 + torch.rand(members, 1, 1, 1, generator=generator)
@@ -45,7 +45,7 @@ def make(states: Tensor, modes: int = 4) -> SHRED:
 
 @pytest.fixture(scope="module")
 def trained() -> SHRED:
-    """SHRED after a few seconds on forty waves."""
+    """SHRED, trained for a few seconds on forty waves."""
     seed_everything(0, verbose=False)
     states = waves(40, seed=0)
     shred = make(states)
@@ -80,7 +80,7 @@ def quiet_trainer(**settings: Any) -> Trainer:
 
 
 def relative_error(found: Tensor, truth: Tensor) -> float:
-    """RMSE over all fields, each in units of its own std."""
+    """Return the RMSE over all fields, each in units of its std."""
     std = truth.transpose(0, 1).flatten(1).std(dim=1).reshape(-1, 1)
     return float(((found - truth) / std).square().mean().sqrt())
 
@@ -103,7 +103,7 @@ def test_a_window_is_encoded_as_the_last_sample_of_its_stretch():
     stretch = torch.randn(3, 2 * LAGS, SENSORS)
     along = shred.encode_sequence(stretch)
     assert torch.equal(shred.encode(stretch), along[:, -1])
-    # What came later has no part in it.
+    # Later samples have no effect.
     torch.testing.assert_close(shred.encode(stretch[:, :LAGS]), along[:, LAGS - 1])
 
 
@@ -131,7 +131,7 @@ def test_a_checkpoint_carries_the_scaler_and_the_basis(tmp_path):
     assert names <= shred.state_dict().keys()
 
 
-def test_a_network_may_begin_as_another_one_with_other_modes():
+def test_a_network_can_be_initialised_from_one_with_other_modes():
     states = waves(4, seed=0)
     before, after = make(states), make(states, modes=3)
     after.initialise_from(before)

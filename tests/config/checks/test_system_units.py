@@ -1,4 +1,4 @@
-"""Units in a configuration: stated in one place or behind a field's meaning, and checked."""
+"""Units in a configuration: in system.units or after the description of a field."""
 
 from pathlib import Path
 
@@ -31,7 +31,7 @@ def with_units(units: str) -> str:
     return TEXT.replace("  start:", f"  units: {units}\n  start:")
 
 
-def test_a_unit_behind_a_meaning_is_one_of_the_systems_units(tmp_path: Path) -> None:
+def test_a_unit_after_a_description_is_one_of_the_systems_units(tmp_path: Path) -> None:
     config = load(tmp_path, with_units("{t: s, x: m, nu: m2/s, u: K}"))
     assert config.system.fields == {"u": "temperature", "v": "rate"}
     assert config.system.units == {"t": "s", "x": "m", "nu": "m2/s", "u": "K"}

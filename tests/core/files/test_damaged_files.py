@@ -1,4 +1,4 @@
-"""A damaged file is the user's to mend; a package that is missing, or a failing disk, is not."""
+"""A damaged file is an input error; a missing package or a failing disk is not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whatever place a user names is taken, or refused in a sentence."""
+"""Any path given by the user is accepted, or refused in one sentence."""
 
 from __future__ import annotations
 
@@ -78,12 +78,12 @@ def test_what_is_one_or_a_folder(root: str) -> None:
     check_address(root, "tracking.root")
 
 
-def test_a_recording_is_no_address() -> None:
+def test_a_recording_cannot_be_a_url() -> None:
     with pytest.raises(InputError, match="a URL, not a local file"):
         load_config(["conf=rde", "recording.path=https://a.example/b.csv"], entry="train")
 
 
-def test_a_port_that_speaks_otherwise_is_no_server() -> None:
+def test_a_port_with_another_protocol_is_not_a_server() -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
 

@@ -1,4 +1,4 @@
-"""Metric names: readable where it matters, reversible everywhere, always accepted by MLflow."""
+"""Metric names: readable, invertible and accepted by MLflow."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""Marks of missing values are told from what a sensor may really read."""
+"""Sentinels of missing values are distinguished from real sensor values."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dashred.data.io.missing_sentinels import mask_sentinels, sentinel_counts
 SWING = np.round(np.cos(0.1 * np.arange(300)), 3)
 
 
-def test_marks_are_found_and_taken_out() -> None:
+def test_sentinels_are_found_and_removed() -> None:
     spoilt = SWING.copy()
     spoilt[[7, 80, 81]], spoilt[[120, 121]] = -999.0, 1e20
     assert sentinel_counts(spoilt) == {-999.0: 3, 1e20: 2}

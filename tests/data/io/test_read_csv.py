@@ -1,4 +1,4 @@
-"""Reading recordings and tables of sensors from CSV; every fault named and located."""
+"""Recordings and tables of sensors in CSV; every error has its location."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_a_table_that_memory_could_not_hold_is_refused_before_it_is_read(ode, tm
     path = tmp_path / "day.csv"
     with path.open("wb") as file:
         file.write(b"time,u,v\n")
-        file.truncate(86_400_000 * 26)  # of which the disk holds next to nothing
+        file.truncate(86_400_000 * 26)  # a sparse file
     began = time.perf_counter()
     with pytest.raises(InputError, match=r"the table has 2246 MB; the limit is 268 MB") as refused:
         read_recording(str(path), None, ode)

@@ -1,4 +1,4 @@
-"""Measured inputs are read beside the sensors, and written and selected with them."""
+"""Measured inputs are read, written and selected together with the sensors."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_a_column_of_an_input_is_no_sensor(driven, write):
     np.testing.assert_array_equal(recording.inputs.values["power"], 2.0 * np.arange(25))
     chosen, _ = resample(recording.select(["v"]), 0.11)
     assert chosen.names == ("v",) and len(chosen.times) == 22
-    # Whatever the analysis' clock, the input stays as it was measured.
+    # The input is not resampled to the clock of the analysis.
     assert len(chosen.inputs.times) == 25
 
 
@@ -66,7 +66,7 @@ def test_an_input_that_cannot_be_one_is_refused(driven, write, cell, says):
 
 @pytest.fixture
 def dataset(driven, write, tmp_path):
-    """Return a recording with inputs on a clock of their own, which is the same here."""
+    """Return a recording whose inputs have their own clock, with the same times."""
     write_netcdf(read_recording(write("r.csv", lines()), None, driven), tmp_path / "r.nc")
     return xr.load_dataset(tmp_path / "r.nc", engine="h5netcdf")
 
