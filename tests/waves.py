@@ -34,7 +34,7 @@ from dashred.physics.library import evaluate_terms
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
-from dashred.physics.window import Shape, shapes_of
+from dashred.physics.window import Shape, window_shapes
 from tests import laws
 
 TEXT = """
@@ -71,7 +71,7 @@ class Waves:
         states = simulate(system, nominal_start(system), TIMES)[0]
         library = [Term(e, system.parse(text, "library", equation=e)) for e, text in TERMS]
         everything = build_candidates(system, library, states, 0.0)
-        simulator = Simulator(system, system.dt, everything, shapes_of(system))
+        simulator = Simulator(system, system.dt, everything, window_shapes(system))
         return cls(system, simulator, {str(found): found for found in everything})
 
     def simulated(self) -> Tensor:

@@ -79,7 +79,7 @@ def trace_class(settings: Settings, where: Where) -> System:
     """
     # Imported here, because torch takes seconds and few systems have a class.
     from dashred.physics import system as physics
-    from dashred.physics.external.tracing import equations_differ, trace
+    from dashred.physics.external.tracing import first_mismatch, trace
     from dashred.physics.external.tracing_values import NotTraceableError
 
     system, place = settings.system, where(CLASS_KEY)
@@ -87,7 +87,7 @@ def trace_class(settings: Settings, where: Where) -> System:
     try:
         equations = trace(simulator, physics.System(system, where))
         found = replace(system, equations=equations)
-        differs = equations_differ(simulator, physics.System(found, where))
+        differs = first_mismatch(simulator, physics.System(found, where))
     except (NotTraceableError, InputError) as error:
         what = f"{system.class_} cannot be expressed in the equation language: {error}"
         raise InputError(what, where=place, hint=_snapshot_hint()) from None

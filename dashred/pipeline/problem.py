@@ -122,7 +122,7 @@ def build_problem(config: Config) -> Problem:
     _check_readings(system, read.sensors)
     # What either side states holds; where both do, they agree.
     units = {**read.episodes[0].recording.units, **system.units}
-    system = system.declared_as(replace(system.config, units=units))
+    system = system.with_config(replace(system.config, units=units))
     every, snapshots = config.recording.every, _snapshots(system, read)
     if snapshots is not None:
         every = snapshots.clock_step(native_step(read.episodes[0].recording.times), every)

@@ -191,7 +191,7 @@ def _says(system: System, law: Law, index: int) -> str:
     if candidate.equation is not None:
         says = words(system, candidate.equation, _expression(system, candidate), value, std)
         window = candidate.window
-        return says if window is None else f"{says}, {window.told(system.units)}"
+        return says if window is None else f"{says}, {window.describe(system.units)}"
     old = system.config.parameters[candidate.name]
     change, std = _change(system, law, index)
     new, error = rounded(old + change, std)
@@ -224,7 +224,7 @@ def _tried(
             coefficient=value
             if candidate.equation
             else parameter_change(system, candidate.name, value),
-            region=candidate.window.told(system.units) if candidate.window else None,
+            region=candidate.window.describe(system.units) if candidate.window else None,
         )
         for candidate, value in zip(candidates, coefficients, strict=True)
     ]
