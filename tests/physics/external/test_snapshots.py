@@ -102,7 +102,10 @@ def test_a_run_too_large_for_the_machine_is_refused_before_it_is_read(
 
 REFUSED: dict[str, tuple[Change, str]] = {
     "field": (lambda d: d.rename(u="U"), "no variable 'u'"),
-    "dimensions": (lambda d: d.rename(x="y"), r"\(member, time, y\) instead of \(member, time, x\)"),
+    "dimensions": (
+        lambda d: d.rename(x="y"),
+        r"\(member, time, y\) instead of \(member, time, x\)",
+    ),
     "no time": (lambda d: d.drop_vars("time"), "no coordinate 'time'"),
     "uneven": (
         lambda d: d.assign_coords(time=2.0 + 0.1 * np.arange(21) ** 1.2),
