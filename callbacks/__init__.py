@@ -1,4 +1,4 @@
-"""Lightning callbacks: latent discovery, RMSE curves, progress, the best state."""
+"""Lightning callbacks: latent discovery, RMSE curves, progress and the best state."""
 
 from callbacks.best_state import BestState
 from callbacks.latent_discovery import LatentDiscovery

@@ -1,4 +1,4 @@
-"""Keep the weights with the best monitored metric, the state before training included."""
+"""Callback that restores the weights with the best metric, including the initial weights."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from torch import Tensor
 class BestState(Callback):
     """Restore the best state at the end of training.
 
-    Lightning's checkpoints begin after the first epoch; here the state that training starts from
-    competes too, so that assimilation can only help on the validation sensors. Run the sanity
-    check over all validation batches (``num_sanity_val_steps=-1``) for that.
+    Lightning's checkpoints start after the first epoch. Here the initial state counts too, so that
+    assimilation cannot increase the error on the validation sensors. This needs a sanity check
+    over all validation batches (``num_sanity_val_steps=-1``).
 
     Args:
         monitor: metric to minimise.
-        gain: share by which a state must beat the one before training to replace it; a metric
-            over few sensors can fall by chance.
+        gain: relative improvement over the initial state that is needed to replace it, because a
+            metric over few sensors can decrease by chance.
 
     Attributes:
-        best: lowest value seen.
-        best_epoch: epochs trained until then; 0 is the state before training.
+        best: lowest value of the metric.
+        best_epoch: number of epochs trained until then; 0 is the initial state.
     """
 
     def __init__(self, monitor: str, gain: float = 0.0) -> None:
@@ -32,7 +32,7 @@ class BestState(Callback):
         self._state: dict[str, Tensor] = {}
 
     def on_validation_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Keep a copy of the weights if they are the best so far."""
+        """Copy the weights if they are the best so far."""
         value = trainer.callback_metrics.get(self.monitor)
         if value is not None and float(value) < min(self.best, self.required):
             if not self._state:
@@ -42,6 +42,6 @@ class BestState(Callback):
             self._state = copy.deepcopy(pl_module.state_dict())
 
     def on_fit_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Put the best weights back."""
+        """Restore the best weights."""
         if self._state:
             pl_module.load_state_dict(self._state)

@@ -1,4 +1,4 @@
-"""Run latent SINDy at the end of each epoch of assimilation, and log its coefficients."""
+"""Callback that runs latent SINDy during assimilation and logs its coefficients."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from dashred.models.shred import reconstruct
 
 
 class LatentDiscovery(Callback):
-    """Algorithms 1 and 2 by epoch, as curves ``alg1/<equation>/<term>``.
+    """Algorithms 1 and 2 by epoch, logged as curves ``alg1/<equation>/<term>``.
 
-    A coefficient is logged from the first epoch on in which it is not zero, so that the store
-    holds the curves that say something.
+    A coefficient is logged from the first epoch in which it is nonzero, so that the store has no
+    curves that are always zero.
 
     Attributes:
-        epochs: epochs at which the regressions ran; the last stands for the final state.
+        epochs: epochs at which the regressions ran; the last entry is the final state.
         history: algorithm → coefficients ``(term,)`` by epoch.
         final: proposals for the final state, after :meth:`finish`.
     """
@@ -35,24 +35,24 @@ class LatentDiscovery(Callback):
         self._sindy: LatentSindy | None = None
 
     def on_fit_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Compute the columns on the field that assimilation starts from."""
+        """Compute the columns for the field before assimilation."""
         self._sindy = self._on(self._fields(pl_module))
 
     def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Regress and log."""
+        """Run the regressions and log the coefficients."""
         epoch = trainer.current_epoch + 1
         if epoch % self.problem.settings.every == 0:
             assert isinstance(pl_module, Assimilation)
-            # Inclusion frequencies are for the final proposals: no curve shows them.
+            # Inclusion frequencies are computed for the final proposals only.
             fields = self._fields(pl_module)
             assert self._sindy is not None
             found = self._sindy.propose(pl_module.encoder, fields, bootstraps=0)
             self.child.log_metrics(self._note(found, epoch), epoch)
 
     def finish(self, module: Assimilation) -> dict[str, SparseFit]:
-        """Return the proposals for the final state, from columns of its own if it has moved.
+        """Return the proposals for the final state; its columns are recomputed if it has changed.
 
-        They are the last point of the curves, one epoch after the last regression.
+        They become the last point of the curves, one epoch after the last regression.
         """
         fields = self._fields(module)
         if self._sindy is None or not torch.equal(fields, self._sindy.fields):
@@ -73,7 +73,7 @@ class LatentDiscovery(Callback):
         return reconstruct(module.encoder, module.shred, windows).cpu()
 
     def _note(self, found: dict[str, SparseFit], epoch: int) -> dict[str, float]:
-        """Add a point to the history, and return it as metrics."""
+        """Add a point to the history and return it as metrics."""
         self.epochs.append(epoch)
         metrics = {}
         for name, fit in found.items():

@@ -1,4 +1,4 @@
-"""A stage's progress bar, fed by Lightning."""
+"""Callback that updates the progress bar of a stage."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dashred.core.progress import Report
 
 
 class StageProgress(Callback):
-    """Show the share of epochs done and the latest value of one metric."""
+    """Show the share of finished epochs and the latest value of one metric."""
 
     def __init__(self, report: Report, metric: str, label: str) -> None:
         self.report, self.metric, self.label = report, metric, label
@@ -16,7 +16,7 @@ class StageProgress(Callback):
     def on_train_batch_end(
         self, trainer: Trainer, pl_module: LightningModule, *args: object
     ) -> None:
-        """Move the bar."""
+        """Update the bar."""
         done = trainer.global_step / max(1, trainer.estimated_stepping_batches)
         self.report(float(done), "")
 

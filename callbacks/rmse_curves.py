@@ -1,4 +1,4 @@
-"""RMSE and loss curves, one point an epoch, in MLflow and for the figures."""
+"""Callback that records RMSE and loss curves by epoch, for MLflow and the figures."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from dashred.core.mlflow.run import MlflowRun
 class RMSECurves(Callback):
     """Log every ``rmse/…`` and ``loss/…`` metric by epoch.
 
-    Lightning's own logger steps by batch, in which runs of different batch sizes cannot be
-    compared; here the step is the epoch, 0 being the state before training.
+    Lightning's own logger counts batches, so that runs with different batch sizes cannot be
+    compared. Here the step is the epoch; epoch 0 is the state before training.
 
     Attributes:
         history: metric → list of (epoch, value).
 
     Args:
         child: nested run that gets the curves.
-        parent: run of the whole command, which gets the RMSEs under ``prefix``, so that parents
-            can be compared by curve.
+        parent: run of the command; it gets the RMSEs under ``prefix``, so that commands can be
+            compared.
         prefix: for example ``assimilate``.
     """
 
@@ -39,7 +39,7 @@ class RMSECurves(Callback):
         self.parent.log_metrics({f"{self.prefix}/{k}": v for k, v in found.items()}, epoch)
 
     def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Log the epoch's losses, which are complete only now."""
+        """Log the losses of the epoch, which are complete only now."""
         losses = {
             name: float(value)
             for name, value in trainer.callback_metrics.items()

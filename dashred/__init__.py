@@ -18,6 +18,6 @@ def _keep_out(folder: str) -> None:
 # What its imports lack is told by name, as anything else that goes wrong is.
 if sys.argv[:1] == ["-m"]:
     _keep_out(os.getcwd())
-    from dashred.core.system_errors import tell_uncaught
+    from dashred.core.system_errors import report_uncaught
 
-    sys.excepthook = tell_uncaught
+    sys.excepthook = report_uncaught

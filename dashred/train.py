@@ -1,9 +1,9 @@
 """Find what physics a simulation leaves out: ``python -m dashred.train conf=rde``.
 
 The command analyses a recording (``recording.path=FILE``), runs a twin experiment
-(``recording.twin=NAME``) or resumes a run (``resume=RUN_ID``). A twin experiment is three processes:
-a recorder that knows the hidden truth, an analysis that gets the recording alone, and a scorer that
-reads the truth when the findings are frozen.
+(``recording.twin=NAME``) or resumes a run (``resume=RUN_ID``). A twin experiment consists of three
+processes: a recorder that knows the hidden truth, an analysis that gets only the recording, and a
+scorer that reads the truth after the findings are frozen.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from __future__ import annotations
 import sys
 
 from dashred.config import load_config
-from dashred.config.checks.placeholders import refuse_open_lines
+from dashred.config.checks.placeholders import refuse_unfinished_lines
 from dashred.core.errors import DONE, run_entry
 from dashred.core.mlflow.server import check_server
 
 
 def main(argv: list[str]) -> int:
-    """Run an analysis, a twin experiment, or the rest of a run that was interrupted."""
+    """Run an analysis or a twin experiment, or resume an interrupted run."""
     helping = {"--help", "-h"} & set(argv)
     if not helping and any(word.startswith("resume=") for word in argv):
         from dashred.evaluation.twins.twin_experiment import score_if_sealed
@@ -25,7 +25,7 @@ def main(argv: list[str]) -> int:
 
         return resume(argv, score_if_sealed)
     config = load_config(argv, entry="train")
-    refuse_open_lines(config)
+    refuse_unfinished_lines(config)
     check_server(config.tracking.root)
     if config.recording.twin is not None:
         from dashred.evaluation.twins.twin_experiment import run_twin

@@ -1,4 +1,4 @@
-"""Batches by index: whole batches are cut out of tensors, never sample by sample."""
+"""Data loaders that index whole batches of tensors at once instead of single samples."""
 
 from __future__ import annotations
 

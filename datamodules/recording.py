@@ -1,4 +1,4 @@
-"""The real recording as windows and targets: sensor values are all there is to ask for."""
+"""The real recording as windows and targets for assimilation."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from datamodules.batches import Batches, ordered_batches, shuffled_batches
 
 
 class RecordingDataModule(LightningDataModule):
-    """What assimilation is fitted to, and what stops it.
+    """Windows, fit targets and validation targets of one recording.
 
-    Test sensors and held-out times never get here: the constructor is handed the fit and the
-    validation parts of the split alone. There is no field in a recording, so none can be asked.
+    The constructor gets only the fit and validation parts of the split, so that test sensors and
+    held-out times cannot be used.
 
     Attributes:
         windows: histories s' of SHRED's input sensors, ``(time, lag, sensor)``, float32.
-        fitted: what the p + q fit sensors read, ``(time, sensor)``, NaN where missing.
-        validated: what the validation sensors read, ``(time, sensor)``, NaN where missing or,
-            where no sensor validates, before the validation stretch.
+        fitted: values of the p + q fit sensors, ``(time, sensor)``, NaN where missing.
+        validated: values of the validation sensors, ``(time, sensor)``, NaN where missing. Without
+            validation sensors, values of the fit sensors, NaN before the validation interval.
 
     Args:
-        fit: recording of the fit sensors; its times are the module's clock.
-        validation: recording of the validation sensors, or of a later stretch of the fit ones.
-        inputs: names of the fit sensors that SHRED sees.
-        lags: samples of history behind the present one.
-        batch: windows in a batch.
-        seed: of the batches' order.
+        fit: recording of the fit sensors; defines the clock of the module.
+        validation: recording of the validation sensors, or a later part of the fit sensors.
+        inputs: names of SHRED's input sensors.
+        lags: number of past samples in a window.
+        batch: windows per batch.
+        seed: of the order of the batches.
     """
 
     def __init__(
@@ -46,9 +46,9 @@ class RecordingDataModule(LightningDataModule):
         super().__init__()
         self.fit, self.validation = fit, validation
         self.batch, self.seed = batch, seed
-        seen = torch.from_numpy(fit.select(inputs).values)
-        self.windows = windows(seen, lags).float().contiguous()
-        self.validated = _on_clock(validation, fit)
+        traces = torch.from_numpy(fit.select(inputs).values)
+        self.windows = windows(traces, lags).float().contiguous()
+        self.validated = _align(validation, fit)
         fitted = torch.from_numpy(fit.values).clone()
         if validation.names == fit.names:
             fitted[~self.validated.isnan()] = torch.nan
@@ -64,10 +64,10 @@ class RecordingDataModule(LightningDataModule):
 
 
 class EpisodesDataModule(RecordingDataModule):
-    """Several episodes one after another; each has windows of its own, and none spans two.
+    """Several episodes, concatenated; no window spans two episodes.
 
     Args:
-        parts: the episodes.
+        parts: one module for each episode.
     """
 
     def __init__(self, parts: Sequence[RecordingDataModule]) -> None:
@@ -79,8 +79,8 @@ class EpisodesDataModule(RecordingDataModule):
         self.validated = torch.cat([part.validated for part in parts])
 
 
-def _on_clock(validation: Recording, fit: Recording) -> Tensor:
-    """Put the validation samples on the fit clock, NaN elsewhere."""
+def _align(validation: Recording, fit: Recording) -> Tensor:
+    """Return the validation samples on the fit clock, NaN elsewhere."""
     values = torch.full((len(fit.times), len(validation.sensors)), torch.nan, dtype=torch.float64)
     first = int(fit.times.searchsorted(validation.times[0] - 1e-9))
     values[first : first + len(validation.times)] = torch.from_numpy(validation.values)

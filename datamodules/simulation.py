@@ -15,14 +15,14 @@ from dashred.physics.runs.ensemble import Ensemble
 from datamodules.batches import Batches, ordered_batches, shuffled_batches
 
 VALIDATION_BATCH = 1024
-LAST_AGAIN = 2
+LAST_REPEATS = 2
 
 
 class SimulationDataModule(LightningDataModule):
-    """What SHRED learns from: simulated members, cut into training, validation and test members.
+    """Simulated ensemble, split into training, validation and test members.
 
-    The scaler and the POD basis are fitted on training members alone. Half of the held-out
-    members stop the training early, the other half measure it.
+    The scaler and the POD basis are fitted on the training members only. Half of the held-out
+    members are used for early stopping, the other half measure the error.
 
     Attributes:
         scaler: of the input sensors.
@@ -31,13 +31,13 @@ class SimulationDataModule(LightningDataModule):
 
     Args:
         ensemble: simulated trajectories.
-        operator: reads SHRED's input sensors.
+        operator: observation operator of SHRED's input sensors.
         noise: std of each input sensor, ``(sensor,)``.
-        lags: samples of history behind the present one.
-        modes: POD modes.
-        held_out: members not trained on.
-        batch: stretches in a training batch.
-        seed: of the batches' order and of the held-out members' noise.
+        lags: number of past samples in a window.
+        modes: number of POD modes.
+        held_out: number of members that are not trained on.
+        batch: sequences per training batch.
+        seed: of the order of the batches and of the noise on held-out members.
     """
 
     def __init__(
@@ -66,44 +66,44 @@ class SimulationDataModule(LightningDataModule):
         self.spread = self.coefficients("train").flatten(0, 1).std(dim=0)
 
     def states(self, part: str) -> Float[Tensor, "member time ..."]:
-        """Return the trajectories of one part of the members."""
+        """Return the trajectories of one part: train, validation or test."""
         return self.ensemble.states[list(self.members[part])]
 
     def observed(self, part: str) -> Float[Tensor, "member time sensor"]:
-        """Return what the input sensors read on one part of the members, without noise."""
+        """Return the noise-free values of the input sensors for one part."""
         return self.operator(self.states(part))
 
     def coefficients(self, part: str) -> Float[Tensor, "member time mode"]:
-        """Return the POD coefficients of one part of the members."""
+        """Return the POD coefficients of one part."""
         return self.pod.encode(self.states(part))
 
     def noisy_windows(self, part: str) -> Float[Tensor, "member time lag sensor"]:
-        """Return windows of noisy histories; the noise is fixed by the seed and the part."""
+        """Return windows of noisy histories; the seed and the part determine the noise."""
         traces = self.observed(part)
         generator = torch.Generator().manual_seed(self.seed * 2 + (part == "test"))
         noise = torch.randn(traces.shape, generator=generator, dtype=traces.dtype)
         return windows(traces + self.noise * noise, self.lags)
 
     def train_dataloader(self) -> Batches:
-        """Return clean stretches of ``k + 1`` samples and the targets of their second half.
+        """Return noise-free sequences of ``k + 1`` samples with targets for their second half.
 
-        And how many of its first samples only repeat the next: there are none before a record.
-        One pass of the LSTM then trains as many windows as there are targets, at a tenth of the
-        cost of so many separate ones. The network that reads a recording has its whole history of
-        k samples, longer than the shortest that it is trained with. Noise is drawn by the
-        LightningModule. Stretches overlap, but for the last of a member: it comes again.
+        The third tensor is the number of leading samples that repeat the first sample of a
+        trajectory. One pass of the LSTM trains on all targets of a sequence, at a tenth of the
+        cost of separate windows. In use, the network has a full history of k samples, longer than
+        the shortest one in training. The LightningModule adds the noise. Sequences overlap; the
+        last one of each member, which overlaps with no later one, is repeated instead.
         """
         half = self.lags // 2
-        stretches, coefficients = (
+        sequences, coefficients = (
             windows(self.observed("train"), self.lags),
             self.coefficients("train"),
         )
-        last = stretches.shape[1] - 1
-        ends = torch.tensor([*range(0, last, max(1, half // 2)), *[last] * (1 + LAST_AGAIN)])
-        # Where a record's first sample is repeated, so is its state.
+        last = sequences.shape[1] - 1
+        ends = torch.tensor([*range(0, last, max(1, half // 2)), *[last] * (1 + LAST_REPEATS)])
+        # Where the first sample of a trajectory is repeated, so is its state.
         at = (ends[:, None] + torch.arange(-half, 1)).clamp(min=0)
-        repeated = (self.lags - ends).clamp(min=0).repeat(len(stretches))
-        tensors = _flat(stretches[:, ends]), _flat(coefficients[:, at]), repeated
+        repeated = (self.lags - ends).clamp(min=0).repeat(len(sequences))
+        tensors = _flat(sequences[:, ends]), _flat(coefficients[:, at]), repeated
         return shuffled_batches(tensors, self.batch, self.seed)
 
     def val_dataloader(self) -> Batches:

@@ -1,7 +1,4 @@
-"""What every test needs: one thread each, since several run side by side, and no dice.
-
-And a twin experiment that takes seconds, for the tests of whole runs.
-"""
+"""Fixtures of all tests: one thread per test, fixed seeds, and a quick twin experiment."""
 
 from __future__ import annotations
 
@@ -59,7 +56,7 @@ b:
 
 @dataclass(frozen=True)
 class Ended:
-    """What a command left behind."""
+    """The result of a command."""
 
     code: int
     out: str
@@ -77,7 +74,7 @@ Run = Callable[..., Ended]
 
 @pytest.fixture(scope="session", autouse=True)
 def own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """What runs keep of this user lies among the tests' files."""
+    """Put the user's state folder among the files of the tests."""
     folder = tmp_path_factory.mktemp("state")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(folder))
@@ -86,7 +83,7 @@ def own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.fixture(scope="session")
 def quick(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A system of 32 points with its twins: a whole run is a matter of seconds."""
+    """A system of 32 points with its twins; a complete run takes seconds."""
     folder = tmp_path_factory.mktemp("systems")
     (folder / "twins").mkdir()
     (folder / "twins" / "quick.yaml").write_text(TWINS)
@@ -110,27 +107,27 @@ def run_command(folder: Path, *words: str, cwd: Path = CHECKOUT) -> Ended:
 
 @pytest.fixture(scope="session")
 def twin_run(quick: Path, tmp_path_factory: pytest.TempPathFactory) -> Ended:
-    """The twin experiment on twin a: three real processes."""
+    """The twin experiment on twin a, in three real processes."""
     ended = run_command(tmp_path_factory.mktemp("twin"), f"conf={quick}")
     assert ended.code == 0, ended.err
     return ended
 
 
 class InProcess:
-    """Stands in for ``subprocess.Popen``: runs an entry point here, where imports are paid for."""
+    """A stand-in for ``subprocess.Popen`` that runs an entry point in this process."""
 
     started: ClassVar[list[list[str]]]
     monkeypatch: ClassVar[pytest.MonkeyPatch]
     code: int
 
     def __init__(self, command: list[str], **_: object) -> None:
-        """Stand by."""
+        """Store the command."""
         assert command[1:3] == ["-m", "dashred.pipeline.run.prewarmed"]
         self.module = command[3]
         self.stdin = Told(self)
 
     def run(self, words: list[str]) -> None:
-        """Run the entry point to its end."""
+        """Run the entry point."""
         self.started.append([self.module, *words])
         self.code = _entry(self.monkeypatch, self.module, words)
 
@@ -139,20 +136,20 @@ class InProcess:
         return self.code
 
     def terminate(self) -> None:
-        """Do nothing: it has ended, or was never told to begin."""
+        """Do nothing: the command has ended or was never started."""
         self.code = getattr(self, "code", 0)
 
 
 class Told(io.StringIO):
-    """The stdin of one that stands by."""
+    """The stdin of a waiting process."""
 
     def __init__(self, process: InProcess) -> None:
-        """Hold who reads it."""
+        """Store the reader."""
         super().__init__()
         self.process = process
 
     def close(self) -> None:
-        """Hand over what was written."""
+        """Pass the written text to the reader."""
         words = json.loads(self.getvalue())
         super().close()
         self.process.run(words)
@@ -170,7 +167,7 @@ def _entry(monkeypatch: pytest.MonkeyPatch, module: str, words: list[str]) -> in
 
 @pytest.fixture
 def stand_in(monkeypatch: pytest.MonkeyPatch) -> type[InProcess]:
-    """Run a twin experiment's processes here."""
+    """Run the processes of a twin experiment in this process."""
 
     class Here(InProcess):
         started: ClassVar[list[list[str]]] = []
@@ -185,7 +182,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch) -> type[InProcess]:
 
 @pytest.fixture
 def processes(stand_in: type[InProcess]) -> list[list[str]]:
-    """Run a twin experiment's processes here, and list their words as they are started."""
+    """Run the processes of a twin experiment in this process, and record their arguments."""
     return stand_in.started
 
 
@@ -196,7 +193,7 @@ def train(
     tmp_path: Path,
     capfd: pytest.CaptureFixture[str],
 ) -> Run:
-    """``train(*words)``: the command in this process, without figures unless asked for."""
+    """``train(*words)``: run the command in this process, by default without figures."""
 
     def run(*words: str, folder: Path = tmp_path, figures: bool = False) -> Ended:
         output, root = folder / "output", folder / "mlruns"

@@ -1,4 +1,4 @@
-"""What stands in a document between fences."""
+"""Fenced code blocks of a document."""
 
 from __future__ import annotations
 

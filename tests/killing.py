@@ -1,4 +1,4 @@
-"""Runs that are killed: begun in a process of their own, and ended where they have got to."""
+"""Runs in a separate process that are killed at a given stage."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ WAIT_SECONDS = 300.0
 
 
 def start(words: list[str]) -> subprocess.Popen[str]:
-    """Begin ``python -m dashred.train`` as a user would."""
+    """Start ``python -m dashred.train`` as a user would."""
     return subprocess.Popen(
         [sys.executable, "-u", "-m", "dashred.train", *words],
         cwd=CHECKOUT,
@@ -31,7 +31,7 @@ def start(words: list[str]) -> subprocess.Popen[str]:
 def kill_when(
     process: subprocess.Popen[str], reached: Callable[[list[str]], bool]
 ) -> tuple[list[str], bool]:
-    """Kill a run that has got so far; returns what it has printed, and if any of it is left."""
+    """Kill a run at a given stage; return its output, and whether any process is left."""
     lines: SimpleQueue[str] = SimpleQueue()
     assert process.stdout is not None
     stdout = process.stdout
@@ -54,7 +54,7 @@ def kill_when(
         watch.cancel()
         process.send_signal(signal.SIGKILL)
         process.wait()
-    # Whatever it has started holds the pipe, too: it ends when the last of them has ended.
+    # Child processes hold the pipe, too: it closes when the last of them has ended.
     listener.join(10.0)
     left = listener.is_alive()
     if not left:

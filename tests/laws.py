@@ -1,4 +1,4 @@
-"""Laws and discoveries made by hand, for the tests of what is said about them."""
+"""Laws and discoveries for the tests of reports."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def law(
     fault: SensorFault | None = None,
     widened: float = 1.0,
 ) -> Law:
-    """Return a law whose residuals are all `misfit`."""
+    """Return a law whose residuals are all ``misfit``."""
     return Law(
         candidates=tuple(candidates),
         coefficients=torch.tensor(values, dtype=torch.float64),

@@ -1,4 +1,4 @@
-"""A linear wave on a ring with its sensors, an ensemble and an untrained SHRED, for many tests."""
+"""A linear wave on a periodic axis with sensors, an ensemble and an untrained SHRED."""
 
 from __future__ import annotations
 
@@ -75,6 +75,6 @@ def untrained(states: Tensor, operator: ObservationOperator, seed: int = 0) -> S
 
 
 def record(system: System, states: Tensor, sensors: tuple[Sensor, ...] = SENSORS) -> Recording:
-    """Return what sensors read, without noise, of ``(time, field, x)``."""
+    """Return the noise-free sensor values of ``(time, field, x)``."""
     values = ObservationOperator(sensors, system)(states).numpy()
     return Recording(sensors, TIMES[: len(states)].numpy(), values)

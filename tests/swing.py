@@ -1,6 +1,7 @@
-"""A swing with its sensors, candidates and objective, compiled once: fits of it take moments.
+"""A compiled swing with its sensors, candidates and least-squares problem, for fast fits.
 
-Linear but for its candidates; with forces of time alone, readings are linear in all unknowns.
+The swing is linear except for its candidates. With forces that depend on time only, the readings
+are linear in all unknowns.
 """
 
 from __future__ import annotations
@@ -39,13 +40,13 @@ system:
   integrator: {method: rk4, dt: 0.05}
 recording: {twin: a, sensors: 2, noise: 0, duration: 12, every: 0.1}
 """
-# Of the momentum's equation.
+# Terms of the momentum equation.
 FORCES = ("x**2", "x**3", "p**3", "abs(p)*p", "sign(p)", "x*p", "sin(3*x)", "1")
-# Of time alone: linear in everything that is fitted.
+# Terms in time only: the readings are linear in all unknowns.
 DRIVES = ("1", "t", "sin(t)", "cos(2*t)")
 SENSORS = (Sensor("place", "x"), Sensor("momentum", "p"))
 TIMES = 0.15 * torch.arange(81, dtype=torch.float64)
-# Where the start is looked for: truth is drawn from it, or lies well within.
+# Prior of the start: the truth is drawn from it, or lies well within.
 MEAN, SPREAD = (0.9, 0.2), 0.3
 
 
@@ -59,7 +60,7 @@ class Swing:
 
     @classmethod
     def declared(cls, folder: Path) -> Swing:
-        """Return it with all candidates in reach."""
+        """Return the system with all candidates."""
         system = laws.declared(folder, TEXT)
         terms = [laws.term(system, "p", text) for text in dict.fromkeys((*FORCES, *DRIVES))]
         parameters = [laws.parameter(system, name) for name in system.config.parameters]
@@ -69,7 +70,7 @@ class Swing:
 
     @cached_property
     def operator(self) -> ObservationOperator:
-        """Reads place and momentum."""
+        """Observation operator of position and momentum."""
         return ObservationOperator(SENSORS, self.system)
 
     @cached_property
@@ -95,7 +96,7 @@ class Swing:
         return self.forward_model(names).readings(*unknowns)[0]
 
     def foreign(self, z: Sequence[float], text: str, value: float) -> Tensor:
-        """Return readings under a force that is no candidate."""
+        """Return readings with a force that is not a candidate."""
         term = Term("p", self.system.parse(text, "test", equation="p"))
         other = self.system.with_terms([(term, value)])
         [start] = self.start.start(torch.tensor([z], dtype=torch.float64))

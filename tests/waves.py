@@ -1,4 +1,4 @@
-"""Two coupled fields on a ring, of which sensors read the first: small, nonlinear and resolved."""
+"""Two coupled nonlinear fields on a periodic axis; the sensors read the first."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from dashred.physics.library import evaluate_terms
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
-from dashred.physics.window import Shape, shapes_of
+from dashred.physics.window import Shape, window_shapes
 from tests import laws
 
 TEXT = """
@@ -61,7 +61,7 @@ TIMES = 0.25 * torch.arange(41, dtype=torch.float64)
 
 @dataclass(frozen=True)
 class Waves:
-    """The compiled waves, with every kind of window in reach."""
+    """The compiled waves, with all kinds of windows."""
 
     system: System
     simulator: Simulator
@@ -69,12 +69,12 @@ class Waves:
 
     @classmethod
     def declared(cls, folder: Path) -> Waves:
-        """Return them with all candidates in reach."""
+        """Return the waves with all candidates."""
         system = laws.declared(folder, TEXT)
         states = simulate(system, nominal_start(system), TIMES)[0]
         library = [Term(e, system.parse(text, "library", equation=e)) for e, text in TERMS]
         everything = build_candidates(system, library, states, 0.0)
-        part = CandidateSimulator(system, system.dt, everything, shapes_of(system))
+        part = CandidateSimulator(system, system.dt, everything, window_shapes(system))
         return cls(system, Simulator([part]), {str(found): found for found in everything})
 
     def simulated(self) -> Tensor:
@@ -90,14 +90,14 @@ class Waves:
 
     @cached_property
     def operator(self) -> ObservationOperator:
-        """Reads u at six places off the grid."""
+        """Observation operator of u at six positions off the grid."""
         places = [0.3 + 10 / 6 * j + 0.2 * math.sin(5.0 * j) for j in range(6)]
         sensors = [Sensor(f"s{j}", "u", (x,)) for j, x in enumerate(places)]
         return ObservationOperator(sensors, self.system)
 
     @cached_property
     def start(self) -> StartModel:
-        """The prior about the nominal start."""
+        """Prior around the nominal start."""
         nominal = nominal_start(self.system)
         return EpisodeStarts((StartPrior(self.system, nominal[0], field_rms(nominal), None),))
 

@@ -1,7 +1,7 @@
-"""One validated, typed configuration: YAML files and command-line overrides in, dataclasses out.
+"""Validated, typed configuration from YAML files and command-line overrides.
 
-Read :mod:`dashred.config.schema.settings` for what can be set, ``conf/base.yaml`` for the defaults.
-Nothing here imports torch: a wrong input is answered at once.
+:mod:`dashred.config.schema.settings` defines all keys, and ``conf/base.yaml`` their defaults. This
+package does not import torch, so that input errors are reported at once.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 
 from dashred.config.checks.checks import check
 from dashred.config.checks.expressions import check_expressions
-from dashred.config.checks.system_units import settle_units
+from dashred.config.checks.system_units import collect_units
 from dashred.config.commandline import (
     BASE,
     bundled,
@@ -23,7 +23,7 @@ from dashred.config.commandline import (
 )
 from dashred.config.frozen import config_sha256, frozen_input
 from dashred.config.layers import merge, prepare, where_in
-from dashred.config.python_class import check_trust, take_trust, with_equations
+from dashred.config.python_class import check_trust, split_trust, trace_class
 from dashred.config.schema.recording import Recording, SensorSplit, Splits, TimeSplit
 from dashred.config.schema.settings import (
     Assimilation,
@@ -63,11 +63,11 @@ __all__ = [
 
 @dataclass
 class Config(Settings):
-    """The settings of one run, and where each of them was written.
+    """The settings of one run, and the location of each.
 
     Attributes:
-        name: stem of the system's file, ``rde``.
-        source: the system's file.
+        name: stem of the system's file, for example ``rde``.
+        source: path of the system's file.
         lines: ``FILE:LINE`` or ``command line`` of each dotted key.
     """
 
@@ -76,23 +76,23 @@ class Config(Settings):
     lines: dict[str, str]
 
     def where(self, key: str) -> str:
-        """Where a dotted key was written, or else the section around it: ``conf/rde.yaml:12``."""
+        """Return the location of a dotted key or of its section: ``conf/rde.yaml:12``."""
         return where_in(self.lines)(key)
 
 
 def load_config(argv: list[str], *, entry: str) -> Config:
     """Read ``conf=SYSTEM key=value ...`` into a checked configuration.
 
-    ``conf/base.yaml`` lies lowest, the system's file over it, the overrides on top. ``--help``
+    The system's file overrides ``conf/base.yaml``, and the command line overrides both. ``--help``
     prints the usage of ``entry`` and exits with 0.
 
     Raises:
-        InputError: anything wrong in the words or in the files.
+        InputError: the arguments or the files are invalid.
     """
     if {"--help", "-h"} & set(argv):
         print(usage(entry))
         raise SystemExit(0)
-    words, trusted = take_trust(argv)
+    words, trusted = split_trust(argv)
     word, overrides = split_words(words, entry=entry)
     path, label = find_system(word)
     defaults, system = _file(BASE, "conf/base.yaml"), _file(path, label)
@@ -101,11 +101,11 @@ def load_config(argv: list[str], *, entry: str) -> Config:
     check_overrides(overrides, system)
     lines = defaults.lines | system.lines | overrides.lines | {"": label}
     settings = merge(defaults, system, overrides)
-    settle_units(settings.system, lines)
+    collect_units(settings.system, lines)
     where = where_in(lines)
     check_trust(settings, trusted, where)
     if settings.system.class_ is not None:
-        settings.system = with_equations(settings, where)
+        settings.system = trace_class(settings, where)
     check(settings, where)
     check_expressions(settings, where)
     return Config(**vars(settings), name=path.stem, source=path.resolve(), lines=lines)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from dashred.config.schema.types import kind_at, optional, required
-from dashred.config.source import Source, plain, read_text
+from dashred.config.source import Source, check_text, read_text
 from dashred.core.errors import InputError, nearest
 from dashred.core.files.user_path import user_path
 
@@ -142,7 +142,7 @@ def _value(key: str, text: str) -> tuple[Any, dict[str, str]]:
     kind = kind_at(key, lambda _: PLACE)
     if required(kind) is str and not text.startswith(("'", '"')):
         nothing = text in ("", "null") and optional(kind)
-        return None if nothing else plain(text, where=PLACE), {key: PLACE}
+        return None if nothing else check_text(text, where=PLACE), {key: PLACE}
     try:
         return read_text(text, label=PLACE, key=key)
     except InputError as error:

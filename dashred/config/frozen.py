@@ -10,28 +10,29 @@ from typing import Any
 
 from dashred.config.schema.settings import Settings
 
-ELSEWHERE = ("output", "tracking")
-# How a twin is recorded says nothing about a recording that is there already.
-RECORDING_A_TWIN = ("noise", "duration", "reads")
+OUTPUT_SECTIONS = ("output", "tracking")
+# Keys that apply only to recording a twin, not to an existing recording.
+TWIN_ONLY = ("noise", "duration", "reads")
 
 
 def frozen_input(config: Settings) -> dict[str, Any]:
-    """The plain nested dict of everything that determines the findings.
+    """Return everything that determines the findings as a plain nested dict.
 
-    Where results go is left out, and files are named without their folder: a run in another
-    place is the same run. What the files hold is hashed with the recording, not here.
+    Output locations are omitted, and files are named without their folders, so that the result
+    does not depend on where a run is made. The contents of the files are hashed with the
+    recording.
     """
     values = {
         field.name: asdict(config)[field.name]
         for field in fields(Settings)
-        if field.name not in ELSEWHERE
+        if field.name not in OUTPUT_SECTIONS
     }
     if not values["system"]["units"]:
-        # What states no unit is the run that it was before units could be stated.
+        # Keeps the hash of configurations from before units were introduced.
         del values["system"]["units"]
     recording = values["recording"]
     if recording["path"] is not None:
-        for key in RECORDING_A_TWIN:
+        for key in TWIN_ONLY:
             del recording[key]
         if isinstance(recording["sensors"], int):
             del recording["sensors"]
@@ -50,6 +51,6 @@ def frozen_input(config: Settings) -> dict[str, Any]:
 
 
 def config_sha256(config: Settings) -> str:
-    """SHA-256 of the canonical JSON of :func:`frozen_input`."""
+    """Return the SHA-256 of the canonical JSON of :func:`frozen_input`."""
     text = json.dumps(frozen_input(config), sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""Three layers of values, each over the one before: base.yaml, the system's file, overrides."""
+"""Merging of the configuration layers: base.yaml, the system's file, command-line overrides."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from typing import Any, get_args, get_origin
 from omegaconf import DictConfig, OmegaConf, ValidationError
 
 from dashred.config.schema.settings import Settings
-from dashred.config.schema.types import Where, child, in_words, kind_at, optional, required
+from dashred.config.schema.types import Where, child, describe_kind, kind_at, optional, required
 from dashred.config.source import Source
 from dashred.core.errors import InputError
 from dashred.core.files.user_path import check_address, is_server, user_path
 
 PATHS = ("recording.path", "recording.sensors", "system.snapshots", "output", "tracking.root")
-# What a system needs that is declared by its equations.
-OF_EQUATIONS = ("equations", "start", "integrator.dt")
+# Required keys of a system that is declared by equations.
+REQUIRED_WITH_EQUATIONS = ("equations", "start", "integrator.dt")
 
 
 def where_in(lines: dict[str, str]) -> Where:
-    """A function that says where a dotted key was written, or else the section around it."""
+    """Return a function that gives the location of a dotted key, or else of its section."""
 
     def where(key: str) -> str:
         while key and key not in lines:
@@ -34,57 +34,57 @@ def where_in(lines: dict[str, str]) -> Where:
 
 
 def prepare(source: Source, *, folder: Path) -> Source:
-    """Check a layer's keys and shapes, and settle its texts: numbers evaluated, paths absolute.
+    """Check the keys and shapes of a layer; evaluate numbers and make paths absolute.
 
-    Paths count from the folder of the file that holds them.
+    Paths are relative to ``folder``.
 
     Raises:
-        InputError: an unknown key, a value of the wrong shape, or a number that cannot be read.
+        InputError: an unknown key, a value of the wrong shape, or an invalid number.
     """
     where = where_in(source.lines)
-    values = _fit(_name_the_null_twin(source.values), Settings, "", where)
+    values = _coerce(_restore_null_twin(source.values), Settings, "", where)
     for key in PATHS:
-        settled = store_root if key == "tracking.root" else absolute
+        settled = store_root if key == "tracking.root" else absolute_path
         _edit(values, key, partial(settled, folder=folder, where=where(key)))
     return Source(values, source.lines)
 
 
-def absolute(text: str, *, folder: Path, where: str) -> str:
-    """Return a path as it is from anywhere.
+def absolute_path(text: str, *, folder: Path, where: str) -> str:
+    """Return an absolute path.
 
     Raises:
-        InputError: no path can be so.
+        InputError: the text is not a valid path.
     """
     if "://" in text:
-        what, hint = "this is an address, and no file or folder here", "fetch it first"
+        what, hint = "this is a URL, not a local file or folder", "download it first"
         raise InputError(what, where=where, hint=hint)
     return abspath(folder / user_path(text, where))
 
 
 def store_root(text: str, *, folder: Path, where: str) -> str:
-    """Return where runs are kept as it is from anywhere: a folder, or the address of a server.
+    """Return the root of the MLflow store: an absolute path, or the address of a server.
 
     Raises:
-        InputError: no path can be so, or no address.
+        InputError: the text is neither a valid path nor a valid address.
     """
     check_address(text, where)
-    return text if is_server(text) else absolute(text, folder=folder, where=where)
+    return text if is_server(text) else absolute_path(text, folder=folder, where=where)
 
 
 def merge(defaults: Source, system: Source, overrides: Source) -> Settings:
-    """Lay each layer over the one before, and build the checked tree of dataclasses.
+    """Merge the layers, in order of increasing priority, into a checked tree of dataclasses.
 
     Raises:
         InputError: a value of the wrong type, two recordings in one layer, or a missing key.
     """
     tree: DictConfig = OmegaConf.structured(Settings)
     lines: dict[str, str] = {}
-    for layer in _one_recording([defaults, system, overrides]):
+    for layer in _keep_one_recording([defaults, system, overrides]):
         lines |= layer.lines
         try:
             merged = OmegaConf.merge(tree, _as_attributes(layer.values))
         except ValidationError as error:
-            raise _wrong_type(error, layer.values, where_in(lines)) from None
+            raise _merge_error(error, layer.values, where_in(lines)) from None
         assert isinstance(merged, DictConfig)
         tree = merged
     if missing := sorted({*OmegaConf.missing_keys(tree), *_missing_equations(tree)}):
@@ -92,12 +92,12 @@ def merge(defaults: Source, system: Source, overrides: Source) -> Settings:
         raise InputError(f"missing: {', '.join(missing)}", where=where(missing[0]))
     settings = OmegaConf.to_object(tree)
     assert isinstance(settings, Settings)
-    _complete(settings, where_in(lines))
+    _fill_derived_values(settings, where_in(lines))
     return settings
 
 
 def _as_attributes(values: dict[str, Any]) -> dict[str, Any]:
-    """Return a layer with the names of the schema's attributes: none can be called ``class``."""
+    """Return a layer with the names of the schema's attributes: ``class`` becomes ``class_``."""
     system = values.get("system", {})
     if "class" not in system:
         return values
@@ -106,17 +106,17 @@ def _as_attributes(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _missing_equations(tree: DictConfig) -> list[str]:
-    """Return what is missing of a system's equations; nothing where snapshots stand for them."""
+    """Return the missing keys of a system's equations; none if it is given as snapshots."""
     if OmegaConf.select(tree, "system.snapshots") is not None:
         return []
-    keys = [f"system.{key}" for key in OF_EQUATIONS]
+    keys = [f"system.{key}" for key in REQUIRED_WITH_EQUATIONS]
     if OmegaConf.select(tree, "system.class_") is not None:
         keys.remove("system.equations")
     return [key for key in keys if OmegaConf.select(tree, key) in (None, {})]
 
 
-def _complete(settings: Settings, where: Where) -> None:
-    """Fill in what only the whole tree tells."""
+def _fill_derived_values(settings: Settings, where: Where) -> None:
+    """Fill in defaults that depend on other keys."""
     system = settings.system
     settings.recording.reads = settings.recording.reads or list(system.fields)
     length = system.spread.get("length")
@@ -124,42 +124,42 @@ def _complete(settings: Settings, where: Where) -> None:
         system.spread["length"] = evaluate(length, "system.spread.length", where)
 
 
-def _fit(value: Any, kind: Any, key: str, where: Where) -> Any:
-    """Give a value the shape of its kind; scalars other than numbers' texts are left alone."""
+def _coerce(value: Any, kind: Any, key: str, where: Where) -> Any:
+    """Check the shape of a value against its type, and evaluate texts where a number is needed."""
     bare = required(kind)
     if value is None and optional(kind):
         return None
     if is_dataclass(bare) or get_origin(bare) is dict:
         if not isinstance(value, dict):
-            raise _unexpected(value, kind, key, where)
-        return {name: _fit_member(x, kind, name, key, where) for name, x in value.items()}
+            raise _type_error(value, kind, key, where)
+        return {name: _coerce_member(x, kind, name, key, where) for name, x in value.items()}
     if get_origin(bare) is list:
         if not isinstance(value, list):
-            raise _unexpected(value, kind, key, where)
+            raise _type_error(value, kind, key, where)
         (item,) = get_args(bare)
-        return [_fit(x, item, f"{key}[{i}]", where) for i, x in enumerate(value)]
+        return [_coerce(x, item, f"{key}[{i}]", where) for i, x in enumerate(value)]
     if bare is not Any and (value is None or isinstance(value, dict | list)):
-        raise _unexpected(value, kind, key, where)
+        raise _type_error(value, kind, key, where)
     if bare is float and isinstance(value, str):
         return evaluate(value, key, where)
     if bare in (int, bool) and type(value) is not bare:
-        # OmegaConf would read more: '1_0' as 10, yes as true, true as 1.
-        raise _unexpected(value, kind, key, where)
+        # OmegaConf would also accept '1_0' as 10, yes as true, and true as 1.
+        raise _type_error(value, kind, key, where)
     return value
 
 
-def _fit_member(value: Any, kind: Any, name: str, parent: str, where: Where) -> Any:
+def _coerce_member(value: Any, kind: Any, name: str, parent: str, where: Where) -> Any:
     key = f"{parent}.{name}" if parent else name
-    return _fit(value, child(kind, name, key, where), key, where)
+    return _coerce(value, child(kind, name, key, where), key, where)
 
 
 def evaluate(text: str, key: str, where: Where) -> float:
     """Evaluate arithmetic such as ``2*pi``.
 
     Raises:
-        InputError: the text is not a number, and why.
+        InputError: the text is not a number.
     """
-    # Imported late: nothing else of the configuration needs the equation language.
+    # Imported here, because few configurations need the equation language at this point.
     from dashred.physics.expressions.parser import number
 
     try:
@@ -169,16 +169,16 @@ def evaluate(text: str, key: str, where: Where) -> float:
         raise InputError(what, where=error.where, hint=error.hint) from None
 
 
-def _name_the_null_twin(values: dict[str, Any]) -> dict[str, Any]:
-    """YAML reads the twin called null as nothing: give it its name back."""
+def _restore_null_twin(values: dict[str, Any]) -> dict[str, Any]:
+    """Restore the name of the twin called null, which YAML reads as None."""
     recording = values.get("recording")
     if isinstance(recording, dict) and "twin" in recording and recording["twin"] is None:
         return values | {"recording": recording | {"twin": "null"}}
     return values
 
 
-def _one_recording(layers: list[Source]) -> list[Source]:
-    """Keep the highest layer's recording, the twin's or the user's own, and drop the others."""
+def _keep_one_recording(layers: list[Source]) -> list[Source]:
+    """Keep only the recording (twin or path) of the layer with the highest priority."""
     decided = False
     kept: list[Source] = []
     for layer in reversed(layers):
@@ -188,7 +188,7 @@ def _one_recording(layers: list[Source]) -> list[Source]:
             raise InputError(
                 "recording.twin and recording.path are both given",
                 where=layer.lines["recording.path"],
-                hint="keep the one that is to be analysed",
+                hint="keep the one to analyse",
             )
         if decided:
             recording |= {"twin": None, "path": None}
@@ -197,22 +197,22 @@ def _one_recording(layers: list[Source]) -> list[Source]:
     return kept[::-1]
 
 
-def _wrong_type(error: ValidationError, values: dict[str, Any], where: Where) -> InputError:
+def _merge_error(error: ValidationError, values: dict[str, Any], where: Where) -> InputError:
     key = str(error.full_key)
     value: Any = values
     for part in key.replace("[", ".").replace("]", "").split("."):
         value = value[int(part)] if isinstance(value, list) else value[part]
-    return _unexpected(value, kind_at(key, where), key, where)
+    return _type_error(value, kind_at(key, where), key, where)
 
 
-def _unexpected(value: Any, kind: Any, key: str, where: Where) -> InputError:
+def _type_error(value: Any, kind: Any, key: str, where: Where) -> InputError:
     given = {dict: "a section of keys", list: "a list", type(None): "nothing"}
     got = given.get(type(value)) or repr(value)
-    return InputError(f"{key} must be {in_words(kind)}; got {got}", where=where(key))
+    return InputError(f"{key} must be {describe_kind(kind)}; got {got}", where=where(key))
 
 
 def _edit(values: dict[str, Any], key: str, change: Callable[[str], str]) -> None:
-    """Change one text in a nested dict, where there is one."""
+    """Change one text in a nested dict, if it exists."""
     *sections, name = key.split(".")
     for section in sections:
         values = values.get(section, {})

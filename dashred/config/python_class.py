@@ -1,4 +1,4 @@
-"""A simulator in Python: whose code may run is said on the command line, and nowhere else."""
+"""Simulators as Python classes, which run only if the command line trusts them."""
 
 from __future__ import annotations
 
@@ -15,14 +15,17 @@ from dashred.config.schema.types import Where
 from dashred.core.errors import InputError
 from dashred.physics.system_schema import System
 
-KEY = "system.class"
+CLASS_KEY = "system.class"
 DOTTED = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)+\Z")
-# What knows the truth of twins is among these; a user's simulator is not.
-OWN = ("dashred", "callbacks", "datamodules")
+# These packages include the truth of twins and cannot be a user's simulator.
+OWN_PACKAGES = ("dashred", "callbacks", "datamodules")
 
 
-def take_trust(words: list[str]) -> tuple[list[str], str | None]:
-    """Split ``trust=MODULE.CLASS`` off a command line's words.
+def split_trust(words: list[str]) -> tuple[list[str], str | None]:
+    """Split ``trust=MODULE.CLASS`` off the command-line arguments.
+
+    Returns:
+        The other arguments, and the trusted class or None.
 
     Raises:
         InputError: it is given twice.
@@ -35,89 +38,89 @@ def take_trust(words: list[str]) -> tuple[list[str], str | None]:
 
 
 def check_trust(settings: Settings, trusted: str | None, where: Where) -> None:
-    """Refuse to run a class that the command line does not name, before any of it is imported.
+    """Check, before any import, that the command line trusts the class of the system.
 
     Raises:
-        InputError: it is not trusted, or is no class of the user's; or what is trusted is not used.
+        InputError: the class is not trusted or belongs to dashred, or the system has no class.
     """
     system = settings.system
     name = system.class_
     if name is None:
         if trusted is not None:
             what = f"trust={trusted} is given, but the system names no class"
-            raise InputError(what, where="command line", hint="leave it out")
+            raise InputError(what, where="command line", hint="remove it")
         return
     if not DOTTED.match(name):
         hint = "write MODULE.CLASS, such as mypkg.MySystem"
-        raise InputError(f"{name!r} is not the name of a class", where=where(KEY), hint=hint)
-    if name.partition(".")[0] in OWN:
-        raise InputError(f"{name} is no simulator of yours", where=where(KEY))
+        raise InputError(f"{name!r} is not the name of a class", where=where(CLASS_KEY), hint=hint)
+    if name.partition(".")[0] in OWN_PACKAGES:
+        raise InputError(f"{name} is not a user's simulator", where=where(CLASS_KEY))
     if trusted != name:
         raise InputError(
-            f"this system runs the code of {name}, which can do anything that you can",
-            where=where(KEY),
+            f"this system runs the code of {name}, with all your permissions",
+            where=where(CLASS_KEY),
             hint=f"read it first; if you trust it, add trust={name} to the command line",
         )
     for key in ("equations", "snapshots"):
         if getattr(system, key):
-            what = f"{KEY} and system.{key} are both given"
-            raise InputError(what, where=where(KEY), hint="keep one of them")
+            what = f"{CLASS_KEY} and system.{key} are both given"
+            raise InputError(what, where=where(CLASS_KEY), hint="keep one of them")
     if settings.recording.twin is not None:
-        what = "a twin's truth is made of declared equations, but this system has a class"
-        hint = "give recording.path=FILE, a recording of yours"
+        what = "a twin needs declared equations, but this system has a class"
+        hint = "give your own recording with recording.path=FILE"
         raise InputError(what, where=where("recording.twin"), hint=hint)
 
 
-def with_equations(settings: Settings, where: Where) -> System:
-    """Return the system with the equations that its trusted class computes.
+def trace_class(settings: Settings, where: Where) -> System:
+    """Return the system with the equations traced from its trusted class.
 
     Raises:
-        InputError: the class cannot be imported, fails, or does what no equation says.
+        InputError: the class cannot be imported, fails, or cannot be expressed as equations.
     """
-    # Imported late: torch takes seconds, and few systems have a class.
+    # Imported here, because torch takes seconds and few systems have a class.
     from dashred.physics import system as physics
-    from dashred.physics.external.tracing import equations_differ, trace
+    from dashred.physics.external.tracing import first_mismatch, trace
     from dashred.physics.external.tracing_values import NotTraceableError
 
-    system, place = settings.system, where(KEY)
-    simulator = _made(str(system.class_), place)
+    system, place = settings.system, where(CLASS_KEY)
+    simulator = _instantiate(str(system.class_), place)
     try:
         equations = trace(simulator, physics.System(system, where))
         found = replace(system, equations=equations)
-        differs = equations_differ(simulator, physics.System(found, where))
+        differs = first_mismatch(simulator, physics.System(found, where))
     except (NotTraceableError, InputError) as error:
-        what = f"{system.class_} does what the equation language does not have: {error}"
-        raise InputError(what, where=place, hint=_other_way()) from None
-    except Exception as error:  # a stranger's code fails in any way
-        raise _failed(str(system.class_), error, place) from error
+        what = f"{system.class_} cannot be expressed in the equation language: {error}"
+        raise InputError(what, where=place, hint=_snapshot_hint()) from None
+    except Exception as error:  # user code may raise any exception
+        raise _class_error(str(system.class_), error, place) from error
     if differs is not None:
-        what = f"with numbers, {system.class_} gives another tendency of {differs} than with names"
-        raise InputError(what, where=place, hint=_other_way())
+        what = f"the traced equations of {system.class_} give another tendency of {differs}"
+        raise InputError(what, where=place, hint=_snapshot_hint())
     return found
 
 
-def _other_way() -> str:
-    return "give snapshots of its runs (system.snapshots), with which all but refinement works"
+def _snapshot_hint() -> str:
+    return "give snapshots of its runs (system.snapshots); all but refinement works with them"
 
 
-def _made(name: str, place: str) -> Any:
+def _instantiate(name: str, place: str) -> Any:
     module, _, attribute = name.rpartition(".")
     here = str(Path.cwd())
     if here not in sys.path:
-        # Last: of what else lies there, nothing is asked for by name.
+        # Last, so that other files in this folder do not hide installed modules.
         sys.path.append(here)
     try:
         simulator = getattr(import_module(module), attribute)()
-    except Exception as error:  # a stranger's code fails in any way
-        raise _failed(name, error, place) from error
+    except Exception as error:  # user code may raise any exception
+        raise _class_error(name, error, place) from error
     if not callable(getattr(simulator, "tendency", None)):
         hint = "see docs/black-box.md"
         raise InputError(f"{name} has no method tendency", where=place, hint=hint)
     return simulator
 
 
-def _failed(name: str, error: Exception, place: str) -> InputError:
+def _class_error(name: str, error: Exception, place: str) -> InputError:
     last = traceback.extract_tb(error.__traceback__)[-1]
     what = f"{name} fails: {type(error).__name__}: {error} ({last.filename}:{last.lineno})"
-    hint = "its module has to lie in the folder you are in, or be installed"
+    hint = "its module must be in the current folder, or installed"
     return InputError(what, where=place, hint=hint if isinstance(error, ImportError) else None)

@@ -1,8 +1,8 @@
-"""YAML text → plain values, and the line on which each key stands.
+"""Parser of a YAML subset to plain values, with the line number of each key.
 
-A small YAML: text, numbers, true and false, null, lists and mappings. Not taken over from
-YAML 1.1: ``yes``/``no``/``on`` as booleans, dates, base-60 and octal numbers (all of them
-surprises in a file of equations), and ``1e-3`` as a text. Refused: duplicate keys, aliases, tags.
+The subset has texts, numbers, true and false, null, lists and mappings. Unlike YAML 1.1, it does
+not read ``yes``/``no``/``on`` as booleans, has no dates, base-60 or octal numbers, and reads
+``1e-3`` as a number. Duplicate keys, aliases and tags are errors.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ import yaml
 from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from dashred.core.errors import InputError
-from dashred.core.files.plain_text import unprintable
+from dashred.core.files.plain_text import first_unprintable
 
 TAG = "tag:yaml.org,2002:"
-QUOTE = "quote a text that holds ': ' or ' #', or that begins with one of * & ! % @ ` [ { - |"
+QUOTE = "quote a text that contains ': ' or ' #', or begins with one of * & ! % @ ` [ { - |"
 SCALARS = {
     "null": re.compile(r"^(?:~|null|Null|NULL|)$"),
     "bool": re.compile(r"^(?:true|True|TRUE|false|False|FALSE)$"),
@@ -33,15 +33,15 @@ CONVERT: dict[str, Callable[[str], Any]] = {
     "int": int,
     "float": float,
 }
-DEEPEST = 12
-# More than anybody writes by hand; larger files would be read for minutes.
-LARGEST, MOST_VALUES = 100_000, 2000
-COMMA = "inside [ ] and { } a comma ends a text: put quotes around an expression that holds one"
+MAX_DEPTH = 12
+# Larger than any file written by hand; reading more would take minutes.
+MAX_BYTES, MAX_VALUES = 100_000, 2000
+COMMA = "inside [ ] and { } a comma ends a text: quote an expression that contains a comma"
 
 
 @dataclass(frozen=True)
 class Source:
-    """A mapping as it was written, and where.
+    """A mapping, with the location of each key.
 
     Attributes:
         values: plain nested dicts and lists of str, int, float, bool and None.
@@ -54,18 +54,18 @@ class Source:
 
 
 def read_file(path: Path, *, label: str) -> Source:
-    """Read a YAML file that holds one mapping.
+    """Read a YAML file with one mapping.
 
     Args:
-        path: the file.
-        label: its name in messages.
+        path: of the file.
+        label: name of the file in error messages.
 
     Raises:
-        InputError: the file is missing or not UTF-8, or it is not a mapping in this small YAML.
+        InputError: the file is missing, not UTF-8, or not a mapping in this subset of YAML.
     """
     try:
         with path.open("rb") as file:
-            data = file.read(LARGEST + 1)
+            data = file.read(MAX_BYTES + 1)
         text = data.decode("utf-8-sig")
     except OSError as error:
         raise InputError(f"cannot read the file: {error.strerror}", where=label) from None
@@ -74,9 +74,9 @@ def read_file(path: Path, *, label: str) -> Source:
         raise InputError(
             "the file is not UTF-8", where=f"{label}:{line}", hint="save it as UTF-8 text"
         ) from None
-    if len(data) > LARGEST:
-        problem = f"the file is larger than {LARGEST} bytes"
-        raise InputError(problem, where=label, hint="recordings have files of their own")
+    if len(data) > MAX_BYTES:
+        problem = f"the file is larger than {MAX_BYTES} bytes"
+        raise InputError(problem, where=label, hint="keep data in separate files")
     values, lines = read_text(text, label=label)
     if values is None:
         values = {}
@@ -86,10 +86,10 @@ def read_file(path: Path, *, label: str) -> Source:
 
 
 def read_text(text: str, *, label: str, key: str = "") -> tuple[Any, dict[str, str]]:
-    """Read one YAML document: its value, and the lines of its keys, all of them below ``key``.
+    """Read one YAML document; return its value and the lines of its keys, prefixed by ``key``.
 
     Raises:
-        InputError: ``LABEL:LINE:COLUMN`` and what is wrong there.
+        InputError: the text is invalid, with ``LABEL:LINE:COLUMN``.
     """
     try:
         loader = _Loader(text)
@@ -110,23 +110,23 @@ def read_text(text: str, *, label: str, key: str = "") -> tuple[Any, dict[str, s
     return value, reader.lines
 
 
-def plain(text: str, *, where: str) -> str:
-    """Return the text as it is, unless it cannot be printed or OmegaConf would read more into it.
+def check_text(text: str, *, where: str) -> str:
+    """Return a text unchanged if it is printable and has no special meaning in OmegaConf.
 
     Raises:
-        InputError: it holds an interpolation, the mark of a missing value, or a control character.
+        InputError: it contains an interpolation or a control character, or is ``???``.
     """
-    if sign := unprintable(text):
-        problem = f"the character {sign!r} cannot stand in a text"
+    if sign := first_unprintable(text):
+        problem = f"the character {sign!r} is not allowed in a text"
         raise InputError(problem, where=where, hint="write plain text")
     if "${" in text:
         raise InputError(
-            "interpolation with ${...} is not used here",
+            "interpolation with ${...} is not supported",
             where=where,
             hint="write the value itself; equations may name parameters and lets",
         )
     if text == "???":
-        raise InputError("a value is still to be filled in here", where=where)
+        raise InputError("this value is still missing", where=where)
     return text
 
 
@@ -142,14 +142,14 @@ class _Loader(yaml.SafeLoader):
     depth = count = 0
 
     def compose_node(self, parent: Node | None, index: Any) -> Node | None:
-        """Refuse aliases, a bomb of which is endless to read, and towers, and endless lists."""
+        """Refuse aliases, deep nesting and too many values, which could take forever to read."""
         mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
         if self.check_event(yaml.AliasEvent):
-            raise yaml.composer.ComposerError(None, None, "YAML aliases are not used here", mark)
-        if self.depth > 4 * DEEPEST:
+            raise yaml.composer.ComposerError(None, None, "YAML aliases are not supported", mark)
+        if self.depth > 4 * MAX_DEPTH:
             raise yaml.composer.ComposerError(None, None, "nested too deeply", mark)
-        if self.count > MOST_VALUES:
-            raise yaml.composer.ComposerError(None, None, f"over {MOST_VALUES} values", mark)
+        if self.count > MAX_VALUES:
+            raise yaml.composer.ComposerError(None, None, f"more than {MAX_VALUES} values", mark)
         self.count += 1
         self.depth += 1
         node = super().compose_node(parent, index)
@@ -158,14 +158,14 @@ class _Loader(yaml.SafeLoader):
 
 
 class _Reader:
-    """Node tree → plain values; remembers the line of every key on the way."""
+    """Conversion of a node tree to plain values; records the line of every key."""
 
     def __init__(self, label: str) -> None:
         self.label = label
         self.lines: dict[str, str] = {}
 
     def value(self, node: Node, key: str, *, in_flow: bool = False) -> Any:
-        if key.count(".") + key.count("[") > DEEPEST:
+        if key.count(".") + key.count("[") > MAX_DEPTH:
             raise InputError("nested too deeply", where=self._line(node))
         if key:
             self.lines.setdefault(key, self._line(node))
@@ -176,14 +176,14 @@ class _Reader:
             return [self.value(x, f"{key}[{i}]", in_flow=bool(node.flow_style)) for i, x in items]
         if isinstance(node, ScalarNode):
             return self._scalar(node, in_flow=in_flow)
-        raise InputError(f"YAML tags are not used here: {node.tag}", where=self._line(node))
+        raise InputError(f"YAML tags are not supported: {node.tag}", where=self._line(node))
 
     def _mapping(self, node: MappingNode, parent: str) -> dict[str, Any]:
         values: dict[str, Any] = {}
         for name_node, value_node in node.value:
             name = self._name(name_node, in_flow=bool(node.flow_style))
             if name in values:
-                raise InputError(f"the key {name!r} stands here twice", where=self._line(name_node))
+                raise InputError(f"duplicate key {name!r}", where=self._line(name_node))
             key = f"{parent}.{name}" if parent else name
             self.lines[key] = self._line(name_node)
             values[name] = self.value(value_node, key, in_flow=bool(node.flow_style))
@@ -206,9 +206,9 @@ class _Reader:
             if in_flow and node.style is None and text.count("(") != text.count(")"):
                 what = f"unbalanced ( ) in {text!r}"
                 raise InputError(what, where=self._line(node), hint=COMMA)
-            return plain(text, where=self._line(node))
+            return check_text(text, where=self._line(node))
         if kind not in CONVERT:
-            raise InputError(f"YAML tags are not used here: {node.tag}", where=self._line(node))
+            raise InputError(f"YAML tags are not supported: {node.tag}", where=self._line(node))
         try:
             return CONVERT[kind](text)
         except ValueError:

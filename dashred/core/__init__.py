@@ -1,1 +1,1 @@
-"""Files, findings, MLflow, errors, units: no physics and no configuration."""
+"""Files, findings, MLflow, errors and units; independent of physics and configuration."""

@@ -1,4 +1,4 @@
-"""The one error a user sees, and how an entry point ends."""
+"""The error for invalid user input, and the exit codes of entry points."""
 
 from __future__ import annotations
 
@@ -7,34 +7,34 @@ import os
 import sys
 from collections.abc import Callable, Iterable
 
-from dashred.core.system_errors import describe
+from dashred.core.system_errors import describe_system_error
 
 DONE, OUR_FAILURE, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
 class InputError(Exception):
-    """Something the user gave is wrong: what, where, and what to do about it.
+    """Invalid user input.
 
     Attributes:
-        what: the fault, as one plain sentence without a full stop.
-        where: file with line or column, a key, or ``command line``.
-        hint: what to do, or the nearest valid choice.
+        what: the problem, as one plain sentence without a full stop.
+        where: file with line or column, a configuration key, or ``command line``.
+        hint: how to fix it, or the nearest valid choice.
     """
 
     def __init__(self, what: str, *, where: str | None = None, hint: str | None = None) -> None:
-        """Hold the three parts; see the class."""
-        # The three parts go to Exception too, so that the error survives a process boundary.
+        """Store the three parts; see the class."""
+        # Exception gets the three parts too, so that the error can cross a process boundary.
         super().__init__(what, where, hint)
         self.what = what
         self.where = where
         self.hint = hint
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Rebuild from keywords: pickle would pass all three by position."""
+        """Rebuild from keywords; pickle would pass all three by position."""
         return _rebuild, (self.what, self.where, self.hint)
 
     def __str__(self) -> str:
-        """``WHERE: WHAT``, and the hint indented on a second line."""
+        """Return ``WHERE: WHAT``, with the hint indented on a second line."""
         first = f"{self.where}: {self.what}" if self.where else self.what
         return f"{first}\n  {self.hint}" if self.hint else first
 
@@ -44,19 +44,19 @@ def _rebuild(what: str, where: str | None, hint: str | None) -> InputError:
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Return a hint: the known name most like ``name``, or all of them."""
+    """Return a hint: the known name closest to ``name``, or else all known names."""
     choices = list(dict.fromkeys(known))
     close = difflib.get_close_matches(name, choices, n=1)
     return f"did you mean {close[0]}?" if close else f"one of: {', '.join(choices) or 'none'}"
 
 
 def run_entry(main: Callable[[list[str]], int]) -> int:
-    """Run ``main`` on the command line's words and return the process's exit code.
+    """Run ``main`` on the command-line arguments and return the exit code of the process.
 
-    An :class:`InputError` is printed to stderr, without a traceback, and gives 2; what the machine
-    refuses, a full disk for example, likewise and gives 1; Ctrl-C gives 130. Anything else is a
-    failure of ours: it propagates, and Python ends with 1. A reader that has closed our output,
-    such as ``head``, knows that it has: nothing is said, and 1 returned.
+    An :class:`InputError` is printed to stderr without a traceback and gives 2. A system error,
+    such as a full disk, is printed likewise and gives 1. Ctrl-C gives 130. If the reader of stdout
+    has closed it, as ``head`` does, nothing is printed and the code is 1. Any other exception is a
+    bug and propagates: Python prints the traceback and exits with 1.
     """
     try:
         try:
@@ -64,7 +64,7 @@ def run_entry(main: Callable[[list[str]], int]) -> int:
         finally:
             sys.stdout.flush()
     except BrokenPipeError:
-        # What is left in the buffer would be written, and refused once more, at the very end.
+        # Python flushes the buffer again at exit: send the rest to the null device.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OUR_FAILURE
     except InputError as error:
@@ -74,7 +74,7 @@ def run_entry(main: Callable[[list[str]], int]) -> int:
         print("interrupted", file=sys.stderr)
         return INTERRUPTED
     except Exception as error:
-        if (said := describe(error)) is None:
+        if (said := describe_system_error(error)) is None:
             raise
         print(f"error: {said}", file=sys.stderr)
         return OUR_FAILURE

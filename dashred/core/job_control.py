@@ -1,4 +1,4 @@
-"""What a command of hours needs: its folder to itself, an end by whatever signal, logs' ends."""
+"""Support for long commands: folder locks, signal handling and the last line of a log."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from dashred.core.errors import InputError
 
 
 @contextmanager
-def alone_in(output: Path, what: str) -> Iterator[None]:
-    """Keep a second command of the same kind out of a folder.
+def lock_folder(output: Path, what: str) -> Iterator[None]:
+    """Lock a folder against a second command of the same kind.
 
     Raises:
-        InputError: one is running there.
+        InputError: such a command is already running there.
     """
     try:
         with FileLock(output / f".{what}.lock", timeout=0):
@@ -26,13 +26,13 @@ def alone_in(output: Path, what: str) -> Iterator[None]:
         raise InputError(
             f"another {what} is running in this folder",
             where=str(output),
-            hint="wait for it, or choose another: output=DIR",
+            hint="wait until it ends, or choose another folder: output=DIR",
         ) from None
 
 
 @contextmanager
 def signals_as_interrupt() -> Iterator[None]:
-    """Let a plain ``kill`` end a command as Ctrl-C does, and this where a shell had it ignored."""
+    """Handle SIGTERM and SIGINT like Ctrl-C, even if the shell had ignored them."""
     before = {how: signal.getsignal(how) for how in (signal.SIGINT, signal.SIGTERM)}
     for how in before:
         signal.signal(how, signal.default_int_handler)
@@ -44,7 +44,7 @@ def signals_as_interrupt() -> Iterator[None]:
 
 
 def last_line(log: Path) -> str:
-    """Return the end of a log: what it died of, an error's hint left out."""
+    """Return the last line of a log, skipping the indented hint of an error."""
     lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
-    said = [line for line in lines if line.strip() and not line.startswith(" ")]
-    return said[-1][:200] if said else ""
+    messages = [line for line in lines if line.strip() and not line.startswith(" ")]
+    return messages[-1][:200] if messages else ""

@@ -1,4 +1,4 @@
-"""Limits and units that a number's type carries: ``points: Annotated[int, Limit(at_least=8)]``."""
+"""Limits and units in type annotations: ``points: Annotated[int, Limit(at_least=8)]``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 
 @dataclass(frozen=True)
 class Limit:
-    """What a number may be."""
+    """Bounds on a number."""
 
     at_least: float | None = None
     above: float | None = None
@@ -16,7 +16,7 @@ class Limit:
     at_most: float | None = None
 
     def holds(self, value: float) -> bool:
-        """Whether ``value`` lies within."""
+        """Return whether ``value`` is within the bounds."""
         return (
             (self.at_least is None or value >= self.at_least)
             and (self.above is None or value > self.above)
@@ -25,7 +25,7 @@ class Limit:
         )
 
     def __str__(self) -> str:
-        """In words: ``above 0 and below 0.9``."""
+        """Return the bounds in words: ``above 0 and below 0.9``."""
         bounds = {"at least": self.at_least, "above": self.above, "below": self.below}
         bounds |= {"at most": self.at_most}
         return " and ".join(f"{word} {x:.10g}" for word, x in bounds.items() if x is not None)
@@ -33,12 +33,12 @@ class Limit:
 
 @dataclass(frozen=True)
 class Unit:
-    """What a number counts in: ``Annotated[Positive, Unit("samples")]``."""
+    """Unit of a number: ``Annotated[Positive, Unit("samples")]``."""
 
     name: str
 
 
-# More of anything than fits a machine is a slip of the finger.
+# The upper bound catches typing errors.
 Count = Annotated[int, Limit(at_least=1, at_most=1_000_000)]
 Positive = Annotated[float, Limit(above=0)]
 NonNegative = Annotated[float, Limit(at_least=0)]

@@ -1,4 +1,4 @@
-"""Progress of a stage on the terminal: a bar while it runs, a line when it is done."""
+"""Progress of a stage on the terminal: a bar while it runs, one line when it has finished."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ Report = Callable[[float, str], None]
 
 @contextmanager
 def stage(title: str, seconds: dict[str, float] | None = None) -> Iterator[Report]:
-    """Show a stage; yields ``report(fraction done, note)``.
+    """Show the progress of a stage; yield the callback ``report(fraction, note)``.
 
     Args:
-        title: what happens, for example ``train SHRED``.
-        seconds: where to note how long it took, under the title.
+        title: of the stage, for example ``train SHRED``.
+        seconds: gets the duration of the stage under its title.
     """
     began = time.perf_counter()
     columns = (

@@ -1,8 +1,7 @@
-"""What the machine may refuse in the middle of a run, told in one sentence instead of a traceback.
+"""One-sentence descriptions of system errors, printed instead of a traceback.
 
-A full disk, a folder that cannot be written to, too little memory, a database that somebody holds
-or a package that is not installed is nobody's mistake in the input, and nothing that a traceback
-would help with.
+A full disk, a read-only folder, too little memory, a locked database or a missing package is
+neither an input error nor a bug, and a traceback would not help the user.
 """
 
 from __future__ import annotations
@@ -13,59 +12,59 @@ import sys
 from collections.abc import Iterator
 from types import TracebackType
 
-OURS = frozenset({"dashred", "datamodules", "callbacks"})
-SPACE = "make room there, or write elsewhere: output=DIR tracking.root=DIR"
-RIGHTS = "give yourself the right to write there, or write elsewhere: output=DIR tracking.root=DIR"
-READING = "give yourself the right to read it"
-MEMORY = "close other programs, or ask for less: axes' points, simulation.members, threads"
-LOCKED = "end what else is using the MLflow store, or choose another: tracking.root=DIR"
+OWN_PACKAGES = frozenset({"dashred", "datamodules", "callbacks"})
+FREE_SPACE = "free some space there, or write elsewhere: output=DIR tracking.root=DIR"
+WRITE_PERMISSION = "grant write permission there, or write elsewhere: output=DIR tracking.root=DIR"
+READ_PERMISSION = "grant read permission"
+MEMORY = "close other programs, or reduce the axes' points, simulation.members or threads"
+LOCKED = "end the process that uses the MLflow store, or choose another: tracking.root=DIR"
 INSTALL = "`make setup` installs what is needed; run it as .venv/bin/python -m dashred.train"
 HINTS = {
-    errno.ENOSPC: SPACE,
-    errno.EDQUOT: SPACE,
-    errno.EFBIG: SPACE,
-    errno.EROFS: RIGHTS,
-    errno.EACCES: RIGHTS,
-    errno.EPERM: RIGHTS,
-    errno.EIO: "the disk reports a fault of its own; write elsewhere: output=DIR tracking.root=DIR",
+    errno.ENOSPC: FREE_SPACE,
+    errno.EDQUOT: FREE_SPACE,
+    errno.EFBIG: FREE_SPACE,
+    errno.EROFS: WRITE_PERMISSION,
+    errno.EACCES: WRITE_PERMISSION,
+    errno.EPERM: WRITE_PERMISSION,
+    errno.EIO: "the disk reports a hardware error; write elsewhere: output=DIR tracking.root=DIR",
     errno.ENOMEM: MEMORY,
-    errno.EMFILE: "raise the limit of open files: ulimit -n 4096",
+    errno.EMFILE: "raise the limit on open files: ulimit -n 4096",
 }
-# SQLite reaches us through SQLAlchemy and MLflow, as the words of its message alone.
+# SQLAlchemy and MLflow pass on the message of an SQLite error, but not its type.
 DATABASE = {
     "database is locked": LOCKED,
-    "database or disk is full": SPACE,
-    "readonly database": RIGHTS,
-    "disk I/O error": SPACE,
-    "unable to open database file": RIGHTS,
+    "database or disk is full": FREE_SPACE,
+    "readonly database": WRITE_PERMISSION,
+    "disk I/O error": FREE_SPACE,
+    "unable to open database file": WRITE_PERMISSION,
     "database disk image is malformed": "the store is damaged; choose another: tracking.root=DIR",
 }
-# torch gives a failed allocation no type of its own.
+# torch raises a plain RuntimeError for a failed allocation.
 NO_MEMORY = ("can't allocate memory", "not enough memory", "out of memory")
 
 
-class RefusedError(Exception):
-    """What a program beside ours refuses in the middle of a run, in words for the user."""
+class ExternalServiceError(Exception):
+    """Failure of an external service during a run; the message is written for the user."""
 
 
-def describe(error: BaseException) -> str | None:
-    """Return what the machine has refused and what to do; None where it is a failure of ours."""
-    if said := _package(error):
-        return said
+def describe_system_error(error: BaseException) -> str | None:
+    """Return a description of a system error with a hint, or None if the error is a bug."""
+    if message := _package(error):
+        return message
     for cause in _causes(error):
-        if isinstance(cause, RefusedError):
+        if isinstance(cause, ExternalServiceError):
             return str(cause)
-        if said := _memory(cause) or _system(cause) or _database(cause):
-            return said
+        if message := _memory(cause) or _system(cause) or _database(cause):
+            return message
     return None
 
 
-def tell_uncaught(
+def report_uncaught(
     kind: type[BaseException], error: BaseException, trace: TracebackType | None
 ) -> None:
-    """Print what ended the process: as ``sys.excepthook`` does, or what :func:`describe` says."""
-    if said := describe(error):
-        print(f"error: {said}", file=sys.stderr)
+    """Print an uncaught exception: a ``sys.excepthook`` that describes system errors."""
+    if message := describe_system_error(error):
+        print(f"error: {message}", file=sys.stderr)
     else:
         sys.__excepthook__(kind, error, trace)
 
@@ -83,14 +82,14 @@ def _package(error: BaseException) -> str | None:
     if not isinstance(error, ImportError):
         return None
     name = (error.name or "").partition(".")[0]
-    if not name or name in OURS:
+    if not name or name in OWN_PACKAGES:
         return None
     return f"the package {name} cannot be imported: {_first_line(error)}\n  {INSTALL}"
 
 
 def _memory(error: BaseException) -> str | None:
     short = isinstance(error, MemoryError) or (
-        isinstance(error, RuntimeError) and any(said in str(error) for said in NO_MEMORY)
+        isinstance(error, RuntimeError) and any(text in str(error) for text in NO_MEMORY)
     )
     return f"there is not enough memory: {_first_line(error)}\n  {MEMORY}" if short else None
 
@@ -99,21 +98,21 @@ def _system(error: BaseException) -> str | None:
     if not isinstance(error, OSError) or error.errno not in HINTS:
         return None
     place = f"{error.filename}: " if error.filename else ""
-    # HDF5 writes a page where the system has a phrase.
+    # os.strerror is one phrase; HDF5's own message is a page.
     return f"{place}{os.strerror(error.errno)}\n  {_hint(error)}"
 
 
 def _hint(error: OSError) -> str:
     hint, place = HINTS[error.errno or 0], error.filename
-    unread = hint == RIGHTS and os.path.exists(place or "") and not os.access(place, os.R_OK)
-    return READING if unread else hint
+    exists = hint == WRITE_PERMISSION and os.path.exists(place or "")
+    return READ_PERMISSION if exists and not os.access(place, os.R_OK) else hint
 
 
 def _database(error: BaseException) -> str | None:
     text = str(error)
-    for said, hint in DATABASE.items():
-        if said in text:
-            return f"the MLflow store cannot be used: {said}\n  {hint}"
+    for message, hint in DATABASE.items():
+        if message in text:
+            return f"the MLflow store cannot be used: {message}\n  {hint}"
     return None
 
 

@@ -1,4 +1,4 @@
-"""Run independent pieces of compiled work side by side."""
+"""Parallel execution of independent compiled tasks in threads."""
 
 from __future__ import annotations
 
@@ -11,23 +11,25 @@ _threads = 1
 
 
 def use_threads(count: int) -> None:
-    """Set how many pieces run at a time, in the whole process."""
+    """Set the number of threads for the whole process."""
     global _threads
     _threads = count
 
 
 def in_threads(run: Callable[[int], None], count: int) -> Iterator[float]:
-    """Run ``count`` independent pieces, which must hold no lock, several at a time.
+    """Run ``run(0), ..., run(count - 1)`` in threads; the tasks must be independent.
+
+    The tasks must release the GIL to run in parallel.
 
     Yields:
-        The share that is done, after each piece.
+        Fraction of finished tasks, after each task.
     """
     if count == 1 or _threads == 1:
         for j in range(count):
             run(j)
             yield (j + 1) / count
         return
-    # In a thread of its own torch would take several more.
+    # Each thread of torch would otherwise start several more.
     with ThreadPoolExecutor(_threads, initializer=torch.set_num_threads, initargs=(1,)) as pool:
         for done, _ in enumerate(pool.map(run, range(count)), start=1):
             yield done / count

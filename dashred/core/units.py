@@ -1,7 +1,7 @@
-"""Units as products of powers of symbols: compared, multiplied and written, never converted.
+"""Units as products of powers of symbols: compared and multiplied, but never converted.
 
-``m/s``, ``m s-1``, ``m s^-1`` and ``m·s⁻¹`` are the same unit; ``km`` and ``1000 m`` are not, nor
-are ``s`` and ``sec``: a symbol is what it is written, and no table says what it stands for.
+``m/s``, ``m s-1``, ``m s^-1`` and ``m·s⁻¹`` are the same unit. ``km`` and ``1000 m`` are different
+units, and so are ``s`` and ``sec``: symbols are compared as text.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from types import MappingProxyType
 
 from dashred.core.errors import InputError
 
-LONGEST = 60
-# What a reader calls time, whatever the equations read.
+MAX_LENGTH = 60
+# Key of the unit of time.
 TIME = "t"
-# Where no unit is stated.
-NONE: Mapping[str, str] = MappingProxyType({})
+# Units of a system that states none.
+NO_UNITS: Mapping[str, str] = MappingProxyType({})
 SYMBOL = r"[^\W\d_]+|[°%‰$€]+[^\W\d_]*"
 EXPONENT = r"(?:\^|\*\*)?(?P<sign>[+-]?)(?P<digits>\d{1,2}(?:\.\d{1,2})?)"
-RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 FACTOR = re.compile(rf"(?P<symbol>{SYMBOL}|1(?![\d.^*+-]))(?:{EXPONENT})?")
 JOINT = re.compile(r"\s*(?P<over>/)\s*|\s*[*·⋅.]\s*|\s+")
 
@@ -32,17 +32,17 @@ class Unit:
     """A product of powers, ``kg·m²/s²``.
 
     Attributes:
-        powers: the exponent, not 0, of each symbol, in the order in which they were met.
+        powers: nonzero exponent of each symbol, in order of appearance.
     """
 
     powers: tuple[tuple[str, Fraction], ...] = ()
 
     def __eq__(self, other: object) -> bool:
-        """The order in which symbols are written does not matter."""
+        """Return whether two units are equal, whatever the order of their symbols."""
         return isinstance(other, Unit) and dict(self.powers) == dict(other.powers)
 
     def __hash__(self) -> int:
-        """Return equal hashes of equal units."""
+        """Return a hash that is equal for equal units."""
         return hash(frozenset(self.powers))
 
     def __mul__(self, other: Unit) -> Unit:
@@ -59,17 +59,17 @@ class Unit:
         return Unit(tuple((symbol, power * n) for symbol, power in self.powers if n))
 
     def __str__(self) -> str:
-        """``rad/s^2``, ``kg m/s``, ``1/(m s)``, ``1`` of a number."""
-        return _written(self, " ", lambda n: f"^{n}")
+        """Return the unit as text: ``rad/s^2``, ``kg m/s``, ``1/(m s)``, ``1`` if dimensionless."""
+        return _format(self, " ", lambda n: f"^{n}")
 
 
 ONE = Unit()
 
 
 def parse_unit(text: str) -> Unit:
-    """Read a unit; a text that is no product of powers is a symbol of its own.
+    """Parse a unit; a text that is not a product of powers is a single symbol.
 
-    One pair of parentheses may stand after the last ``/``: ``W/(m2 K)``.
+    One pair of parentheses may follow the last ``/``: ``W/(m2 K)``.
     """
     plain = unicodedata.normalize("NFKC", text).replace("\N{MINUS SIGN}", "-")
     plain = " ".join(plain.split())
@@ -83,12 +83,12 @@ def parse_unit(text: str) -> Unit:
 
 
 def same_unit(first: str, second: str) -> bool:
-    """Whether two texts are the same unit; spelled otherwise is the same, converted is not."""
+    """Return whether two texts are the same unit, up to notation but without conversion."""
     return parse_unit(first) == parse_unit(second)
 
 
 def split_unit(text: str) -> tuple[str, str | None]:
-    """Take a name and its unit apart: ``theta [rad]`` → ``theta``, ``rad``; None without one."""
+    """Split a name from its unit: ``theta [rad]`` → ``theta``, ``rad``; None if there is none."""
     name, bracket, rest = text.strip().rpartition("[")
     if not bracket or not rest.endswith("]"):
         return text.strip(), None
@@ -96,70 +96,70 @@ def split_unit(text: str) -> tuple[str, str | None]:
 
 
 def check_unit(unit: str, what: str, where: str | None) -> str:
-    """Return a unit as the user gave it, blanks aside.
+    """Return a unit as given by the user, stripped.
 
     Raises:
-        InputError: it is empty, holds a bracket or a line break, or is longer than a unit is.
+        InputError: it is empty, contains a bracket or a line break, or is too long.
     """
     tidy = unit.strip()
     if not tidy:
-        hint = "leave the unit out where there is none; write 1 for a pure number"
+        hint = "omit the unit if it is unknown; write 1 for a dimensionless number"
         raise InputError(f"the unit of {what} is empty", where=where, hint=hint)
-    if len(tidy) > LONGEST or "[" in tidy or "]" in tidy or not tidy.isprintable():
-        problem = f"{tidy[:LONGEST]!r} cannot be the unit of {what}"
+    if len(tidy) > MAX_LENGTH or "[" in tidy or "]" in tidy or not tidy.isprintable():
+        problem = f"{tidy[:MAX_LENGTH]!r} is not a valid unit of {what}"
         raise InputError(problem, where=where, hint="units are written like m/s, kg m2 s-2, rad")
     return tidy
 
 
-def check_same(
+def check_same_unit(
     what: str, stated: str, stated_where: str, other: str | None, other_where: str
 ) -> None:
-    """Refuse two units of one thing that differ.
+    """Check that two stated units of one quantity are the same.
 
     Raises:
-        InputError: with both units and both places.
+        InputError: they differ; the message gives both units and both locations.
     """
     if other is None or same_unit(stated, other):
         return
     problem = f"{what} is in {stated} here, but in {other} in {other_where}"
-    hint = "units are compared as they are written, and nothing is converted: make both sides equal"
+    hint = "units are compared as text and never converted: use the same unit in both places"
     raise InputError(problem, where=stated_where, hint=hint)
 
 
-def in_brackets(name: str, unit: str | None) -> str:
-    """A label with its unit: ``theta [rad]``, ``time`` where there is none."""
-    return name if unit is None else f"{name} [{shown(unit)}]"
+def label_with_unit(name: str, unit: str | None) -> str:
+    """Return a label with its unit: ``theta [rad]``, or ``time`` without a unit."""
+    return name if unit is None else f"{name} [{format_unit(unit)}]"
 
 
 def time_label(units: Mapping[str, str]) -> str:
-    """What an axis of time is called, of a system with these units."""
-    return in_brackets("time", units.get(TIME))
+    """Return the label of the time axis for these units."""
+    return label_with_unit("time", units.get(TIME))
 
 
-def shown(unit: str) -> str:
-    """A unit as it is printed: ``rad/s²``, ``kg·m/s``."""
-    return _written(parse_unit(unit), "·", _superscript)
+def format_unit(unit: str) -> str:
+    """Format a unit for printing: ``rad/s²``, ``kg·m/s``."""
+    return _format(parse_unit(unit), "·", _superscript)
 
 
-def measured(number: str, unit: str | None) -> str:
-    """A number as it is told: ``−0.039 per s``, ``64.2 rad/s²``; alone without a unit, or of 1."""
+def with_unit(number: str, unit: str | None) -> str:
+    """Append a unit, if there is one and it is not 1: ``−0.039 per s``, ``64.2 rad/s²``."""
     if unit is None or parse_unit(unit) == ONE:
         return number
-    return f"{number} {per(unit) or shown(unit)}"
+    return f"{number} {per_unit(unit) or format_unit(unit)}"
 
 
 def _superscript(n: str) -> str:
-    return n.translate(RAISED) if n.isdigit() else f"^{n}"
+    return n.translate(SUPERSCRIPTS) if n.isdigit() else f"^{n}"
 
 
-def per(unit: str) -> str | None:
-    """``per s`` of ``1/s``; None of what is more than one over a single symbol."""
+def per_unit(unit: str) -> str | None:
+    """Return ``per s`` for ``1/s``; None unless the unit is one over a single symbol."""
     powers = parse_unit(unit).powers
     return f"per {powers[0][0]}" if len(powers) == 1 and powers[0][1] == -1 else None
 
 
 def _product(text: str) -> Unit | None:
-    """Read factors one after the other; None where something else stands among them."""
+    """Parse a product of factors; None if the text is anything else."""
     powers: list[tuple[str, Fraction]] = []
     at, side = 0, 1
     while found := FACTOR.match(text, at):
@@ -182,7 +182,7 @@ def _unit(*products: tuple[tuple[str, Fraction], ...]) -> Unit:
     return Unit(tuple((symbol, n) for symbol, n in total.items() if n))
 
 
-def _written(unit: Unit, times: str, raised: Callable[[str], str]) -> str:
+def _format(unit: Unit, times: str, raised: Callable[[str], str]) -> str:
     if len(unit.powers) == 1 and unit.powers[0][1] == 1:
         return unit.powers[0][0]
 

@@ -1,1 +1,1 @@
-"""Sensors: what they read, recordings of them, and the scales their values are learnt on."""
+"""Recordings, sensors, the observation operator, and the splits into fit and held-out data."""

@@ -1,4 +1,4 @@
-"""What every recording must satisfy, from whichever file it was read."""
+"""Validation of recordings, shared by all file formats."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from dashred.core.errors import InputError
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 
-# Fewer samples than this fill neither a lagged window nor a fit and a held-out part.
-FEWEST_SAMPLES = 20
-# Larger numbers are marks of a missing value, or damage; their squares would not be finite.
-LARGEST = 1e100
+# A lagged window, the fit window and the held-out window need at least this many samples.
+MIN_SAMPLES = 20
+# Larger numbers are sentinels of a missing value or damage, and their squares overflow.
+MAX_ABS_VALUE = 1e100
 
-# Where a sample (and a sensor's value in it) stands in the file.
-Place = Callable[[int, str | None], str]
+# Returns the location in the file of a sample, or of one sensor's value in that sample.
+Locate = Callable[[int, str | None], str]
 
 
 def checked_recording(
@@ -26,18 +26,25 @@ def checked_recording(
     values: NDArray[np.float64],
     *,
     path: str,
-    place: Place,
+    place: Locate,
 ) -> Recording:
-    """Return the recording of times (time,) and values (time, sensor) after checking both.
+    """Return a recording after checking its times and values.
+
+    Args:
+        sensors: one for each column of ``values``.
+        times: shape ``(time,)``.
+        values: shape ``(time, sensor)``; NaN where a value is missing.
+        path: the file, for error messages.
+        place: returns the location of a sample for error messages.
 
     Raises:
         InputError: for too few samples, times that are missing or do not increase, infinite
             values, or a sensor without any value.
     """
     if not sensors:
-        raise InputError("the recording has no sensor", where=path)
-    if len(times) < FEWEST_SAMPLES:
-        problem = f"{len(times)} samples are too few: at least {FEWEST_SAMPLES} are needed"
+        raise InputError("the recording has no sensors", where=path)
+    if len(times) < MIN_SAMPLES:
+        problem = f"{len(times)} samples are too few: at least {MIN_SAMPLES} are needed"
         raise InputError(problem, where=path)
     _check_times(times, place)
     _check_values([sensor.name for sensor in sensors], values, path, place)
@@ -47,74 +54,86 @@ def checked_recording(
 def check_input(
     name: str, column: str, values: NDArray[np.float64], place: Callable[[int, str], str]
 ) -> None:
-    """Refuse an input (sample,) that is not known at each of its samples.
+    """Check that an input is known at every sample.
+
+    Args:
+        name: of the input in the equations.
+        column: of the input in the recording.
+        values: shape ``(sample,)``.
+        place: returns the location of a sample for error messages.
 
     Raises:
-        InputError: at the first value that is missing, infinite, or too large to be one.
+        InputError: at the first value that is missing, infinite, or implausibly large.
     """
-    bad = np.flatnonzero(~(np.abs(values) <= LARGEST))
+    bad = np.flatnonzero(~(np.abs(values) <= MAX_ABS_VALUE))
     if not bad.size:
         return
     found, where = float(values[bad[0]]), place(int(bad[0]), column)
     if found != found:
-        problem = f"the input {name} is missing here; between samples it is a straight line"
-        raise InputError(problem, where=where, hint="leave the whole row out, or fill the gap")
-    size = "infinite" if np.isinf(found) else f"beyond {LARGEST:g}"
+        problem = f"the input {name} is missing here"
+        hint = "fill the gap, or remove the row: inputs are interpolated linearly between rows"
+        raise InputError(problem, where=where, hint=hint)
+    size = "infinite" if np.isinf(found) else f"beyond {MAX_ABS_VALUE:g}"
     problem = f"the input {name} is {size} here"
-    raise InputError(problem, where=where, hint="leave the whole row out, or mend the value")
+    raise InputError(problem, where=where, hint="correct the value, or remove the row")
 
 
-def check_covered(times: NDArray[np.float64], driven: NDArray[np.float64], where: str) -> None:
-    """Refuse inputs on a clock (sample,) that begins after the recording's times, or ends before.
+def check_covered(times: NDArray[np.float64], input_times: NDArray[np.float64], where: str) -> None:
+    """Check that the inputs cover the whole recording.
+
+    Args:
+        times: of the recording's samples, shape ``(time,)``.
+        input_times: of the inputs' samples, shape ``(sample,)``.
+        where: location for error messages.
 
     Raises:
-        InputError: saying until when they are known.
+        InputError: the inputs begin after the recording or end before it.
     """
-    spare = 1e-9 * max(float(np.abs(times).max()), float(times[-1] - times[0]))
-    if driven[0] <= times[0] + spare and driven[-1] >= times[-1] - spare:
+    tolerance = 1e-9 * max(float(np.abs(times).max()), float(times[-1] - times[0]))
+    if input_times[0] <= times[0] + tolerance and input_times[-1] >= times[-1] - tolerance:
         return
     problem = (
-        f"the inputs are known from {driven[0]:.6g} to {driven[-1]:.6g}, and the samples go from "
+        f"the inputs cover {input_times[0]:.6g} to {input_times[-1]:.6g}, but the samples run from "
         f"{times[0]:.6g} to {times[-1]:.6g}"
     )
-    hint = "what drove the system must be known all the time: leave the other samples out"
+    hint = "remove the samples for which the inputs are not known"
     raise InputError(problem, where=where, hint=hint)
 
 
-def _check_times(times: NDArray[np.float64], place: Place) -> None:
+def _check_times(times: NDArray[np.float64], place: Locate) -> None:
     bad = np.flatnonzero(~np.isfinite(times))
     if bad.size:
         problem = "the time is missing or not finite"
-        hint = "every sample needs its time"
+        hint = "every sample needs a time"
         raise InputError(problem, where=place(int(bad[0]), "time"), hint=hint)
-    far = np.flatnonzero(np.abs(times) > LARGEST)
+    far = np.flatnonzero(np.abs(times) > MAX_ABS_VALUE)
     if far.size:
-        problem = f"the time is beyond {LARGEST:g}"
+        problem = f"the time is beyond {MAX_ABS_VALUE:g}"
         raise InputError(problem, where=place(int(far[0]), "time"))
-    late = np.flatnonzero(times[1:] <= times[:-1])
-    if late.size:
-        row = int(late[0]) + 1
-        fault = "is repeated" if times[row] == times[row - 1] else "goes back"
+    not_increasing = np.flatnonzero(times[1:] <= times[:-1])
+    if not_increasing.size:
+        row = int(not_increasing[0]) + 1
+        fault = "is repeated" if times[row] == times[row - 1] else "decreases"
         problem = f"time {fault}: {times[row]:.10g} after {times[row - 1]:.10g}"
-        hint = "times must increase from sample to sample"
+        hint = "times must increase from each sample to the next"
         raise InputError(problem, where=place(row, "time"), hint=hint)
 
 
 def _check_values(
-    names: Sequence[str], values: NDArray[np.float64], path: str, place: Place
+    names: Sequence[str], values: NDArray[np.float64], path: str, place: Locate
 ) -> None:
     infinite = np.argwhere(np.isinf(values))
     if infinite.size:
         row, column = (int(index) for index in infinite[0])
         hint = "leave the cell empty where a value is missing"
         raise InputError("the value is infinite", where=place(row, names[column]), hint=hint)
-    large = np.argwhere(np.abs(values) > LARGEST)
+    large = np.argwhere(np.abs(values) > MAX_ABS_VALUE)
     if large.size:
         row, column = (int(index) for index in large[0])
         hint = "leave the cell empty where a value is missing"
-        problem = f"the value is beyond {LARGEST:g}"
+        problem = f"the value is beyond {MAX_ABS_VALUE:g}"
         raise InputError(problem, where=place(row, names[column]), hint=hint)
     for name, column in zip(names, values.T, strict=True):
         if np.isnan(column).all():
-            problem = f"sensor {name!r} has no value at all"
-            raise InputError(problem, where=path, hint="take it out of the recording")
+            problem = f"sensor {name!r} has no values"
+            raise InputError(problem, where=path, hint="remove it from the recording")

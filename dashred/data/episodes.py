@@ -1,4 +1,7 @@
-"""Episodes: recordings of one system by the same sensors, each with its own start and clock."""
+"""Episodes: several recordings of one system by the same sensors.
+
+Each episode has its own initial state and its own clock.
+"""
 
 from __future__ import annotations
 
@@ -15,11 +18,11 @@ from dashred.data.sensors import Sensor
 
 @dataclass(frozen=True)
 class Episode:
-    """One stretch of a recording that begins anew.
+    """One episode of a recording.
 
     Attributes:
-        name: what the file calls it; empty where it has one episode without a name.
-        recording: its samples, on its own clock.
+        name: label in the file; empty if the file has one unnamed episode.
+        recording: samples of the episode, on its own clock.
     """
 
     name: str
@@ -28,16 +31,16 @@ class Episode:
 
 @dataclass(frozen=True)
 class Episodes:
-    """All episodes of a file, in its order: one at least, with the same sensors."""
+    """All episodes of a file, in file order: at least one, all with the same sensors."""
 
     episodes: tuple[Episode, ...]
 
     def __post_init__(self) -> None:
-        """Hold the sensors and the names to what readers promise."""
+        """Check that names are unique and that all episodes have the same sensors."""
         if len({episode.name for episode in self.episodes}) != len(self.episodes):
-            raise ValueError("episodes need names of their own")
+            raise ValueError("episode names must be unique")
         if any(episode.recording.sensors != self.sensors for episode in self.episodes):
-            raise ValueError("episodes have the same sensors")
+            raise ValueError("all episodes must have the same sensors")
 
     @property
     def sensors(self) -> tuple[Sensor, ...]:
@@ -45,28 +48,28 @@ class Episodes:
         return self.episodes[0].recording.sensors
 
     def sha256(self) -> str:
-        """Hash of the contents; of one episode alone that of its recording, whatever its name."""
+        """Hash of the contents; a single episode has the hash of its recording."""
         hashes = [episode.recording.sha256() for episode in self.episodes]
         if len(hashes) == 1:
             return hashes[0]
         names = [episode.name for episode in self.episodes]
         return hashlib.sha256(repr([*zip(names, hashes, strict=True)]).encode()).hexdigest()
 
-    def alone(self, path: str) -> Recording:
-        """Return the recording of one episode.
+    def single(self, path: str) -> Recording:
+        """Return the recording of the only episode.
 
         Raises:
-            InputError: there are several.
+            InputError: there are several episodes.
         """
         if len(self.episodes) > 1:
-            problem = f"{len(self.episodes)} episodes, where one is expected"
-            raise InputError(problem, where=path, hint="give each episode a file of its own")
+            problem = f"found {len(self.episodes)} episodes, but one is expected"
+            raise InputError(problem, where=path, hint="put each episode in a separate file")
         return self.episodes[0].recording
 
 
 @contextmanager
-def said_of(name: str) -> Iterator[None]:
-    """Let errors name the episode that they are about, if it has a name."""
+def name_episode_in_errors(name: str) -> Iterator[None]:
+    """Prefix the message of any InputError with the name of the episode, if it has one."""
     try:
         yield
     except InputError as error:
@@ -77,42 +80,42 @@ def said_of(name: str) -> Iterator[None]:
 
 
 @dataclass(frozen=True)
-class Stretch:
-    """The rows of a file that are one episode.
+class EpisodeRows:
+    """The rows of a file that belong to one episode.
 
     Attributes:
         name: of the episode.
-        rows: these.
+        rows: slice of the file's rows.
     """
 
     name: str
     rows: slice
 
-    def within(self, path: str) -> str:
-        """Where it stands: the file, and the episode if it has a name."""
+    def location(self, path: str) -> str:
+        """Return the location for error messages: the file, and the episode if it has a name."""
         return f"{path}, episode {self.name!r}" if self.name else path
 
 
-def stretches(labels: Sequence[str], where: Callable[[int], str]) -> list[Stretch]:
-    """Return the episodes of a file, by the label of each row.
+def split_into_episodes(labels: Sequence[str], where: Callable[[int], str]) -> list[EpisodeRows]:
+    """Split the rows of a file into episodes.
 
     Args:
-        labels: of every row.
-        where: tells where a row stands.
+        labels: episode name of every row.
+        where: returns the location of a row for error messages.
 
     Raises:
-        InputError: a row has no label, or an episode goes on after another has begun.
+        InputError: a row has no label, or the rows of an episode are not consecutive.
     """
     begins = [row for row in range(len(labels)) if row == 0 or labels[row] != labels[row - 1]]
-    found: list[Stretch] = []
+    found: list[EpisodeRows] = []
     for begin, end in pairwise([*begins, len(labels)]):
         name = labels[begin]
         if not name:
-            hint = "name the episode of every sample, or leave the column out"
-            raise InputError("the episode is missing here", where=where(begin), hint=hint)
+            hint = "name the episode of every sample, or remove the column"
+            raise InputError("the episode name is missing here", where=where(begin), hint=hint)
         if any(name == before.name for before in found):
-            problem = f"episode {name!r} goes on here, after another has begun"
-            hint = "keep the samples of an episode together, or give this part a name of its own"
+            problem = f"episode {name!r} continues here after another episode has started"
+            hint = "keep the samples of an episode together, or give this part a different name"
             raise InputError(problem, where=where(begin), hint=hint)
-        found.append(Stretch(name, slice(begin, end)))
+        found.append(EpisodeRows(name, slice(begin, end)))
     return found

@@ -1,4 +1,4 @@
-"""What drives the inputs of a twin: sampled as a recording would have it, past its end too."""
+"""Input signals of a twin experiment, sampled like the measured inputs of a recording."""
 
 from __future__ import annotations
 
@@ -16,16 +16,21 @@ from dashred.physics.grids.operators import NoSpace
 from dashred.physics.system import System
 
 
-def driven(system: System, config: Config, times: Tensor) -> Measured:
-    """Return the inputs by column; between the samples they are straight lines, for all.
+def drive_signals(system: System, config: Config, times: Tensor) -> Measured:
+    """Sample the expressions of ``recording.drive``.
+
+    The signals are piecewise linear between samples for the recorder and the analysis alike.
 
     Args:
-        system: whose inputs these are.
-        config: with ``recording.drive``.
+        system: the system with these inputs.
+        config: has ``recording.drive``.
         times: of the samples, ``(time,)``.
 
+    Returns:
+        Signals by column of the recording.
+
     Raises:
-        InputError: an input has no drive, or one that reads more than t.
+        InputError: an input has no drive, or its drive depends on a name other than t.
     """
     if not system.inputs:
         return NOTHING
@@ -34,20 +39,21 @@ def driven(system: System, config: Config, times: Tensor) -> Measured:
         key = f"recording.drive.{column}"
         if column not in config.recording.drive:
             raise InputError(
-                f"nothing drives the input {column!r} of this twin",
+                f"the input {column!r} of this twin has no drive",
                 where=config.where("recording.drive"),
-                hint=f"give recording.drive.{column}, an expression of t",
+                hint=f"set recording.drive.{column} to an expression in t",
             )
         expr = system.resolve(system.parse(config.recording.drive[column], key), key)
         if read := sorted(names(expr) - {"t"}):
-            raise InputError(f"a drive reads t alone, not {read[0]}", where=config.where(key))
+            problem = f"a drive may depend on t only, not on {read[0]}"
+            raise InputError(problem, where=config.where(key))
         [value] = Program([expr])({"t": Value(times)}, NoSpace())
         found = torch.as_tensor(NoSpace().on_grid(value), dtype=torch.float64)
         columns[column] = np.ascontiguousarray(found.expand(len(times)).numpy())
     return Measured(times.numpy(), columns)
 
 
-def under(system: System, inputs: Measured) -> System:
-    """Return the system under the inputs of a recording, ``inputs`` by column."""
+def with_inputs(system: System, inputs: Measured) -> System:
+    """Return the system driven by measured inputs, given by column of the recording."""
     values = {name: inputs.values[column] for name, column in system.inputs.items()}
     return System(system.config, system.where, Measured(inputs.times, values))

@@ -1,4 +1,4 @@
-"""Weights that read a field between the points of a uniform ring."""
+"""Interpolation weights of a field on a uniform periodic grid."""
 
 from __future__ import annotations
 
@@ -11,39 +11,42 @@ from torch import Tensor
 from dashred.data.sensors import ObservedAxis
 
 
-def trigonometric(
+def trigonometric_weights(
     axis: ObservedAxis, positions: Float[Tensor, " sensor"]
 ) -> Float[Tensor, "sensor point"]:
-    """Weights of the trigonometric interpolant, exact for band-limited fields.
+    """Return the weights of the trigonometric interpolant, exact for band-limited fields.
 
-    w_j(x) = (1/N) Σ_k c_k cos(2πk (x - x_j)/P) of the N points around a ring of length P, with
-    c_0 = 1, c_k = 2, and c_{N/2} = 1 for even N: the Nyquist mode is taken as a cosine, so that
-    the weights are 1 and 0 at the grid's points.
-    Positions in the unit of the axis.
+    ``w_j(x) = (1/N) Σ_k c_k cos(2πk (x - x_j)/P)`` for the N points of a ring of length P, with
+    ``c_0 = 1``, ``c_k = 2``, and ``c_{N/2} = 1`` for even N: the Nyquist mode is a cosine, so
+    that the weights are 1 and 0 at the grid points.
+
+    Args:
+        axis: the ring.
+        positions: in the unit of the axis.
     """
-    modes = torch.arange(axis.around // 2 + 1, dtype=torch.float64)
-    shares = torch.full_like(modes, 2.0 / axis.around)
-    shares[0] = 1.0 / axis.around
-    if axis.around % 2 == 0:
-        shares[-1] = 1.0 / axis.around
-    # The phase is reduced to one period first, which keeps the cosines of high modes accurate.
+    modes = torch.arange(axis.ring_points // 2 + 1, dtype=torch.float64)
+    shares = torch.full_like(modes, 2.0 / axis.ring_points)
+    shares[0] = 1.0 / axis.ring_points
+    if axis.ring_points % 2 == 0:
+        shares[-1] = 1.0 / axis.ring_points
+    # Reduce the phase to one period first, which keeps the cosines of high modes accurate.
     turns = (positions[:, None] / axis.period - _nodes(axis)) % 1.0
     angles = 2 * math.pi * modes * turns[..., None]
     return (torch.cos(angles) * shares).sum(dim=-1)
 
 
-def linear(
+def linear_weights(
     axis: ObservedAxis, positions: Float[Tensor, " sensor"]
 ) -> Float[Tensor, "sensor point"]:
-    """Weights of linear interpolation between the two neighbouring points, error O(Δx²)."""
-    places = positions / axis.period * axis.around
+    """Return the weights of linear interpolation between neighbouring points, error O(Δx²)."""
+    places = positions / axis.period * axis.ring_points
     left = torch.floor(places)
     share = (places - left)[:, None]
-    columns = left.long()[:, None] % axis.around
-    weights = torch.zeros(len(positions), axis.around, dtype=torch.float64)
+    columns = left.long()[:, None] % axis.ring_points
+    weights = torch.zeros(len(positions), axis.ring_points, dtype=torch.float64)
     weights.scatter_add_(1, columns, 1.0 - share)
-    return weights.scatter_add_(1, (columns + 1) % axis.around, share)
+    return weights.scatter_add_(1, (columns + 1) % axis.ring_points, share)
 
 
 def _nodes(axis: ObservedAxis) -> Float[Tensor, " point"]:
-    return torch.arange(axis.around, dtype=torch.float64) / axis.around
+    return torch.arange(axis.ring_points, dtype=torch.float64) / axis.ring_points

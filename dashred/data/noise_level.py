@@ -1,4 +1,4 @@
-"""How noisy each sensor is, where nobody said so."""
+"""Estimate of each sensor's noise from its trace."""
 
 from __future__ import annotations
 
@@ -12,31 +12,33 @@ from dashred.core.errors import InputError
 from dashred.data.recording import Recording
 
 # Third differences of white noise of variance σ² have variance (1 + 9 + 9 + 1) σ².
-SPREAD = math.sqrt(20.0)
-# Steps that differ by more than this part are uneven: the clock of a logger is never exact.
-UNEVEN = 0.01
+THIRD_DIFFERENCE_STD = math.sqrt(20.0)
+# Relative variation above which steps are uneven; the clock of a logger always jitters a little.
+MAX_STEP_VARIATION = 0.01
 # Median absolute value of a standard normal variable.
-MEDIAN = 0.6744897501960817
-# Of fewer differences the median says little.
-ENOUGH = 20
+NORMAL_MEDIAN_ABS = 0.6744897501960817
+# The median of fewer differences is unreliable.
+MIN_DIFFERENCES = 20
 
 
 def noise_std(recording: Recording, *others: Recording) -> NDArray[np.float64]:
-    """Noise of each sensor, shape (sensor,), in its own unit.
+    """Return the noise std of each sensor, shape ``(sensor,)``, in its own unit.
 
-    The stated std, or σ = median |Δ³y| / (0.6745 √20): third differences, divided ones where
-    samples are unevenly apart, remove whatever is quadratic over four samples, and the median
-    ignores the few that a front or a spike leaves. Where few samples follow each other without a
-    gap, each sensor's own are taken across gaps.
-    Of several episodes it is the rms of what those say in which the sensor changes at all. One in
-    which nothing ever changes (stuck) gets the median of the others that read the same.
+    It is the stated std, or ``σ = median |Δ³y| / (0.6745 √20)``. Third differences (divided
+    differences where samples are uneven) remove any quadratic over four samples, and the median
+    ignores the few outliers that a front or a spike leaves. If too few consecutive samples have
+    no gap between them, the differences are taken across gaps.
+
+    With several episodes, the estimate is the rms over the episodes in which the sensor changes.
+    A sensor that never changes (stuck) gets the median of the sensors that read the same
+    quantity.
 
     Raises:
-        InputError: if nothing can be estimated for a sensor, not even from the others.
+        InputError: no estimate is possible for a sensor, not even from the others.
     """
-    found = _said_by(recording)
+    found = _stated_or_estimated(recording)
     if others:
-        every = np.stack([found, *map(_said_by, others)])
+        every = np.stack([found, *map(_stated_or_estimated, others)])
         known = np.maximum((every > 0).sum(axis=0), 1)
         found = np.sqrt(np.square(every).sum(axis=0) / known)
     reads = np.array([sensor.reads for sensor in recording.sensors])
@@ -44,14 +46,14 @@ def noise_std(recording: Recording, *others: Recording) -> NDArray[np.float64]:
         alike = found[(reads == reads[index]) & (found > 0.0)]
         if not alike.size:
             problem = f"the noise of sensor {recording.names[index]!r} cannot be estimated"
-            hint = "it is constant or has too few values: state its std in the table of sensors"
+            hint = "it is constant or has too few values: give its std in the table of sensors"
             raise InputError(problem, hint=hint)
         found[index] = np.median(alike)
     return found
 
 
-def _said_by(recording: Recording) -> NDArray[np.float64]:
-    """Return the std that is stated or estimated, ``(sensor,)``; 0 where nothing changes."""
+def _stated_or_estimated(recording: Recording) -> NDArray[np.float64]:
+    """Return the stated or estimated std, ``(sensor,)``; 0 where nothing changes."""
     return np.array(
         [
             _estimated(recording.times, values) if sensor.std is None else sensor.std
@@ -63,19 +65,19 @@ def _said_by(recording: Recording) -> NDArray[np.float64]:
 
 def _estimated(times: NDArray[np.float64], values: NDArray[np.float64]) -> float:
     rough = _roughness(times, values)
-    if len(rough) < ENOUGH:
-        # Across gaps: of two loggers in one table every second cell is empty.
+    if len(rough) < MIN_DIFFERENCES:
+        # With two loggers in one table, every second cell is empty: take differences across gaps.
         known = ~np.isnan(values)
         rough = _roughness(times[known], values[known])
     if not rough.size:
         return 0.0
-    # Coarsely rounded values often repeat: the median is then zero, the mean square is not.
-    typical = float(np.median(rough)) / MEDIAN or float(np.sqrt(np.mean(rough**2)))
-    return typical / SPREAD
+    # With coarsely rounded values the median may be zero; the mean square is not.
+    typical = float(np.median(rough)) / NORMAL_MEDIAN_ABS or float(np.sqrt(np.mean(rough**2)))
+    return typical / THIRD_DIFFERENCE_STD
 
 
 def _roughness(times: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return ``|Δ³y|`` where it is known."""
+    """Return ``|Δ³y|`` where it is finite."""
     rough = _third_differences(times, values)
     return np.abs(rough[np.isfinite(rough)])
 
@@ -83,19 +85,20 @@ def _roughness(times: NDArray[np.float64], values: NDArray[np.float64]) -> NDArr
 def _third_differences(
     times: NDArray[np.float64], values: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return Δ³y, divided and scaled to the same noise where steps are uneven, ``(time - 3,)``.
+    """Return the third differences Δ³y, ``(time - 3,)``.
 
-    The weights ``w_i ∝ 1/Π_j (t_i - t_j)`` of four samples remove every quadratic.
+    Where steps are uneven, these are divided differences, scaled to the same noise: the weights
+    ``w_i ∝ 1/Π_j (t_i - t_j)`` of four samples remove every quadratic.
     """
     rough: NDArray[np.float64] = np.diff(values, n=3)
     if len(values) < 4:
         return rough
     steps = sliding_window_view(np.diff(times), 3)
-    uneven = np.ptp(steps, axis=1) > UNEVEN * steps.mean(axis=1)
+    uneven = np.ptp(steps, axis=1) > MAX_STEP_VARIATION * steps.mean(axis=1)
     four = sliding_window_view(times, 4)[uneven]
     apart = four[:, :, None] - four[:, None, :] + np.eye(4)
-    # In units of the middle step: the powers of a tiny one would be none.
+    # In units of the middle step: the powers of a tiny step would underflow.
     weights = 1 / np.prod(apart / (four[:, 2] - four[:, 1])[:, None, None], axis=2)
-    weights *= SPREAD / np.linalg.norm(weights, axis=1, keepdims=True)
+    weights *= THIRD_DIFFERENCE_STD / np.linalg.norm(weights, axis=1, keepdims=True)
     rough[uneven] = (weights * sliding_window_view(values, 4)[uneven]).sum(axis=1)
     return rough

@@ -1,4 +1,4 @@
-"""The observation operator H: from the state of a system to what its sensors read."""
+"""The observation operator H: maps the state of a system to sensor values."""
 
 from __future__ import annotations
 
@@ -9,46 +9,47 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from dashred.data.interpolation import linear, trigonometric
-from dashred.data.sensors import Described, Sensor, check_sensor
+from dashred.data.interpolation import linear_weights, trigonometric_weights
+from dashred.data.sensors import Sensor, SystemDescription, check_sensor
 
 
 @runtime_checkable
-class ObservedSystem(Described, Protocol):
-    """What the operator needs of a system."""
+class ObservedSystem(SystemDescription, Protocol):
+    """The part of a system that the observation operator needs."""
 
     @property
     def spectral(self) -> bool:
-        """Whether its fields are band-limited (else: known at the grid's points only)."""
+        """Whether the fields are band-limited rather than known at grid points only."""
 
     def evaluate(self, name: str, state: Tensor, t: float, /) -> Tensor:
-        """Value (*batch, *grid) of a derived quantity for states (*batch, field, *grid)."""
+        """Return a derived quantity ``(*batch, *grid)`` of states ``(*batch, field, *grid)``."""
 
 
 class ObservationOperator(nn.Module):
-    """y = H(v): evaluates what each sensor reads on the grid, then interpolates to its place.
+    """``y = H(v)``: evaluate each sensor's quantity on the grid and interpolate it to the sensor.
 
-    Trigonometric interpolation for spectral systems, linear for finite differences; weights are
-    products of one-dimensional ones. Differentiable, in the dtype of the state.
+    Interpolation is trigonometric for spectral systems and linear for finite differences; in
+    several dimensions the weights are products of one-dimensional weights. The operator is
+    differentiable and works in the dtype of the state.
     """
 
     _weights: Tensor
     _order: Tensor
 
     def __init__(self, sensors: Sequence[Sensor], system: ObservedSystem) -> None:
-        """Prepare the weights.
+        """Compute the interpolation weights.
 
         Raises:
-            InputError: for a sensor that the system cannot have.
+            InputError: a sensor does not fit the system.
         """
         super().__init__()
         for sensor in sensors:
             check_sensor(sensor, system, f"sensor {sensor.name!r}")
         self.sensors = tuple(sensors)
         self._system = system
-        # Sensors of one quantity lie together, so that one product reads them all.
+        # Group the sensors by quantity, so that one matrix product reads each group.
         order = sorted(range(len(sensors)), key=lambda index: sensors[index].reads)
-        self._groups = _runs([sensors[index].reads for index in order])
+        self._groups = _group_slices([sensors[index].reads for index in order])
         self.register_buffer("_weights", _weights([sensors[i] for i in order], system))
         self.register_buffer("_order", torch.tensor(order, dtype=torch.long).argsort())
 
@@ -60,7 +61,10 @@ class ObservationOperator(nn.Module):
     def forward(
         self, state: Float[Tensor, "*dims"], t: float = 0.0
     ) -> Float[Tensor, "*batch sensor"]:
-        """Read states (*batch, field, *grid); ``t`` matters only to lets that name it."""
+        """Return the sensor values of states ``(*batch, field, *grid)``.
+
+        The time ``t`` matters only to derived quantities that depend on it.
+        """
         weights = self._weights.to(state.dtype)
         batch = state.shape[: state.ndim - 1 - len(self._system.axes)]
         found = [state.new_empty((*batch, 0))]
@@ -76,7 +80,7 @@ class ObservationOperator(nn.Module):
 
 
 def _weights(sensors: Sequence[Sensor], system: ObservedSystem) -> Float[Tensor, "sensor grid"]:
-    interpolate = trigonometric if system.spectral else linear
+    interpolate = trigonometric_weights if system.spectral else linear_weights
     weights = torch.ones(len(sensors), 1, dtype=torch.float64)
     for index, axis in enumerate(system.axes):
         places = torch.tensor([s.position[index] for s in sensors], dtype=torch.float64)
@@ -85,7 +89,7 @@ def _weights(sensors: Sequence[Sensor], system: ObservedSystem) -> Float[Tensor,
     return weights
 
 
-def _runs(reads: Sequence[str]) -> list[tuple[str, int, int]]:
+def _group_slices(reads: Sequence[str]) -> list[tuple[str, int, int]]:
     return [
         (name, reads.index(name), reads.index(name) + reads.count(name))
         for name in dict.fromkeys(reads)

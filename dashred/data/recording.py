@@ -1,4 +1,4 @@
-"""A recording: what some sensors read, at which times."""
+"""A recording: sensor values at sample times, with measured inputs and units."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class Recording:
         sensors: one for each column of ``values``, with unique names.
         times: (time,) float64, strictly increasing, in the unit of the system's ``t``.
         values: (time, sensor) float64, in the unit of what each sensor reads; NaN is missing.
-        inputs: what was measured of the system's inputs, by column, on a clock of their own.
-        units: that its files state, by name in the equations; that of time as ``t``.
+        inputs: measured inputs of the system, by column, on their own clock.
+        units: stated in the files, by name in the equations; the unit of time is under ``t``.
     """
 
     sensors: tuple[Sensor, ...]
@@ -34,7 +34,7 @@ class Recording:
     units: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Hold the shapes and the order of times; what users give is checked by the readers."""
+        """Check shapes and the order of times; the readers validate the contents of files."""
         if self.values.shape != (*self.times.shape, len(self.sensors)) or self.times.ndim != 1:
             raise ValueError(f"values {self.values.shape} do not fit times {self.times.shape}")
         if not np.all(np.diff(self.times) > 0):
@@ -46,7 +46,7 @@ class Recording:
         return tuple(sensor.name for sensor in self.sensors)
 
     def select(self, names: Sequence[str]) -> Recording:
-        """Return the named sensors alone, in the order asked for.
+        """Return a recording of the named sensors only, in the given order.
 
         Raises:
             InputError: for a name that is not in the recording.
@@ -61,29 +61,29 @@ class Recording:
         return replace(self, sensors=sensors, values=self.values[:, chosen])
 
     def trace_std(self) -> NDArray[np.float64]:
-        """Return the std of each trace, ``(sensor,)``; zero where nothing changes or is seen."""
+        """Return the std of each trace, ``(sensor,)``; 0 if it is constant or has no values."""
         seen = ~np.isnan(self.values)
         count = np.maximum(seen.sum(axis=0), 1)
         mean = np.where(seen, self.values, 0.0).sum(axis=0) / count
         squares = np.where(seen, self.values - mean, 0.0) ** 2
         return np.sqrt(squares.sum(axis=0) / count)
 
-    def trace_unit(self) -> NDArray[np.float64]:
-        """Return the std of each trace, ``(sensor,)``; 1 where nothing changes."""
+    def trace_scale(self) -> NDArray[np.float64]:
+        """Return the std of each trace, ``(sensor,)``; 1 if it is constant."""
         std = self.trace_std()
         return np.where(std > 0, std, 1.0)
 
     def between(self, first: float, last: float) -> Recording:
-        """Return the samples with first <= time <= last."""
+        """Return the samples with ``first <= time <= last``."""
         inside = (self.times >= first) & (self.times <= last)
         return replace(self, times=self.times[inside], values=self.values[inside])
 
     def sha256(self) -> str:
-        """Hash of the contents (sensors, times, values), whatever file they came from."""
+        """Hash of the contents (sensors, times, values), independent of the file format."""
         sensors = [[s.name, s.reads, list(s.position), s.std] for s in self.sensors]
         digest = hashlib.sha256(json.dumps(sensors).encode())
         digest.update(self.times.astype("<f8").tobytes())
-        # Every missing value the same NaN, whose bits differ between file formats.
+        # Use one NaN for all missing values: its bits differ between file formats.
         digest.update(np.where(np.isnan(self.values), np.nan, self.values).astype("<f8").tobytes())
         for column, values in self.inputs.values.items():
             digest.update(column.encode() + self.inputs.times.astype("<f8").tobytes())

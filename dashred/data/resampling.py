@@ -1,4 +1,4 @@
-"""The analysis clock: recordings brought to samples at equal steps."""
+"""Resampling of recordings to the uniform clock of the analysis."""
 
 from __future__ import annotations
 
@@ -9,102 +9,107 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
-from dashred.data.checks import FEWEST_SAMPLES
-from dashred.data.episodes import Episode, Episodes, said_of
+from dashred.data.checks import MIN_SAMPLES
+from dashred.data.episodes import Episode, Episodes, name_episode_in_errors
 from dashred.data.recording import Recording
 
-# Times count as lying on a clock when they miss it by less than this part of a step.
-ON_CLOCK = 0.01
-# A stretch without samples that is longer than this many steps is a gap, not to be bridged.
-GAP = 2.0
-# By how much a cubic through four samples may make the variance of their noise larger.
-NOISIER = 3.0
-# A clock on which less than this share of the samples has any value is empty for the most part.
-EMPTY = 0.25
-# A sensor that has values at fewer of the clock's samples than this share of what interpolation
-# gives it is sampled beside them.
-BESIDE = 0.25
-# More than this is a slip in the times rather than a recording.
-MOST_SAMPLES = 10_000_000
+# A sample is on the clock if its time differs from a clock time by less than this share of a step.
+CLOCK_TOLERANCE = 0.01
+# An interval without samples longer than this many steps is a gap, which is not interpolated.
+MAX_GAP = 2.0
+# Largest factor by which cubic interpolation may amplify the noise variance.
+MAX_NOISE_GAIN = 3.0
+# A clock is mostly empty if less than this share of its samples has any value.
+MIN_FILLED = 0.25
+# A sensor is sampled off the clock if it has values at fewer clock samples than this share of the
+# number that interpolation would give.
+MIN_ON_CLOCK = 0.25
+# More samples than this indicate an error in the times.
+MAX_SAMPLES = 10_000_000
 
 
 def resample(recording: Recording, every: float | None) -> tuple[Recording, str]:
-    """Return the recording on the clock t₀, t₀ + every, …, and a sentence that says how.
+    """Return the recording on the clock t₀, t₀ + every, …, and a sentence describing the method.
 
-    Samples that lie on the clock are taken as they are (decimation); otherwise each sensor is
-    interpolated between its neighbouring values, by a cubic through four where they stand well,
-    except across gaps of more than 2 steps (of the clock or the recording, whichever is longer),
-    which stay NaN; a sensor that is always read a little later than another is interpolated, too.
-    ``every`` is in the unit of time; None keeps the recording's own step.
+    Samples on the clock are kept unchanged (decimation). Otherwise each sensor is interpolated
+    between neighbouring values: by a cubic through four samples where their spacing allows it,
+    else linearly. Gaps longer than 2 steps (of the clock or the recording, whichever is longer)
+    stay NaN. A sensor that is read at a constant delay to the others is interpolated, too.
+
+    Args:
+        recording: the samples.
+        every: step of the clock, in the unit of time; None keeps the recording's own step.
 
     Raises:
-        InputError: if ``every`` is shorter than the recording's own step, or so long that fewer
-            than 20 samples would remain, or the samples would be more than a machine can hold; if
-            it is None and the recording's own step is that between one clock and another.
+        InputError: ``every`` is shorter than the recording's own step, leaves fewer than 20
+            samples, or gives too many samples; or it is None and the recording's own step is the
+            offset between two clocks.
     """
-    own = own_step(recording.times)
+    own = native_step(recording.times)
     step = _usable_step(recording) if every is None else every
     clock = _clock(recording.times, own, step)
     nearest = _nearest(recording.times, clock)
     distance = np.abs(recording.times[nearest] - clock)
     found = distance <= own / 2
-    if np.all(distance[found] <= ON_CLOCK * own):
+    if np.all(distance[found] <= CLOCK_TOLERANCE * own):
         values = np.where(found[:, None], recording.values[nearest], np.nan)
         nth = round(step / own)
         how = f"took one sample of every {nth}" if nth > 1 else "kept samples"
-        if beside := _fill_in_beside(values, recording, clock, GAP * max(own, step)):
-            how += f", interpolated {', '.join(beside)}"
+        gap = MAX_GAP * max(own, step)
+        if off_clock := _interpolate_off_clock_sensors(values, recording, clock, gap):
+            how += f", interpolated {', '.join(off_clock)}"
     else:
-        values = _interpolated(recording, clock, GAP * max(own, step))
+        values = _interpolated(recording, clock, MAX_GAP * max(own, step))
         how = "interpolated"
-    says = f"{how}: {len(clock)} at a step of {step:.6g}, from {len(recording.times)} at {own:.6g}"
+    note = f"{how}: {len(clock)} at a step of {step:.6g}, from {len(recording.times)} at {own:.6g}"
     missing = np.isnan(values).mean()
     sampled = replace(recording, times=clock, values=values)
-    return sampled, f"{says}{_missing(missing)}."
+    return sampled, f"{note}{_missing_share(missing)}."
 
 
 def resample_all(episodes: Episodes, every: float | None) -> tuple[Episodes, str]:
-    """Return every episode on a clock of its own, all with one step, and how that came about.
+    """Return every episode on a uniform clock with a common step, and a note on the method.
 
-    ``every`` as :func:`resample` has it; None takes the longest of the episodes' own steps.
+    Args:
+        episodes: the samples.
+        every: as in :func:`resample`; None takes the longest of the episodes' own steps.
 
     Raises:
-        InputError: as :func:`resample`, of the first episode that cannot have the step.
+        InputError: as in :func:`resample`, for the first episode that cannot have the step.
     """
     parts = episodes.episodes
     if len(parts) > 1 and every is None:
         every = max(_usable_steps(parts))
-    sampled, said = [], []
+    sampled, notes = [], []
     for part in parts:
-        with said_of(part.name):
-            recording, says = resample(part.recording, every)
+        with name_episode_in_errors(part.name):
+            recording, note = resample(part.recording, every)
         sampled.append(Episode(part.name, recording))
-        said.append(f"{part.name}: {says}" if part.name else says)
-    return Episodes(tuple(sampled)), " ".join(said)
+        notes.append(f"{part.name}: {note}" if part.name else note)
+    return Episodes(tuple(sampled)), " ".join(notes)
 
 
-def own_step(times: NDArray[np.float64]) -> float:
-    """The step of a recording: the mean of its steps, gaps left out."""
+def native_step(times: NDArray[np.float64]) -> float:
+    """Return the mean step between samples, excluding gaps."""
     steps = np.diff(times)
     return float(steps[steps < 1.5 * np.median(steps)].mean())
 
 
-def fuller_step(recording: Recording) -> float | None:
-    """Return a longer step, where a clock of the own one would be empty for the most part.
+def coarser_step(recording: Recording) -> float | None:
+    """Return a longer step if a clock at the native step would be mostly empty, else None.
 
-    Two clocks in one table, one a little behind the other, have a shortest step that says nothing
-    of either. Tried are the longest step of a sensor that reads at its own times, and the mean one.
-    None where the own step is as good as any.
+    In a table with two clocks, the shortest step is only the offset between the clocks. The
+    longest native step of a single sensor is tried first, then the mean step.
     """
     times = recording.times
-    own = own_step(times)
+    own = native_step(times)
     if not _mostly_empty(recording, own):
         return None
     seen = [times[~np.isnan(column)] for column in recording.values.T]
-    steps = [own_step(known) for known in seen if len(known) >= FEWEST_SAMPLES]
+    steps = [native_step(known) for known in seen if len(known) >= MIN_SAMPLES]
     for step in (max(steps, default=own), float(np.diff(times).mean())):
         tried = float(f"{step:.6g}")
-        if own < tried <= (times[-1] - times[0]) / FEWEST_SAMPLES:
+        if own < tried <= (times[-1] - times[0]) / MIN_SAMPLES:
             sampled, _ = resample(recording, tried)
             if np.isnan(sampled.values).mean() < 1 / 2:
                 return tried
@@ -113,63 +118,63 @@ def fuller_step(recording: Recording) -> float | None:
 
 def _mostly_empty(recording: Recording, step: float) -> bool:
     count = float(recording.times[-1] - recording.times[0]) / step
-    # So few samples cannot fill so long a clock: that need not be tried.
-    if count > len(recording.times) / EMPTY or not FEWEST_SAMPLES < count < MOST_SAMPLES - 1:
-        return count > len(recording.times) / EMPTY
+    # The number of samples alone can show that the clock is mostly empty.
+    if count > len(recording.times) / MIN_FILLED or not MIN_SAMPLES < count < MAX_SAMPLES - 1:
+        return count > len(recording.times) / MIN_FILLED
     sampled, _ = resample(recording, step)
-    return float((~np.isnan(sampled.values)).any(axis=1).mean()) < EMPTY
+    return float((~np.isnan(sampled.values)).any(axis=1).mean()) < MIN_FILLED
 
 
 def _usable_step(recording: Recording) -> float:
     """Return the recording's own step.
 
     Raises:
-        InputError: another one is needed.
+        InputError: a clock at that step would be mostly empty.
     """
-    step, fuller = own_step(recording.times), fuller_step(recording)
-    if fuller is None:
+    step, coarser = native_step(recording.times), coarser_step(recording)
+    if coarser is None:
         return step
     span = float(recording.times[-1] - recording.times[0])
     problem = (
         f"at the recording's own step of {step:.6g} nearly all of {span / step:.0f} samples would "
-        f"be empty: there are {len(recording.times)}"
+        f"be empty: the recording has {len(recording.times)}"
     )
-    hint = f"are there two clocks in one table? Set recording.every={fuller:g}"
+    hint = f"does the table mix two clocks? Set recording.every={coarser:g}"
     raise InputError(problem, where="recording.every", hint=hint)
 
 
 def _usable_steps(parts: Sequence[Episode]) -> Iterator[float]:
     for part in parts:
-        with said_of(part.name):
+        with name_episode_in_errors(part.name):
             yield _usable_step(part.recording)
 
 
-def _fill_in_beside(
+def _interpolate_off_clock_sensors(
     values: NDArray[np.float64], recording: Recording, clock: NDArray[np.float64], gap: float
 ) -> list[str]:
-    """Interpolate, in place, sensors that have hardly a sample on the clock; return their names."""
+    """Interpolate sensors with few samples on the clock, in place; return their names."""
     if not np.isnan(values).any():
         return []
     between = _interpolated(recording, clock, gap)
     known, possible = ((~np.isnan(found)).sum(axis=0) for found in (values, between))
-    beside = known < BESIDE * possible
-    values[:, beside] = between[:, beside]
-    return [name for name, so in zip(recording.names, beside, strict=True) if so]
+    off_clock = known < MIN_ON_CLOCK * possible
+    values[:, off_clock] = between[:, off_clock]
+    return [name for name, off in zip(recording.names, off_clock, strict=True) if off]
 
 
 def _clock(times: NDArray[np.float64], own: float, step: float) -> NDArray[np.float64]:
-    if step < own * (1 - ON_CLOCK):
-        problem = f"a step of {step:g} is shorter than the recording's own, {own:.6g}"
+    if step < own * (1 - CLOCK_TOLERANCE):
+        problem = f"a step of {step:g} is shorter than the recording's own step, {own:.6g}"
         hint = f"set recording.every to null or to {own:.6g} or more"
         raise InputError(problem, where="recording.every", hint=hint)
-    count = int(np.floor((times[-1] - times[0]) / step + ON_CLOCK)) + 1
-    if count < FEWEST_SAMPLES:
-        problem = f"a step of {step:g} leaves {count} samples: at least {FEWEST_SAMPLES} are needed"
-        hint = f"set recording.every to {(times[-1] - times[0]) / FEWEST_SAMPLES:.3g} or less"
+    count = int(np.floor((times[-1] - times[0]) / step + CLOCK_TOLERANCE)) + 1
+    if count < MIN_SAMPLES:
+        problem = f"a step of {step:g} leaves {count} samples: at least {MIN_SAMPLES} are needed"
+        hint = f"set recording.every to {(times[-1] - times[0]) / MIN_SAMPLES:.3g} or less"
         raise InputError(problem, where="recording.every", hint=hint)
-    if count > MOST_SAMPLES:
-        problem = f"a step of {step:.6g} from {times[0]:g} to {times[-1]:g} makes {count} samples"
-        hint = f"{MOST_SAMPLES} at most: set recording.every, or mend a time that lies far off"
+    if count > MAX_SAMPLES:
+        problem = f"a step of {step:.6g} from {times[0]:g} to {times[-1]:g} gives {count} samples"
+        hint = f"at most {MAX_SAMPLES}: set recording.every, or correct any outlier in the times"
         raise InputError(problem, where="recording.every", hint=hint)
     clock: NDArray[np.float64] = times[0] + step * np.arange(count)
     return clock
@@ -202,11 +207,12 @@ def _interpolated(
 def _between(
     times: NDArray[np.float64], values: NDArray[np.float64], at: NDArray[np.float64], gap: float
 ) -> NDArray[np.float64]:
-    """Return values between samples: cubic through the nearest four, or linear, ``(at,)``.
+    """Return values interpolated at times between samples, ``(at,)``.
 
-    Lagrange's cubic errs by O(Δt⁴), a line by O(Δt²): at 16 samples a period that is a percent of
-    what is measured, which a fit would take for physics. A line it is where the four reach across a
-    gap, and where they stand so unevenly that the cubic would make their noise larger.
+    Lagrange's cubic through the nearest four samples has an error of O(Δt⁴). Linear
+    interpolation, O(Δt²), errs by a percent at 16 samples per period, which a fit would mistake
+    for physics; it is used only where the four samples span a gap or are so uneven that the
+    cubic would amplify their noise.
     """
     found: NDArray[np.float64] = np.interp(at, times, values)
     if len(times) < 4:
@@ -219,10 +225,10 @@ def _between(
         for k in range(4):
             if k != j:
                 weights[:, j] *= (at - t[:, k]) / (t[:, j] - t[:, k])
-    well = (np.diff(t, axis=1).max(axis=1) <= gap) & ((weights**2).sum(axis=1) <= NOISIER)
+    well = (np.diff(t, axis=1).max(axis=1) <= gap) & ((weights**2).sum(axis=1) <= MAX_NOISE_GAIN)
     found[well] = (weights[well] * values[nearest[well]]).sum(axis=1)
     return found
 
 
-def _missing(share: float) -> str:
+def _missing_share(share: float) -> str:
     return f", {share:.1%} of the values missing" if share else ""

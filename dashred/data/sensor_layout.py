@@ -1,4 +1,4 @@
-"""Where the sensors of a twin stand: drawn, for nobody has put them anywhere."""
+"""Random positions for the sensors of a twin experiment."""
 
 from __future__ import annotations
 
@@ -6,19 +6,26 @@ import numpy as np
 
 from dashred.config import Config
 from dashred.core.errors import InputError
-from dashred.data.sensor_spacing import spread_out
-from dashred.data.sensors import Described, Sensor
+from dashred.data.sensor_spacing import farthest_points
+from dashred.data.sensors import Sensor, SystemDescription
 
 
-def place_sensors(system: Described, config: Config, rng: np.random.Generator) -> list[Sensor]:
-    """Draw places for the fit sensors, and for the validation and test sensors on top.
+def place_sensors(
+    system: SystemDescription, config: Config, rng: np.random.Generator
+) -> list[Sensor]:
+    """Draw positions for the fit sensors and for additional validation and test sensors.
 
-    Each place is the best of 20 random ones, so that sensors keep a distance but no pattern.
-    An ODE system has no places: its sensors read their quantities, over and over.
+    Positions are chosen by farthest-point sampling from 20 random candidates per sensor, which
+    keeps the sensors apart without a regular pattern. The sensors of an ODE system have no
+    positions and cycle through the quantities of ``recording.reads``.
+
+    Raises:
+        InputError: ``recording.sensors`` is not a number.
     """
     count, reads = config.recording.sensors, config.recording.reads
     if not isinstance(count, int):
-        raise InputError("a twin's sensors are a number", where=config.where("recording.sensors"))
+        problem = "recording.sensors must be a number of sensors for a twin"
+        raise InputError(problem, where=config.where("recording.sensors"))
     if not system.axes:
         return [Sensor(_name(i, count), reads[i % len(reads)], (), None) for i in range(count)]
     for role in ("validate", "test"):
@@ -26,7 +33,7 @@ def place_sensors(system: Described, config: Config, rng: np.random.Generator) -
         count += extra if isinstance(extra, int) else len(extra)
     lengths = np.array([axis.length for axis in system.axes])
     candidates = rng.random((20 * count, len(lengths))) * lengths
-    chosen = spread_out(candidates, count, rng, candidates=range(len(candidates)))
+    chosen = farthest_points(candidates, count, rng, candidates=range(len(candidates)))
     order = sorted(tuple(candidates[i].tolist()) for i in chosen)
     return [
         Sensor(_name(i, count), reads[i % len(reads)], place, None) for i, place in enumerate(order)

@@ -1,4 +1,4 @@
-"""Choosing sensors that lie far from each other."""
+"""Farthest-point sampling of sensors."""
 
 from __future__ import annotations
 
@@ -8,33 +8,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def spread_out(
+def farthest_points(
     positions: NDArray[np.float64],
     count: int,
     rng: np.random.Generator,
     *,
     candidates: Sequence[int],
-    beside: Sequence[int] = (),
+    already_chosen: Sequence[int] = (),
 ) -> list[int]:
-    """Choose ``count`` of the candidates, each as far as possible from those chosen before it.
+    """Choose ``count`` candidates, each as far as possible from those already chosen.
 
-    Farthest-point sampling from a random start, with distances on a torus whose period along
-    each axis is the sensors' extent plus one mean spacing.
+    The first candidate is random. Distances are measured on a torus whose period along each axis
+    is the sensors' extent plus one mean spacing.
 
     Args:
-        positions: of all sensors, shape (sensor, axis).
-        count: how many to choose.
-        rng: decides the start and breaks ties.
+        positions: of all sensors, shape ``(sensor, axis)``.
+        count: number of candidates to choose.
+        rng: draws the first candidate and breaks ties.
         candidates: indices of sensors that may be chosen.
-        beside: indices of sensors to keep away from, too.
+        already_chosen: indices of further sensors to keep away from.
     """
     distances = _distances(positions)
-    # Ties (all of an ODE's sensors, for one) are broken at random, not by order in the file.
+    # Break ties at random, not by file order: all sensors of an ODE system are tied.
     distances = distances + 1e-9 * rng.random(len(positions))
     left = [int(index) for index in rng.permutation(candidates)]
     chosen: list[int] = []
     while len(chosen) < count:
-        near = [*beside, *chosen]
+        near = [*already_chosen, *chosen]
         best = max(left, key=lambda index: distances[near, index].min()) if near else left[0]
         left.remove(best)
         chosen.append(best)

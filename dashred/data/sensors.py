@@ -1,4 +1,4 @@
-"""What a sensor is, and whether a system has what it claims to read."""
+"""Point sensors, and checks that a system can have them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from dashred.core.errors import InputError, nearest
-from dashred.core.files.plain_text import unprintable
+from dashred.core.files.plain_text import first_unprintable
 
 # Columns of a recording that are not sensors.
 RESERVED = ("time", "episode")
@@ -16,31 +16,31 @@ RESERVED = ("time", "episode")
 
 @runtime_checkable
 class ObservedAxis(Protocol):
-    """The part of an axis that a sensor needs: points at ``j·period/around`` of a ring."""
+    """The part of an axis that a sensor needs: a ring with points at ``j·period/ring_points``."""
 
     @property
     def name(self) -> str:
-        """The coordinate's name in the equations and in tables of sensors."""
+        """Name of the coordinate in the equations and in the table of sensors."""
 
     @property
     def length(self) -> float:
         """Extent of the axis, in its own unit."""
 
-    def inside(self, place: float, /) -> float:
-        """Return a place on the axis: around it, or mirrored at an end."""
+    def wrap(self, place: float, /) -> float:
+        """Map a coordinate onto the axis: wrapped if periodic, else mirrored at an end."""
 
     @property
     def period(self) -> float:
-        """Length of the ring that it is, or half of."""
+        """Length of the ring: the axis itself if periodic, else twice its length."""
 
     @property
-    def around(self) -> int:
-        """Points of that ring."""
+    def ring_points(self) -> int:
+        """Number of points on the ring."""
 
 
 @runtime_checkable
-class Described(Protocol):
-    """The part of a system that says what can be read in it, and where."""
+class SystemDescription(Protocol):
+    """The part of a system that describes what sensors can read, and where."""
 
     @property
     def axes(self) -> tuple[ObservedAxis, ...]:
@@ -56,15 +56,15 @@ class Described(Protocol):
 
     @property
     def inputs(self) -> Mapping[str, str]:
-        """The recording's column of every measured input, by its name in the equations."""
+        """Column of each measured input in the recording, by its name in the equations."""
 
     @property
     def units(self) -> Mapping[str, str]:
-        """The unit of each name that has one, that of time as ``t``."""
+        """Units by name in the equations, where stated; the unit of time is under ``t``."""
 
     @property
     def where(self) -> Callable[[str], str]:
-        """Tells where a dotted key of the configuration was written."""
+        """Return the location in the configuration of a dotted key."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,9 @@ class Sensor:
 
     Attributes:
         name: its column in a recording.
-        reads: the field or let name whose value it gives.
+        reads: the field or derived quantity that it measures.
         position: one coordinate per axis, in the axis' unit; empty for an ODE system.
-        std: standard deviation of its noise, in the unit of what it reads; None if unknown.
+        std: noise std, in the unit of the measured quantity; None if unknown.
     """
 
     name: str
@@ -84,24 +84,24 @@ class Sensor:
     std: float | None = None
 
 
-def readable(system: Described) -> tuple[str, ...]:
-    """Names that a sensor may read in this system: its fields, then its lets."""
+def observable_names(system: SystemDescription) -> tuple[str, ...]:
+    """Return the names that a sensor of this system may read: fields, then derived quantities."""
     return (*system.fields, *system.lets)
 
 
-def check_sensor(sensor: Sensor, system: Described, where: str) -> None:
-    """Refuse a sensor that this system cannot have.
+def check_sensor(sensor: Sensor, system: SystemDescription, where: str) -> None:
+    """Check that a sensor fits a system.
 
     Raises:
-        InputError: for an unusable name, an unknown quantity, a position off the axes, or a
-            noise level that is not a positive number.
+        InputError: for an unusable name, an unknown quantity, a position outside the axes, or a
+            noise std that is not a positive number.
     """
-    if unprintable(sensor.name) or sensor.name in ("", *RESERVED):
-        problem = f"{sensor.name!r} cannot be a sensor's name"
-        raise InputError(problem, where=where, hint="give each sensor a name of its own")
-    if sensor.reads not in readable(system):
+    if first_unprintable(sensor.name) or sensor.name in ("", *RESERVED):
+        problem = f"{sensor.name!r} is not a valid sensor name"
+        raise InputError(problem, where=where, hint="give each sensor a unique name")
+    if sensor.reads not in observable_names(system):
         problem = f"sensor {sensor.name!r} reads {sensor.reads!r}, which the system does not have"
-        raise InputError(problem, where=where, hint=nearest(sensor.reads, readable(system)))
+        raise InputError(problem, where=where, hint=nearest(sensor.reads, observable_names(system)))
     _check_position(sensor, system, where)
     if sensor.std is not None and not 0 < sensor.std < math.inf:
         problem = f"sensor {sensor.name!r}: std is {sensor.std:g}, but must be positive"
@@ -109,10 +109,10 @@ def check_sensor(sensor: Sensor, system: Described, where: str) -> None:
 
 
 def check_names(names: Iterable[str], where: str) -> None:
-    """Refuse names that occur twice.
+    """Check that names are unique.
 
     Raises:
-        InputError: naming the first repeated one.
+        InputError: for the first repeated name.
     """
     seen: set[str] = set()
     for name in names:
@@ -121,15 +121,15 @@ def check_names(names: Iterable[str], where: str) -> None:
         seen.add(name)
 
 
-def _check_position(sensor: Sensor, system: Described, where: str) -> None:
+def _check_position(sensor: Sensor, system: SystemDescription, where: str) -> None:
     if len(sensor.position) != len(system.axes):
         axes = ", ".join(axis.name for axis in system.axes) or "no axes"
         problem = f"sensor {sensor.name!r} has {len(sensor.position)} coordinates"
         raise InputError(problem, where=where, hint=f"the system has {axes}")
     for axis, coordinate in zip(system.axes, sensor.position, strict=True):
         if math.isnan(coordinate):
-            problem = f"sensor {sensor.name!r} has no place along {axis.name}"
-            raise InputError(problem, where=where, hint="write its coordinate")
+            problem = f"sensor {sensor.name!r} has no {axis.name} coordinate"
+            raise InputError(problem, where=where, hint="give its coordinate")
         if not 0 <= coordinate <= axis.length:
             problem = f"sensor {sensor.name!r} is at {axis.name} = {coordinate:g}, outside the axis"
             hint = f"{axis.name} goes from 0 to {axis.length:g}"

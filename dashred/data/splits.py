@@ -1,4 +1,4 @@
-"""What is held out of a recording: some of the sensors, and the end of the time."""
+"""Splits of a recording: sensor roles and the held-out end of the time."""
 
 from __future__ import annotations
 
@@ -12,37 +12,37 @@ from numpy.typing import NDArray
 from dashred.config import Splits
 from dashred.core.errors import InputError, nearest
 from dashred.data.recording import Recording
-from dashred.data.sensor_spacing import spread_out
+from dashred.data.sensor_spacing import farthest_points
 from dashred.data.sensors import check_names
 
-# A stream of its own, so that no other use of the seed moves the sensors' roles.
-STREAM = 0x5E25
-# With fewer sensors than this, numbers of held-out sensors are not drawn.
-FEWEST_SENSORS = 5
-# From this many fit sensors on, a third of them is kept from SHRED's input by default.
-FEWEST_FOR_EXTRA = 6
-# Of an episode that is held out whole this part, and so many samples, find the start.
-BEGINNING, FEWEST_TO_BEGIN = 0.1, 6
+# A separate random stream, so that no other use of the seed changes the roles of the sensors.
+RNG_STREAM = 0x5E25
+# With fewer sensors than this, no sensors are drawn to be held out.
+MIN_SENSORS = 5
+# With at least this many fit sensors, a third of them is kept from SHRED's input by default.
+MIN_SENSORS_FOR_EXTRA = 6
+# Share, and minimum number, of the samples of a held-out episode that determine its start.
+START_FRACTION, MIN_START_SAMPLES = 0.1, 6
 
 
 @dataclass(frozen=True)
 class Split:
-    """Roles of the sensors and the parts of the recording that go with them.
+    """Roles of the sensors and the corresponding parts of the recording.
 
     Attributes:
-        inputs: fit sensors that SHRED sees.
-        extra: fit sensors that only assimilation is fitted to.
-        validate: sensors for early stopping and for choosing.
-        test: sensors that nothing looks at until discovery is final.
+        inputs: fit sensors that are SHRED's input.
+        extra: fit sensors that are used by assimilation only.
+        validate: sensors for early stopping and model selection.
+        test: sensors that are not used until discovery is final.
         fit: inputs and extra, up to ``time_end``.
-        validation: validate sensors up to ``time_end``; without any, the fit sensors after
-            ``fit_end``.
+        validation: validate sensors up to ``time_end``; without validate sensors, the fit sensors
+            after ``fit_end``.
         heldout: fit and validate sensors after ``time_end``.
         tested: test sensors at all times.
         time_end: time of the last sample that is not held out.
-        fit_end: time of the last sample that may be fitted: ``time_end``, or earlier when the
-            rest of the fit window serves for validation.
-        note: one sentence on what is held out.
+        fit_end: time of the last sample that may be fitted: ``time_end``, or earlier if the
+            rest of the fit window is used for validation.
+        note: one sentence on the held-out data.
     """
 
     inputs: tuple[str, ...]
@@ -70,25 +70,26 @@ class Split:
 
 
 def split_recording(recording: Recording, splits: Splits, seed: int) -> Split:
-    """Give every sensor its role and cut the time.
+    """Assign a role to every sensor and split the time.
 
-    Numbers of sensors are drawn from the seed, spread over the domain; names are taken as given.
-    Fewer than 5 sensors are all fitted, unless the configuration names some to hold out.
+    Where ``splits.sensors`` gives a number, that many sensors are drawn with the seed, spread
+    over the domain; where it gives names, those sensors are taken. Fewer than 5 sensors are all
+    fitted, unless the configuration names some to hold out.
 
     Raises:
-        InputError: if a named sensor does not exist or has two roles, if no input sensor would
-            be left, or if a sensor has no value in the fit window.
+        InputError: a named sensor does not exist or has two roles, no input sensor would be
+            left, or a sensor has no value in the fit window.
     """
-    rng = np.random.default_rng([seed, STREAM])
+    rng = np.random.default_rng([seed, RNG_STREAM])
     validate, test = _held_out(recording, splits, rng)
     fitted = [name for name in recording.names if name not in (*validate, *test)]
     extra = _extra(recording, fitted, splits.sensors.extra, rng)
     times = recording.times
-    last = _last_fitted(times, splits.time.test)
+    last = _last_fit_index(times, splits.time.test)
     early = recording.between(times[0], times[last])
     _check_values(early)
-    # The last fifth of the fit window validates where no sensor does.
-    fit_last = last if validate else _last_fitted(times[: last + 1], 0.2)
+    # Without validate sensors, the last fifth of the fit window is used for validation.
+    fit_last = last if validate else _last_fit_index(times[: last + 1], 0.2)
     if validate:
         validation = early.select(validate)
     else:
@@ -108,15 +109,15 @@ def split_recording(recording: Recording, splits: Splits, seed: int) -> Split:
     )
 
 
-def hold_out(recording: Recording, split: Split) -> Split:
-    """Return the split of an episode that is held out whole: a tenth of it finds its start.
+def hold_out_episode(recording: Recording, split: Split) -> Split:
+    """Return the split of an entirely held-out episode; its first tenth determines its start.
 
     Args:
         recording: the episode.
-        split: as it would be, were it fitted: the sensors keep their roles.
+        split: the split of the episode if it were fitted; the sensors keep their roles.
     """
     times = recording.times
-    last = max(_last_fitted(times, 1 - BEGINNING), FEWEST_TO_BEGIN - 1)
+    last = max(_last_fit_index(times, 1 - START_FRACTION), MIN_START_SAMPLES - 1)
     early, late = (
         recording.between(times[0], times[last]),
         recording.between(times[last + 1], times[-1]),
@@ -129,7 +130,7 @@ def hold_out(recording: Recording, split: Split) -> Split:
         tested=recording.select(split.test),
         time_end=float(times[last]),
         fit_end=float(times[last]),
-        note=f"Held out whole; its start is fitted until t = {times[last]:.6g}.",
+        note=f"Entirely held out; its start is fitted until t = {times[last]:.6g}.",
     )
 
 
@@ -144,10 +145,10 @@ def _held_out(
     free = [index for index in range(len(recording.sensors)) if index not in taken]
     if len(free) <= sum(counts.values()):
         raise _too_few(recording, len(taken) + sum(counts.values()))
-    drawn = spread_out(
-        _positions(recording), sum(counts.values()), rng, candidates=free, beside=taken
+    drawn = farthest_points(
+        _positions(recording), sum(counts.values()), rng, candidates=free, already_chosen=taken
     )
-    # The first ones drawn lie farthest apart: shuffled, neither role is favoured by that.
+    # The first points drawn are the farthest apart: shuffle, so that this favours neither role.
     shuffled = [recording.names[index] for index in rng.permutation(np.array(drawn, dtype=int))]
     validate = {*roles["validate"], *shuffled[: counts["validate"]]}
     test = {*roles["test"], *shuffled[counts["validate"] :]}
@@ -166,33 +167,33 @@ def _named(recording: Recording, role: str, wanted: Any) -> list[str]:
 
 
 def _count(recording: Recording, wanted: Any) -> int:
-    few = len(recording.sensors) < FEWEST_SENSORS
+    few = len(recording.sensors) < MIN_SENSORS
     return wanted if isinstance(wanted, int) and not few else 0
 
 
 def _too_few(recording: Recording, held_out: int) -> InputError:
     problem = f"{len(recording.sensors)} sensors are too few to hold out {held_out} of them"
-    hint = "lower splits.sensors.validate or splits.sensors.test: one sensor must be left to fit"
+    hint = "lower splits.sensors.validate or splits.sensors.test: at least one sensor is fitted"
     return InputError(problem, where="splits.sensors", hint=hint)
 
 
 def _extra(
     recording: Recording, fitted: list[str], wanted: int | None, rng: np.random.Generator
 ) -> tuple[str, ...]:
-    default = len(fitted) // 3 if len(fitted) >= FEWEST_FOR_EXTRA else 0
+    default = len(fitted) // 3 if len(fitted) >= MIN_SENSORS_FOR_EXTRA else 0
     count = default if wanted is None else wanted
     if count >= len(fitted):
-        problem = f"{count} extra sensors leave none of {len(fitted)} fit sensors as SHRED's input"
+        problem = f"{count} extra sensors leave none of the {len(fitted)} fit sensors for SHRED"
         hint = f"set it to {len(fitted) - 1} or less"
         raise InputError(problem, where="splits.sensors.extra", hint=hint)
     candidates = [recording.names.index(name) for name in fitted]
-    drawn = spread_out(_positions(recording), count, rng, candidates=candidates)
+    drawn = farthest_points(_positions(recording), count, rng, candidates=candidates)
     return _ordered(recording, {recording.names[index] for index in drawn})
 
 
-def _last_fitted(times: NDArray[np.float64], fraction: float) -> int:
+def _last_fit_index(times: NDArray[np.float64], fraction: float) -> int:
     end = times[0] + (1.0 - fraction) * (times[-1] - times[0])
-    # The end may fall on a sample: rounding must not decide on which side of it.
+    # The end may coincide with a sample; the tolerance makes the result independent of rounding.
     rounding = 1e-9 * (times[-1] - times[0])
     count = int(np.searchsorted(times, end + rounding, side="right"))
     return min(count, len(times) - 1) - 1
@@ -202,7 +203,7 @@ def _check_values(early: Recording) -> None:
     for name, values in zip(early.names, early.values.T, strict=True):
         if np.isnan(values).all():
             problem = f"sensor {name!r} has no value until t = {early.times[-1]:.6g}"
-            hint = "take it out of the recording, or lower splits.time.test"
+            hint = "remove it from the recording, or lower splits.time.test"
             raise InputError(problem, hint=hint)
 
 
@@ -226,10 +227,10 @@ def _note(
     held = f"t > {time_end:.6g} is held out"
     sensors = f"{fitted} of {count} sensors are fitted"
     if not test:
-        held += ", no sensor is"
+        held += ", no sensor is held out"
     validated = (
-        f"{len(validate)} validate"
+        f"{len(validate)} are used for validation"
         if validate
-        else f"their samples in {fit_end:.6g} < t <= {time_end:.6g} validate"
+        else f"their samples in {fit_end:.6g} < t <= {time_end:.6g} are used for validation"
     )
-    return f"{sensors}, {validated}, {len(test)} test; {held}."
+    return f"{sensors}, {validated}, {len(test)} are test sensors; {held}."

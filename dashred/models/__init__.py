@@ -1,1 +1,1 @@
-"""SHRED, and the two LightningModules that train it and assimilate with it."""
+"""SHRED, its scaling and basis, and the two LightningModules that train and assimilate."""

@@ -1,4 +1,4 @@
-"""LightningModule 2: freeze the decoder, fit a residual latent transform to the real sensors."""
+"""LightningModule 2: fit a residual latent transform to the real sensors, with F frozen."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dashred.models.shred import SHRED
 
 
 class LatentTransform(nn.Module):
-    """``G_R = h + T(h)`` with T a small network that starts at zero (Bao & Kutz 2025, §3)."""
+    """``G_R = h + T(h)``, where T is a small network initialised to zero (Bao & Kutz 2025, §3)."""
 
     def __init__(self, latent: int, width: int) -> None:
         super().__init__()
@@ -22,7 +22,7 @@ class LatentTransform(nn.Module):
         self.residual = nn.Sequential(nn.Linear(latent, width), nn.Tanh(), last)
 
     def forward(self, latent: Float[Tensor, "batch latent"]) -> Float[Tensor, "batch latent"]:
-        """Return h + T(h)."""
+        """Return ``h + T(h)``."""
         return latent + self.residual(latent)
 
 
@@ -41,19 +41,21 @@ class AssimilatedEncoder(nn.Module):
 class Assimilation(LightningModule):
     """Minimise ``mean ((H F(G_R(s')) - y')/σ)² + λ mean T(h)²`` over T, with F frozen.
 
-    y' are the p + q fit sensors; missing samples carry no weight. SHRED's LSTM may follow at a
-    rate of its own (``encoder_rate`` > 0); the decoder, the POD basis and the scaler never do.
+    The values y' are from the p + q fit sensors; missing samples have no weight. If
+    ``encoder_rate`` > 0, SHRED's LSTM is trained too; the decoder, the POD basis and the scaler
+    stay fixed.
 
     Args:
-        shred: trained on simulations; its decoder is frozen here.
+        shred: network trained on simulations.
         fit_operator: H of the fit sensors.
         validation_operator: H of the validation sensors.
         noise: σ of each fit sensor, ``(sensor,)``.
-        scales: std of each fit and of each validation sensor's trace, to quote RMSEs in.
-        width: of T.
+        scales: std of the trace of each fit sensor and each validation sensor; RMSEs are in units
+            of these.
+        width: hidden units of T.
         penalty: λ.
-        rate: of T.
-        encoder_rate: of the LSTM.
+        rate: learning rate of T.
+        encoder_rate: learning rate of the LSTM.
     """
 
     noise: Tensor
@@ -110,14 +112,14 @@ class Assimilation(LightningModule):
                 self.log(f"mse/sensors_{name}", error, on_epoch=True, batch_size=weight)
 
     def on_validation_epoch_end(self) -> None:
-        """Turn mean squares into the RMSEs, in units of each trace's std."""
+        """Log the RMSEs, in units of each trace's std."""
         for name in ("fit", "validate"):
             error = self.trainer.callback_metrics.get(f"mse/sensors_{name}")
             if error is not None:
                 self.log(f"rmse/sensors_{name}", error.sqrt())
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
-        """Return Adam on the transform, and on the LSTM if it may follow."""
+        """Return Adam on the transform, and on the LSTM if ``encoder_rate`` > 0."""
         groups = [{"params": self.encoder.transform.parameters(), "lr": self.rate}]
         if self.encoder_rate > 0:
             groups.append({"params": self.shred.encoder.parameters(), "lr": self.encoder_rate})
@@ -125,7 +127,7 @@ class Assimilation(LightningModule):
 
 
 def _innovation(recorded: Tensor, read: Tensor) -> Tensor:
-    """Return ``y - Hv``, NaN where nothing was recorded."""
+    """Return ``y - Hv``, NaN where y is missing."""
     return recorded - read
 
 

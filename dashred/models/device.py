@@ -1,4 +1,4 @@
-"""The device that networks are trained on."""
+"""Check of the device on which networks are trained."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dashred.core.errors import InputError
 
 
 def check_device(config: Config) -> None:
-    """Refuse a device that is not there.
+    """Check that the configured device exists.
 
     Raises:
         InputError: this machine has no such device.

@@ -1,4 +1,4 @@
-"""Lagged windows: what SHRED's recurrent part sees at each time."""
+"""Lagged windows: the input of SHRED's recurrent network at each time."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from dashred.core.errors import InputError
 def windows(
     traces: Float[Tensor, "*batch time sensor"], lags: int
 ) -> Float[Tensor, "*batch time lag sensor"]:
-    """Return s_{t-lags}, …, s_t for each t, lags + 1 samples; before the first, it is repeated.
+    """Return ``s_{t-lags}, …, s_t`` for each t: windows of lags + 1 samples.
 
-    Missing values are filled first (:func:`fill_missing`).
+    Before the start, the first sample is repeated. Missing values are interpolated first
+    (:func:`fill_missing`).
 
     Raises:
-        InputError: if a sensor has no value at all.
+        InputError: a sensor has no values.
     """
     filled = fill_missing(traces)
     first = filled[..., :1, :].expand(*filled.shape[:-2], lags, filled.shape[-1])
@@ -29,10 +30,10 @@ def windows(
 def fill_missing(
     traces: Float[Tensor, "*batch time sensor"],
 ) -> Float[Tensor, "*batch time sensor"]:
-    """Replace NaN by linear interpolation in time between samples, by the nearest at the ends.
+    """Replace NaN by linear interpolation in time, or by the nearest sample at the ends.
 
     Raises:
-        InputError: if a sensor has no value at all.
+        InputError: a sensor has no values.
     """
     missing = traces.isnan()
     if not missing.any():
@@ -44,6 +45,6 @@ def fill_missing(
             trace = filled[(*batch, slice(None), sensor)]
             known = ~np.isnan(trace)
             if not known.any():
-                raise InputError(f"sensor number {sensor + 1} has no value in this stretch of time")
+                raise InputError(f"sensor number {sensor + 1} has no values in this time interval")
             trace[:] = np.interp(time, time[known], trace[known])
     return torch.from_numpy(filled).to(traces.device)

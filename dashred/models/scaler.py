@@ -1,4 +1,4 @@
-"""Standardising the channels of a network's inputs and outputs."""
+"""Standardisation of the channels of a network's inputs."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from torch import Tensor, nn
 
 
 class Scaler(nn.Module):
-    """(x - mean) / std for each channel; its buffers travel with the network's checkpoint."""
+    """``(x - mean) / std`` for each channel; the buffers are part of the network's checkpoint."""
 
     mean: Tensor
     std: Tensor
 
     def __init__(self, mean: Float[Tensor, " channel"], std: Float[Tensor, " channel"]) -> None:
-        """Keep the given scales."""
+        """Store the given mean and std."""
         super().__init__()
         self.register_buffer("mean", mean)
         self.register_buffer("std", std)
 
     @classmethod
     def fit(cls, x: Float[Tensor, "*sample channel"]) -> Scaler:
-        """Measure the scales of training members (and of nothing else); NaN are left out.
+        """Compute mean and std of training data, ignoring NaN.
 
-        A channel that does not vary, or has no value, keeps its unit: std 1.
+        A channel that is constant or has no values gets std 1.
         """
         channels = x.reshape(-1, x.shape[-1])
         mean = channels.nanmean(dim=0).nan_to_num(nan=0.0)
         std = (channels - mean).square().nanmean(dim=0).sqrt().nan_to_num(nan=0.0)
-        # A constant channel's std is not exactly zero, but the rounding error of its mean.
+        # The std of a constant channel is not exactly zero but a rounding error of its mean.
         varies = std > 1e-12 * mean.abs()
         return cls(mean, torch.where(varies, std, torch.ones_like(std)))
 

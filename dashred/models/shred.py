@@ -1,4 +1,4 @@
-"""SHRED: a shallow recurrent decoder from sensor histories to the whole field."""
+"""SHRED: a shallow recurrent decoder from sensor histories to the full field."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from torch import Tensor, nn
 from dashred.models.pod import POD
 from dashred.models.scaler import Scaler
 
-# What makes up a POD, and the name of a dense layer's weights.
-BASIS = ("mean", "modes", "scale", "energy")
-DENSE = r"decoder\.\d+\.weight"
+# Buffers of a POD, and a pattern for the weights of a dense layer.
+POD_BUFFERS = ("mean", "modes", "scale", "energy")
+DENSE_WEIGHTS = r"decoder\.\d+\.weight"
 
 
 class SHRED(nn.Module):
     """``h_t = G(s_{t-k:t})``, ``û_t = F(h_t)``: LSTM, then a shallow decoder to POD coefficients.
 
-    Williams, Zahn & Kutz, *Sensing with shallow recurrent decoder networks* (2022); to POD
-    coefficients as in Bao & Kutz (2025). The decoder works in units of each coefficient's own
-    standard deviation, so that all its outputs are of order one.
+    Williams, Zahn & Kutz, *Sensing with shallow recurrent decoder networks* (2022); decoding to
+    POD coefficients as in Bao & Kutz (2025). The outputs of the decoder are in units of each
+    coefficient's std, so that all are of order one.
 
     Args:
         scaler: of the input sensors, fitted on training members.
@@ -59,24 +59,24 @@ class SHRED(nn.Module):
 
     @classmethod
     def from_weights(cls, weights: Mapping[str, Tensor], grid: tuple[int, ...]) -> SHRED:
-        """Return the network with these weights: its state dict, which tells every size but one.
+        """Return the network with the given weights, which determine all sizes but the grid.
 
         Args:
-            weights: by name, as ``state_dict()`` has them.
+            weights: result of ``state_dict()``.
             grid: points along each axis.
         """
         scaler = Scaler(weights["scaler.mean"], weights["scaler.std"])
-        mean, modes, scale, energy = (weights[f"pod.{name}"] for name in BASIS)
+        mean, modes, scale, energy = (weights[f"pod.{name}"] for name in POD_BUFFERS)
         pod = POD(mean, modes, scale, energy, grid)
         layers = sum(name.startswith("encoder.weight_hh_l") for name in weights)
         latent = weights["encoder.weight_hh_l0"].shape[1]
-        widths = [len(w) for name, w in weights.items() if re.fullmatch(DENSE, name)]
+        widths = [len(w) for name, w in weights.items() if re.fullmatch(DENSE_WEIGHTS, name)]
         shred = cls(scaler, pod, weights["spread"], latent, layers, widths[:-1])
         shred.load_state_dict(weights)
         return shred
 
-    def begin_as(self, other: SHRED) -> None:
-        """Take over another network's weights but the last layer's, whose POD modes are others."""
+    def initialise_from(self, other: SHRED) -> None:
+        """Copy the weights of another network, except the last layer, whose POD modes differ."""
         last = f"decoder.{len(self.decoder) - 1}."
         learnt = {
             name: value
@@ -86,26 +86,26 @@ class SHRED(nn.Module):
         self.load_state_dict(learnt, strict=False)
 
     def encode(self, windows: Float[Tensor, "batch lag sensor"]) -> Float[Tensor, "batch latent"]:
-        """Return h, the LSTM's last hidden state, of windows in the sensors' own units."""
-        return self.encode_along(windows)[:, -1]
+        """Return h, the last hidden state of the LSTM, for windows in the sensors' own units."""
+        return self.encode_sequence(windows)[:, -1]
 
-    def encode_along(
-        self, stretch: Float[Tensor, "batch time sensor"]
+    def encode_sequence(
+        self, sequence: Float[Tensor, "batch time sensor"]
     ) -> Float[Tensor, "batch time latent"]:
-        """Return h at every sample of a stretch, each from all the samples before it."""
-        hidden, _ = self.encoder(self.scaler(stretch))
+        """Return h at every sample of a sequence, computed from all samples up to it."""
+        hidden, _ = self.encoder(self.scaler(sequence))
         return hidden
 
     def coefficients(self, latent: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch mode"]:
-        """Return the POD coefficients that the decoder gives to a latent state."""
+        """Return the POD coefficients of a latent state."""
         return self.decoder(latent) * self.spread
 
     def decode(self, latent: Float[Tensor, "batch latent"]) -> Float[Tensor, "batch ..."]:
-        """Return the field ``(batch, field, *grid)`` of a latent state, in physical units."""
+        """Return the fields ``(batch, field, *grid)`` of a latent state, in physical units."""
         return self.pod.decode(self.coefficients(latent))
 
     def forward(self, windows: Float[Tensor, "batch lag sensor"]) -> Float[Tensor, "batch ..."]:
-        """Return the field ``(batch, field, *grid)`` of windows."""
+        """Return the fields ``(batch, field, *grid)`` of windows."""
         return self.decode(self.encode(windows))
 
 
@@ -113,5 +113,5 @@ class SHRED(nn.Module):
 def reconstruct(
     encode: Callable[[Tensor], Tensor], shred: SHRED, windows: Float[Tensor, "time lag sensor"]
 ) -> Float[Tensor, "time ..."]:
-    """Return the field ``(time, field, *grid)``, float64, of a recording's windows."""
+    """Return the fields ``(time, field, *grid)``, float64, of a recording's windows."""
     return shred.decode(encode(windows)).double()

@@ -10,23 +10,24 @@ from torch import Tensor
 
 from dashred.models.shred import SHRED
 
-Stretches = tuple[
+Sequences = tuple[
     Float[Tensor, "batch time sensor"], Float[Tensor, "batch target mode"], Int[Tensor, " batch"]
 ]
 Windows = tuple[Float[Tensor, "batch lag sensor"], Float[Tensor, "batch mode"]]
 
 
 class SimulationTraining(LightningModule):
-    """Minimise the field's mean squared error, ``Σ_modes (â - a)²`` in units of each field's std.
+    """Minimise the mean squared error of the field, ``Σ_modes (â - a)² / cells``.
 
-    Fresh sensor noise is drawn for every batch: the network must not count on clean histories.
+    The error is in units of each field's std. New sensor noise is drawn for every batch, so that
+    the network does not rely on noise-free histories.
 
     Args:
         shred: the network.
         noise: std of each input sensor, ``(sensor,)``, in its own unit.
-        cells: number of (field, grid point) pairs that an RMSE averages over.
+        cells: number of (field, grid point) pairs over which an RMSE averages.
         rate: peak learning rate.
-        steps: optimiser steps in all: the learning rate makes one cycle.
+        steps: total number of optimiser steps; the learning rate makes one cycle.
     """
 
     noise: Tensor
@@ -37,11 +38,11 @@ class SimulationTraining(LightningModule):
         self.rate, self.steps = rate, steps
         self.register_buffer("noise", noise)
 
-    def training_step(self, batch: Stretches, index: int) -> Tensor:
-        """Return the loss of one batch of stretches, over the samples that have targets."""
-        stretches, targets, repeated = batch
-        noisy = stretches + self.noise * _drawn_once(torch.randn_like(stretches), repeated)
-        latent = self.shred.encode_along(noisy)[:, -targets.shape[1] :]
+    def training_step(self, batch: Sequences, index: int) -> Tensor:
+        """Return the loss of one batch of sequences, over the samples that have targets."""
+        sequences, targets, repeated = batch
+        noisy = sequences + self.noise * _share_noise(torch.randn_like(sequences), repeated)
+        latent = self.shred.encode_sequence(noisy)[:, -targets.shape[1] :]
         loss = self.squared_error(latent, targets).mean()
         self.log("loss/train", loss, on_step=False, on_epoch=True)
         return loss
@@ -53,7 +54,7 @@ class SimulationTraining(LightningModule):
         self.log("mse/field_members", error, on_epoch=True, batch_size=len(windows))
 
     def on_validation_epoch_end(self) -> None:
-        """Turn the mean square into the RMSE that early stopping watches."""
+        """Log the RMSE, which early stopping monitors."""
         error = self.trainer.callback_metrics["mse/field_members"]
         self.log("rmse/field_members", error.sqrt())
 
@@ -76,12 +77,13 @@ class SimulationTraining(LightningModule):
         }
 
 
-def _drawn_once(
+def _share_noise(
     noise: Float[Tensor, "batch time sensor"], repeated: Int[Tensor, " batch"]
 ) -> Float[Tensor, "batch time sensor"]:
-    """Return the noise with one draw for all copies of a sample: what a recording repeats is noisy.
+    """Return the noise with one draw for all copies of a repeated first sample.
 
-    Else the network would average over copies whose noise it never meets.
+    In a recording the repeated sample has the same noise in all copies. With independent draws,
+    the network would learn to average over the copies.
     """
     held = torch.arange(noise.shape[1], device=noise.device)
     held = torch.maximum(held, repeated[:, None])

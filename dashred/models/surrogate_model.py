@@ -1,7 +1,7 @@
-"""The corrected surrogate as an MLflow model: ``mlflow.pytorch.load_model`` gives it back.
+"""The corrected surrogate as an MLflow model, loaded with ``mlflow.pytorch.load_model``.
 
-It is stored as an exported graph (PyTorch's ``pt2``), not as a pickle: loading it runs no code of
-ours or of anyone's, and needs torch and MLflow alone.
+The model is stored as an exported graph (PyTorch's ``pt2``), not as a pickle: loading it runs no
+code from the file and needs only torch and MLflow.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from dashred.models.shred import SHRED
 if TYPE_CHECKING:
     from dashred.core.mlflow.run import MlflowRun
 
-NAME = "corrected_shred"
-# Windows in the example; more than one, or the graph would be traced for one alone.
+MODEL_NAME = "corrected_shred"
+# Windows in the example; with only one, the graph would be specialised to batches of one.
 EXAMPLES = 2
-NEEDED = ("torch", "mlflow")
+REQUIREMENTS = ("torch", "mlflow")
 
 
 def log_surrogate(run: MlflowRun, shred: SHRED, windows: Tensor, sensors: list[str]) -> str:
     """Log the network, float32 ``(batch, lag, sensor)`` → ``(batch, field, *grid)``.
 
     Args:
-        run: that it belongs to.
+        run: that gets the model.
         shred: the network.
         windows: of the recording, ``(time, lag, sensor)``.
         sensors: names of the input's columns.
 
     Returns:
-        What ``mlflow.pytorch.load_model`` takes, once the tracking URI is the run's.
+        The model URI for ``mlflow.pytorch.load_model``, with the tracking URI of the run.
     """
     import mlflow
     from mlflow.models import Model, infer_signature
@@ -45,10 +45,10 @@ def log_surrogate(run: MlflowRun, shred: SHRED, windows: Tensor, sensors: list[s
     example = windows[:EXAMPLES].float().contiguous()
     with torch.no_grad():
         field = shred(example)
-    with _store_of(run), _quiet():
+    with _tracking_uri_of(run), _quiet():
         logged = Model.log(
             artifact_path=None,
-            model_id=run.new_model(NAME),
+            model_id=run.new_model(MODEL_NAME),
             flavor=mlflow.pytorch,
             run_id=run.run_id,
             pytorch_model=shred.train(False),
@@ -56,14 +56,14 @@ def log_surrogate(run: MlflowRun, shred: SHRED, windows: Tensor, sensors: list[s
             input_example=example.numpy(),
             serialization_format="pt2",
             metadata={"sensors": sensors},
-            pip_requirements=[f"{name}=={metadata.version(name)}" for name in NEEDED],
+            pip_requirements=[f"{name}=={metadata.version(name)}" for name in REQUIREMENTS],
         )
     return str(logged.model_uri)
 
 
 @contextmanager
-def _store_of(run: MlflowRun) -> Iterator[None]:
-    """Let MLflow's own idea of the current store be the run's, for as long as it is needed."""
+def _tracking_uri_of(run: MlflowRun) -> Iterator[None]:
+    """Set MLflow's tracking URI to that of the run, temporarily."""
     import mlflow
 
     before = mlflow.get_tracking_uri()
@@ -76,7 +76,7 @@ def _store_of(run: MlflowRun) -> Iterator[None]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep back what MLflow and torch's export say to their developers."""
+    """Silence the log messages and warnings of MLflow and torch.export."""
     loggers = [logging.getLogger(name) for name in ("mlflow", "torch.export", "torch.fx")]
     levels = [logger.level for logger in loggers]
     for logger in loggers:

@@ -1,1 +1,1 @@
-"""Equations, spatial operators, integrators, term libraries: knows nothing of sensors."""
+"""Equations, spatial operators, integrators and term libraries; independent of sensors."""

@@ -1,4 +1,4 @@
-"""What a system declares: its names and expressions, of which none needs a grid or a tensor."""
+"""The names and expressions that a system declares, independent of grids and tensors."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ class Declaration:
 
     Attributes:
         fields: names of the fields, in the order of the state's field dimension.
-        lets: named expressions that equations and sensors may read.
+        lets: derived quantities that equations and sensors may read.
         equations: tendency of each field, in the user's names.
-        resolved: the same with lets and parameters put in, so that only fields,
-            coordinates and ``t`` are left; and on the rings of axes that have ends.
+        resolved: the equations with lets and parameters substituted, so that only fields,
+            coordinates and ``t`` remain, extended to the rings of axes with ends.
         method: the time stepper.
-        tableau: its numbers, where it is a Runge–Kutta method with fixed steps.
+        tableau: Butcher tableau of a Runge–Kutta method with fixed steps, else None.
 
     Raises:
-        InputError: an expression is not in the language or reads an unknown name, or the time
-            stepper does not fit.
+        InputError: an expression is invalid or contains an unknown name, or the time stepper
+            does not fit the system.
     """
 
     def __init__(self, config: schema.System, where: Callable[[str], str]) -> None:
@@ -56,7 +56,7 @@ class Declaration:
 
     @cached_property
     def reflection(self) -> Reflection:
-        """How expressions go on beyond the ends of axes that have ends."""
+        """Extension of expressions beyond the ends of axes that are not periodic."""
         axes = self.config.axes
         ends = [name for name, axis in axes.items() if axis.ends != "periodic"]
         odd = frozenset(name for name, axis in axes.items() if axis.ends == "fixed")
@@ -64,30 +64,30 @@ class Declaration:
 
     @property
     def names(self) -> frozenset[str]:
-        """Every name that an expression may read."""
+        """Names that an expression may contain."""
         config = self.config
         own = (config.fields, config.parameters, config.let, config.axes)
         return frozenset().union(*own, self.clock)
 
     @property
     def inputs(self) -> dict[str, str]:
-        """The recording's column of every measured input, by its name in the equations."""
+        """Column of each measured input in the recording, by its name in the equations."""
         return self.config.inputs
 
     @property
     def units(self) -> dict[str, str]:
-        """The unit of each name that has one, that of time as ``t``."""
+        """Units by name in the equations, where stated; the unit of time is under ``t``."""
         return self.config.units
 
     @property
     def clock(self) -> frozenset[str]:
-        """The names whose values change by themselves as time goes on."""
+        """Names whose values are given functions of time: ``t`` and the inputs."""
         return frozenset({"t", *self.config.inputs})
 
     def parse(
         self, text: str, key: str, *, equation: str = "", extra: frozenset[str] = frozenset()
     ) -> Expr:
-        """Parse an expression over the system's names; ``key`` locates it in the config.
+        """Parse an expression in the system's names; ``key`` is its configuration key.
 
         Raises:
             InputError: see :func:`dashred.physics.expressions.parser.parse`.
@@ -96,15 +96,15 @@ class Declaration:
         return parse(str(text), vocabulary, where=self.where(key))
 
     def resolve(self, expr: Expr, key: str) -> Expr:
-        """Put lets and parameters into an expression; ``key`` locates it in the config.
+        """Substitute lets and parameters in an expression; ``key`` is its configuration key.
 
         Raises:
-            InputError: see :meth:`dashred.physics.definitions.Definitions.put_into`.
+            InputError: see :meth:`dashred.physics.definitions.Definitions.substitute_into`.
         """
-        return self._definitions.put_into(expr, key)
+        return self._definitions.substitute_into(expr, key)
 
     def ready(self, expr: Expr, equation: str, key: str) -> Expr:
-        """Resolve an expression that stands in an equation, and let it go on beyond the ends.
+        """Resolve an expression in an equation, and extend it beyond the ends of the axes.
 
         Raises:
             InputError: see :meth:`resolve`.
@@ -113,10 +113,10 @@ class Declaration:
         return self.reflection.extended(self.resolve(expr, key), odd)
 
     def _method(self) -> tuple[str, Tableau | None]:
-        """Return the integrator, that which is named or the first of its kind, and its tableau.
+        """Return the configured or default time stepper and its tableau.
 
         Raises:
-            InputError: it is of another kind.
+            InputError: the time stepper does not fit the system.
         """
         allowed = METHODS[self.config.integrator.space if self.config.axes else "ode"]
         method = self.config.integrator.method or next(iter(allowed))
@@ -133,6 +133,6 @@ class Declaration:
         if text is None:
             return
         if read := self.clock & algebra.names(self.resolve(self.parse(text, key), key)):
-            hint = "write it over fields and parameters"
-            problem = f"an energy cannot read {min(read)}"
+            hint = "write it in terms of fields and parameters"
+            problem = f"an energy cannot depend on {min(read)}"
             raise InputError(problem, where=self.where(key), hint=hint)

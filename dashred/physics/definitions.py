@@ -1,4 +1,4 @@
-"""What the names of a system stand for: its parameters' values, and its lets."""
+"""Substitution of parameters and derived quantities (lets) in expressions."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from dashred.physics.expressions.expression_size import DEEPEST, MOST_PARTS, Siz
 def check_order(
     name: str, expr: Expr, before: Iterable[str], lets: Iterable[str], where: Callable[[str], str]
 ) -> None:
-    """Check that a let reads none but those before it.
+    """Check that a let depends only on lets before it.
 
     Args:
         name: of the let.
-        expr: what it stands for.
-        before: the lets before it.
-        lets: all of them.
-        where: tells the place of a key in the config.
+        expr: its expression.
+        before: names of the lets before it.
+        lets: names of all lets.
+        where: returns the location of a configuration key.
 
     Raises:
-        InputError: it reads a later one, or itself.
+        InputError: it depends on itself or on a later let.
     """
     if later := (names(expr) & set(lets)) - set(before):
         raise InputError(
@@ -32,15 +32,15 @@ def check_order(
 
 
 class Definitions:
-    """Parameters and lets, ready to be put into expressions.
+    """Parameters and lets for substitution in expressions.
 
     Args:
-        parameters: their values.
-        lets: each reads none but those before it.
-        where: tells the place of a key in the config.
+        parameters: values by name.
+        lets: expressions by name; each depends only on lets before it.
+        where: returns the location of a configuration key.
 
     Raises:
-        InputError: see :meth:`put_into`.
+        InputError: see :meth:`substitute_into`.
     """
 
     def __init__(
@@ -53,18 +53,22 @@ class Definitions:
         self._values: dict[str, Expr] = {k: Number(float(v)) for k, v in parameters.items()}
         self._sizes: dict[str, Size] = {}
         for name, expr in lets.items():
-            self._values[name] = self.put_into(expr, f"system.let.{name}")
+            self._values[name] = self.substitute_into(expr, f"system.let.{name}")
             self._sizes[name] = size_of(expr, self._sizes)
 
-    def put_into(self, expr: Expr, key: str) -> Expr:
-        """Return an expression without lets and parameters; ``key`` locates it in the config.
+    def substitute_into(self, expr: Expr, key: str) -> Expr:
+        """Return an expression with lets and parameters substituted.
+
+        Args:
+            expr: the expression.
+            key: its configuration key, for error messages.
 
         Raises:
-            InputError: the parameters make a constant infinite, or the lets the expression huge.
+            InputError: a constant becomes infinite, or the expression becomes too large.
         """
         if size_of(expr, self._sizes).too_large:
-            problem = "with the lets that it reads put in, this expression is too large"
-            hint = f"{MOST_PARTS} names, numbers and signs at most, {DEEPEST} levels deep"
+            problem = "this expression is too large after substitution of its lets"
+            hint = f"at most {MOST_PARTS} names, numbers and operators, {DEEPEST} levels deep"
             raise InputError(problem, where=self._where(key), hint=hint)
         try:
             return substitute(expr, self._values)

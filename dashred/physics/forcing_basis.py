@@ -1,4 +1,4 @@
-"""A free forcing: unknown in every cell of space, at every knot in time, of every equation."""
+"""Basis of a free forcing: bumps in space and hat functions in time, for every equation."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from dashred.physics.system import System
 
 @dataclass(frozen=True)
 class ForcingBasis:
-    """``f_e(x, t) = Σ_ck a_eck b_c(x) h_k(t)``: bumps b in space, hats h in time.
+    """``f_e(x, t) = Σ_ck a_eck b_c(x) h_k(t)``: bumps b in space, hat functions h in time.
 
-    The bumps add up to 1 everywhere, and so do the hats between the first and the last knot:
-    equal amplitudes are a constant.
+    The bumps are a partition of unity, and so are the hat functions between the first and the last
+    knot: equal amplitudes give a constant forcing.
 
     Attributes:
         bumps: b on the grid, ``(cell, *grid)``.
-        knots: where the hats have their tops, ``(knot,)``.
-        fields: how many equations are forced.
+        knots: times of the peaks of the hat functions, ``(knot,)``.
+        fields: number of forced equations.
     """
 
     bumps: Tensor
@@ -34,13 +34,13 @@ class ForcingBasis:
 
     @classmethod
     def over(cls, system: System, times: Tensor, cells: int, knots: int) -> ForcingBasis:
-        """Return pulses that cover the whole space and time.
+        """Return a basis that covers the domain and a time interval.
 
         Args:
-            system: its grid.
+            system: with the grid.
             times: the earliest and the latest are the first and the last knot.
-            cells: along every axis.
-            knots: in time.
+            cells: number of cells along every axis.
+            knots: number of knots in time.
         """
         bumps = torch.ones((1, *system.grid.shape), dtype=torch.float64)
         coordinates, sides = system.grid.coordinates, system.grid.sides
@@ -56,16 +56,16 @@ class ForcingBasis:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Of the amplitudes, ``(equation, cell, knot)``."""
+        """Shape of the amplitudes, ``(equation, cell, knot)``."""
         return self.fields, len(self.bumps), len(self.knots)
 
     @property
     def count(self) -> int:
-        """Unknown amplitudes."""
+        """Number of amplitudes."""
         return math.prod(self.shape)
 
     def hats(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return h at some times, ``(time, knot)``."""
+        """Return h at the given times, ``(time, knot)``."""
         rows = [np.interp(times, self.knots.numpy(), row) for row in np.eye(len(self.knots))]
         return np.stack(rows, axis=-1)
 
@@ -86,11 +86,11 @@ class ForcingBasis:
 
 @dataclass(frozen=True)
 class SampledForcing:
-    """A forcing ``f(x, t)`` of every trajectory, along straight lines between knots.
+    """A forcing ``f(x, t)`` of every trajectory, piecewise linear in time.
 
     Attributes:
-        knots: ``(knot,)``; before the first and after the last the forcing stays what it is there.
-        values: ``(row, knot, equation, *grid)``.
+        knots: times, ``(knot,)``; the forcing is constant before the first and after the last.
+        values: at the knots, ``(row, knot, equation, *grid)``.
     """
 
     knots: Tensor
@@ -110,7 +110,7 @@ class SampledForcing:
 
 
 def _bump(axis: Axis, x: Tensor, cell: int, cells: int) -> Tensor:
-    """Return a bump on the axis' ring about the middle of a cell, as wide as the cell."""
+    """Return a periodic bump around the centre of a cell, as wide as the cell."""
     width = axis.length / cells
     turn = 2 * math.pi * (x - (cell + 0.5) * width) / axis.period
     return torch.exp((torch.cos(turn) - 1) * (axis.period / width / math.pi) ** 2)

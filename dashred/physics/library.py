@@ -1,4 +1,4 @@
-"""Candidate terms: the user's list, or a default built from the fields alone."""
+"""Library of candidate terms: the user's list, or a default built from the fields."""
 
 from __future__ import annotations
 
@@ -14,21 +14,22 @@ from dashred.physics.expressions import algebra
 from dashred.physics.grids.grid_value import Value
 from dashred.physics.system import System, Term
 
-COLLINEAR = 1e-9
+COLLINEARITY_TOLERANCE = 1e-9
 
 
 def build_library(system: System, listed: Mapping[str, Sequence[str]] | None) -> list[Term]:
     """Return the candidate terms of every equation, in normal form.
 
     Args:
-        system: gives the names that terms may read.
-        listed: expressions by equation (config key ``library``); null for the default.
+        system: with the names that terms may contain.
+        listed: expressions by equation (configuration key ``library``); None for the default.
 
     Raises:
-        InputError: an equation is unknown, a term is not in the language, or two terms of
-            one equation are proportional.
+        InputError: a term is invalid, or two terms of one equation are proportional.
     """
-    chosen = listed or {field: default_terms(system) for field in _open_equations(system)}
+    chosen = listed or {
+        field: default_terms(system) for field in _equations_with_candidates(system)
+    }
     library: list[Term] = []
     for equation, texts in chosen.items():
         seen: dict[algebra.Expr, str] = {}
@@ -37,43 +38,42 @@ def build_library(system: System, listed: Mapping[str, Sequence[str]] | None) ->
             expr = algebra.split_coefficient(system.parse(text, key, equation=equation))[1]
             if expr in seen:
                 raise InputError(
-                    f"{seen[expr]!r} and {text!r} are the same term up to a number",
+                    f"{seen[expr]!r} and {text!r} are the same term up to a factor",
                     where=system.where(key),
-                    hint="leave one of them out",
+                    hint="remove one of them",
                 )
             seen[expr] = text
             library.append(Term(equation, expr))
     return library
 
 
-def _open_equations(system: System) -> list[str]:
-    """Return the fields whose equations something may be missing from.
+def _equations_with_candidates(system: System) -> list[str]:
+    """Return the fields whose equations get candidate terms by default.
 
-    ``θ' = ω``, or ``q' = p/m``, only says what ω or p is: a term that were missing there would
-    make another quantity of it, with which the equations read the same. Readings of θ cannot tell
-    it from the term in ω's own equation that it stands for, and only that one is physics. Where
-    every equation is of that kind none says what another field is, and all of them are open.
+    An equation such as ``θ' = ω`` or ``q' = p/m`` only defines ω or p. A missing term there is
+    equivalent to a redefinition of ω and a term in the equation of ω; sensors of θ cannot
+    distinguish the two. Such equations get no candidates, unless all equations are of this kind.
     """
     fields = system.fields
-    # Snapshots have no equations: something may be missing from each.
+    # With snapshots there are no equations, so every field gets candidates.
     named = {field: system.resolved[field] for field in fields if field in system.resolved}
     others = {
         field: expr
         for field, expr in named.items()
-        if not _names_one_of(algebra.split_coefficient(expr)[1], set(fields) - {field})
+        if not _is_field(algebra.split_coefficient(expr)[1], set(fields) - {field})
     }
     return list(others) or list(fields)
 
 
-def _names_one_of(expr: algebra.Expr, fields: Set[str]) -> bool:
+def _is_field(expr: algebra.Expr, fields: Set[str]) -> bool:
     return isinstance(expr, algebra.Name) and expr.id in fields
 
 
 def default_terms(system: System) -> list[str]:
-    """Return at least 20 distinct terms: of fields powers, products, derivatives; and inputs."""
+    """Return at least 20 distinct terms: powers, products and derivatives of fields, and inputs."""
     fields = list(system.fields)
     terms = list(_monomials(fields, 3 if len(fields) > 1 else 5))
-    # An input may act more strongly than was said, or on another equation.
+    # An input may act with another strength, or on another equation.
     terms += list(system.inputs)
     if not system.axes:
         return terms + list(_pointwise(fields))
@@ -123,7 +123,7 @@ def _derivatives_in_the_plane(fields: Sequence[str], axes: Sequence[str]) -> Ite
 
 
 def resolve(system: System, library: Sequence[Term]) -> tuple[Term, ...]:
-    """Put lets and parameters into the terms, ready for :class:`Forcing`."""
+    """Substitute lets and parameters in the terms, for :class:`Forcing`."""
     return tuple(
         Term(t.equation, system.ready(t.expression, t.equation, f"library.{t.equation}"))
         for t in library
@@ -136,10 +136,10 @@ def evaluate_terms(
     """Return the columns θ_j, ``(term, batch, *grid)``.
 
     Args:
-        system: whose operators and inputs they read.
+        system: with the operators and inputs.
         library: the terms.
         states: ``(batch, field, *grid)``.
-        t: the time of all states, or of each, ``(batch,)``.
+        t: one time for all states, or the time of each, ``(batch,)``.
     """
     program = Program([term.expression for term in resolve(system, library)])
     operators = system.operators
@@ -153,11 +153,17 @@ def evaluate_terms(
 def uninformative_terms(
     system: System, library: Sequence[Term], states: Tensor, t: float | Tensor
 ) -> dict[Term, str | Term]:
-    """Return the terms of which data like the simulation could tell nothing, each with why.
+    """Return the terms that data like the simulation cannot identify, each with the reason.
 
-    Its column on the states ``(batch, field, *grid)`` vanishes, is not finite, or is proportional
-    to that of an earlier term of its equation, which then is the reason. An input is 1 at any one
-    time: ``t`` is that of each state, ``(batch,)``, where terms read what changes by itself.
+    The column of such a term on the states ``(batch, field, *grid)`` vanishes, is not finite, or
+    is proportional to the column of an earlier term of the equation, which is then the reason.
+
+    Args:
+        system: the simulator.
+        library: the terms.
+        states: ``(batch, field, *grid)``.
+        t: one time for all states, or the time of each, ``(batch,)``; terms with inputs need the
+            latter, because an input is constant at a single time.
     """
     columns = evaluate_terms(system, library, states, t).flatten(1)
     why: dict[Term, str | Term] = {}
@@ -167,7 +173,7 @@ def uninformative_terms(
         elif not columns[j].any():
             why[term] = "vanishes"
     unit = columns / columns.norm(dim=1, keepdim=True).clamp(min=1e-300)
-    alike = (unit @ unit.T).abs() > 1 - COLLINEAR
+    alike = (unit @ unit.T).abs() > 1 - COLLINEARITY_TOLERANCE
     for later, term in enumerate(library):
         for earlier, other in enumerate(library[:later]):
             if alike[later, earlier] and other.equation == term.equation and other not in why:
@@ -176,19 +182,19 @@ def uninformative_terms(
     return why
 
 
-def refuse_collinear(
+def check_collinear(
     system: System, library: Sequence[Term], states: Tensor, t: float | Tensor
 ) -> None:
-    """Refuse columns that are proportional on the simulation: no data could tell them apart.
+    """Check that no columns are proportional on the simulation: data could not distinguish them.
 
     Raises:
-        InputError: names both terms; or the one whose column is zero or not finite.
+        InputError: two columns are proportional, or one is zero or not finite.
     """
     for term, why in uninformative_terms(system, library, states, t).items():
         where = system.where(f"library.{term.equation}")
         if isinstance(why, str):
-            fault, hint = f"the term {str(term)!r} {why} on the simulation", "leave it out"
+            fault, hint = f"the term {str(term)!r} {why} on the simulation", "remove it"
         else:
             fault = f"the terms {str(why)!r} and {str(term)!r} are proportional on this system"
-            hint = "leave one of them out"
+            hint = "remove one of them"
         raise InputError(fault, where=where, hint=hint)

@@ -1,4 +1,4 @@
-"""The integrators by name: each advances a batch of states."""
+"""Time steppers by name."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ METHODS: Mapping[str, Mapping[str, Tableau | None]] = {
         "euler": EULER,
     },
 }
-"""Methods that fit each kind of space, with their tableaux; the first is the default.
+"""Methods for each kind of spatial discretisation, with their tableaux; the first is the default.
 
-One with a tableau takes fixed steps, and is interpreted, compiled and differentiated by it alone.
-``etdrk4`` has code of its own (:mod:`dashred.physics.solvers.etdrk4`). The others are torchdiffeq's
-adaptive methods.
+A method with a tableau takes fixed steps; its interpreted, compiled and differentiated versions
+all use the tableau. ``etdrk4`` is in :mod:`dashred.physics.solvers.etdrk4`. The others are the
+adaptive methods of torchdiffeq.
 """

@@ -1,4 +1,4 @@
-"""The derivative of the equations with respect to a parameter, as expressions."""
+"""Derivatives of the equations with respect to a parameter, as expressions."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from dashred.physics.system import System
 
 
 def parameter_tendency(system: System, parameter: str) -> dict[str, Expr]:
-    """Return ``∂N/∂p`` of every equation that the parameter enters, all values put in.
+    """Return ``∂N/∂p`` of every equation that depends on the parameter, with all values.
 
-    Lets are opened first, so that a parameter is found inside them: with ``rate: k*exp(u)``,
-    ``∂(q*rate)/∂k`` is ``q*exp(u)``.
+    Lets are substituted first: with ``rate: k*exp(u)``, ``∂(q*rate)/∂k`` is ``q*exp(u)``.
 
     Raises:
         KeyError: the system has no such parameter.
@@ -26,7 +25,7 @@ def parameter_tendency(system: System, parameter: str) -> dict[str, Expr]:
 
 
 def parameter_slopes(system: System, parameter: str) -> dict[str, Expr]:
-    """Return ``∂N/∂p`` of every equation, lets opened, parameters by name.
+    """Return ``∂N/∂p`` of every equation, with lets substituted and parameters by name.
 
     Raises:
         KeyError: the system has no such parameter.

@@ -1,7 +1,7 @@
 """Port-Hamiltonian systems: ``∂x/∂t = (J − R) δH/δx + G u``.
 
-H is the energy, J = −Jᵀ moves it about, R = Rᵀ ⪰ 0 takes it away, and G lets inputs u in (van der
-Schaft & Jeltsema, Port-Hamiltonian systems theory, 2014, ch. 6).
+H is the energy, J = −Jᵀ exchanges it between fields, R = Rᵀ ⪰ 0 dissipates it, and G couples the
+inputs u (van der Schaft & Jeltsema, Port-Hamiltonian systems theory, 2014, ch. 6).
 """
 
 from __future__ import annotations
@@ -33,26 +33,26 @@ from dashred.physics.expressions.algebra import (
 from dashred.physics.expressions.differentiate import differentiate
 from dashred.physics.expressions.semilinear import NotSeparableError, Separator, applied
 from dashred.physics.grids.quadrature import integral
-from dashred.physics.sampled_states import SampledStates, bare, evaluate
+from dashred.physics.sampled_states import SampledStates, evaluate, without_sides
 from dashred.physics.system import System
 from dashred.physics.system_schema import Structure
 
-# Relative error up to which two expressions are the same.
-SAME = 1e-8
+# Relative error below which two expressions are equal.
+RELATIVE_TOLERANCE = 1e-8
 Part = Literal["H", "J", "R", "G"]
 Entries = dict[str, dict[str, Expr]]
 
 
 @dataclass(frozen=True)
 class PortHamiltonian:
-    """The structure of a system, read and checked.
+    """The port-Hamiltonian structure of a system.
 
     Attributes:
-        system: whose equations have it.
-        structure: as it is written.
-        energy: H, a density where there are axes, lets and parameters put in.
-        interconnection: J by equation and field; entries that are not there are zero.
-        dissipation: R, likewise.
+        system: with the equations.
+        structure: as declared.
+        energy: H, or its density if there are axes, with lets and parameters substituted.
+        interconnection: J by equation and field; missing entries are zero.
+        dissipation: R by equation and field; missing entries are zero.
         ports: G by equation and input.
     """
 
@@ -65,10 +65,10 @@ class PortHamiltonian:
 
     @classmethod
     def of(cls, system: System, structure: Structure) -> PortHamiltonian:
-        """Read a structure, in the equation language.
+        """Parse the structure of a system.
 
         Raises:
-            InputError: an entry is not in the language or not of the system's fields.
+            InputError: an entry is invalid, or names an unknown field or input.
         """
         key = "system.structure"
         energy = system.resolve(system.parse(structure.H, f"{key}.H"), f"{key}.H")
@@ -83,8 +83,8 @@ class PortHamiltonian:
 
     @cached_property
     def effort(self) -> dict[str, Expr]:
-        """``δH/δx`` of every field: what drives the others."""
-        return variation(self.system, self.energy)
+        """Effort ``δH/δx`` of every field."""
+        return variational_derivative(self.system, self.energy)
 
     @cached_property
     def equations(self) -> dict[str, Expr]:
@@ -98,41 +98,41 @@ class PortHamiltonian:
         return found
 
     def check(self, at: SampledStates) -> None:
-        """Hold the structure against the equations.
+        """Check the structure against the equations.
 
         Args:
-            at: any states, smooth in space, each at its own time.
+            at: states that are smooth in space.
 
         Raises:
-            InputError: J or R has no value there, J is not skew, R not symmetric or not ⪰ 0, or
-                both do not make the equations; says where.
+            InputError: J or R is not finite, J is not skew-symmetric, R is not symmetric positive
+                semi-definite, or the structure does not give the equations.
         """
         where = self.system.where
         for part, entries in (("J", self.interconnection), ("R", self.dissipation)):
             if not self._matrix(entries, at).isfinite().all():
-                problem = f"{part} is not finite at states that the simulator goes through"
+                problem = f"{part} is not finite at states of the simulation"
                 raise InputError(problem, where=where(f"system.structure.{part}"))
         if not self.is_skew(at):
             raise InputError("J is not skew-symmetric", where=where("system.structure.J"))
         dissipation = self._matrix(self.dissipation, at)
-        if not alike(dissipation, dissipation.mT):
+        if not close_fields(dissipation, dissipation.mT):
             raise InputError("R is not symmetric", where=where("system.structure.R"))
         if not _semidefinite(dissipation):
-            problem = "R is not positive semi-definite: it would give energy"
+            problem = "R is not positive semi-definite: it would add energy"
             raise InputError(problem, where=where("system.structure.R"))
         own_points = self.system.grid.own
         for field, made in self.equations.items():
-            own = bare(self.system.resolved[field], self.system)
-            if not alike(*(own_points(evaluate(self.system, e, at)) for e in (made, own))):
+            own = without_sides(self.system.resolved[field], self.system)
+            if not close_fields(*(own_points(evaluate(self.system, e, at)) for e in (made, own))):
                 raise InputError(
-                    f"the structure makes d({field})/dt = {to_text(made)}, but the equation is "
+                    f"the structure gives d({field})/dt = {to_text(made)}, but the equation is "
                     f"{to_text(own)}",
                     where=where("system.structure"),
                     hint="the equations are (J - R)*dH/dx + G*u",
                 )
 
     def defined(self, at: SampledStates) -> SampledStates:
-        """Return those states at which J, R and every effort have a value, ``√q`` at q ≥ 0."""
+        """Return the states at which J, R and every effort are finite, such as ``√q`` at q ≥ 0."""
         values = [self._matrix(part, at) for part in (self.interconnection, self.dissipation)]
         values += [evaluate(self.system, effort, at) for effort in self.effort.values()]
         finite = torch.stack([each.isfinite().reshape(len(each), -1).all(dim=1) for each in values])
@@ -140,16 +140,16 @@ class PortHamiltonian:
         return SampledStates(at.states[there], at.times[there])
 
     def is_skew(self, at: SampledStates) -> bool:
-        """Tell whether J = −Jᵀ at all these states."""
+        """Return whether ``J = −Jᵀ`` at all states."""
         interconnection = self._matrix(self.interconnection, at)
-        return alike(interconnection, -interconnection.mT)
+        return close_fields(interconnection, -interconnection.mT)
 
-    def lost(self, at: SampledStates, efforts: Mapping[str, Tensor]) -> Tensor:
-        """Return what R takes away, ``∫ eᵀ R e``, ``(state,)``.
+    def dissipated_power(self, at: SampledStates, efforts: Mapping[str, Tensor]) -> Tensor:
+        """Return the dissipated power ``∫ eᵀ R e``, ``(state,)``.
 
         Args:
             at: the states.
-            efforts: e of every field there, ``(state, *grid)``.
+            efforts: e of every field at the states, ``(state, *grid)``.
         """
         taken = torch.zeros(len(at.states), dtype=torch.float64)
         for field, row in self.dissipation.items():
@@ -158,8 +158,8 @@ class PortHamiltonian:
                 taken = taken + integral(self.system.grid, efforts[field] * rate)
         return taken
 
-    def parts_that_read(self, parameter: str) -> list[Part]:
-        """Return the parts that a parameter enters, by itself or in a let."""
+    def parts_with_parameter(self, parameter: str) -> list[Part]:
+        """Return the parts that depend on a parameter, directly or through a let."""
         structure, system = self.structure, self.system
         lets: dict[str, Expr] = {}
         for let, expr in system.lets.items():
@@ -178,10 +178,10 @@ class PortHamiltonian:
         ]
 
     def with_parameters(self, changes: Mapping[str, float]) -> PortHamiltonian:
-        """Return the same structure with parameters changed by so much."""
+        """Return the structure with the given changes added to parameters."""
         config = self.system.config
         changed = {name: config.parameters[name] + change for name, change in changes.items()}
-        system = self.system.declared_as(replace(config, parameters=config.parameters | changed))
+        system = self.system.with_config(replace(config, parameters=config.parameters | changed))
         return PortHamiltonian.of(system, self.structure)
 
     def _row(self, part: str, field: str) -> dict[str, Expr]:
@@ -198,20 +198,20 @@ class PortHamiltonian:
         return torch.stack([torch.stack(row, dim=-1) for row in rows], dim=-2)
 
 
-def variation(system: System, density: Expr) -> dict[str, Expr]:
-    """Return ``δH/δx`` of ``H = ∫ h`` by field: ``Σ_V V* ∂h/∂(Vx)`` over its operators V.
+def variational_derivative(system: System, density: Expr) -> dict[str, Expr]:
+    """Return ``δH/δx`` of ``H = ∫ h`` by field: ``Σ_V V* ∂h/∂(Vx)`` over the operators V in h.
 
-    Where an axis is periodic, or a field is held or insulated at its ends, nothing is left at them.
+    The boundary terms of the integration by parts vanish on periodic, fixed and insulated axes.
 
     Raises:
-        InputError: the density has an operator on a product.
+        InputError: the density applies an operator to a product.
     """
     separator = Separator(frozenset(system.fields), tuple(axis.name for axis in system.axes))
     try:
         body = separator.pointwise(density)
     except NotSeparableError as error:
         where = system.where("system.structure.H")
-        raise InputError(f"H has an operator on a product: {error}", where=where) from None
+        raise InputError(f"H applies an operator to a product: {error}", where=where) from None
     inputs = separator.inputs
     known: dict[str, Expr] = {n: applied(v.operator, Name(v.field)) for n, v in inputs.items()}
     found: dict[str, list[Expr]] = {field: [] for field in system.fields}
@@ -222,7 +222,7 @@ def variation(system: System, density: Expr) -> dict[str, Expr]:
 
 
 def _adjoint(operator: Expr, operand: Expr) -> Expr:
-    """Return ``V* f``: by parts, every derivative changes the sign."""
+    """Return ``V* f``: integration by parts changes the sign of every derivative."""
     match operator:
         case Derivative(inner, axis, order):
             return _adjoint(inner, scale((-1.0) ** order, derivative(operand, axis, order)))
@@ -240,19 +240,19 @@ def _entries(
             key = f"system.structure.{part}.{field}.{other}"
             for name, known in ((field, system.fields), (other, columns)):
                 if name not in known:
-                    what = f"{part} names {name}, which is not there"
+                    what = f"{part} names {name}, which the system does not have"
                     raise InputError(what, where=system.where(key), hint=nearest(name, known))
             entry = system.resolve(system.parse(str(text), key), key)
             found.setdefault(field, {})[other] = entry
     return found
 
 
-def alike(left: Tensor, right: Tensor) -> bool:
-    """Tell whether two fields are the same up to rounding."""
+def close_fields(left: Tensor, right: Tensor) -> bool:
+    """Return whether two fields are equal up to rounding."""
     size = float(torch.maximum(left.abs().max(), right.abs().max()))
-    return float((left - right).abs().max()) <= SAME * size
+    return float((left - right).abs().max()) <= RELATIVE_TOLERANCE * size
 
 
 def _semidefinite(matrix: Tensor) -> bool:
     least = float(torch.linalg.eigvalsh(matrix).min())
-    return least >= -SAME * float(matrix.abs().max())
+    return least >= -RELATIVE_TOLERANCE * float(matrix.abs().max())

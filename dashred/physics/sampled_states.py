@@ -1,4 +1,4 @@
-"""States at which expressions are looked at, each at its own time: visited ones, and others."""
+"""Sampled states at which expressions are evaluated: states of a simulation, and random ones."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from dashred.physics.expressions.reflection import side
 from dashred.physics.grids.grid import Grid
 from dashred.physics.system import System
 
-# States that are drawn of each wavelength.
-DRAWS = 8
-# Of the highest wavenumber: products of longer waves are still resolved.
+# Number of random states for each wavelength.
+DRAWS_PER_WAVELENGTH = 8
+# Share of the highest wavenumber up to which products of waves are resolved.
 RESOLVED = 1 / 3
 NEGLIGIBLE = 1e-9
 
@@ -34,11 +34,12 @@ class SampledStates:
     times: Float[Tensor, " state"]
 
     def with_waves(self, system: System) -> SampledStates:
-        """Return these states and random ones, as large: of single wavelengths, and of them all.
+        """Return these states and random states of the same rms.
 
-        A trajectory may keep to few waves, and of those that it does not have says nothing.
+        The random states have single wavelengths, or all of them. A trajectory may contain only
+        few wavelengths, so that it cannot test an expression at the others.
         """
-        single = waves_of(system.grid, len(system.fields))
+        single = random_waves(system.grid, len(system.fields))
         waves = torch.cat([single.flatten(0, 1), single.sum(dim=0) / len(single) ** 0.5])
         space = system.grid.dims
         size = self.states.square().mean(dim=(0, *space), keepdim=True).sqrt()
@@ -46,17 +47,17 @@ class SampledStates:
         return SampledStates(torch.cat([self.states, waves * size]), torch.cat([self.times, times]))
 
 
-def waves_of(grid: Grid, fields: int) -> Float[Tensor, "wavelength draw field ..."]:
-    """Return random states of one wavelength each and rms 1, as they may be at the ends.
+def random_waves(grid: Grid, fields: int) -> Float[Tensor, "wavelength draw field ..."]:
+    """Return random states with one wavelength each and rms 1, that satisfy the end conditions.
 
-    Of an ODE system there is one "wavelength": its fields are independent random numbers.
+    For an ODE system, the fields are independent random numbers, with a single "wavelength".
     """
     generator = torch.Generator().manual_seed(0)
-    shape = (DRAWS, fields, *grid.shape)
+    shape = (DRAWS_PER_WAVELENGTH, fields, *grid.shape)
     noise = torch.randn(shape, generator=generator, dtype=torch.float64)
     if not grid.axes:
         return noise[None]
-    modes = torch.fft.rfftn(_mirrored(grid, noise), dim=grid.dims)
+    modes = torch.fft.rfftn(_symmetrised(grid, noise), dim=grid.dims)
     number = sum(
         (k * axis.period / (2 * torch.pi)) ** 2
         for k, axis in zip(grid.wavenumbers, grid.axes, strict=True)
@@ -70,13 +71,13 @@ def waves_of(grid: Grid, fields: int) -> Float[Tensor, "wavelength draw field ..
         ]
     )
     rms = waves.square().mean(dim=(1, *grid.dims), keepdim=True).sqrt()
-    # What the ends leave nothing of is rounding.
+    # Wavelengths that the end conditions exclude have only rounding errors left.
     there = (rms > NEGLIGIBLE * rms.amax()).flatten(1).all(dim=1)
     return waves[there] / rms[there]
 
 
-def _mirrored(grid: Grid, field: Tensor) -> Tensor:
-    """Return a field's part that is the mirror image of itself beyond the ends of every axis."""
+def _symmetrised(grid: Grid, field: Tensor) -> Tensor:
+    """Return the part of a field that has the mirror symmetry at the ends of every axis."""
     for dim, axis in zip(grid.dims, grid.axes, strict=True):
         if not axis.periodic:
             image = field.flip(dim).roll(1, dim)
@@ -85,19 +86,21 @@ def _mirrored(grid: Grid, field: Tensor) -> Tensor:
 
 
 def evaluate(system: System, expr: Expr, at: SampledStates) -> Float[Tensor, "state ..."]:
-    """Return an expression at states, ``(state, *grid)``: right on the axes proper.
+    """Return an expression at the states, ``(state, *grid)``; valid on the axes themselves.
 
     Args:
-        system: whose names it reads.
-        expr: resolved; sides of mirror images are 1, as on the axes proper.
+        system: with the names of the expression.
+        expr: resolved expression; the side of every mirror image is set to 1.
         at: the states.
     """
     shape = (len(at.states), *system.grid.shape)
     clock = at.times.reshape(-1, *(1,) * len(system.grid.shape)).numpy()
-    [value] = Program([bare(expr, system)])(system.values(at.states, clock), system.operators)
+    [value] = Program([without_sides(expr, system)])(
+        system.values(at.states, clock), system.operators
+    )
     return torch.as_tensor(system.operators.on_grid(value), dtype=torch.float64).expand(shape)
 
 
-def bare(expr: Expr, system: System) -> Expr:
-    """Return an expression as it is on the axes proper, where every side is 1."""
+def without_sides(expr: Expr, system: System) -> Expr:
+    """Return an expression as on the axes themselves, where every side is 1."""
     return substitute(expr, {side(axis.name): Number(1.0) for axis in system.axes})

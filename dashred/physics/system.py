@@ -1,4 +1,4 @@
-"""A simulator declared by its equations: parsed, checked, and ready to be stepped."""
+"""A simulator declared by its equations, on its grid."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from dashred.physics.grids.operators import FiniteDifferences, NoSpace, Operator
 
 @dataclasses.dataclass(frozen=True)
 class Term:
-    """One candidate term of one equation, coefficient aside: ``u**3`` in ``∂u/∂t``."""
+    """One candidate term of one equation, without its coefficient: ``u**3`` in ``∂u/∂t``."""
 
     equation: str
     expression: Expr
 
     def __str__(self) -> str:
-        """The expression in the equation language."""
+        """Return the expression in the equation language."""
         return algebra.to_text(self.expression)
 
 
@@ -39,12 +39,12 @@ class System(Declaration):
 
     Attributes:
         dt: largest time step of the integrator.
-        measured: its inputs; a system that is run has to have all that its config names.
+        measured: input signals; a simulation needs all inputs that the configuration names.
 
     A state is float64 ``(batch, field, *grid)``; for an ODE system ``(batch, field)``.
 
     Raises:
-        InputError: see :class:`Declaration`; or a length is no number.
+        InputError: as in :class:`Declaration`, or a length is not a number.
     """
 
     def __init__(
@@ -78,12 +78,12 @@ class System(Declaration):
         }
         integrator = dataclasses.replace(self.config.integrator, dt=self.dt / 2)
         config = dataclasses.replace(self.config, axes=axes, integrator=integrator)
-        return self.declared_as(config)
+        return self.with_config(config)
 
     def with_step(self, dt: float) -> System:
         """Return the same system with another time step."""
         integrator = dataclasses.replace(self.config.integrator, dt=dt)
-        return self.declared_as(dataclasses.replace(self.config, integrator=integrator))
+        return self.with_config(dataclasses.replace(self.config, integrator=integrator))
 
     def with_terms(self, terms: Sequence[tuple[Term, float]]) -> System:
         """Return the system with terms added to its equations, as text."""
@@ -91,10 +91,10 @@ class System(Declaration):
         for term, coefficient in terms:
             added = algebra.to_text(algebra.scale(coefficient, term.expression))
             equations[term.equation] = f"{equations[term.equation]} + ({added})"
-        return self.declared_as(dataclasses.replace(self.config, equations=equations))
+        return self.with_config(dataclasses.replace(self.config, equations=equations))
 
-    def declared_as(self, config: schema.System) -> System:
-        """Return a system of another declaration, with the same inputs."""
+    def with_config(self, config: schema.System) -> System:
+        """Return a system with another declaration and the same input signals."""
         return System(config, self.where, self.measured)
 
     def evaluate(self, text: str, state: Tensor, t: float = 0.0) -> Tensor:
@@ -111,11 +111,11 @@ class System(Declaration):
         return points.expand(len(flat), *self.grid.shape).reshape(batch + self.grid.shape)
 
     def values(self, state: Tensor, t: float | Array) -> dict[str, Value]:
-        """Return what expressions read, from a state on the grid ``(batch, field, *grid)``.
+        """Return the values of all names in expressions.
 
         Args:
-            state: the fields.
-            t: of all of them, or of each, ``(batch, *1)`` with as many 1 as there are axes.
+            state: ``(batch, field, *grid)``.
+            t: one time for all states, or the time of each, ``(batch, *1)`` with one 1 per axis.
         """
         fields = state.unbind(1)
         if self.spectral:
@@ -123,9 +123,9 @@ class System(Declaration):
             named = dict(zip(self.fields, map(Value, fields, modes), strict=True))
         else:
             named = dict(zip(self.fields, map(Value, fields), strict=True))
-        return named | self.surroundings(t, state.device)
+        return named | self.coordinates_and_inputs(t, state.device)
 
-    def surroundings(self, t: float | Array, device: torch.device) -> dict[str, Value]:
+    def coordinates_and_inputs(self, t: float | Array, device: torch.device) -> dict[str, Value]:
         """Return the values of coordinates, time and inputs."""
         named = {k: Value(v.to(device)) for k, v in self.grid.places.items()}
         clock = {"t": t, **self.measured.at(t)}
@@ -141,7 +141,7 @@ def _axis(name: str, axis: schema.Axis, where: Callable[[str], str]) -> Axis:
 
 
 def _step(integrator: schema.Integrator) -> float:
-    """Return the time step; not a number where there are no equations to be stepped."""
+    """Return the time step, or NaN if the system has no equations."""
     return math.nan if integrator.dt is None else integrator.dt
 
 

@@ -1,4 +1,4 @@
-"""The unit of a term's coefficient, from the units of what the term reads."""
+"""Units of coefficients, derived from the units of the names in a term."""
 
 from __future__ import annotations
 
@@ -19,20 +19,21 @@ from dashred.physics.expressions.algebra import (
 from dashred.physics.expressions.functions import FUNCTIONS
 from dashred.physics.system import System
 
-# Marks a name whose unit is not stated; no unit that a user can write begins so.
+# Prefix of a name whose unit is not stated; a user's unit cannot begin with it.
 UNKNOWN = "\0"
 
 
 def coefficient_unit(system: System, equation: str, term: Expr) -> str | None:
     """Return the unit of ξ in ``df/dt = … + ξ·term``: ``[ξ] = [f]/([t][term])``.
 
-    Units that are not stated may cancel: of a linear damping only that of time is needed. None
-    where one is left, where unlike units are added, or where the system states none at all.
+    Unknown units may cancel: for a linear damping only the unit of time is needed. The result is
+    None if an unknown unit remains, if different units are added, or if the system states no
+    units.
 
     Args:
-        system: states units by name.
+        system: with units by name.
         equation: f.
-        term: the term, coefficient aside.
+        term: the term, without its coefficient.
     """
     whole = unit_of(system, term)
     if not system.units or whole is None:
@@ -42,10 +43,10 @@ def coefficient_unit(system: System, equation: str, term: Expr) -> str | None:
 
 
 def unit_of(system: System, expr: Expr) -> Unit | None:
-    """Return the unit of an expression, in which names without one stand for themselves.
+    """Return the unit of an expression; a name without a unit is its own symbol.
 
-    Functions such as exp are pure numbers, and so is what they are taken of; None of a sum of
-    unlike units, and of a power that is no number.
+    Functions such as exp, and their arguments, are dimensionless. The result is None for a sum of
+    different units, or a power with a non-numeric exponent.
     """
     match expr:
         case Number():

@@ -1,7 +1,7 @@
-"""Where and when a term acts: smooth windows ``0 ≤ χ ≤ 1``, written in the equation language.
+"""Smooth windows ``0 ≤ χ ≤ 1`` in space, time or the value of a field, as expressions.
 
-Every window is a product of ramps ``½(1 + tanh A)``, with A rising through 0 at an edge. So a term
-in a window is an expression like any other, and so is its slope in a place or a width of the edge.
+A window is a ramp ``½(1 + tanh A)``, where A increases through 0 at an edge. A term in a window is
+therefore an ordinary expression, and so are its derivatives with respect to edge and width.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from dashred.core.units import measured
+from dashred.core.units import with_unit
 from dashred.physics.expressions.algebra import (
     ONE,
     Expr,
@@ -31,13 +31,14 @@ from dashred.physics.system import System
 
 @dataclass(frozen=True)
 class Shape:
-    """A kind of window, its edges unknown.
+    """A kind of window with unknown edges.
 
     Attributes:
         kind: ``box`` in space, ``onset`` in time, ``gate`` in a field's value.
         of: the axis, ``t``, or the field.
-        names: of the unknowns, no names of the language: places first, then the log of a width.
-        expression: χ over these, coordinates, ``t`` and fields.
+        names: of the unknowns, positions first, then the log of a width; they contain a space, so
+            that they are not names of the equation language.
+        expression: χ in terms of the unknowns, coordinates, ``t`` and fields.
     """
 
     kind: str
@@ -47,20 +48,20 @@ class Shape:
 
     @cached_property
     def slopes(self) -> tuple[Expr, ...]:
-        """``∂χ/∂ψ`` of every unknown ψ."""
+        """Derivative ``∂χ/∂ψ`` with respect to every unknown ψ."""
         return tuple(differentiate(self.expression, name) for name in self.names)
 
     def at(self, values: Sequence[float]) -> Window:
-        """Return the window with these edges."""
+        """Return the window with the given values of the unknowns."""
         return Window(self, tuple(map(float, values)))
 
 
 @dataclass(frozen=True)
 class Window:
-    """A window with its edges.
+    """A window with known edges.
 
     Attributes:
-        shape: what kind.
+        shape: kind of the window.
         values: of the shape's unknowns.
     """
 
@@ -68,25 +69,25 @@ class Window:
     values: tuple[float, ...]
 
     def __str__(self) -> str:
-        """``for 10.1 < x < 16``, ``for t > 11``, ``for u > 0.6``."""
-        return self.told({})
+        """Return ``for 10.1 < x < 16``, ``for t > 11`` or ``for u > 0.6``."""
+        return self.describe({})
 
-    def told(self, units: Mapping[str, str]) -> str:
-        """Return the same with units by name, where they are known: ``for t > 11 s``."""
+    def describe(self, units: Mapping[str, str]) -> str:
+        """Return the description with units, where they are known: ``for t > 11 s``."""
         of, place = self.shape.of, self.values[0]
         if self.shape.kind == "box":
-            end = measured(f"{place + self.values[1]:.3g}", units.get(of))
+            end = with_unit(f"{place + self.values[1]:.3g}", units.get(of))
             return f"for {place - self.values[1]:.3g} < {of} < {end}"
-        edge = measured(f"{place:.3g}", units.get(of))
+        edge = with_unit(f"{place:.3g}", units.get(of))
         return f"for {of} {'<' if self.shape.kind == 'gate below' else '>'} {edge}"
 
     @property
     def expression(self) -> Expr:
-        """χ."""
+        """χ as an expression."""
         return substitute(self.shape.expression, self._named)
 
     def slopes(self) -> tuple[Expr, ...]:
-        """Return ``∂χ/∂ψ`` of every unknown ψ."""
+        """Return ``∂χ/∂ψ`` for every unknown ψ."""
         return tuple(substitute(slope, self._named) for slope in self.shape.slopes)
 
     @property
@@ -94,8 +95,8 @@ class Window:
         return {n: Number(v) for n, v in zip(self.shape.names, self.values, strict=True)}
 
 
-def shapes_of(system: System) -> tuple[Shape, ...]:
-    """Return every kind of window that a system can have."""
+def window_shapes(system: System) -> tuple[Shape, ...]:
+    """Return all kinds of windows of a system."""
     value = system.reflection.value
     gates = [gate(field, side, value(field)) for field in system.fields for side in (1, -1)]
     return (*map(box, system.axes), onset(), *gates)
@@ -104,8 +105,8 @@ def shapes_of(system: System) -> tuple[Shape, ...]:
 def box(axis: Axis) -> Shape:
     """Return a window ``|x - c| < h`` along an axis.
 
-    ``A = (cos κ(x - c) - cos κh) / (w κ sin κh)``, ``κ = 2π/P``, P the period of the axis' ring: of
-    slope ∓1/w at ``c ± h``, and periodic, whatever c. Unknowns: c, h and ln w.
+    ``A = (cos κ(x - c) - cos κh) / (w κ sin κh)`` with ``κ = 2π/P``, where P is the period of the
+    axis' ring. A is periodic and has slope ∓1/w at ``c ± h``. Unknowns: c, h and ln w.
     """
     centre, half, edge = (f"{axis.name} {name}" for name in ("centre", "half", "edge"))
     k = 2 * math.pi / axis.period
@@ -124,12 +125,12 @@ def onset() -> Shape:
 
 
 def gate(field: str, side: int, value: Expr | None = None) -> Shape:
-    """Return a window ``f > θ``, or below it: ``A = ±(f - θ)/w``. Unknowns: θ and ln w.
+    """Return a window ``f > θ`` or ``f < θ``: ``A = ±(f - θ)/w``. Unknowns: θ and ln w.
 
     Args:
         field: f.
         side: 1 for above, -1 for below.
-        value: of f, where its name alone is not that.
+        value: expression for the value of f; by default its name.
     """
     threshold, edge = f"{field} threshold", f"{field} edge"
     distance = scale(float(side), add((value or Name(field), scale(-1.0, Name(threshold)))))

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from dashred.config import Config, load_config
-from dashred.config.checks.placeholders import refuse_open_lines
+from dashred.config.checks.placeholders import refuse_unfinished_lines
 from dashred.core.errors import DONE, InputError, run_entry
 from dashred.core.mlflow.server import check_server
 
@@ -14,7 +14,7 @@ from dashred.core.mlflow.server import check_server
 def main(argv: list[str]) -> int:
     """Analyse the recording that the command line names."""
     config = load_config(argv, entry="train")
-    refuse_open_lines(config)
+    refuse_unfinished_lines(config)
     check_server(config.tracking.root)
     analyse(config)
     return DONE

@@ -86,7 +86,10 @@ def fit_transform(
         problem.operator(split.fit),
         problem.operator(split.validation),
         problem.noise_of(split.fit.names),
-        (torch.from_numpy(split.fit.trace_unit()), torch.from_numpy(split.validation.trace_unit())),
+        (
+            torch.from_numpy(split.fit.trace_scale()),
+            torch.from_numpy(split.validation.trace_scale()),
+        ),
         settings.width,
         settings.penalty,
         settings.rate,

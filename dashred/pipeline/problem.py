@@ -10,17 +10,17 @@ import torch
 from torch import Tensor
 
 from dashred.config import Config
-from dashred.config.checks.checks import MOST_STEPS
+from dashred.config.checks.checks import MAX_STEPS
 from dashred.core.errors import InputError
-from dashred.data.episodes import Episodes, said_of
-from dashred.data.inputs import under
+from dashred.data.episodes import Episodes, name_episode_in_errors
+from dashred.data.inputs import with_inputs
 from dashred.data.io.reader import read_episodes
 from dashred.data.noise_level import noise_std
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
-from dashred.data.resampling import own_step, resample_all
+from dashred.data.resampling import native_step, resample_all
 from dashred.data.sensors import Sensor
-from dashred.data.splits import Split, hold_out, split_recording
+from dashred.data.splits import Split, hold_out_episode, split_recording
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.wording.fault_wording import fault_in_words
 from dashred.physics.expressions.algebra import names
@@ -118,14 +118,14 @@ def build_problem(config: Config) -> Problem:
     _check_readings(system, read.sensors)
     # What either side states holds; where both do, they agree.
     units = {**read.episodes[0].recording.units, **system.units}
-    system = system.declared_as(replace(system.config, units=units))
+    system = system.with_config(replace(system.config, units=units))
     every, snapshots = config.recording.every, _snapshots(system, read)
     if snapshots is not None:
-        every = snapshots.clock_step(own_step(read.episodes[0].recording.times), every)
+        every = snapshots.clock_step(native_step(read.episodes[0].recording.times), every)
     sampled, clock = resample_all(read, every)
     splits = []
     for part in sampled.episodes:
-        with said_of(part.name):
+        with name_episode_in_errors(part.name):
             times = part.recording.times
             _check_steps(config, float(times[-1] - times[0]), system.dt)
             splits.append(split_recording(part.recording, config.splits, config.seed))
@@ -133,12 +133,12 @@ def build_problem(config: Config) -> Problem:
     raw = [episode.recording for episode in read.episodes]
     fitted = len(splits) - held_out
     if held_out:
-        splits[-1] = hold_out(sampled.episodes[-1].recording, splits[-1])
+        splits[-1] = hold_out_episode(sampled.episodes[-1].recording, splits[-1])
     noise, sha256 = _noise(raw[:fitted], splits[:fitted]), read.sha256()
     posed = [
         Problem(
             config=config,
-            system=under(system, episode.recording.inputs),
+            system=with_inputs(system, episode.recording.inputs),
             library=library,
             recording_sha256=sha256,
             times=torch.from_numpy(episode.recording.times),
@@ -186,9 +186,9 @@ def _check_readings(system: System, sensors: Sequence[Sensor]) -> None:
 
 
 def _check_steps(config: Config, span: float, dt: float) -> None:
-    if span > MOST_STEPS * dt:
+    if span > MAX_STEPS * dt:
         problem = f"the recording spans {span:g}: in steps of {dt:g} these are too many"
-        hint = f"{MOST_STEPS} steps at most: are the recording's times in the system's unit?"
+        hint = f"{MAX_STEPS} steps at most: are the recording's times in the system's unit?"
         raise InputError(problem, where=config.where("system.integrator.dt"), hint=hint)
 
 

@@ -15,7 +15,7 @@ from dashred.inference.forward.episodes import EpisodeStarts
 from dashred.inference.initial_state.start_models import StartModel
 from dashred.physics.runs.ensemble import Discrepancies, Ensemble, draw_ensemble
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
-from dashred.physics.runs.resolution import Resolution, check_resolution, least_scale
+from dashred.physics.runs.resolution import Resolution, check_resolution, minimum_scale
 from dashred.physics.solvers.simulate import check_finite, simulate
 from dashred.physics.system import System
 from dashred.pipeline.problem import Problem
@@ -81,7 +81,7 @@ def check(problem: Problem, nominal: Nominal, seconds: dict[str, float]) -> Reso
 
     def checked(episode: Problem, path: Tensor) -> Resolution:
         coarse = readings(episode.system, path[None])
-        least = least_scale(coarse[0], noise, reads, limit)
+        least = minimum_scale(coarse[0], noise, reads, limit)
         base = episode.system, path[:1], episode.times, coarse, readings, least, limit
         return check_resolution(*base, lambda done: report(done, ""))
 

@@ -14,7 +14,7 @@ from dashred.core.progress import Report, stage
 from dashred.inference.fit.law import Law
 from dashred.inference.initial_state.start_models import ScaledStart
 from dashred.inference.results.corrected_system import correct
-from dashred.models.latency import seconds_a_step
+from dashred.models.latency import seconds_per_step
 from dashred.models.shred import reconstruct
 from dashred.models.surrogate_model import log_surrogate
 from dashred.physics.runs.ensemble import Ensemble, draw_ensemble
@@ -77,7 +77,7 @@ def retrain(
         report(1.0, f"{settings.members} members")
     found = train_shred(problem, ensemble, run, seconds, "corrected SHRED", learned.shred)
     windows = sensor_data(problem).windows
-    step = seconds_a_step(found.shred, windows[-1])
+    step = seconds_per_step(found.shred, windows[-1])
     run.log_metrics({"surrogate/milliseconds": 1e3 * step}, 0)
     seconds[STEP] = step
     if problem.config.tracking.model:

@@ -99,7 +99,7 @@ def train_shred(
         data.scaler, data.pod, data.spread, settings.latent, settings.layers, settings.decoder
     ).float()
     if begin is not None:
-        shred.begin_as(begin)
+        shred.initialise_from(begin)
     steps = settings.epochs * settings.steps
     cells = data.pod.modes.shape[1]
     module = SimulationTraining(shred, data.noise.float(), cells, settings.rate, steps)

@@ -1,4 +1,4 @@
-"""Callbacks: what is logged at which epoch, and which state is kept."""
+"""Callbacks: metrics by epoch, and the restored state."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from datamodules.batches import ordered_batches
 
 
 class Logged:
-    """A run that remembers what it was told."""
+    """A run that stores the logged metrics."""
 
     def __init__(self) -> None:
         self.points: list[tuple[int, dict[str, float]]] = []
 
     def log_metrics(self, metrics, step):
-        """Remember."""
+        """Store the metrics."""
         self.points.append((step, dict(metrics)))
 
     def curve(self, name: str) -> dict[int, float]:
@@ -31,7 +31,7 @@ class Logged:
 
 
 class Scripted(LightningModule):
-    """Follows a script of validation errors; its weight counts the epochs trained."""
+    """A module with scripted validation errors; its weight counts the epochs."""
 
     def __init__(self, errors: list[float]) -> None:
         super().__init__()
@@ -49,7 +49,7 @@ class Scripted(LightningModule):
         self.log("rmse/x", self.errors[round(float(self.weight.detach()))])
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
-        """Return a step of one an epoch."""
+        """Return an optimiser that makes a step of one per epoch."""
         return torch.optim.SGD(self.parameters(), lr=1.0)
 
 
@@ -75,8 +75,8 @@ def run(errors: list[float], *callbacks: Any) -> Scripted:
     [
         ([5.0, 3.0, 1.0, 2.0], 0.0, 2),
         ([1.0, 3.0, 2.0, 2.0], 0.0, 0),  # the state before training is the best
-        ([2.0, 2.0, 2.0], 0.0, 0),  # as good is not better
-        ([10.0, 9.9, 9.8], 0.05, 0),  # better, but not by the share that is asked for
+        ([2.0, 2.0, 2.0], 0.0, 0),  # equal is not better
+        ([10.0, 9.9, 9.8], 0.05, 0),  # better, but by less than the required gain
         ([10.0, 9.4, 9.0, 9.6], 0.05, 2),
     ],
 )
@@ -107,7 +107,7 @@ def test_curves_are_by_epoch_from_the_state_before_training():
     }
 
 
-def test_progress_rises_to_one_and_says_the_metric():
+def test_progress_rises_to_one_and_shows_the_metric():
     told: list[tuple[float, str]] = []
     run(
         [5.0, 3.0, 1.25], StageProgress(lambda done, says: told.append((done, says)), "rmse/x", "x")

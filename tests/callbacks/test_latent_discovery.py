@@ -1,4 +1,4 @@
-"""Latent SINDy as a callback: which epochs it runs at, and what reaches the store."""
+"""Latent SINDy as a callback: its epochs, and the logged coefficients."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LAGS = 6
 
 @pytest.fixture
 def setting(tmp_path):
-    """A module, its data and latent SINDy's problem, on a field that decays faster."""
+    """A module, its data and a latent SINDy problem, for a field that decays faster."""
     system = ring.linear_system(tmp_path)
     library = ring.library(system)
     lawful = system.with_terms([(library[ring.LIBRARY.index("u")], -0.3)])
@@ -101,14 +101,14 @@ def test_coefficients_reach_the_store_by_epoch(setting, tmp_path):
 
 
 class Deaf:
-    """A run that nothing reaches."""
+    """A run that ignores all metrics."""
 
     def log_metrics(self, metrics, step):
-        """Forget."""
+        """Ignore the metrics."""
 
 
 def test_latent_sindy_leaves_the_training_as_it_is(setting):
-    """Neither its copy in float64 nor its random draws touch the module."""
+    """Neither its copy in float64 nor its random draws change the module."""
     module, _, problem = setting
     before = {name: value.clone() for name, value in module.state_dict().items()}
     callback = LatentDiscovery(problem, Deaf(), Deaf())  # type: ignore[arg-type]

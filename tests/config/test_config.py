@@ -1,4 +1,4 @@
-"""Configuration: layers, types, places, and one clear message for every kind of wrong input."""
+"""Configuration: layers, types, locations, and one clear message for every input error."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ recording:
 
 @pytest.fixture
 def write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Write a system's file into an empty working directory; returns the loader of it."""
+    """Write a system's file into an empty working directory; return its loader."""
     monkeypatch.chdir(tmp_path)
 
     def load(*words: str, text: str = SYSTEM, entry: str = "train") -> Config:
@@ -60,10 +60,10 @@ def swapped(old: str, new: str) -> str:
     return SYSTEM.replace(old, new)
 
 
-# --- what a good configuration becomes -----------------------------------------------------------
+# --- valid configurations ------------------------------------------------------------------------
 
 
-def test_layers_lie_over_one_another(write: Any) -> None:
+def test_layers_override_one_another(write: Any) -> None:
     config = write("shred.lags=30", "recording.noise=1e-2")
     assert config.shred.lags == 30  # command line
     assert config.recording.every == 0.1  # file
@@ -92,7 +92,7 @@ def test_the_result_is_plain_python(write: Any) -> None:
     assert plain(frozen_input(write()))
 
 
-def test_texts_on_the_command_line_are_taken_as_they_stand(write: Any) -> None:
+def test_texts_on_the_command_line_are_taken_literally(write: Any) -> None:
     config = write("system.title=a: b # c", "tracking.run=12e45", "system.equations.u=-2*d(u, x)")
     assert config.system.title == "a: b # c"
     assert config.tracking.run == "12e45"
@@ -189,7 +189,7 @@ def test_every_default_is_in_base_yaml() -> None:
     assert unset(Settings, yaml.safe_load(BASE.read_text())) == own
 
 
-# --- what is frozen ------------------------------------------------------------------------------
+# --- frozen input --------------------------------------------------------------------------------
 
 
 def test_the_hash_changes_with_the_findings_input_alone(write: Any) -> None:
@@ -200,7 +200,7 @@ def test_the_hash_changes_with_the_findings_input_alone(write: Any) -> None:
     assert same != config_sha256(write("recording.path=my.csv", "system.parameters.c=1.1"))
 
 
-# --- what is refused -----------------------------------------------------------------------------
+# --- invalid input -------------------------------------------------------------------------------
 
 UNKNOWN = [
     ("shred.lag=3", "unknown key shred.lag", "did you mean shred.lags?"),
@@ -244,8 +244,8 @@ WRONG_VALUES = [
     ("system.start.u=1e999", "system.start.u must be finite; got inf"),
     ("seed[0]=1", "unknown key seed[0]"),
     ("output=~nobody-here/x", "there is no home folder for '~nobody-here/x'"),
-    ('output="a\\0b"', "the character '\\x00' cannot stand in a text"),
-    ("system.title=\udcff", "the character '\\udcff' cannot stand in a text"),
+    ('output="a\\0b"', "the character '\\x00' is not allowed in a text"),
+    ("system.title=\udcff", "the character '\\udcff' is not allowed in a text"),
     ("shred.lags=99999999999999999999", "shred.lags must be a whole number; got 1e+20"),
     ("shred.rate=0", "shred.rate must be above 0; got 0"),
     ("shred.rate=.inf", "shred.rate must be a number: "),
@@ -259,15 +259,15 @@ WRONG_VALUES = [
     ("shred.decoder=[8, 0]", "shred.decoder[1] must be at least 1 and at most 1000000"),
     ("latent_sindy.steps=[]", "latent_sindy.steps is empty"),
     ("simulation.discrepancy=maybe", "simulation.discrepancy must be true or false; got 'maybe'"),
-    ("simulation.held_out=192", "leaves no member to train on"),
+    ("simulation.held_out=192", "leaves no members to train on"),
     ("splits.time.test=0.9", "splits.time.test must be above 0 and below 0.9; got 0.9"),
     ("splits.time.test=0", "splits.time.test must be above 0 and below 0.9; got 0"),
-    ("splits.sensors.test=-1", "splits.sensors.test must be a number from 0 up, or a list"),
+    ("splits.sensors.test=-1", "splits.sensors.test must be a number, at least 0, or a list"),
     ("splits.sensors.test=[s1, s1]", "sensor 's1' is held out twice"),
-    ("splits.sensors.extra=12", "leaves no sensor for SHRED's input"),
+    ("splits.sensors.extra=12", "leaves no sensors for SHRED's input"),
     ("recording.noise=-0.1", "recording.noise must be at least 0; got -0.1"),
-    ("recording.sensors=0", "recording.sensors must be a number from 1 up"),
-    ("recording.sensors=true", "recording.sensors must be a number from 1 up"),
+    ("recording.sensors=0", "recording.sensors must be a number, at least 1"),
+    ("recording.sensors=true", "recording.sensors must be a number, at least 1"),
     ("system.front=w", "system.front names w, which is not a field"),
     ("recording.every=null", "a twin needs recording.every"),
     ("recording.every=11", "a twin needs recording.every"),
@@ -291,7 +291,7 @@ WRONG_VALUES = [
     ("system.spread.u=true", "system.spread.u is True"),
     ("system.spread.u=lots%", "system.spread.u must be a number: "),
     ("system.title=${seed}", "interpolation"),
-    ("system.start.u=???", "still to be filled in"),
+    ("system.start.u=???", "still missing"),
     ("shred.decoder=[8", "shred.decoder: "),
 ]
 
@@ -304,12 +304,12 @@ def test_wrong_values(write: Any, word: str, what: str) -> None:
 
 
 WRONG_FILES = [
-    ("seed: 1\nseed: 2\n", "wave.yaml:2", "the key 'seed' stands here twice"),
+    ("seed: 1\nseed: 2\n", "wave.yaml:2", "duplicate key 'seed'"),
     ("seed:\n\t- 1\n", "wave.yaml:2:1", "\\t"),
     ("seed: [1\nx: 2\n", "wave.yaml:2:2", "expected ',' or ']'"),
     ("seed: 1: 2\n", "wave.yaml:1:8", "mapping values are not allowed here"),
     ("- a\n- b\n", "wave.yaml", "expected keys and values"),
-    ("seed: !!python/name:os.system 3\n", "wave.yaml:1", "YAML tags are not used here"),
+    ("seed: !!python/name:os.system 3\n", "wave.yaml:1", "YAML tags are not supported"),
     ("seed: !!int abc\n", "wave.yaml:1", "cannot read 'abc'"),
     ("a: &a 1\nb: *a\n", "wave.yaml:2:4", "aliases"),
     ("1: 2\n", "wave.yaml:1", "a key must be a name, not 1"),
@@ -321,10 +321,10 @@ WRONG_FILES = [
     ("system: 3\n", "wave.yaml:1", "system must be a section of keys; got 3"),
     ("recording:\n", "wave.yaml:1", "recording must be a section of keys; got nothing"),
     ("\n\nshred: {lag: 3}\n", "wave.yaml:3", "unknown key shred.lag"),
-    ("system:\n  parameters: {a b: 1}\n", "wave.yaml:2", "'a b' is not a name"),
+    ("system:\n  parameters: {a b: 1}\n", "wave.yaml:2", "'a b' is not a valid name"),
     ("", "wave.yaml", "missing: system.equations, system.fields"),
     ("seed: 1\nsystem: {title: T}\n", "wave.yaml:2", "missing: system.equations, system.fields"),
-    (swapped("twin: a", "noise: 0"), "wave.yaml:13", "nothing to analyse"),
+    (swapped("twin: a", "noise: 0"), "wave.yaml:13", "no recording to analyse"),
     (swapped("dt: 0.1/15", "rtol: 1e-3"), "wave.yaml:12", "missing: system.integrator.dt"),
     (swapped("dt: 0.1/15", "dt: 0.1//15"), "wave.yaml:12", "dt must be a number: "),
     (swapped("u: sin(x), v: 0", "u: 1"), "wave.yaml:10", "system.start is missing the field v"),
@@ -333,9 +333,9 @@ WRONG_FILES = [
     (swapped("u: height, v: speed", ""), "wave.yaml:4", "at least one field"),
     (swapped("c: 1.0", "lambda: 1.0"), "wave.yaml:5", "'lambda' is a Python keyword"),
     (swapped("c: 1.0", "sin: 1.0"), "wave.yaml:5", "belongs to the equation language"),
-    (swapped("c: 1.0", "v: 1.0"), "wave.yaml:5", "the name 'v' stands in system.fields too"),
+    (swapped("c: 1.0", "v: 1.0"), "wave.yaml:5", "the name 'v' is also used in system.fields"),
     (swapped("points: 64}", "points: 64}, y: {length: 1, points: 8}, z: {length: 1, points: 8}"),
-     "wave.yaml:3", "two axes at most"),
+     "wave.yaml:3", "at most two axes"),
 ]  # fmt: skip
 
 
@@ -351,8 +351,8 @@ WRONG_PROCESSES = [
     ("gaussian-process", "fractal", "unknown kind 'fractal'"),
     ("modes: 9", "mode: 9", "unknown key system.spread.mode"),
     ("modes: 9, ", "", "missing: system.spread.modes"),
-    ("modes: 9", "modes: 0", "system.spread.modes must be a whole number from 1 up"),
-    ("length: pi/6", "length: -1", "system.spread.length must be a number above 0"),
+    ("modes: 9", "modes: 0", "system.spread.modes must be a positive integer"),
+    ("length: pi/6", "length: -1", "system.spread.length must be a positive number"),
     ("apply: {u: u*(1 + g)}", "apply: 3", "system.spread.apply must be a section"),
     ("apply: {u", "apply: {w", "system.spread.apply names w"),
 ]
@@ -424,7 +424,7 @@ def test_an_unknown_system_gets_the_nearest_and_the_list() -> None:
     assert ", ".join(bundled()) in caught.value.hint
 
 
-def test_a_hidden_truth_is_no_system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_twin_file_is_not_a_system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "twins").mkdir()
     (tmp_path / "twins" / "a.yaml").write_text("seed: 1\n")
     monkeypatch.setattr("dashred.config.commandline.CONF", tmp_path)
@@ -432,7 +432,7 @@ def test_a_hidden_truth_is_no_system(tmp_path: Path, monkeypatch: pytest.MonkeyP
         load_config([f"conf={tmp_path / 'twins' / 'a.yaml'}"], entry="train")
 
 
-# Refusal is the only failure: whatever is written, no other exception may come out.
+# InputError is the only exception, whatever the input.
 ATOMS = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=12)
 TREES = st.recursive(
     ATOMS, lambda x: st.lists(x, max_size=3) | st.dictionaries(st.text(max_size=6), x, max_size=3)

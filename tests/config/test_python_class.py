@@ -1,4 +1,4 @@
-"""`system.class`: whose code runs, and that it is then as good as declared equations."""
+"""``system.class``: trust, and equivalence to declared equations."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ NAME = "my_pendulum.Pendulum"
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with a class and a configuration of it: the bundled pendulum without equations."""
+    """A folder with a class and its configuration: the bundled pendulum without equations."""
     (tmp_path / "my_pendulum.py").write_text(PENDULUM)
     bundled = (Path(__file__).parents[2] / "conf" / "pendulum.yaml").read_text()
     lines = bundled.splitlines()
@@ -67,7 +67,7 @@ def load(folder: Path, *words: str) -> Config:
 
 
 def test_a_class_has_the_equations_of_its_declared_twin(folder: Path) -> None:
-    """The same equations give the same findings: the law and all."""
+    """The same equations give the same findings, including the law."""
     from dashred.physics.system import System
 
     mine = load(folder, f"trust={NAME}")
@@ -80,7 +80,7 @@ def test_a_class_has_the_equations_of_its_declared_twin(folder: Path) -> None:
     assert told["class"] == NAME and "class" not in frozen_input(bundled)["system"]
 
 
-def test_no_line_of_it_runs_without_the_users_word(folder: Path) -> None:
+def test_no_line_of_a_class_runs_without_trust(folder: Path) -> None:
     for words in ((), ("trust=my_pendulum.Idle",)):
         with pytest.raises(InputError, match=r"runs the code of my_pendulum\.Pendulum") as error:
             load(folder, *words)
@@ -114,7 +114,7 @@ def test_what_has_begun_goes_on_with_the_users_word_alone(folder: Path) -> None:
         assert frozen_input(again) == frozen_input(config)
 
 
-def test_a_file_cannot_give_the_word(folder: Path) -> None:
+def test_a_file_cannot_give_trust(folder: Path) -> None:
     path = folder / "mine.yaml"
     path.write_text(path.read_text() + f"\ntrust: {NAME}\n")
     with pytest.raises(InputError, match="unknown key trust"):
@@ -129,7 +129,7 @@ REFUSED = {
     "my_pendulum.Absent": "my_pendulum.Absent fails: AttributeError",
     "no_such_module.Pendulum": "ModuleNotFoundError",
     "Pendulum": "is not the name of a class",
-    "dashred.evaluation.twins.sealing.Truth": "is no simulator of yours",
+    "dashred.evaluation.twins.sealing.Truth": "is not a user's simulator",
     "os.path/../x": "is not the name of a class",
 }
 
@@ -143,7 +143,7 @@ def test_a_class_that_cannot_be_used_is_refused(folder: Path, name: str) -> None
 WORDS = {
     "system.equations.theta=omega": "system.class and system.equations are both given",
     "system.snapshots=runs.nc": "system.class and system.snapshots are both given",
-    "recording.twin=a": "a twin's truth is made of declared equations",
+    "recording.twin=a": "a twin needs declared equations",
     "trust=again.Again": "trust= is given twice",
 }
 

@@ -1,4 +1,4 @@
-"""The page of every key says what the schema and the defaults say, and is the committed one."""
+"""The page of all keys agrees with the schema and the defaults, and is committed."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_every_key_on_the_page_is_a_key_with_a_meaning() -> None:
         ("shred.rate", None),
     ],
 )
-def test_a_number_tells_what_it_counts_in(name: str, counts_in: str | None) -> None:
+def test_a_number_states_its_unit(name: str, counts_in: str | None) -> None:
     assert unit(KEYS[name].kind) == counts_in
 
 
@@ -86,6 +86,6 @@ def test_wrong_words_are_refused(words: list[str]) -> None:
         main(words)
 
 
-def test_a_place_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+def test_a_path_that_cannot_be_written_is_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be written"):
         main([f"path={tmp_path / 'none' / 'config.md'}"])

@@ -1,4 +1,4 @@
-"""What a user sees of a wrong input, and how an entry point ends."""
+"""Messages of input errors, and exit codes of entry points."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_interrupt_ends_with_130() -> None:
     assert run_entry(lambda _: _raise(KeyboardInterrupt())) == 130
 
 
-def test_main_gets_the_words_and_gives_the_code(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_main_gets_the_arguments_and_returns_the_code(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "argv", ["train", "conf=rde", "seed=1"])
     assert run_entry(len) == 2
 
@@ -58,7 +58,7 @@ def test_our_own_failures_keep_their_traceback_and_end_with_1() -> None:
 
 
 @pytest.mark.parametrize("words", ["--help", "conf=absent"])
-def test_a_reader_that_goes_away_is_told_nothing(words: str) -> None:
+def test_nothing_is_printed_when_stdout_is_closed(words: str) -> None:
     command = f"{sys.executable} -m dashred.train {words}"
     shell = ["sh", "-c", f"({command} | true) 2>&1"]
     ended = subprocess.run(shell, capture_output=True, text=True)

@@ -1,4 +1,4 @@
-"""Numbers as they are printed: no digit that is not known, none left out that is."""
+"""Formatting of numbers: exactly the significant digits."""
 
 import re
 

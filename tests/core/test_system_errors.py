@@ -1,4 +1,4 @@
-"""A full disk, missing rights, a held database, a missing package: one message, no traceback."""
+"""System errors, such as a full disk or a locked database, give one message, no traceback."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from dashred.core.errors import InputError, run_entry
 from dashred.core.files.atomic import atomic_file, copy_atomic, write_text_atomic
 from dashred.core.mlflow.store import open_store
-from dashred.core.system_errors import describe
+from dashred.core.system_errors import describe_system_error
 from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
@@ -33,7 +33,7 @@ def _raise(error: BaseException) -> int:
 
 
 def wrapped(inner: BaseException) -> BaseException:
-    """Return an error of a library that was raised because of another."""
+    """Return the exception of a library that was caused by another exception."""
     try:
         raise RuntimeError("the store failed") from inner
     except RuntimeError as outer:
@@ -43,7 +43,7 @@ def wrapped(inner: BaseException) -> BaseException:
 @pytest.mark.parametrize(
     ("error", "says"),
     [
-        (FULL, ("/out/findings.json", "No space left", "make room")),
+        (FULL, ("/out/findings.json", "No space left", "free some space")),
         (OSError(errno.EROFS, "x"), ("Read-only file system", "output=DIR")),
         (PermissionError(errno.EACCES, "x", "/mlruns"), ("/mlruns", "Permission denied")),
         (MemoryError(), ("not enough memory", "simulation.members")),
@@ -75,14 +75,14 @@ def test_what_the_machine_refuses_is_told_in_two_lines(error, says, capsys) -> N
         ImportError("cannot import name 'x'", name="dashred.train"),
     ],
 )
-def test_a_failure_of_ours_is_none_of_the_machines(error) -> None:
-    assert describe(error) is None
+def test_a_bug_is_not_described_as_a_system_error(error) -> None:
+    assert describe_system_error(error) is None
     with pytest.raises(type(error)):
         run_entry(lambda _: _raise(error))
 
 
 @pytest.mark.parametrize("entry", ["train", "record", "bench"])
-def test_a_python_without_the_packages_is_told_what_to_do(entry) -> None:
+def test_missing_packages_are_reported_with_a_hint(entry) -> None:
     """``-S`` leaves the installed packages out."""
     command = [sys.executable, "-S", "-m", f"dashred.{entry}", "conf=rde"]
     ended = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True)
@@ -105,10 +105,12 @@ def test_what_may_not_be_read_is_no_matter_of_writing(tmp_path: Path, monkeypatc
     path = tmp_path / "mine.yaml"
     path.touch()
     monkeypatch.setattr("os.access", lambda *_: False)
-    said = describe(PermissionError(errno.EACCES, "Permission denied", str(path)))
-    assert said is not None and "the right to read it" in said
-    elsewhere = describe(PermissionError(errno.EACCES, "Permission denied", "/mlruns/new"))
-    assert elsewhere is not None and "the right to write there" in elsewhere
+    said = describe_system_error(PermissionError(errno.EACCES, "Permission denied", str(path)))
+    assert said is not None and "grant read permission" in said
+    elsewhere = describe_system_error(
+        PermissionError(errno.EACCES, "Permission denied", "/mlruns/new")
+    )
+    assert elsewhere is not None and "grant write permission" in elsewhere
 
 
 def test_an_interruption_leaves_no_half_of_a_file(tmp_path) -> None:
@@ -127,7 +129,7 @@ def test_what_a_killed_run_had_not_finished_is_taken_away(tmp_path) -> None:
 
 @pytest.fixture
 def mounted(tmp_path: Path) -> Iterator[Path]:
-    """A disk of 64 kB; skipped where nobody may mount one."""
+    """A disk of 64 kB; skipped if mounting is not permitted."""
     folder = tmp_path / "disk"
     folder.mkdir()
     size = ["-o", "size=64k"]
@@ -149,7 +151,7 @@ def recording() -> Recording:
 
 
 def test_a_full_disk_leaves_what_was_there(mounted, tmp_path) -> None:
-    """By every way of writing that there is: text, copy, NetCDF, figure."""
+    """Covers all ways of writing: text, copy, NetCDF and figure."""
     large = tmp_path / "large"
     large.write_bytes(bytes(200_000))
     noise = np.random.default_rng(0).random((300, 300))
@@ -165,7 +167,7 @@ def test_a_full_disk_leaves_what_was_there(mounted, tmp_path) -> None:
     for write in ways:
         with pytest.raises(OSError) as caught:
             write(mounted / "a.out")
-        said = describe(caught.value)
+        said = describe_system_error(caught.value)
         assert said is not None and "No space left" in said
         assert os.listdir(mounted) == ["a.out"]
         assert (mounted / "a.out").read_text() == "old"
@@ -178,13 +180,13 @@ def test_a_folder_that_is_only_read_is_refused_before_any_work(mounted) -> None:
     assert caught.value.where == str(mounted)
     with pytest.raises(InputError, match="cannot be made: Read-only"):
         make_output(str(mounted / "new"))
-    with pytest.raises(InputError, match="no MLflow store can be made here: Read-only"):
+    with pytest.raises(InputError, match="no MLflow store can be created here: Read-only"):
         open_store(str(mounted), "any")
 
 
 @pytest.mark.slow
-def test_a_store_that_somebody_holds_is_told(tmp_path) -> None:
-    """MLflow waits for twenty seconds before it gives up."""
+def test_a_locked_store_is_reported(tmp_path) -> None:
+    """MLflow gives up after twenty seconds."""
     root = str(tmp_path / "mlruns")
     open_store(root, "first")
     holder = sqlite3.connect(tmp_path / "mlruns" / "mlflow.db")
@@ -194,5 +196,5 @@ def test_a_store_that_somebody_holds_is_told(tmp_path) -> None:
             open_store(root, "second")
     finally:
         holder.close()
-    assert isinstance(caught.value, InputError) or describe(caught.value)
-    assert "database is locked" in f"{caught.value}{describe(caught.value)}"
+    assert isinstance(caught.value, InputError) or describe_system_error(caught.value)
+    assert "database is locked" in f"{caught.value}{describe_system_error(caught.value)}"

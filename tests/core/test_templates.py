@@ -1,4 +1,4 @@
-"""Documents are filled in from templates: HTML is escaped, and what is missing is an error."""
+"""Templates: HTML is escaped, and an undefined name is an error."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ EVIL = "<script>alert('&')</script>"
 
 @pytest.fixture
 def render(monkeypatch: pytest.MonkeyPatch):
-    """Render one line of a template of the name that is given."""
+    """Render one line as a template with the given name."""
     environment = templates._environment()
 
     def one(name: str, source: str, **values: object) -> str:
@@ -45,7 +45,7 @@ def test_plain_text_is_not(name: str, render) -> None:
     assert render(name, "{{ text }}", text=EVIL) == EVIL
 
 
-def test_a_value_is_no_template(render) -> None:
+def test_interpolation_is_refused(render) -> None:
     assert render("a.md.j2", "{{ text }}", text="{{ 1 + 1 }}") == "{{ 1 + 1 }}"
 
 

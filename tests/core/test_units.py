@@ -1,4 +1,4 @@
-"""Units are compared, multiplied and written as products of powers; nothing is converted."""
+"""Units are compared, multiplied and written as products of powers, without conversion."""
 
 import pytest
 from hypothesis import given
@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 from dashred.core.errors import InputError
 from dashred.core.units import (
     ONE,
-    check_same,
+    check_same_unit,
     check_unit,
-    in_brackets,
+    format_unit,
+    label_with_unit,
     parse_unit,
-    per,
+    per_unit,
     same_unit,
-    shown,
     split_unit,
 )
 
@@ -47,7 +47,7 @@ def test_another_symbol_or_power_is_another_unit(other: str) -> None:
 )
 def test_a_unit_is_written_in_one_way(text: str, written: str, printed: str) -> None:
     assert str(parse_unit(text)) == written
-    assert shown(text) == printed
+    assert format_unit(text) == printed
 
 
 def test_units_multiply_and_cancel() -> None:
@@ -59,10 +59,10 @@ def test_units_multiply_and_cancel() -> None:
     assert str(parse_unit("10 cm") / s**2) == "(10 cm)/s^2"
 
 
-def test_one_over_a_symbol_is_said_in_words() -> None:
-    assert per("1/s") == per("s-1") == "per s"
-    assert per("m/s") is None
-    assert per("s-2") is None
+def test_one_over_a_symbol_is_written_in_words() -> None:
+    assert per_unit("1/s") == per_unit("s-1") == "per s"
+    assert per_unit("m/s") is None
+    assert per_unit("s-2") is None
 
 
 @pytest.mark.parametrize(
@@ -88,14 +88,14 @@ def test_what_is_no_unit_is_refused(unit: str) -> None:
 
 def test_units_that_differ_are_refused_with_both_places() -> None:
     with pytest.raises(InputError, match=r"a.csv:1: theta is in deg here, but in rad in b.yaml:4"):
-        check_same("theta", "deg", "a.csv:1", "rad", "b.yaml:4")
-    check_same("theta", "m s-1", "a.csv:1", "m/s", "b.yaml:4")
-    check_same("theta", "m s-1", "a.csv:1", None, "b.yaml:4")
+        check_same_unit("theta", "deg", "a.csv:1", "rad", "b.yaml:4")
+    check_same_unit("theta", "m s-1", "a.csv:1", "m/s", "b.yaml:4")
+    check_same_unit("theta", "m s-1", "a.csv:1", None, "b.yaml:4")
 
 
 def test_a_label_has_its_unit_in_brackets() -> None:
-    assert in_brackets("theta", "rad s-1") == "theta [rad/s]"
-    assert in_brackets("time", None) == "time"
+    assert label_with_unit("theta", "rad s-1") == "theta [rad/s]"
+    assert label_with_unit("time", None) == "time"
 
 
 @given(st.text(max_size=60))

@@ -1,4 +1,4 @@
-"""Stand-ins for systems: what sensing needs of one, without any physics."""
+"""Stand-ins for systems, without any physics."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from dashred.physics.grids.grid import Axis
 
 @dataclass(frozen=True)
 class PlainSystem:
-    """Fields ``u, v`` and one derived quantity, ``speed = u² + t·v``."""
+    """A system with fields ``u, v`` and one derived quantity, ``speed = u² + t·v``."""
 
     axes: tuple[Axis, ...] = ()
     spectral: bool = True

@@ -1,4 +1,4 @@
-"""Recordings of several episodes: what is written is read, in CSV and NetCDF, or refused."""
+"""Recordings of several episodes in CSV and NetCDF: round trip and errors."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dashred.core.errors import InputError
-from dashred.data.episodes import Episode, Episodes, stretches
+from dashred.data.episodes import Episode, Episodes, split_into_episodes
 from dashred.data.io.reader import read_episodes, read_recording
 from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
@@ -29,7 +29,7 @@ VALUES = st.floats(-1e6, 1e6) | st.just(math.nan)
 
 @st.composite
 def several(draw, inputs=False):
-    """Draw episodes with lengths, starts, irregular steps and missing values of their own."""
+    """Draw episodes with different lengths, starts, irregular steps and missing values."""
     parts: list[Episode] = []
     for name in draw(st.lists(NAMES, min_size=1, max_size=4, unique=True)):
         count = draw(st.integers(20, 30))
@@ -83,7 +83,7 @@ def test_a_netcdf_of_episodes_is_read_as_it_was_written(ode, tmp_path, episodes)
 @given(labels=st.lists(st.sampled_from(["a", "b", "c", ""]), max_size=12))
 def test_stretches_hold_every_row_once_under_its_own_label_or_are_refused(labels):
     try:
-        found = stretches(labels, str)
+        found = split_into_episodes(labels, str)
     except InputError:
         begins = [x for i, x in enumerate(labels) if i == 0 or labels[i - 1] != x]
         assert "" in labels or len(set(begins)) < len(begins)
@@ -101,9 +101,9 @@ def test_one_episode_is_a_recording_like_any_other(ode, write):
     assert read_recording(named, None, ode).sha256() == read_episodes(plain, None, ode).sha256()
 
 
-def test_where_one_is_expected_several_are_refused(ode, write):
+def test_several_episodes_are_refused_where_one_is_expected(ode, write):
     rows = [f"{i},{i // 20},1" for i in range(40)]
-    with pytest.raises(InputError, match="2 episodes, where one is expected"):
+    with pytest.raises(InputError, match="2 episodes, but one is expected"):
         read_recording(write("r.csv", "\n".join(["time,episode,u", *rows])), None, ode)
 
 
@@ -131,7 +131,7 @@ def test_a_step_that_leaves_too_little_of_an_episode_is_refused():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"episode": ("time", np.full(40, 0.5))}, "neither names nor whole numbers"),
+        ({"episode": ("time", np.full(40, 0.5))}, "must hold names or integers"),
         ({"episode": ("sensor", ["a"])}, "'episode' has the dimensions"),
         ({"episode": ("time", ["a"] * 20 + ["b"] * 10 + ["a"] * 10)}, "sample 31, 'episode'"),
         (

@@ -1,4 +1,4 @@
-"""The inputs of twins: driven past the recording's end, written, and read again."""
+"""Input signals of twins: sampled past the end of the recording, written and read."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import torch
 
 from dashred.config import load_config
 from dashred.core.errors import InputError
-from dashred.data.inputs import driven, under
+from dashred.data.inputs import drive_signals, with_inputs
 from dashred.data.io.reader import read_recording
 from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
@@ -29,19 +29,19 @@ def circuit():
 def test_a_drive_is_known_as_far_as_forecasts_go(circuit) -> None:
     system, config = circuit
     times = clock_of(config)
-    inputs = driven(system, config, times)
+    inputs = drive_signals(system, config, times)
     t = times.numpy()
     assert t[-1] == pytest.approx(FORECAST * config.recording.duration)
     expected = 0.5 * np.sin(1.1 * t) + 0.3 * np.sin(2.3 * t)
     np.testing.assert_allclose(inputs.values["voltage"], expected, atol=1e-12)
-    [now] = under(system, inputs).measured.at(float(t[7])).values()
+    [now] = with_inputs(system, inputs).measured.at(float(t[7])).values()
     assert float(now) == pytest.approx(expected[7])
 
 
-def test_it_is_written_on_a_clock_of_its_own_and_read_again(circuit, tmp_path: Path) -> None:
+def test_inputs_are_written_on_their_own_clock_and_read_again(circuit, tmp_path: Path) -> None:
     system, config = circuit
     times = clock_of(config)
-    inputs = driven(system, config, times)
+    inputs = drive_signals(system, config, times)
     count = 21
     values = torch.zeros((count, 1)).double().numpy()
     recording = Recording((Sensor("s1", "Q", (), 0.1),), times[:count].numpy(), values, inputs)
@@ -54,10 +54,10 @@ def test_it_is_written_on_a_clock_of_its_own_and_read_again(circuit, tmp_path: P
 
 @pytest.mark.parametrize(
     ("drive", "problem"),
-    [({}, "nothing drives"), ({"voltage": "0.5*Q"}, "reads t alone")],
+    [({}, "has no drive"), ({"voltage": "0.5*Q"}, "may depend on t only")],
 )
 def test_an_input_without_a_drive_of_time_is_refused(circuit, drive, problem) -> None:
     system, config = circuit
     bare = replace(config, recording=replace(config.recording, drive=drive))
     with pytest.raises(InputError, match=problem):
-        driven(system, bare, clock_of(config))
+        drive_signals(system, bare, clock_of(config))

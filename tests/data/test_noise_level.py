@@ -1,4 +1,4 @@
-"""Estimating the noise of sensors."""
+"""Estimates of sensor noise."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_jumps_spikes_and_missing_values_hardly_matter(noisy):
     assert noise_std(recording_of(spoilt))[0] == pytest.approx(0.05, rel=0.25)
 
 
-def test_of_two_loggers_in_one_table_every_second_cell_is_empty(noisy):
+def test_noise_of_two_loggers_in_one_table(noisy):
     first, second = (column.copy() for column in noisy)
     first[1::2] = second[::2] = np.nan
     found = noise_std(recording_of(first, second))
@@ -68,7 +68,7 @@ def test_a_stuck_sensor_gets_the_noise_of_those_that_read_the_same(noisy):
     assert found[1] == found[0]
 
 
-def test_of_several_episodes_those_tell_it_in_which_a_sensor_changes(noisy):
+def test_noise_is_estimated_from_episodes_in_which_a_sensor_changes(noisy):
     both, flat = recording_of(*noisy), recording_of(np.full(2000, 7.0), noisy[1])
     louder = recording_of(7 * noisy[0], noisy[1])
     one, seven = (noise_std(each)[0] for each in (both, louder))

@@ -1,4 +1,4 @@
-"""The observation operator against closed forms."""
+"""The observation operator, compared with closed forms."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def two_fields(u):
 
 
 def waves(x, length, top, phase=0.3):
-    """A field with every mode up to ``top``."""
+    """Return a field with all modes up to ``top``."""
     k = torch.arange(top + 1, dtype=torch.float64)
     return (torch.cos(2 * math.pi * k * x[..., None] / length + phase * k) / (1 + k)).sum(-1)
 

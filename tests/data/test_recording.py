@@ -1,4 +1,4 @@
-"""Parts and hash of a recording."""
+"""Selection and hash of recordings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bringing recordings to a uniform clock."""
+"""Resampling of recordings to a uniform clock."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from dashred.core.errors import InputError
 from dashred.data.episodes import Episode, Episodes
 from dashred.data.recording import Recording
-from dashred.data.resampling import own_step, resample, resample_all
+from dashred.data.resampling import native_step, resample, resample_all
 from dashred.data.sensors import Sensor
 
 
@@ -51,7 +51,7 @@ def test_jittered_times_are_interpolated_not_snapped():
 
 @pytest.mark.parametrize(("per", "error"), [(8, 6e-3), (16, 5e-4), (32, 4e-5)])
 def test_what_lies_between_uneven_times_errs_with_the_fourth_power_of_the_step(per, error):
-    """A line would err by 0.04, 0.009 and 0.002, which a fit would take for physics."""
+    """Linear interpolation would have errors of 0.04, 0.009 and 0.002."""
     times = np.arange(400.0) / per
     times[1:-1] += np.random.default_rng(0).uniform(-0.3, 0.3, 398) / per
     sampled, _ = resample(recorded(times, np.cos(2 * np.pi * times)), 1.2 / per)
@@ -120,8 +120,8 @@ def test_values_are_not_invented_before_the_first_or_after_the_last():
 
 
 def test_the_own_step_ignores_gaps_and_averages_rounding():
-    assert own_step(np.r_[0:1:0.1, 5:6:0.1]) == pytest.approx(0.1)
-    assert own_step(np.round(np.arange(301) / 300, 3)) == pytest.approx(1 / 300, rel=1e-3)
+    assert native_step(np.r_[0:1:0.1, 5:6:0.1]) == pytest.approx(0.1)
+    assert native_step(np.round(np.arange(301) / 300, 3)) == pytest.approx(1 / 300, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -133,7 +133,7 @@ def test_a_step_that_cannot_serve_is_refused(every, message):
 
 
 def two_loggers(late: float, step: float = 0.1, other: float = 0.1, count: int = 60) -> Recording:
-    """Return u at 0, 0.1, … and v a little later, in rows of their own."""
+    """Return u at 0, 0.1, … and v a little later, in separate rows."""
     first, second = step * np.arange(count), late + other * np.arange(count)
     times = np.concatenate([first, second])
     values = np.full((2 * count, 2), np.nan)
@@ -147,14 +147,14 @@ def two_loggers(late: float, step: float = 0.1, other: float = 0.1, count: int =
     [two_loggers(0.003), two_loggers(0.003, count=61), two_loggers(0.013, other=0.1003)],
     ids=["late", "late, odd", "drifting"],
 )
-def test_the_step_between_one_clock_and_another_is_refused_and_the_hint_works(recording):
+def test_the_offset_between_two_clocks_is_refused_as_a_step_and_the_hint_works(recording):
     for every in (
         lambda: resample(recording, None),
         lambda: resample_all(Episodes((Episode("", recording), Episode("b", recording))), None),
     ):
         with pytest.raises(InputError, match=r"nearly all of .* samples would be empty") as refused:
             every()
-        assert "two clocks in one table? Set recording.every=0.1" in str(refused.value.hint)
+        assert "does the table mix two clocks? Set recording.every=0.1" in str(refused.value.hint)
     sampled, says = resample(recording, 0.1)
     assert "interpolated" in says
     assert np.isnan(sampled.values).mean() < 0.05
@@ -163,7 +163,7 @@ def test_the_step_between_one_clock_and_another_is_refused_and_the_hint_works(re
     np.testing.assert_allclose(sampled.values[known, 1], truth, atol=2e-3)
 
 
-def test_bursts_of_the_same_sensors_have_a_step_that_lies_between():
+def test_bursts_of_the_same_sensors_have_an_intermediate_step():
     times = np.sort(np.concatenate([0.1 * np.arange(60), 0.003 + 0.1 * np.arange(60)]))
     with pytest.raises(InputError) as refused:
         resample(recorded(times), None)

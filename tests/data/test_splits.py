@@ -1,4 +1,4 @@
-"""Roles of sensors and parts of the time."""
+"""Splits: roles of the sensors, and fit, validation and held-out times."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def test_few_sensors_hold_out_time_alone(make_recording):
     assert split.validation.names == split.fit.names
     assert len(split.fit.times) == 81
     assert "no sensor is" in split.note
-    assert "6.4 < t <= 8 validate" in split.note
+    assert "6.4 < t <= 8 are used for validation" in split.note
 
 
 def test_few_sensors_are_held_out_when_named(make_recording):
@@ -129,7 +129,7 @@ def test_extra_sensors_by_default_and_by_number(make_recording):
         (2, wanted(["s0"], ["s1"]), "2 sensors are too few to hold out 2"),
         (12, wanted(["s3"], ["s3"]), "'s3' occurs twice"),
         (12, wanted(["s33"]), "did you mean s3"),
-        (12, wanted(extra=7), "leave none of 7 fit sensors"),
+        (12, wanted(extra=7), "leave none of the 7 fit sensors"),
     ],
 )
 def test_impossible_splits_are_refused(make_recording, sensors, splits, message):

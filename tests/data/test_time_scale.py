@@ -1,4 +1,4 @@
-"""How many samples a change takes, against waves whose period is known."""
+"""Time scales of waves with known periods."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
-from dashred.data.time_scale import rounded_down, samples_a_change, suggested_step
+from dashred.data.time_scale import round_down, samples_per_change, suggested_step
 
 
 def wave(samples_a_period: float, noise: float) -> Recording:
@@ -20,7 +20,7 @@ def wave(samples_a_period: float, noise: float) -> Recording:
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 @pytest.mark.parametrize("period", [160.0, 800.0])
 def test_a_sixteenth_of_the_period_is_found_under_noise(period: float, noise: float) -> None:
-    lag = samples_a_change(wave(period, noise), np.array([noise]))["y"]
+    lag = samples_per_change(wave(period, noise), np.array([noise]))["y"]
     assert lag == pytest.approx(period / 16, rel=0.1, abs=1)
 
 
@@ -34,11 +34,11 @@ def test_the_suggested_step_is_round_and_no_coarser() -> None:
 def test_where_nothing_but_noise_is_seen_nothing_is_timed() -> None:
     rng = np.random.default_rng(2)
     values = 0.1 * rng.standard_normal((500, 1))
-    assert not samples_a_change(
+    assert not samples_per_change(
         Recording((Sensor("y", "y"),), np.arange(500.0), values), np.array([0.1])
     )
 
 
 @pytest.mark.parametrize(("value", "round_one"), [(0.0625, 0.05), (0.05, 0.05), (199.0, 100.0)])
 def test_round_numbers(value: float, round_one: float) -> None:
-    assert rounded_down(value) == pytest.approx(round_one)
+    assert round_down(value) == pytest.approx(round_one)

@@ -1,4 +1,4 @@
-"""The real recording: sensor values in, sensor values out, and no field to ask for."""
+"""The data module of a recording gives sensor values, never a field."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LAGS, SAMPLES = 5, 60
 
 
 def record(names: tuple[str, ...], samples: int = SAMPLES) -> Recording:
-    """Return sines, one a sensor."""
+    """Return one sine per sensor."""
     times = 0.1 * np.arange(samples, dtype=np.float64)
     sensors = tuple(Sensor(name, "u", (0.3 * i,)) for i, name in enumerate(names))
     values = np.stack([np.sin(times * (1 + 0.2 * i) + i) for i in range(len(names))], axis=1)
@@ -43,7 +43,7 @@ def make(fit: Recording, validation: Recording, **changed: Any) -> RecordingData
 
 
 def arrays(value: Any, depth: int = 0) -> list[tuple[int, ...]]:
-    """Return the shapes of all arrays within reach of a value."""
+    """Return the shapes of all arrays reachable from a value."""
     if isinstance(value, torch.Tensor | np.ndarray):
         return [tuple(value.shape)]
     if isinstance(value, dict):
@@ -55,15 +55,15 @@ def arrays(value: Any, depth: int = 0) -> list[tuple[int, ...]]:
     return []
 
 
-def test_no_field_can_be_asked_for(fit, validation):
-    """Everything within reach has a time and a sensor dimension, and none of a grid."""
+def test_no_field_is_available(fit, validation):
+    """Every reachable array has a time and a sensor dimension, and no grid dimension."""
     data = make(fit, validation)
     allowed = {
         (SAMPLES,),
         (SAMPLES, 4),
         (SAMPLES, 2),
         (SAMPLES, LAGS + 1, 2),
-        *((1,), (1, 1)),  # clock and table of inputs, of which there are none
+        *((1,), (1, 1)),  # clock and values of the inputs, both empty
     }
     own = set(vars(data))
     shapes = arrays({name: getattr(data, name) for name in own})
@@ -122,7 +122,7 @@ def test_a_missing_sample_of_the_validating_stretch_is_not_fitted_either(fit):
 
 
 @pytest.mark.parametrize("count", [4, 9])
-def test_held_out_sensors_and_times_never_get_here(count):
+def test_held_out_sensors_and_times_are_not_used(count):
     whole = record(tuple(f"s{i}" for i in range(count)), 100)
     splits = Splits(SensorSplit(validate=2, test=2, extra=1), TimeSplit(test=0.2))
     split = split_recording(whole, splits, seed=1)
@@ -133,7 +133,7 @@ def test_held_out_sensors_and_times_never_get_here(count):
     assert data.fit.times[-1] == split.time_end
     if split.validate:
         assert not {*split.validate} & {*data.fit.names}
-    # Test values changed beyond recognition change nothing here.
+    # Changing the test values has no effect.
     values = whole.values.copy()
     values[:, [whole.names.index(name) for name in split.test]] = 1e6
     values[80:] = -1e6

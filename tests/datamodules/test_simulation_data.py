@@ -1,4 +1,4 @@
-"""What SHRED learns from: nothing of the held-out members, and targets on their own time."""
+"""SHRED's training data: no held-out members, and targets at the right times."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import torch
 from dashred.data.observation_operator import ObservationOperator
 from dashred.physics.runs.ensemble import Ensemble
 from datamodules import SimulationDataModule
-from datamodules.simulation import LAST_AGAIN
+from datamodules.simulation import LAST_REPEATS
 from tests import ring
 
 LAGS, MEMBERS, HELD_OUT, MODES = 6, 14, 5, 7
@@ -33,7 +33,7 @@ def make(system, ensemble: Ensemble, seed: int = 0, held_out: int = HELD_OUT):
     return SimulationDataModule(ensemble, operator, noise, LAGS, MODES, held_out, 16, seed)
 
 
-def test_held_out_members_move_neither_scaler_nor_basis(system, ensemble):
+def test_held_out_members_change_neither_scaler_nor_basis(system, ensemble):
     other = ensemble.states.clone()
     other[MEMBERS - HELD_OUT :] = 100 * other[MEMBERS - HELD_OUT :].flip(-1) + 3
     first, second = make(system, ensemble), make(system, replace(ensemble, states=other))
@@ -42,7 +42,7 @@ def test_held_out_members_move_neither_scaler_nor_basis(system, ensemble):
     for name, value in first.pod.state_dict().items():
         assert torch.equal(value, second.pod.state_dict()[name])
     assert torch.equal(first.spread, second.spread)
-    # The last training member does move them.
+    # The last training member does change them.
     other = ensemble.states.clone()
     other[MEMBERS - HELD_OUT - 1] *= 2
     third = make(system, replace(ensemble, states=other))
@@ -64,7 +64,7 @@ def test_every_member_has_one_part(system, ensemble, held_out):
     parts = [list(data.members[part]) for part in ("train", "validation", "test")]
     assert sorted(member for part in parts for member in part) == list(range(MEMBERS))
     assert len(parts[0]) == MEMBERS - held_out
-    assert parts[1]  # early stopping needs one
+    assert parts[1]  # early stopping needs a member
 
 
 def test_a_stretch_ends_when_its_last_target_does(system, ensemble):
@@ -77,8 +77,8 @@ def test_a_stretch_ends_when_its_last_target_does(system, ensemble):
         assert (stretch[: copies + 1] == stretch[0]).all()
         assert copies == LAGS or not torch.equal(stretch[copies], stretch[copies + 1])
     assert {LAGS, 0} <= set(repeated.tolist())
-    # Sensors and coefficients of one sample are of one field, which seven modes hold whole:
-    # where the first sample is repeated, too.
+    # Sensor values and coefficients of a sample belong to one field, exact with seven modes;
+    # also where the first sample is repeated.
     field = data.pod.decode(targets.double())
     torch.testing.assert_close(
         data.operator(field).float(), stretches[:, -LAGS // 2 - 1 :], rtol=1e-4, atol=1e-4
@@ -93,7 +93,7 @@ def test_every_sample_of_a_record_is_trained_on_its_own_coefficient(system, ense
     per_member = len(stretches) // (MEMBERS - HELD_OUT)
     last = len(ring.TIMES) - 1
     ends = [*range(0, last, max(1, LAGS // 4)), last]
-    assert per_member == len(ends) + LAST_AGAIN
+    assert per_member == len(ends) + LAST_REPEATS
     assert last - ends[-2] <= LAGS // 2 + 1  # no gap between the targets
     for member, place in ((0, 0), (3, 5), (8, len(ends) - 1), (2, per_member - 1)):
         row, end = member * per_member + place, ends[min(place, len(ends) - 1)]

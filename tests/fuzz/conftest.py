@@ -1,4 +1,4 @@
-"""A folder to fuzz in."""
+"""Working folder of the fuzz tests."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 @pytest.fixture(autouse=True, scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Work where only the files of the test lie."""
+    """Change to a folder with only the files of the test."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("fuzz"))
         yield

@@ -1,4 +1,4 @@
-"""How many examples a property is tried on: a few in every run, very many in the slow set."""
+"""Number of examples per property: few by default, many in the slow tests."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from hypothesis.strategies import SearchStrategy
 
 Property = Callable[..., None]
 
-# On a machine that does much else beside.
+# The machine may be busy.
 SECONDS = 20
 
 
 def fuzzed(few: int, many: int, **strategies: SearchStrategy[Any]) -> Callable[[Property], Any]:
-    """Make a test of a property: ``few`` examples, and as a slow test ``many``.
+    """Make a test of a property with ``few`` examples, and a slow test with ``many``.
 
     The slow tests of this folder have more than 200,000 in all. An example that takes longer than
     ``SECONDS`` fails: it is one that hangs.

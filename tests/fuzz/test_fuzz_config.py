@@ -1,4 +1,4 @@
-"""Anything at all as a configuration: refused with its place, or read into plain finite values."""
+"""Arbitrary configurations: refused with a location, or read as plain finite values."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def keys_of(kind: Any, parent: str = "") -> list[str]:
 OPEN_KEYS = ("system.start.u", "system.axes.x.points", "system.let.drag", "system.parameters.c")
 MORE_KEYS = ("system.spread.u", "library.u", "system.class", "system.inputs.f", "class", "conf")
 KEYS = st.sampled_from([*keys_of(Settings), *OPEN_KEYS, *MORE_KEYS])
-# What a stranger may try, beside what may slip in.
+# Attacks and typing errors.
 TAGS = ("!!python/object/apply:os.system [ls]", "!mine x", "&a 1", "*a", "<<: {}", "%TAG", "|\n x")
 PLACES = ("${oc.env:HOME}", "${seed}", "???", "../../etc/passwd", "/dev/zero", "~nobody/x", "~")
 UNSEEN = ("'\\0'", '"\\0"', '"\\ud800"', '"\\x1b[2J"', "\0", "\udcff", "os.system")
@@ -75,7 +75,7 @@ def test_any_text_is_refused_or_plain(text: str) -> None:
 
 
 def plain(value: Any) -> bool:
-    """Whether a value is made of YAML's own kinds alone, none of them holding code or a trap."""
+    """Return whether a value consists of plain YAML types only."""
     if isinstance(value, dict):
         return all(type(key) is str and plain(item) for key, item in value.items())
     if isinstance(value, list):
@@ -98,7 +98,7 @@ TREES = st.recursive(
 
 @fuzzed(200, 15_000, key=KEYS, value=TREES)
 def test_any_value_of_a_key_has_its_shape_or_is_refused(key: str, value: Any) -> None:
-    """One layer by itself: no key is known that the schema does not have."""
+    """A single layer has no keys outside the schema."""
     *sections, name = key.split(".")
     tree = {name: value}
     for section in reversed(sections):
@@ -129,7 +129,7 @@ def test_any_words_are_split_or_refused(words: list[str]) -> None:
 
 @fuzzed(10, 1_500, key=KEYS, value=TREES, words=st.lists(WORDS, max_size=1))
 def test_a_whole_configuration_is_refused_or_finite(key: str, value: Any, words: list[str]) -> None:
-    """What is accepted has a hash, and holds no number that is not one."""
+    """An accepted configuration has a hash, and all its numbers are finite."""
     *sections, name = key.split(".")
     tree = yaml.safe_load(SYSTEM)
     below = tree

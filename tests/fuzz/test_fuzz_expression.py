@@ -1,4 +1,4 @@
-"""Any text at all as an expression: refused with its column, or read as what it says."""
+"""Arbitrary texts as expressions: refused with a column, or evaluated correctly."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SIGNS = st.sampled_from([" + ", "-", "*", "/", "**", "//", "%", "@", "^", "<", "
 
 
 def grown(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
-    """Texts made of shorter ones, most of them in the language."""
+    """Texts composed of shorter texts, most of them valid."""
     plain = st.sampled_from([" + ", " - ", "*", "/", "**"])
     return st.one_of(
         st.tuples(inner, plain, inner).map("".join),
@@ -48,7 +48,7 @@ def grown(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
 
 
 SENTENCES = st.recursive(NUMBERS | NAMES, grown, max_leaves=12)
-# Deeper than any reader's stack, or longer than any line.
+# Deeper than the recursion limit, or longer than any line.
 TOWERS = st.builds(
     lambda left, times, middle, right: left * times + middle + right * times,
     st.sampled_from(
@@ -110,20 +110,20 @@ NO_VALUE = (ArithmeticError, ValueError, TypeError)
 
 @fuzzed(500, 50_000, text=SMALL, at=STATES)
 def test_the_normal_form_has_the_value_of_the_text(text: str, at: dict[str, float]) -> None:
-    """Against Python's own arithmetic, wherever that is far from overflow and from jumps."""
+    """Compare with Python's arithmetic, away from overflow and jumps."""
     try:
         wanted = eval(text, {"__builtins__": {}, **SCALARS, **at})
         expr = parse(text, POINT, where="")
         found = value(expr, at)
     except (*NO_VALUE, InputError):
         return
-    if isinstance(wanted, complex):  # of which nothing may be left: (-1)**u - (-1)**u
+    if isinstance(wanted, complex):  # complex intermediate values may cancel: (-1)**u - (-1)**u
         return
     assert found == pytest.approx(wanted, rel=1e-6, abs=1e-6)
 
 
 def value(expr: Expr, at: dict[str, float]) -> float:
-    """Evaluate a tree; where it would lose its digits it has no value."""
+    """Evaluate a tree; return no value where digits would be lost."""
     match expr:
         case algebra.Number(found):
             pass

@@ -1,4 +1,4 @@
-"""Any bytes at all as a recording: refused with their place, or read as finite numbers in order."""
+"""Arbitrary files as recordings: refused with a location, or read as a valid recording."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 from hypothesis import strategies as st
 
 from dashred.core.errors import InputError
-from dashred.core.files.plain_text import unprintable
+from dashred.core.files.plain_text import first_unprintable
 from dashred.data.io.reader import read_episodes
 from dashred.data.io.sensors_table import read_sensors
 from dashred.data.io.stated_units import StatedUnits
@@ -27,7 +27,7 @@ from tests.fuzz.examples import fuzzed
 
 @dataclass(frozen=True)
 class Swing:
-    """An ODE system, with an input and units or without."""
+    """An ODE system, with or without an input and units."""
 
     axes: tuple[Axis, ...] = ()
     fields: tuple[str, ...] = ("u", "v")
@@ -65,7 +65,7 @@ STEPS = st.lists(st.sampled_from([0.1, 0.1, 0.1, 0.11, 1.0, 1e9, 0.0, -1.0, 1e-9
 
 
 def steady(steps: list[float], cells: list[str]) -> list[list[str]]:
-    """Return rows whose times mostly go on, so that what comes later is tried, too."""
+    """Return rows with mostly increasing times, so that later checks are reached, too."""
     times = np.cumsum(steps).tolist()
     return [[repr(t), repr(np.sin(t)), cells[i % len(cells)]] for i, t in enumerate(times)]
 
@@ -110,17 +110,17 @@ def test_any_table_is_refused_or_a_recording(
 
 
 def assert_sound(recording: Recording) -> None:
-    """What the analysis relies on."""
+    """Check the properties that the analysis relies on."""
     assert np.all(np.diff(recording.times) > 0) and np.isfinite(recording.times).all()
     assert not np.isinf(recording.values).any()
     assert np.isfinite(recording.trace_std()).all()
     assert len(set(recording.names)) == len(recording.names) > 0
-    assert all(name and not unprintable(name) for name in recording.names)
+    assert all(name and not first_unprintable(name) for name in recording.names)
     assert len(recording.sha256()) == 64
 
 
 def assert_as_written(recording: Recording, data: bytes) -> None:
-    """Every value is what its cell says, and none has been made up or left out."""
+    """Every value equals its cell, and none is added or omitted."""
     lines = [line.split(",") for line in data.decode("utf-8-sig").splitlines() if line.strip()]
     names = [cell.partition("[")[0].strip() for cell in lines[0]]
     if "episode" in names or any('"' in cell for line in lines for cell in line):
@@ -159,7 +159,7 @@ def test_any_table_of_sensors_is_refused_or_sound(
         return
     assert sensors and len({sensor.name for sensor in sensors}) == len(sensors)
     for sensor in sensors:
-        assert not unprintable(sensor.name) and sensor.reads in ("u", "v", "speed")
+        assert not first_unprintable(sensor.name) and sensor.reads in ("u", "v", "speed")
         assert all(0 <= place <= 2 for place in sensor.position) and len(sensor.position) == 1
         assert sensor.std is None or 0 < sensor.std < np.inf
 
@@ -176,7 +176,7 @@ PARTS = st.dictionaries(
 def test_any_netcdf_is_refused_or_a_recording(
     parts: dict[str, tuple[str, tuple[int, ...], float]], cut: int, raw: bytes
 ) -> None:
-    """Of any shape and kind, cut off anywhere, or no NetCDF at all."""
+    """Variables of any shape and type, truncated files, and files that are not NetCDF."""
     with h5py.File("a.nc", "w") as file:
         for name, (kind, shape, value) in parts.items():
             written(file, name, kind, shape, value)
@@ -190,14 +190,14 @@ def test_any_netcdf_is_refused_or_a_recording(
 
 
 def written(file: Any, name: str, kind: str, shape: tuple[int, ...], value: float) -> None:
-    """Write one variable; of a huge one the declaration alone."""
+    """Write one variable; a huge one is only declared."""
     if kind == "O":
         texts = np.full(shape if np.prod(shape) < 100 else (2,), "u", dtype=object)
         file.create_dataset(name, data=texts, dtype=h5py.string_dtype())
     elif shape == (10**13,):
         file.create_dataset(name, shape, dtype="f8", chunks=(1000,))
     else:
-        # Of a number that is too large for its kind the file holds infinity.
+        # A number too large for its type is stored as infinity.
         with np.errstate(over="ignore"):
             filled = np.full(shape, value if kind.startswith(("f", "c")) else 1).astype(kind)
         file.create_dataset(name, data=filled)

@@ -1,4 +1,4 @@
-"""Any file of snapshots: refused with its name, or runs of finite numbers on the system's grid."""
+"""Arbitrary snapshot files: refused with a name, or read as finite runs on the grid."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ A_SOUND_FIELD = st.tuples(
     st.sampled_from([0.5, -1.0, 1e30]),
     st.just(""),
 )
-# Most of what is drawn at random is refused for its first fault: half has none in its fields.
+# Most random files are refused at the first error; half of these have valid fields.
 FIELDS = st.one_of(
     st.fixed_dictionaries({"u": A_FIELD}, optional={"v": A_FIELD}),
     st.fixed_dictionaries({"u": A_SOUND_FIELD, "v": A_SOUND_FIELD}),
@@ -95,7 +95,7 @@ def made(
     variables = {}
     for name, (dims, kind, value, unit) in fields.items():
         shape = tuple(SIZES[dim] for dim in dims)
-        # Of a number that its kind cannot hold, whatever NumPy makes of it.
+        # A number outside the range of its type becomes whatever NumPy makes of it.
         with np.errstate(all="ignore"):
             values = (value + 0.25 * np.arange(np.prod(shape)).reshape(shape)).astype(kind)
         variables[name] = (dims, values, {"units": unit} if unit else {})
@@ -118,7 +118,7 @@ def written(data: xr.Dataset, name: str) -> Path:
 
 
 def damaged(path: Path, damage: tuple[int, int, bytes] | None) -> None:
-    """Write over a few bytes of a file, or cut it there."""
+    """Overwrite a few bytes of a file, or truncate it."""
     if damage is None:
         return
     which, at, raw = damage

@@ -1,4 +1,4 @@
-"""Assimilation: what may move, what never does, and what it is fitted to."""
+"""Assimilation: trained and frozen parts, and the loss."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ FIT, VALIDATE = ("s0", "s1", "s3", "s4", "s5"), ring.SENSORS[2:3]
 
 
 class Memory:
-    """Stands in for a tracked run."""
+    """A stand-in for a tracked run."""
 
     def log_metrics(self, metrics, step):
-        """Forget."""
+        """Ignore the metrics."""
 
 
 @pytest.fixture
@@ -36,7 +36,7 @@ def system(tmp_path):
 
 @pytest.fixture
 def real(system) -> Tensor:
-    """A field that the simulator lacks a term for, ``(time, field, x)``."""
+    """A field with a term that the simulator lacks, ``(time, field, x)``."""
     term = ring.library(system)[ring.LIBRARY.index("d(u, x)")]
     lawful = system.with_terms([(term, -0.3)])
     return simulate(lawful, ring.starts(system, 1, 7), ring.TIMES)[0]
@@ -87,7 +87,7 @@ def fitted(module: Assimilation, data: RecordingDataModule, epochs: int, *callba
 
 
 def moved(module: Assimilation, before: dict[str, Tensor], prefix: str = "") -> set[str]:
-    """Return the parts of SHRED whose state is not bit for bit what it was."""
+    """Return the parts of SHRED whose state has changed."""
     return {
         name.partition(".")[0]
         for name, value in module.shred.state_dict().items()
@@ -116,7 +116,7 @@ def test_the_decoder_the_basis_and_the_scaler_stay_bit_for_bit(system, shred, da
     assert not any(torch.equal(after[name], transform[name]) for name in transform)
 
 
-def test_only_what_may_move_is_given_to_the_optimiser(system, shred, data):
+def test_only_trained_parameters_are_given_to_the_optimiser(system, shred, data):
     frozen = make(system, shred, data)
     names = {name for name, p in frozen.named_parameters() if p.requires_grad}
     assert all(name.startswith("encoder.transform") for name in names)
@@ -168,7 +168,7 @@ def test_missing_values_carry_no_weight(system, shred, data):
     gradients = [p.grad for p in module.encoder.transform.parameters() if p.grad is not None]
     assert gradients
     assert all(g.isfinite().all() for g in gradients)
-    # A value put where the gap was does count.
+    # A value in place of the gap has weight.
     gappy[5, 1] = 100.0
     assert loss(module, seen, gappy) > 2 * expected
 
@@ -186,7 +186,7 @@ def test_noisier_sensors_count_less(system, shred, data):
 
 
 def test_the_rmse_is_over_all_recorded_samples(system, shred, data):
-    """Batches weigh by what was recorded in them, and sensors count in units of their scale."""
+    """Batches have the weight of their recorded values, in units of each sensor's scale."""
     data.fitted[2:40:3, 2] = torch.nan
     data.batch = 7
     module = make(system, shred, data)
@@ -206,7 +206,7 @@ def test_the_rmse_is_over_all_recorded_samples(system, shred, data):
 def test_the_best_state_is_restored_and_the_one_before_training_counts(system, shred, data):
     module = make(system, shred, data, rate=0.5)
     before = copy.deepcopy(module.state_dict())
-    # Validation sensors that read exactly what SHRED says: nothing can be better.
+    # The validation sensors read exactly SHRED's estimate, which cannot be improved.
     field = reconstruct(shred.encode, shred, data.windows)
     with torch.no_grad():
         data.validated = module.validation_operator(field)

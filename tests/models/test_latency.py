@@ -1,4 +1,4 @@
-"""One step of a network is timed as it comes in: a window at a time, the first few left out."""
+"""Latency of one step for a single window, without the warm-up steps."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import pytest
 import torch
 
 from dashred.data.observation_operator import ObservationOperator
-from dashred.models.latency import TIMED, WARM, seconds_a_step
+from dashred.models.latency import TIMED_STEPS, WARM_UP_STEPS, seconds_per_step
 from tests.ring import SENSORS, ensemble, linear_system, untrained
 
 
 def ticking(slow: float, fast: float) -> Iterator[float]:
-    """Yield a clock's times: the steps that warm up are slow, the others fast."""
+    """Yield the times of a clock: warm-up steps are slow, the others fast."""
     now = 0.0
-    for step in range(WARM + TIMED):
+    for step in range(WARM_UP_STEPS + TIMED_STEPS):
         yield now
-        now += slow if step < WARM else fast
+        now += slow if step < WARM_UP_STEPS else fast
         yield now
 
 
@@ -31,10 +31,10 @@ def test_the_median_of_the_steps_after_the_first(
     clock = ticking(1.0, 0.002)
     monkeypatch.setattr("dashred.models.latency.time.perf_counter", lambda: next(clock))
     window = torch.zeros((5, len(SENSORS)), dtype=torch.float64)
-    assert seconds_a_step(shred, window) == pytest.approx(0.002)
+    assert seconds_per_step(shred, window) == pytest.approx(0.002)
 
 
-def test_one_core_is_timed_and_the_others_come_back() -> None:
+def test_one_thread_is_timed_and_the_others_are_restored() -> None:
     before, during = torch.get_num_threads(), []
     torch.set_num_threads(2)
 
@@ -43,7 +43,7 @@ def test_one_core_is_timed_and_the_others_come_back() -> None:
         return window
 
     try:
-        seconds_a_step(step, torch.zeros(3, 2))  # type: ignore[arg-type]
+        seconds_per_step(step, torch.zeros(3, 2))  # type: ignore[arg-type]
         assert set(during) == {1} and torch.get_num_threads() == 2
     finally:
         torch.set_num_threads(before)

@@ -13,7 +13,7 @@ def random(*shape, seed=0):
 
 
 def low_rank(samples, rank=3, grid=(4, 5)):
-    """States of two fields with very different units that span ``rank`` directions."""
+    """Return states of rank ``rank`` with two fields in very different units."""
     shapes = random(rank, 2, *grid, seed=1)
     states = torch.einsum("sr,rf...->sf...", random(samples, rank), shapes) + random(2, *grid)
     return states * torch.tensor([1.0, 1e4], dtype=torch.float64).reshape(2, 1, 1)
@@ -40,7 +40,7 @@ def test_low_rank_states_are_exact_and_ask_for_no_more_modes(samples):
 
 
 @pytest.mark.parametrize("samples", [12, 400])
-def test_energy_is_the_variance_that_the_modes_carry(samples):
+def test_energy_is_the_variance_of_the_modes(samples):
     states = random(samples, 2, 4, 5)
     pod = POD.fit(states, 5)
     lost = (pod.decode(pod.encode(states)) - states) / pod.scale[:, None, None]
@@ -60,7 +60,7 @@ def test_no_basis_of_the_same_size_loses_less():
     torch.testing.assert_close(best, singular[4:].square().sum())
 
 
-def test_fields_count_alike_whatever_their_units():
+def test_fields_have_equal_weight_whatever_their_units():
     states = random(50, 2, 8)
     stretched = states * torch.tensor([1.0, 1e6]).reshape(2, 1)
     plain, other = POD.fit(states, 4), POD.fit(stretched, 4)

@@ -1,4 +1,4 @@
-"""Standardising channels."""
+"""Standardisation of channels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""SHRED: shapes, checkpoints, and that it reconstructs because of what its latent says."""
+"""SHRED: shapes, checkpoints, and a reconstruction that depends on the latent state."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dashred.models.lag_windows import windows
 from dashred.models.pod import POD
 from dashred.models.scaler import Scaler
 from dashred.models.shred import SHRED, reconstruct
-from dashred.models.simulation_training import SimulationTraining, _drawn_once
+from dashred.models.simulation_training import SimulationTraining, _share_noise
 from datamodules.batches import ordered_batches, shuffled_batches
 
 LAGS, POINTS, SENSORS = 8, 32, 3
@@ -22,7 +22,7 @@ STEPS = 500
 
 
 def waves(members: int, seed: int) -> Tensor:
-    """Travelling waves of random phase and speed, ``(member, time, field, x)``."""
+    """Return travelling waves of random phase and speed, ``(member, time, field, x)``."""
     generator = torch.Generator().manual_seed(seed)
     phase = 2 * math.pi * torch.rand(members, 1, 1, 1, generator=generator)
     speed = 0.5 + torch.rand(members, 1, 1, 1, generator=generator)
@@ -45,7 +45,7 @@ def make(states: Tensor, modes: int = 4) -> SHRED:
 
 @pytest.fixture(scope="module")
 def trained() -> SHRED:
-    """SHRED after a few seconds on forty waves."""
+    """SHRED, trained for a few seconds on forty waves."""
     seed_everything(0, verbose=False)
     states = waves(40, seed=0)
     shred = make(states)
@@ -80,7 +80,7 @@ def quiet_trainer(**settings: Any) -> Trainer:
 
 
 def relative_error(found: Tensor, truth: Tensor) -> float:
-    """RMSE over all fields, each in units of its own std."""
+    """Return the RMSE over all fields, each in units of its std."""
     std = truth.transpose(0, 1).flatten(1).std(dim=1).reshape(-1, 1)
     return float(((found - truth) / std).square().mean().sqrt())
 
@@ -92,7 +92,7 @@ def test_shapes():
     assert latent.shape == (5, 16)
     assert shred.coefficients(latent).shape == (5, 4)
     assert shred(seen).shape == (5, 2, POINTS)
-    assert shred.encode_along(seen).shape == (5, LAGS + 1, 16)
+    assert shred.encode_sequence(seen).shape == (5, LAGS + 1, 16)
     field = reconstruct(shred.encode, shred, seen)
     assert field.dtype == torch.float64
     assert not field.requires_grad
@@ -101,9 +101,9 @@ def test_shapes():
 def test_a_window_is_encoded_as_the_last_sample_of_its_stretch():
     shred = make(waves(4, seed=1))
     stretch = torch.randn(3, 2 * LAGS, SENSORS)
-    along = shred.encode_along(stretch)
+    along = shred.encode_sequence(stretch)
     assert torch.equal(shred.encode(stretch), along[:, -1])
-    # What came later has no part in it.
+    # Later samples have no effect.
     torch.testing.assert_close(shred.encode(stretch[:, :LAGS]), along[:, LAGS - 1])
 
 
@@ -131,10 +131,10 @@ def test_a_checkpoint_carries_the_scaler_and_the_basis(tmp_path):
     assert names <= shred.state_dict().keys()
 
 
-def test_a_network_may_begin_as_another_one_with_other_modes():
+def test_a_network_can_be_initialised_from_one_with_other_modes():
     states = waves(4, seed=0)
     before, after = make(states), make(states, modes=3)
-    after.begin_as(before)
+    after.initialise_from(before)
     for name, value in after.state_dict().items():
         if name.startswith("encoder.") or name in ("decoder.0.weight", "decoder.0.bias"):
             torch.testing.assert_close(value, before.state_dict()[name])
@@ -169,7 +169,7 @@ def test_fresh_noise_is_drawn_for_every_batch():
 
 def test_what_repeats_a_sample_repeats_its_noise():
     noise = torch.randn(3, 2 * LAGS + 1, SENSORS)
-    found = _drawn_once(noise, torch.tensor([0, LAGS, 2]))
+    found = _share_noise(noise, torch.tensor([0, LAGS, 2]))
     assert torch.equal(found[0], noise[0])
     assert torch.equal(found[1, :LAGS], noise[1, LAGS].expand(LAGS, SENSORS))
     assert torch.equal(found[1, LAGS:], noise[1, LAGS:])

@@ -1,4 +1,4 @@
-"""Systems declared as a user declares them: YAML text through the configuration."""
+"""Systems declared in YAML, as by a user."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def make_system(tmp_path: Path) -> MakeSystem:
 
 @pytest.fixture
 def burgers(make_system: MakeSystem) -> System:
-    """Viscous Burgers on a ring of length 2π."""
+    """Viscous Burgers equation on a periodic axis of length 2π."""
     return make_system("""
         axes: {x: {length: 2*pi, points: 64}}
         fields: {u: velocity}
@@ -48,7 +48,7 @@ def burgers(make_system: MakeSystem) -> System:
 
 @pytest.fixture
 def reaction(make_system: MakeSystem) -> System:
-    """Two coupled fields on a ring, with explicit coordinates and time."""
+    """Two coupled fields on a periodic axis, with explicit coordinates and time."""
     return make_system("""
         axes: {x: {length: 5, points: 32}}
         fields: {u: activator, v: inhibitor}
@@ -65,7 +65,7 @@ def reaction(make_system: MakeSystem) -> System:
 
 @pytest.fixture
 def plane(make_system: MakeSystem) -> System:
-    """One field in the plane, on a grid whose sides differ."""
+    """One field in two dimensions, on a grid with different axes."""
     return make_system("""
         axes: {x: {length: 2*pi, points: 16}, y: {length: 4*pi, points: 12}}
         fields: {w: vorticity}
@@ -78,7 +78,7 @@ def plane(make_system: MakeSystem) -> System:
 
 @pytest.fixture
 def oscillator(make_system: MakeSystem) -> System:
-    """A damped oscillator: no space."""
+    """A damped oscillator, without space."""
     return make_system("""
         fields: {x: place, p: momentum}
         parameters: {k: 2.0}

@@ -11,9 +11,9 @@ from dashred.core.errors import InputError
 from dashred.physics.backends.input_signals import Measured
 from dashred.physics.library import (
     build_library,
+    check_collinear,
     default_terms,
     evaluate_terms,
-    refuse_collinear,
     uninformative_terms,
 )
 from dashred.physics.system import System
@@ -53,7 +53,7 @@ def test_the_default_has_twenty_distinct_terms_an_equation(make_system, axes, fi
     assert min(counts.values()) >= 20
     assert len(set(library)) == len(library)
     assert len(default_terms(system)) == counts["u"]
-    refuse_collinear(system, library, random_states(system), 0.0)
+    check_collinear(system, library, random_states(system), 0.0)
     columns = evaluate_terms(system, library, random_states(system), 0.0)
     assert columns.shape == (len(library), 6, *system.grid.shape)
     assert torch.isfinite(columns).all()
@@ -99,7 +99,7 @@ def test_columns_that_data_cannot_tell_apart_are_refused(make_system, terms, sta
     state = torch.stack([wave, wave.roll(3)])[None]
     library = build_library(system, {"u": terms})
     with pytest.raises(InputError) as caught:
-        refuse_collinear(system, library, state + 2 if states else state, 1.0)
+        check_collinear(system, library, state + 2 if states else state, 1.0)
     assert all(word in caught.value.what for word in says)
 
 
@@ -133,7 +133,7 @@ def test_what_vanishes_or_is_not_finite_is_told(make_system):
 def test_one_column_in_two_equations_is_not_collinear(make_system):
     system = declare(make_system, AXES[1], "uv")
     library = build_library(system, {"u": ["u*v"], "v": ["u*v"]})
-    refuse_collinear(system, library, random_states(system), 0.0)
+    check_collinear(system, library, random_states(system), 0.0)
 
 
 def test_columns_are_the_terms_values(make_system):

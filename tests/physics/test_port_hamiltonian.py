@@ -9,7 +9,7 @@ import torch
 
 from dashred.core.errors import InputError
 from dashred.physics.expressions.algebra import to_text
-from dashred.physics.port_hamiltonian import PortHamiltonian, variation
+from dashred.physics.port_hamiltonian import PortHamiltonian, variational_derivative
 from dashred.physics.sampled_states import SampledStates, evaluate
 from dashred.physics.system import System
 from dashred.physics.system_schema import Structure
@@ -75,7 +75,7 @@ def test_the_structure_of_waves_makes_their_equations(wave: System) -> None:
 def test_a_variation_is_the_energys_slope_in_any_direction(wave: System) -> None:
     text = "sin(v)*w**2 + grad2(w)**2/4 + v*d(w, x, 2) + d(v, x)**2*w"
     density = wave.parse(text, "H")
-    slopes = variation(wave, density)
+    slopes = variational_derivative(wave, density)
     states, now = smooth(wave).states, torch.zeros(1, dtype=torch.float64)
     at, towards, h = states[:1], states[1:2], 1e-5
     spacing = wave.axes[0].spacing

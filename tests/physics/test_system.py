@@ -75,7 +75,7 @@ def test_refusals_of_equations_name_the_line(declare, declared, says):
 @pytest.mark.parametrize(
     ("start", "says"),
     [
-        ("u + 1", "reads the field 'u'"),
+        ("u + 1", "depends on the field 'u'"),
         ("sin(y)", "unknown name 'y'"),
         ("log(x)", "not finite everywhere"),
     ],

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dashred.config import load_config
 from dashred.core.errors import InputError
-from dashred.core.units import NONE
+from dashred.core.units import NO_UNITS
 from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
@@ -23,7 +23,9 @@ from dashred.pipeline.problem import Problem, build_problem
 def posed(quick, tmp_path):
     """``posed(values)``: the problem of six sensors of u with these values, of unknown noise."""
 
-    def build(values: NDArray[np.float64], *words: str, units: Mapping[str, str] = NONE) -> Problem:
+    def build(
+        values: NDArray[np.float64], *words: str, units: Mapping[str, str] = NO_UNITS
+    ) -> Problem:
         path: Path = tmp_path / "recording.nc"
         sensors = tuple(Sensor(f"s{i}", "u", (0.3 + i,), None) for i in range(6))
         write_netcdf(

@@ -1,1 +1,1 @@
-"""Checks of a configuration that its types cannot express."""
+"""Checks of a configuration beyond its types."""

@@ -1,4 +1,4 @@
-"""Values that have the right type but make no sense, or do not fit each other."""
+"""Checks for values that have the right type but are impossible or inconsistent."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ from dashred.core.limits import Limit
 
 TWIN = re.compile(r"[A-Za-z0-9_-]+\Z")
 DEVICE = re.compile(r"(cpu|cuda(:\d{1,3})?)\Z")
-MOST_POINTS, MOST_STEPS = 1_000_000, 10_000_000
+MAX_POINTS, MAX_STEPS = 1_000_000, 10_000_000
 
 
 def check(settings: Settings, where: Where) -> None:
-    """Refuse impossible values.
+    """Check all values of a configuration.
 
     Raises:
-        InputError: which key, where it was written, and what it may be.
+        InputError: with the key, its location and its valid values.
     """
     check_limits(settings, Settings, "", where)
     check_snapshots(settings, where)
     check_system(settings.system, where)
-    _check_effort(settings, where)
+    _check_size(settings, where)
     _check_library(settings, where)
     _check_recording(settings, where)
     _check_sensor_split(settings.splits.sensors, settings.recording, where)
     if settings.simulation.held_out >= settings.simulation.members:
         raise InputError(
-            "simulation.held_out leaves no member to train on",
+            "simulation.held_out leaves no members to train on",
             where=where("simulation.held_out"),
-            hint=f"it must be below simulation.members, {settings.simulation.members}",
+            hint=f"it must be less than simulation.members, {settings.simulation.members}",
         )
     if not DEVICE.match(settings.device):
         raise InputError(
@@ -47,10 +47,10 @@ def check(settings: Settings, where: Where) -> None:
 
 
 def check_limits(value: Any, kind: Any, key: str, where: Where) -> None:
-    """Hold every number of a tree against the limit that its type carries.
+    """Check every number of a tree against the limit in its type annotation.
 
     Raises:
-        InputError: a number that is not finite or not within its limit.
+        InputError: a number is not finite or outside its limit.
     """
     if value is None or kind is Any:
         return
@@ -71,7 +71,7 @@ def check_limits(value: Any, kind: Any, key: str, where: Where) -> None:
 
 
 def _unwrapped(kind: Any) -> tuple[Any, Limit | None]:
-    """A kind without ``| None``, and the limit that it carries."""
+    """Return a type without ``| None``, and the limit in its annotation."""
     kind = required(kind)
     if get_origin(kind) is Annotated:
         bare, *carried = get_args(kind)
@@ -79,12 +79,12 @@ def _unwrapped(kind: Any) -> tuple[Any, Limit | None]:
     return kind, None
 
 
-def _check_effort(settings: Settings, where: Where) -> None:
-    """Refuse what no machine would ever finish: a slip of the finger, or of a unit."""
+def _check_size(settings: Settings, where: Where) -> None:
+    """Check that the problem is not absurdly large, which indicates a typing error."""
     system, recording = settings.system, settings.recording
     points = math.prod(axis.points for axis in system.axes.values())
-    if points > MOST_POINTS:
-        hint = f"{MOST_POINTS} at most"
+    if points > MAX_POINTS:
+        hint = f"at most {MAX_POINTS}"
         raise InputError(
             f"{points} grid points are too many", where=where("system.axes"), hint=hint
         )
@@ -95,10 +95,10 @@ def _check_effort(settings: Settings, where: Where) -> None:
         steps += [("system.integrator.dt", recording.duration, dt)]
         steps += [("recording.every", recording.duration, recording.every or recording.duration)]
     for key, span, step in steps:
-        # Snapshots have no step of their own: they are not stepped.
-        if step is not None and span > MOST_STEPS * step:
-            problem = f"{key}: {span:g} in steps of {step:g} are too many steps"
-            raise InputError(problem, where=where(key), hint=f"{MOST_STEPS} at most")
+        # A system given as snapshots has no time step.
+        if step is not None and span > MAX_STEPS * step:
+            problem = f"{key}: {span:g} in steps of {step:g} needs too many steps"
+            raise InputError(problem, where=where(key), hint=f"at most {MAX_STEPS}")
 
 
 def _check_library(settings: Settings, where: Where) -> None:
@@ -107,12 +107,12 @@ def _check_library(settings: Settings, where: Where) -> None:
         key = f"library.{name}"
         if name not in equations:
             raise InputError(
-                f"library names an equation {name} that the system does not have",
+                f"library names the equation {name}, which the system does not have",
                 where=where(key),
                 hint=nearest(name, equations),
             )
-        if twice := _repeated(terms):
-            raise InputError(f"{key} holds {twice!r} twice", where=where(key))
+        if twice := _first_repeated(terms):
+            raise InputError(f"{key} contains {twice!r} twice", where=where(key))
     for key, numbers in {
         "shred.decoder": settings.shred.decoder,
         "latent_sindy.steps": settings.latent_sindy.steps,
@@ -127,15 +127,15 @@ def _check_recording(settings: Settings, where: Where) -> None:
     for i, name in enumerate(recording.reads):
         if name not in system.fields and name not in system.let:
             raise InputError(
-                f"recording.reads names {name}, which is no field and no let",
+                f"recording.reads names {name}, which is neither a field nor a let",
                 where=where(f"recording.reads[{i}]"),
                 hint=nearest(name, [*system.fields, *system.let]),
             )
     if recording.twin is None and recording.path is None:
         raise InputError(
-            "there is nothing to analyse: no recording",
+            "there is no recording to analyse",
             where=where("recording"),
-            hint="give recording.path=FILE, or recording.twin=NAME",
+            hint="give recording.path=FILE or recording.twin=NAME",
         )
     if recording.twin is not None:
         _check_twin(recording, where)
@@ -146,7 +146,7 @@ def _check_sensors(recording: Recording, where: Where) -> None:
     if isinstance(count, str) or (type(count) is int and count >= 1):
         return
     raise InputError(
-        f"recording.sensors must be a number from 1 up, or the path of a table; got {count!r}",
+        f"recording.sensors must be a number, at least 1, or the path of a table; got {count!r}",
         where=where("recording.sensors"),
     )
 
@@ -156,11 +156,11 @@ def _check_twin(recording: Recording, where: Where) -> None:
         raise InputError(
             f"{recording.twin!r} is not the name of a twin",
             where=where("recording.twin"),
-            hint="recording.twin=a, for example; a file of yours is recording.path=FILE",
+            hint="for example recording.twin=a; give your own file with recording.path=FILE",
         )
     if recording.every is None or recording.every >= recording.duration:
         raise InputError(
-            "a twin needs recording.every, the step between its samples, below recording.duration",
+            "a twin needs recording.every, the step between samples, less than recording.duration",
             where=where("recording.every"),
         )
 
@@ -172,25 +172,25 @@ def _check_sensor_split(split: SensorSplit, recording: Recording, where: Where) 
         number = type(value) is int and value >= 0
         if not number and not (isinstance(value, list) and all(isinstance(x, str) for x in names)):
             raise InputError(
-                f"splits.sensors.{role} must be a number from 0 up, or a list of sensor names",
+                f"splits.sensors.{role} must be a number, at least 0, or a list of sensor names",
                 where=where(f"splits.sensors.{role}"),
             )
         named += names
-        if twice := _repeated(named):
+        if twice := _first_repeated(named):
             raise InputError(
                 f"sensor {twice!r} is held out twice",
                 where=where(f"splits.sensors.{role}"),
-                hint="a sensor validates or tests, not both",
+                hint="a sensor is used for validation or for testing, not for both",
             )
     fitted = recording.sensors if recording.twin and isinstance(recording.sensors, int) else None
     if fitted is not None and split.extra is not None and split.extra >= fitted:
         raise InputError(
-            "splits.sensors.extra leaves no sensor for SHRED's input",
+            "splits.sensors.extra leaves no sensors for SHRED's input",
             where=where("splits.sensors.extra"),
-            hint=f"it must be below recording.sensors, {fitted}",
+            hint=f"it must be less than recording.sensors, {fitted}",
         )
 
 
-def _repeated(items: list[str]) -> str | None:
+def _first_repeated(items: list[str]) -> str | None:
     counts = Counter(items)
     return next((item for item in items if counts[item] > 1), None)

@@ -1,4 +1,4 @@
-"""Expressions of a configuration: refused before anything that takes seconds to load is loaded."""
+"""Checks of the expressions in a configuration, before slow imports such as torch."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from dashred.physics.declaration import Declaration
 
 
 def check_expressions(settings: Settings, where: Callable[[str], str]) -> None:
-    """Refuse equations, lets, an energy, starts and candidate terms that are not in the language.
+    """Check equations, lets, the energy, start values and candidate terms.
 
     Raises:
-        InputError: see :class:`dashred.physics.declaration.Declaration`.
+        InputError: an expression is invalid; see :class:`dashred.physics.declaration.Declaration`.
     """
     declared = Declaration(settings.system, where)
     for field, text in settings.system.start.items():

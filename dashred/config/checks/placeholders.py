@@ -1,18 +1,18 @@
-"""The lines of a first configuration that its user has yet to see to."""
+"""Lines of a first configuration that the user has not yet completed."""
 
 from __future__ import annotations
 
 from dashred.config import Config
 from dashred.core.errors import InputError
 
-# What marks such a line; the user takes it away.
+# Marks such a line; the user removes the mark.
 TO_DO = "TO DO"
 
 
-def open_lines(config: Config) -> dict[str, str]:
-    """Return what stands behind the mark, by ``FILE:LINE``.
+def unfinished_lines(config: Config) -> dict[str, str]:
+    """Return the comment after each mark, by ``FILE:LINE``.
 
-    A line of which every value is given on the command line is seen to.
+    A line whose values are all overridden on the command line is complete.
     """
     label, found, used = config.where(""), {}, set(config.lines.values())
     for number, line in enumerate(config.source.read_text(encoding="utf-8-sig").splitlines(), 1):
@@ -22,15 +22,15 @@ def open_lines(config: Config) -> dict[str, str]:
     return found
 
 
-def refuse_open_lines(config: Config) -> None:
-    """Refuse to analyse what nobody has looked through: it would find what was guessed.
+def refuse_unfinished_lines(config: Config) -> None:
+    """Check that no line is marked: an analysis would only return the guessed values.
 
     Raises:
-        InputError: at the first line that is marked.
+        InputError: at the first marked line.
     """
-    marked = open_lines(config)
+    marked = unfinished_lines(config)
     if marked:
-        where, says = next(iter(marked.items()))
+        where, comment = next(iter(marked.items()))
         more = f", and {len(marked) - 1} more such lines" if len(marked) > 1 else ""
-        hint = f"fill it in and take the mark '# {TO_DO}: …' away{more}; check lists what is left"
-        raise InputError(f"this line is still to do: {says}", where=where, hint=hint)
+        hint = f"fill it in and remove the mark '# {TO_DO}: …'{more}; check lists what is left"
+        raise InputError(f"this line is still to do: {comment}", where=where, hint=hint)

@@ -1,4 +1,4 @@
-"""A system that is given as snapshots: which keys mean something for it, and which do not."""
+"""Checks of a system given as snapshots: keys that need equations are refused."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dashred.config.schema.types import Where
 from dashred.core.errors import InputError
 from dashred.physics.system_schema import System
 
-# What is said with equations, of equations.
-OF_EQUATIONS = (
+# Keys of a system that need equations.
+EQUATION_KEYS = (
     "equations",
     "start",
     "spin_up",
@@ -21,38 +21,38 @@ OF_EQUATIONS = (
 
 
 def check_snapshots(settings: Settings, where: Where) -> None:
-    """Refuse keys that nothing would read where snapshots stand for the equations.
+    """Refuse keys that have no meaning for a system given as snapshots.
 
     Raises:
-        InputError: such a key, a twin (its truth is made with equations), or too few members.
+        InputError: such a key is set, or the recording is a twin, whose truth needs equations.
     """
     system = settings.system
     if system.snapshots is None:
         return
-    if idle := next((key for key in OF_EQUATIONS if getattr(system, key)), None):
-        value = getattr(system, idle)
+    if unused := next((key for key in EQUATION_KEYS if getattr(system, key)), None):
+        value = getattr(system, unused)
         first = f".{next(iter(value))}" if isinstance(value, dict) else ""
         raise InputError(
-            f"system.{idle} and system.snapshots are both given",
-            where=where(f"system.{idle}{first}"),
+            f"system.{unused} and system.snapshots are both given",
+            where=where(f"system.{unused}{first}"),
             hint=_advice(system),
         )
     for key in ("method", "dt"):
         if getattr(system.integrator, key) is not None:
             raise InputError(
-                f"system.integrator.{key} steps equations, but this system has snapshots",
+                f"system.integrator.{key} needs equations, but this system has snapshots",
                 where=where(f"system.integrator.{key}"),
-                hint="leave it out",
+                hint="remove it",
             )
     if settings.recording.twin is not None:
         raise InputError(
-            "a twin's truth is made with equations, but this system has snapshots",
+            "a twin needs equations, but this system has snapshots",
             where=where("recording.twin"),
-            hint="give recording.path=FILE, a recording of yours",
+            hint="give your own recording with recording.path=FILE",
         )
 
 
 def _advice(system: System) -> str:
     if system.equations:
-        return "keep one: equations are the better choice, as laws can be tested with them alone"
-    return "leave it out: it is said of equations, and snapshots have none"
+        return "keep one of them, preferably the equations: only with them can laws be tested"
+    return "remove it: it needs equations, and snapshots have none"

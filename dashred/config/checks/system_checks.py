@@ -1,6 +1,6 @@
-"""A declared system's names, and whether its sections speak of the same fields.
+"""Checks of the names in a system's declaration, and of the fields that its sections name.
 
-The equations' own text is read by :mod:`dashred.physics.system`.
+The expressions are parsed by :mod:`dashred.physics.system`.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ KIND = "gaussian-process"
 
 
 def check_system(system: System, where: Where) -> None:
-    """Refuse a system whose declaration does not hold together.
+    """Check that the declaration of a system is consistent.
 
     Raises:
-        InputError: which key, where it was written, and the nearest valid choice.
+        InputError: with the key, its location and the nearest valid choice.
     """
     _check_names(system, where)
     _check_axes(system, where)
@@ -60,7 +60,7 @@ def _check_front(system: System, where: Where) -> None:
         what = f"system.front names {system.front}, which is not a field"
         raise InputError(what, where=place, hint=nearest(system.front, system.fields))
     if [axis.ends for axis in system.axes.values()] != ["periodic"]:
-        raise InputError("a front is followed around one periodic axis alone", where=place)
+        raise InputError("system.front needs a system with one periodic axis", where=place)
 
 
 def _check_names(system: System, where: Where) -> None:
@@ -83,19 +83,19 @@ def _check_names(system: System, where: Where) -> None:
                     hint=f"call it {name}_0, for example",
                 )
             if name in taken:
-                raise InputError(f"the name {name!r} stands in {taken[name]} too", where=at)
+                raise InputError(f"the name {name!r} is also used in {taken[name]}", where=at)
             taken[name] = f"system.{section}"
 
 
 def _check_axes(system: System, where: Where) -> None:
     if len(system.axes) > 2:
-        raise InputError("two axes at most", where=where("system.axes"))
+        raise InputError("a system has at most two axes", where=where("system.axes"))
     for name, axis in system.axes.items():
         if axis.ends != "periodic" and system.integrator.space != "spectral":
             raise InputError(
                 f"an axis with {axis.ends} ends needs spectral operators",
                 where=where(f"system.axes.{name}.ends"),
-                hint="leave integrator.space out, or make the axis periodic",
+                hint="remove integrator.space, or make the axis periodic",
             )
 
 
@@ -113,11 +113,9 @@ def _check_spread(system: System, where: Where) -> None:
     key, spread = "system.spread", system.spread
     smooth = [name for name in SMOOTH if name in spread and name not in system.fields]
     if "length" in smooth and not _positive(spread["length"]):
-        raise InputError(f"{key}.length must be a number above 0", where=where(f"{key}.length"))
+        raise InputError(f"{key}.length must be a positive number", where=where(f"{key}.length"))
     if "modes" in smooth and not (isinstance(spread["modes"], int) and _positive(spread["modes"])):
-        raise InputError(
-            f"{key}.modes must be a whole number from 1 up", where=where(f"{key}.modes")
-        )
+        raise InputError(f"{key}.modes must be a positive integer", where=where(f"{key}.modes"))
     if "kind" in spread and "kind" not in system.fields:
         _check_process(spread, system, where)
         return
@@ -147,7 +145,7 @@ def _check_deviation(value: Any, key: str, where: Where) -> None:
     text = value.strip().removesuffix("%") if isinstance(value, str) else value
     number = evaluate(text, key, where) if isinstance(text, str) else text
     if number != 0 and not _positive(number):
-        hint = "a number from 0 up, or a share of the field's rms such as 10%"
+        hint = "give a number, at least 0, or a share of the field's rms such as 10%"
         raise InputError(f"{key} is {value!r}", where=where(key), hint=hint)
 
 

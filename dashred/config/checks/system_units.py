@@ -1,22 +1,23 @@
-"""Units that a system's declaration states, gathered in one place and checked."""
+"""Collection and checks of the units stated in a system's declaration."""
 
 from __future__ import annotations
 
 from dashred.config.layers import where_in
 from dashred.core.errors import InputError, nearest
-from dashred.core.units import TIME, check_same, check_unit, split_unit
+from dashred.core.units import TIME, check_same_unit, check_unit, split_unit
 from dashred.physics.system_schema import System
 
 
-def settle_units(system: System, lines: dict[str, str]) -> None:
-    """Move units from behind the fields' meanings into ``units``, and check them all.
+def collect_units(system: System, lines: dict[str, str]) -> None:
+    """Move units in the descriptions of fields to ``system.units``, and check all units.
 
     Args:
-        system: is changed.
-        lines: of each dotted key; those of units that moved are added.
+        system: declaration, changed in place.
+        lines: location of each dotted key; the locations of moved units are added.
 
     Raises:
-        InputError: a unit of nothing, one that cannot be one, or two of a field that differ.
+        InputError: a unit is invalid, belongs to an unknown name, or contradicts another unit of
+            the same field.
     """
     where = where_in(lines)
     parts = (system.fields, system.axes, system.parameters, system.let, system.inputs)
@@ -33,7 +34,7 @@ def settle_units(system: System, lines: dict[str, str]) -> None:
             continue
         place = where(f"system.fields.{name}")
         check_unit(behind, name, place)
-        check_same(name, behind, place, system.units.get(name), where(f"system.units.{name}"))
+        check_same_unit(name, behind, place, system.units.get(name), where(f"system.units.{name}"))
         system.fields[name] = meaning
         if name not in system.units:
             system.units[name], lines[f"system.units.{name}"] = behind, place

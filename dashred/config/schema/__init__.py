@@ -1,1 +1,1 @@
-"""The configuration as typed dataclasses."""
+"""Schema of the configuration as typed dataclasses."""

@@ -1,4 +1,4 @@
-"""The keys of ``recording`` and ``splits``: the sensor data, and what of them no fit may see."""
+"""The keys of ``recording`` and ``splits``: the sensor data, and which part is held out."""
 
 from __future__ import annotations
 
@@ -10,60 +10,61 @@ from dashred.core.limits import Limit, NonNegative, Time, Unit
 
 @dataclass(kw_only=True)
 class Recording:
-    """The sensor data: a twin's, or the user's own. The higher layer's choice of the two wins."""
+    """The sensor data: a twin's, or the user's own. The command line overrides the file."""
 
     twin: str | None = None
-    """Name of the twin experiment whose hidden truth is recorded; ``null`` is a twin too."""
+    """Name of the twin experiment to record; ``null`` is the name of a twin, too."""
 
     path: str | None = None
-    """The user's own recording, CSV or NetCDF."""
+    """Path of the user's own recording, CSV or NetCDF."""
 
     sensors: Any
-    """Number of fit sensors of a twin; or the path of a sensors table of a CSV recording."""
+    """Number of fit sensors of a twin, or path of the table of sensors of a CSV recording."""
 
     noise: Annotated[NonNegative, Unit("each field's standard deviation")]
-    """Of twins: standard deviation of the noise."""
+    """For twins: standard deviation of the noise."""
 
     duration: Time
-    """Of twins: how long the recording lasts."""
+    """For twins: length of the recording."""
 
     every: Time | None
-    """Step between samples: twins are sampled so, finer recordings decimated to it; null keeps
-    the recording's own step."""
+    """Step between samples. Twins are sampled at this step; finer recordings are resampled to it;
+    null keeps the recording's own step."""
 
     reads: list[str]
-    """Of twins: the fields or lets that the sensors read; empty means every field."""
+    """For twins: fields or lets that the sensors read; empty means every field."""
 
     drive: dict[str, str] = field(default_factory=dict)
-    """Of twins: what drives each input, by its column, as an expression of t."""
+    """For twins: signal of each input, by column, as an expression in t."""
 
 
 @dataclass
 class SensorSplit:
-    """Which sensors the analysis must not fit. A number draws that many by the seed."""
+    """Sensors that are not fitted. If a number is given, that many are drawn with the seed."""
 
     validate: Any
-    """Sensors for early stopping and for choosing: a number, or a list of names."""
+    """Sensors for early stopping and model selection: a number, or a list of names."""
 
     test: Any
-    """Sensors that prove the improvement and are never looked at before: number or names."""
+    """Sensors for testing, which are not used before discovery is final: a number, or a list of
+    names."""
 
     extra: Annotated[int, Limit(at_least=0)] | None
-    """Fit sensors used in assimilation but not as SHRED's input; null takes a third of the fit
-    sensors when there are at least 6, else none."""
+    """Number of fit sensors that are used in assimilation but not as SHRED's input; null takes a
+    third of the fit sensors if there are at least 6, else none."""
 
 
 @dataclass
 class TimeSplit:
-    """Which part of the record is held out."""
+    """The held-out part of the recording."""
 
     test: Annotated[float, Limit(above=0, below=0.9), Unit("the record")]
-    """Its last part, for testing only."""
+    """Share of the recording, at its end, that is used for testing only."""
 
 
 @dataclass
 class Splits:
-    """What is held out, in space and in time."""
+    """Held-out data, in space and in time."""
 
     sensors: SensorSplit
     time: TimeSplit

@@ -1,8 +1,8 @@
-"""Every key that a configuration may hold: meaning, unit and limits. Defaults: conf/base.yaml.
+"""All keys of a configuration with meaning, unit and limits. Defaults are in conf/base.yaml.
 
-Those of the system and of the recording have files of their own. Times are in the system's own
-unit, unless a key says otherwise. Wherever a number is asked for, arithmetic such as ``2*pi`` or
-``0.1/15`` may be written instead.
+The keys of the system and of the recording are in separate files. Times are in the system's unit
+of time, unless a key states another. A number may be written as arithmetic, such as ``2*pi`` or
+``0.1/15``.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from dashred.physics.system_schema import System
 
 @dataclass
 class Simulation:
-    """The ensemble of simulations that SHRED learns from."""
+    """The ensemble of simulations on which SHRED is trained."""
 
     members: Annotated[int, Limit(at_least=2, at_most=1_000_000)]
-    """Trajectories in all."""
+    """Total number of trajectories."""
 
     held_out: Count
-    """How many of them measure the reconstruction and are not trained on."""
+    """Number of trajectories that are not trained on but measure the reconstruction."""
 
     discrepancy: bool
-    """Whether each member carries a random draw of library terms."""
+    """Whether each member has a random draw of library terms added to its equations."""
 
     terms: Count
-    """Library terms in each draw."""
+    """Number of library terms in each draw."""
 
     amplitude: Annotated[NonNegative, Unit("the equation's tendency")]
-    """Size of a drawn term's tendency."""
+    """Size of the tendency of a drawn term."""
 
     dt: Time | None
-    """Time step of the ensemble, which need not be as exact as the findings; null keeps
+    """Time step of the ensemble, which may be less accurate than that of the findings; null keeps
     system.integrator.dt."""
 
 
@@ -44,31 +44,31 @@ class Shred:
     """The network from sensor histories to the field: an LSTM and a shallow decoder."""
 
     lags: Annotated[Count, Unit("samples")]
-    """Length of the history behind the present sample."""
+    """Length of the history before the present sample."""
 
     latent: Count
     """Size of the latent state h."""
 
     layers: Count
-    """Layers of the LSTM."""
+    """Number of layers of the LSTM."""
 
     decoder: list[Count]
     """Widths of the decoder's hidden layers."""
 
     modes: Count
-    """POD modes that the decoder's coefficients multiply."""
+    """Number of POD modes of the decoder's output."""
 
     epochs: Count
-    """Epochs at most."""
+    """Maximum number of epochs."""
 
     steps: Count
-    """Steps of the optimiser in an epoch."""
+    """Optimiser steps per epoch."""
 
     patience: Count
     """Epochs without improvement on held-out members before training stops."""
 
     batch: Count
-    """Stretches of lags + 1 samples in each step of the optimiser."""
+    """Sequences of lags + 1 samples per optimiser step."""
 
     rate: Positive
     """Peak learning rate."""
@@ -79,19 +79,19 @@ class Assimilation:
     """The latent transform fitted to the real sensors, with the decoder frozen."""
 
     epochs: Count
-    """Passes over the recording's windows, at most."""
+    """Maximum number of passes over the recording's windows."""
 
     patience: Count
     """Epochs without improvement on the validation sensors before fitting stops."""
 
     batch: Count
-    """Windows in each step of the optimiser."""
+    """Windows per optimiser step."""
 
     rate: Positive
     """Learning rate of the transform."""
 
     encoder_rate: NonNegative
-    """Learning rate of SHRED's LSTM; 0 freezes it too."""
+    """Learning rate of SHRED's LSTM; 0 freezes it."""
 
     penalty: NonNegative
     """Weight λ of the transform's squared size in the loss."""
@@ -100,7 +100,7 @@ class Assimilation:
     """Width of the transform's hidden layer."""
 
     gain: Annotated[float, Limit(at_least=0, below=1), Unit("the error before")]
-    """Share by which the validation error must fall for the transform to be kept at all."""
+    """Relative reduction of the validation error below which the transform is discarded."""
 
 
 @dataclass
@@ -108,16 +108,16 @@ class LatentSindy:
     """Algorithms 1 and 2: sparse regression for missing terms in the latent space."""
 
     steps: list[Annotated[Count, Unit("samples")]]
-    """Increments of the recording regressed on."""
+    """Lengths of the increments in the regression."""
 
     threshold: NonNegative
-    """STLSQ: scaled coefficients below this are dropped."""
+    """STLSQ threshold: smaller scaled coefficients are set to zero."""
 
     bootstraps: Count
-    """Block-bootstrap draws behind each inclusion frequency."""
+    """Number of block-bootstrap draws for each inclusion frequency."""
 
     begins: Count
-    """Times to step from, spread over the fit window."""
+    """Number of increments, with start times spread over the fit window."""
 
     every: Count
     """Epochs of assimilation between two regressions."""
@@ -125,16 +125,17 @@ class LatentSindy:
 
 @dataclass
 class Discovery:
-    """The law and the start, fitted together through the simulator to the sensors."""
+    """The joint fit of the law and the initial state to the sensors, through the simulator."""
 
     walking: Count
-    """Candidates carried while the horizon grows: those whose effects differ most."""
+    """Number of candidates in the fit while the horizon grows: those with the most distinct
+    effects."""
 
     tight: Annotated[Positive, Unit("the equation's tendency")]
-    """Prior std of a coefficient meanwhile, told by the tendency that it makes."""
+    """Prior std of a coefficient while the horizon grows, in terms of the tendency of its term."""
 
     weak: Annotated[Positive, Unit("the equation's tendency")]
-    """The same for selection and the last fit; below 0.3 true coefficients are shrunk."""
+    """Prior std for selection and the last fit; values below 0.3 shrink true coefficients."""
 
 
 @dataclass
@@ -142,28 +143,28 @@ class Surrogate:
     """SHRED retrained on the corrected simulator."""
 
     members: Annotated[int, Limit(at_least=2, at_most=1_000_000)]
-    """Trajectories in all, simulation.held_out of them not trained on."""
+    """Total number of trajectories, of which simulation.held_out are not trained on."""
 
     spread: Annotated[Positive, Unit("the start prior's spread")]
-    """How far they start from the fitted start."""
+    """Spread of the initial states around the fitted initial state."""
 
 
 @dataclass
 class Tracking:
-    """Where MLflow keeps the run."""
+    """The MLflow store of the run."""
 
     root: str
-    """Folder of the MLflow store and of its artifacts; or the URL of an MLflow tracking server,
-    http://HOST:PORT, which then gets both."""
+    """Folder of the MLflow store and its artifacts, or the URL of an MLflow tracking server,
+    http://HOST:PORT."""
 
     experiment: str | None
-    """Name of the MLflow experiment; null names it after the configuration."""
+    """Name of the MLflow experiment; null takes the name of the configuration."""
 
     run: str | None
-    """Id of a parent run that is already open; null opens one."""
+    """Id of an existing parent run; null opens a new one."""
 
     parent: str | None
-    """Id of a run to nest a newly opened run below; null nests it nowhere."""
+    """Id of the run below which a new run is nested; null does not nest it."""
 
     model: bool
     """Whether the corrected surrogate is logged as an MLflow model, which takes some seconds."""
@@ -171,12 +172,12 @@ class Tracking:
 
 @dataclass
 class Settings:
-    """The whole tree of keys."""
+    """All keys of a configuration."""
 
     system: System
     library: dict[str, list[str]] | None
-    """Candidate terms of each equation; one that is not listed gets none. Null builds them from the
-    fields and inputs, except for equations that only say what another field is
+    """Candidate terms of each equation; an equation that is not listed has none. Null builds them
+    from the fields and inputs, except for equations that only define another field
     (``theta: omega``)."""
 
     recording: Recording
@@ -189,19 +190,19 @@ class Settings:
     surrogate: Surrogate
 
     resolution_limit: Annotated[Positive, Unit("a trace's standard deviation")]
-    """How far doubling the resolution may move a sensor trace."""
+    """Largest change of a sensor trace when the resolution is doubled."""
 
     seed: Annotated[int, Limit(at_least=0, below=2**32)]
-    """Fixes everything random in the analysis."""
+    """Seed of all random numbers in the analysis."""
 
     threads: Count
-    """CPU threads that trajectories are shared among. torch itself takes one: its arrays are small,
-    and on a busy machine its threads would wait for each other."""
+    """Number of CPU threads for trajectories. torch uses one thread, because its arrays are small
+    and more threads would wait for each other on a busy machine."""
 
     device: str
-    """Where the networks are trained: ``cpu``, ``cuda`` or ``cuda:1``."""
+    """Device for training the networks: ``cpu``, ``cuda`` or ``cuda:1``."""
 
     output: str | None
-    """Folder of the findings; null uses the MLflow run's artifact folder."""
+    """Folder of the findings; null uses the artifact folder of the MLflow run."""
 
     tracking: Tracking

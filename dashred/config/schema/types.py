@@ -1,4 +1,4 @@
-"""Dotted keys on the tree of dataclasses: what each may hold, and the nearest valid one."""
+"""Types of dotted keys in the tree of dataclasses, and hints for unknown keys."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WORDS = {int: "a whole number", float: "a number", str: "a text", bool: "true or
 
 
 def required(kind: Any) -> Any:
-    """The kind without its ``| None``."""
+    """Return the type without ``| None``."""
     if get_origin(kind) not in (Union, UnionType):
         return kind
     (rest,) = (part for part in get_args(kind) if part is not NoneType)
@@ -26,18 +26,18 @@ def required(kind: Any) -> Any:
 
 
 def optional(kind: Any) -> bool:
-    """Whether null will do."""
+    """Return whether null is allowed."""
     return kind is Any or NoneType in get_args(kind)
 
 
 @cache
 def hints(kind: type) -> dict[str, Any]:
-    """The keys of a section, and the kind of each; ``class`` is ``class_`` to Python."""
+    """Return the type of each key of a section; the attribute ``class_`` is the key ``class``."""
     return {name.rstrip("_"): member for name, member in get_type_hints(kind).items()}
 
 
 def child(kind: Any, name: str, key: str, where: Where) -> Any:
-    """The kind of the key ``name`` within a section of this kind.
+    """Return the type of the key ``name`` in a section of type ``kind``.
 
     Raises:
         InputError: the section has no such key.
@@ -47,25 +47,27 @@ def child(kind: Any, name: str, key: str, where: Where) -> Any:
         return Any
     if get_origin(kind) is dict:
         if not NAME.match(name):
-            hint = "a name is letters, digits and _, beginning with a letter"
-            raise InputError(f"{name!r} is not a name", where=where(key), hint=hint)
+            hint = "a name has letters, digits and _, and begins with a letter"
+            raise InputError(f"{name!r} is not a valid name", where=where(key), hint=hint)
         return get_args(kind)[1]
     if is_dataclass(kind) and isinstance(kind, type):
         if name in hints(kind):
             return hints(kind)[name]
         parent = key[: -len(name)]
-        close = _elsewhere(name) or nearest(key, [parent + sibling for sibling in hints(kind)])
+        close = _in_other_section(name) or nearest(
+            key, [parent + sibling for sibling in hints(kind)]
+        )
         raise InputError(f"unknown key {key}", where=where(key), hint=close)
     raise InputError(
-        f"unknown key {key}: {key.rpartition('.')[0]} is {in_words(kind)}", where=where(key)
+        f"unknown key {key}: {key.rpartition('.')[0]} is {describe_kind(kind)}", where=where(key)
     )
 
 
 def kind_at(key: str, where: Where) -> Any:
-    """The kind of a dotted key, list items (``key[0]``) included.
+    """Return the type of a dotted key, which may be a list item (``key[0]``).
 
     Raises:
-        InputError: there is no such key; the hint names the nearest.
+        InputError: there is no such key; the hint gives the nearest.
     """
     kind: Any = Settings
     path = ""
@@ -75,13 +77,13 @@ def kind_at(key: str, where: Where) -> Any:
         kind = child(kind, name, path, where)
         for item in items:
             if get_origin(required(kind)) is not list or not item.isdecimal():
-                raise InputError(f"unknown key {key}", where=where(key), hint=in_words(kind))
+                raise InputError(f"unknown key {key}", where=where(key), hint=describe_kind(kind))
             kind = get_args(required(kind))[0]
     return kind
 
 
-def in_words(kind: Any) -> str:
-    """What a value of this kind is called in a message."""
+def describe_kind(kind: Any) -> str:
+    """Describe a type in an error message."""
     bare = required(kind)
     origin = get_origin(bare)
     if origin is Literal:
@@ -95,8 +97,8 @@ def in_words(kind: Any) -> str:
     return f"{words}, or null" if optional(kind) else words
 
 
-def _elsewhere(name: str) -> str | None:
-    """A key of this very name in another section, when there is just one."""
+def _in_other_section(name: str) -> str | None:
+    """Return a hint if exactly one other section has a key of this name."""
     found = [key for key in _keys(Settings) if key.rpartition(".")[2] == name]
     return f"did you mean {found[0]}?" if len(found) == 1 else None
 

@@ -1,1 +1,1 @@
-"""Paths, atomic writes, and what damaged files raise."""
+"""Paths, atomic writes and errors of damaged files."""

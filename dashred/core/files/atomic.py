@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, whatever ends the writing."""
+"""Atomic writes: a file is written completely or not at all."""
 
 from __future__ import annotations
 
@@ -15,49 +15,51 @@ if TYPE_CHECKING:
 
 @contextmanager
 def atomic_file(path: Path) -> Iterator[Path]:
-    """Yield a place beside ``path`` to write to; what lies there in the end takes its name.
+    """Yield a temporary path beside ``path``, which replaces ``path`` on success.
 
-    The name changes hands when the bytes are on the disk: not even a power failure leaves half a
-    file under it. After an exception nothing is left but what was there before.
+    The file is synced to the disk before it is renamed, so that even a power failure leaves no
+    partial file. After an exception, an existing file is unchanged and the temporary file is
+    removed.
     """
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
         yield partial
-        _to_disk(partial)
+        _fsync(partial)
         partial.replace(path)
-        _to_disk(path.parent)
+        _fsync(path.parent)
     finally:
         partial.unlink(missing_ok=True)
 
 
 def write_text_atomic(path: Path, text: str) -> None:
-    """Write a text in UTF-8, whole or not at all."""
+    """Write a text in UTF-8 atomically."""
     with atomic_file(path) as partial:
         partial.write_bytes(text.encode())
 
 
 def write_netcdf_atomic(path: Path, dataset: xr.Dataset) -> None:
-    """Write a dataset as NetCDF, whole or not at all.
+    """Write a dataset as NetCDF atomically.
 
-    Its bytes are made in memory: HDF5 does not survive a disk that is full before a file is closed.
+    The file is built in memory, because HDF5 crashes if the disk fills up before the file is
+    closed.
     """
     with atomic_file(path) as partial:
         partial.write_bytes(dataset.to_netcdf(engine="h5netcdf"))
 
 
 def copy_atomic(source: Path, target: Path) -> None:
-    """Copy a file, whole or not at all."""
+    """Copy a file atomically."""
     with atomic_file(target) as partial:
         shutil.copyfile(source, partial)
 
 
 def clear_partial(folder: Path) -> None:
-    """Take away what a process that was killed had not finished writing."""
+    """Remove the temporary files of processes that were killed while writing."""
     for partial in folder.glob(".*.partial"):
         partial.unlink(missing_ok=True)
 
 
-def _to_disk(path: Path) -> None:
+def _fsync(path: Path) -> None:
     opened = os.open(path, os.O_RDONLY)
     try:
         os.fsync(opened)

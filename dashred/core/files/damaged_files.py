@@ -1,4 +1,4 @@
-"""Files in formats of many layers, each of which fails on damage in its own way."""
+"""Conversion of errors from reading damaged files to InputError."""
 
 from __future__ import annotations
 
@@ -6,30 +6,30 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from dashred.core.errors import InputError
-from dashred.core.system_errors import describe
+from dashred.core.system_errors import describe_system_error
 
 
 @contextmanager
-def reading(kind: str, path: str, hint: str | None = None) -> Iterator[None]:
-    """Say of whatever goes wrong inside that the file is not readable.
+def reading_errors(kind: str, path: str, hint: str | None = None) -> Iterator[None]:
+    """Convert any exception raised inside to an InputError: the file is not readable.
 
-    What is no fault of the file goes through as it is: a package that is not installed, a disk that
-    fails, a right that is missing.
+    Errors that are not caused by the file are not converted: a missing package, a disk error, a
+    missing permission.
 
     Args:
-        kind: of file, in words.
-        path: as the user names it.
-        hint: what such a file has to be.
+        kind: description of the file type.
+        path: as given by the user.
+        hint: what a valid file looks like.
 
     Raises:
-        InputError: it is damaged, or something else than was expected.
+        InputError: the file is damaged or of another type.
     """
     try:
         yield
     except InputError:
         raise
     except Exception as error:
-        if isinstance(error, ImportError | OSError) and describe(error):
+        if isinstance(error, ImportError | OSError) and describe_system_error(error):
             raise
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"not a readable {kind}: {reason}", where=path, hint=hint) from error

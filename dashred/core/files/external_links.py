@@ -1,4 +1,4 @@
-"""Data files that would have us read other files: a stranger's could name any on this machine."""
+"""Refusal of data files that link to other files, which could be any file on this machine."""
 
 from __future__ import annotations
 
@@ -10,51 +10,52 @@ from dashred.core.errors import InputError
 
 HINT = "write the values themselves into the file, as xarray's to_netcdf and to_zarr do"
 
-NEWER = 'convert it: nccopy -k nc4 OLD NEW, or xarray\'s to_netcdf(NEW, engine="h5netcdf")'
+CONVERT = 'convert it: nccopy -k nc4 OLD NEW, or xarray\'s to_netcdf(NEW, engine="h5netcdf")'
 
 
 def check_hdf5(path: str) -> None:
-    """Look through the links and variables of an HDF5 file; none of its values is read.
+    """Check the links and variables of an HDF5 file without reading any values.
 
     Raises:
-        InputError: a link leads to another file, or a variable's values lie in one; or the file is
-            of the kind before HDF5.
-        OSError: it is no HDF5 file.
+        InputError: a link points to another file, the values of a variable are in another file,
+            or the file is NetCDF-3.
+        OSError: the file is not HDF5.
     """
     with open(path, "rb") as classic:
         if classic.read(3) == b"CDF":
-            raise InputError("this is NetCDF of the classic kind", where=path, hint=NEWER)
-    # Imported late: a second, which reading a CSV need not wait for.
+            problem = "this is a classic NetCDF-3 file; NetCDF-4 is needed"
+            raise InputError(problem, where=path, hint=CONVERT)
+    # Imported here, because it takes a second.
     import h5py  # type: ignore[import-untyped]
 
-    # What a visitor raises is lost in HDF5; what it returns ends the visit.
-    def of_link(name: str, link: Any) -> str | None:
+    # HDF5 loses an exception raised by a visitor, but stops at a returned value.
+    def check_link(name: str, link: Any) -> str | None:
         own = isinstance(link, h5py.HardLink | h5py.SoftLink)
         return None if own else f"{name!r} is a link to another file"
 
-    def of_variable(name: str, item: Any) -> str | None:
+    def check_variable(name: str, item: Any) -> str | None:
         if not isinstance(item, h5py.Dataset):
             return None
         parts = item.virtual_sources() if item.is_virtual else []
         outside = item.external or any(part.file_name != "." for part in parts)
-        return f"the values of {name!r} lie in another file" if outside else None
+        return f"the values of {name!r} are in another file" if outside else None
 
     with h5py.File(path) as file:
-        fault = file.visititems_links(of_link) or file.visititems(of_variable)
+        fault = file.visititems_links(check_link) or file.visititems(check_variable)
     if fault:
         raise InputError(fault, where=path, hint=HINT)
 
 
 def check_folder(path: str) -> None:
-    """Look for symbolic links in a Zarr folder.
+    """Check the symbolic links in a Zarr folder.
 
     Raises:
-        InputError: one leads out of the folder.
+        InputError: a link points outside the folder.
     """
     own = Path(path).resolve()
     for folder, folders, files in os.walk(own):
         for name in (*folders, *files):
             inside = Path(folder, name)
             if inside.is_symlink() and not inside.resolve().is_relative_to(own):
-                what = f"{inside.relative_to(own)} is a link out of this folder"
+                what = f"{inside.relative_to(own)} links outside this folder"
                 raise InputError(what, where=path, hint=HINT)

@@ -1,14 +1,15 @@
-"""Characters that no name, title or path of a user's may hold."""
+"""Characters that are not allowed in names, titles and paths."""
 
 from __future__ import annotations
 
 from unicodedata import category
 
 
-def unprintable(text: str) -> str | None:
-    """Return the first character that steers terminals, ends paths or cannot be written; or None.
+def first_unprintable(text: str) -> str | None:
+    """Return the first character that is not allowed in user text, or None.
 
-    These are the control characters but for the line break and the tab, and lone surrogates.
+    These are control characters, except line break and tab, and lone surrogates: they control
+    terminals, end paths or cannot be encoded.
     """
     found = (sign for sign in text if category(sign) in ("Cc", "Cs") and sign not in "\n\t")
     return next(found, None)

@@ -1,4 +1,4 @@
-"""The folder of this user on this machine for what is of no store and of no output."""
+"""The user's state folder, for files that belong to no store and no output folder."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from dashred.core.errors import InputError
 
 
 def state_folder(*names: str) -> Path:
-    """Make and return a folder below ``$XDG_STATE_HOME/dashred``, for this user's eyes alone.
+    """Create and return a folder below ``$XDG_STATE_HOME/dashred``, readable by this user only.
 
     Raises:
-        InputError: it cannot be made.
+        InputError: the folder cannot be created.
     """
     base = Path(os.environ.get("XDG_STATE_HOME") or "~/.local/state").expanduser() / "dashred"
     folder = base.joinpath(*names)
@@ -20,7 +20,7 @@ def state_folder(*names: str) -> Path:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(
-            f"this folder cannot be made: {error.strerror}",
+            f"this folder cannot be created: {error.strerror}",
             where=str(folder),
             hint="choose another with the environment variable XDG_STATE_HOME",
         ) from None

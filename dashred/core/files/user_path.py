@@ -1,4 +1,4 @@
-"""The places that a user names, in a command or a configuration: paths, and a server's address."""
+"""Paths and server addresses given by the user."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from dashred.core.errors import InputError
 
 SERVERS = ("http", "https")
 FOLDER = "give the folder that holds mlflow.db, or the address of a server: http://HOST:5000"
-PASSWORD = "say who you are by MLFLOW_TRACKING_USERNAME and MLFLOW_TRACKING_PASSWORD instead"
+PASSWORD = "log in with MLFLOW_TRACKING_USERNAME and MLFLOW_TRACKING_PASSWORD instead"
 
 
 def user_path(text: str, where: str) -> Path:
-    """Return the path that a user means; ``~`` is the home folder.
+    """Return the path given by the user, with ``~`` expanded.
 
     Args:
-        text: as it was given.
-        where: it was.
+        text: the path as text.
+        where: location for error messages.
 
     Raises:
-        InputError: it begins with the home folder of nobody here, or no file can have this name.
+        InputError: the home folder does not exist, or no file can have this name.
     """
     try:
         path = Path(text).expanduser()
@@ -30,35 +30,36 @@ def user_path(text: str, where: str) -> Path:
     try:
         os.lstat(path)
     except (FileNotFoundError, NotADirectoryError, PermissionError):
-        pass  # What is to become of it tells whether that matters.
+        pass  # Whether the file must exist depends on the caller.
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         shown = text if len(text) <= 60 else f"{text[:60]}…"
-        raise InputError(f"no file can be called {shown!r}: {reason}", where=where) from None
+        raise InputError(f"{shown!r} is not a valid file name: {reason}", where=where) from None
     return path
 
 
 def is_server(root: str) -> bool:
-    """Whether `tracking.root` is the address of a tracking server, and no folder."""
+    """Return whether ``tracking.root`` is the address of a tracking server, not a folder."""
     return root.partition("://")[0] in SERVERS and "://" in root
 
 
 def check_address(root: str, where: str) -> None:
-    """Make sure that what looks like an address in `tracking.root` is one of a server.
+    """Check that an address in ``tracking.root`` is the address of a server.
 
     Raises:
-        InputError: it is not, or it holds a password: addresses are printed, and kept in records.
+        InputError: it is not, or it contains a password: addresses are printed and stored.
     """
     if "://" not in root and not root.startswith("sqlite:"):
         return
     if not is_server(root):
-        raise InputError("this is not where runs are kept", where=where, hint=FOLDER)
+        raise InputError("this is neither a folder nor a server", where=where, hint=FOLDER)
     try:
         address = urlsplit(root)
         usable = bool(address.hostname) and address.port != 0
     except ValueError:
         usable = False
     if not usable:
-        raise InputError("this is no address of a server", where=where, hint=FOLDER)
+        raise InputError("this is not the address of a server", where=where, hint=FOLDER)
     if "@" in address.netloc:
-        raise InputError("a server's address may not hold a password", where=where, hint=PASSWORD)
+        problem = "the address of a server must not contain a password"
+        raise InputError(problem, where=where, hint=PASSWORD)

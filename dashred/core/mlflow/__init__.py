@@ -1,1 +1,1 @@
-"""Runs, metrics and artifacts in MLflow."""
+"""MLflow: stores, runs, metrics and artifacts."""

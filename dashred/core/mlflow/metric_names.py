@@ -1,17 +1,17 @@
-"""MLflow metric names for terms: readable, and reversible to the expression.
+"""MLflow metric names for terms: readable, and invertible to the expression.
 
-MLflow allows letters, digits, `_ - . /` and space. A product of simple factors reads
+MLflow allows letters, digits, ``_ - . /`` and space. A product of simple factors becomes
 
     u**3 -> u.pow3    u*lam -> u.lam    d(u, x, 2) -> u_xx    u*lap(u) -> u.lap.of.u
 
-and any other text is spelt out after a leading `-`: `u + 1` becomes `-u .plus. 1`.
+and any other text is spelled out after a leading ``-``: ``u + 1`` becomes ``-u .plus. 1``.
 """
 
 import hashlib
 import re
 from collections.abc import Iterable
 
-LONGEST = 118  # two such keys and a short prefix stay within the 250 that MLflow allows
+MAX_LENGTH = 118  # two such keys and a short prefix stay within the 250 that MLflow allows
 SYMBOLS = {
     "**": "pow",
     "*": "times",
@@ -37,17 +37,17 @@ SHORT_FACTOR = re.compile(
 
 
 def slug(term: str) -> str:
-    """The term as a part of an MLflow metric name; different texts give different slugs."""
+    """Return the term as part of an MLflow metric name; different terms have different slugs."""
     short = _shorten(term)
-    # The short form is used only where it reads back: a name `u_x` is not the derivative u_x.
+    # Use the short form only if it is invertible: a field named u_x is not the derivative u_x.
     return short if short is not None and _lengthen(short) == term else f"-{_spell(term)}"
 
 
 def unslug(text: str) -> str:
-    """The term whose slug is `text`.
+    """Return the term whose slug is ``text``.
 
     Raises:
-        ValueError: if no term has this slug.
+        ValueError: no term has this slug.
     """
     term = _unspell(text[1:]) if text.startswith("-") else _lengthen(text)
     if term is None or slug(term) != text:
@@ -56,26 +56,26 @@ def unslug(text: str) -> str:
 
 
 def term_key(term: str) -> str:
-    """The slug, or for a text too long for MLflow its beginning and a hash."""
+    """Return the slug, or its beginning and a hash if it is too long for MLflow."""
     full = slug(term)
-    if len(full) <= LONGEST:
+    if len(full) <= MAX_LENGTH:
         return full
     digest = hashlib.sha256(term.encode("utf-8", "surrogatepass")).hexdigest()[:16]
-    return f"{full[: LONGEST - 17]}-{digest}"
+    return f"{full[: MAX_LENGTH - 17]}-{digest}"
 
 
 def metric_name(prefix: str, equation: str, term: str) -> str:
-    """The metric of one coefficient: `alg1/u/u.pow3`."""
+    """Return the metric name of one coefficient: ``alg1/u/u.pow3``."""
     return f"{prefix}/{term_key(equation)}/{term_key(term)}"
 
 
 def term_table(terms: Iterable[str]) -> dict[str, str]:
-    """The contents of `terms.json`: from the last part of a metric name to the expression."""
+    """Return the contents of ``terms.json``: last part of a metric name → expression."""
     return {term_key(term): term for term in terms}
 
 
 def _shorten(term: str) -> str | None:
-    """The short form of a product of simple factors; None for any other text."""
+    """Return the short form of a product of simple factors; None for any other text."""
     parts, position = [], 0
     while match := FACTOR.match(term, position):
         parts.append(_short_atom(match) + match["power"].replace("**", ".pow"))
@@ -94,7 +94,7 @@ def _short_atom(match: re.Match[str]) -> str:
 
 
 def _lengthen(short: str) -> str | None:
-    """The term that a short form stands for; None where it is no short form."""
+    """Return the term of a short form; None if the text is not a short form."""
     factors, position = [], 0
     while match := SHORT_FACTOR.match(short, position):
         power = f"**{match['power']}" if match["power"] else ""
@@ -114,7 +114,7 @@ def _long_atom(atom: str) -> str:
 
 
 def _spell(text: str) -> str:
-    """Letters, digits, `_` and space as they are, everything else as `.word.` or `.x2f.`."""
+    """Keep letters, digits, ``_`` and space; spell out the rest as ``.word.`` or ``.x2f.``."""
 
     def word(match: re.Match[str]) -> str:
         symbol = match.group()

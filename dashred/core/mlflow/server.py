@@ -1,4 +1,4 @@
-"""A tracking server elsewhere, in place of a store on this disk: ``tracking.root=http://...``."""
+"""Connection to an MLflow tracking server: ``tracking.root=http://...``."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from dashred.core.files.user_path import is_server
 if TYPE_CHECKING:
     from mlflow import MlflowClient
 
-# MLflow's own seven tries, each after twice the wait, would hold a run up for minutes.
+# By default MLflow makes seven attempts with doubling delays, which would block a run for minutes.
 os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "4")
 os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", "30")
 
-ANSWER_SECONDS = 10
+RESPONSE_TIMEOUT = 10
 
 
 def open_server(url: str) -> MlflowClient:
-    """Return a client of a server that answers.
+    """Return a client of a tracking server.
 
     Raises:
-        InputError: it does not.
+        InputError: the server does not respond.
     """
     check_server(url)
     from mlflow import MlflowClient
@@ -34,22 +34,22 @@ def open_server(url: str) -> MlflowClient:
 
 
 def check_server(root: str) -> None:
-    """Knock at the server, if `tracking.root` is one's URL: better now than after an hour.
+    """Check before a run that the server responds, if ``tracking.root`` is the URL of a server.
 
     Raises:
-        InputError: it does not answer.
+        InputError: the server does not respond.
     """
     if not is_server(root):
         return
     try:
-        with urlopen(f"{root.rstrip('/')}/health", timeout=ANSWER_SECONDS):
+        with urlopen(f"{root.rstrip('/')}/health", timeout=RESPONSE_TIMEOUT):
             pass
     except HTTPError:
-        pass  # It answers; what it wants, such as a password, MLflow itself will tell.
+        pass  # The server responds; MLflow reports other problems, such as a missing password.
     except (OSError, ValueError, HTTPException) as error:
         reason = getattr(error, "reason", error) or type(error).__name__
         raise InputError(
-            f"no MLflow server answers: {reason}",
+            f"no MLflow server responds: {reason}",
             where=root,
-            hint="start it (mlflow server), or keep runs on this disk with tracking.root=DIR",
+            hint="start it (mlflow server), or use a local store with tracking.root=DIR",
         ) from None

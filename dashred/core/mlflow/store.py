@@ -1,7 +1,7 @@
-"""The MLflow store on disk: `ROOT/mlflow.db` with its artifacts under `ROOT/artifacts`.
+"""The MLflow store on disk: ``ROOT/mlflow.db``, with artifacts under ``ROOT/artifacts``.
 
-Several processes may open a fresh store at the same moment. MLflow creates the tables without a
-lock of its own, so the opening stands under a file lock.
+Several processes may open a new store at the same time. MLflow creates the tables without a lock,
+so a store is opened under a file lock.
 """
 
 import logging
@@ -19,28 +19,32 @@ from dashred.core.errors import InputError
 from dashred.core.files.state_dir import state_folder
 from dashred.core.files.user_path import is_server
 from dashred.core.mlflow.server import open_server
-from dashred.core.system_errors import RefusedError
+from dashred.core.system_errors import ExternalServiceError
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
 
-# MLflow reads these when it is imported, so here is the last moment to say no.
+# MLflow reads these when it is imported, so they must be set before.
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 os.environ.setdefault("DO_NOT_TRACK", "true")
 
 LOCK_SECONDS = 120
 CHOOSE = "choose another with tracking.root=DIR"
-# What a run's status may be when it has not come to its end; after SIGKILL it still "runs".
+# Status of a run that has not finished; after SIGKILL the status is still RUNNING.
 INTERRUPTED = ("RUNNING", "FAILED", "KILLED", "SCHEDULED")
 
 
 @dataclass(frozen=True)
 class Store:
-    """An open store and the experiment in it: `artifacts` is an absolute local folder.
+    """An open store and an experiment in it.
 
     Attributes:
-        remote: whether it is a server's, to which artifacts are sent; else `artifacts` is where
-            MLflow itself looks for them.
+        client: of the store.
+        uri: of the store.
+        artifacts: absolute local folder.
+        experiment_id: of the experiment.
+        remote: whether the store is a server, to which artifacts are sent; otherwise MLflow
+            reads them from ``artifacts``.
     """
 
     client: "MlflowClient"
@@ -50,63 +54,63 @@ class Store:
     remote: bool = False
 
     def artifact_dir(self, run_id: str) -> Path:
-        """The local folder of a run's artifacts; created if new."""
-        return _made(self.artifacts / run_id / "artifacts")
+        """Return the local folder of a run's artifacts; it is created if missing."""
+        return _create_folder(self.artifacts / run_id / "artifacts")
 
     def checkpoints(self, run_id: str) -> Path:
-        """The folder of what a run that is cut short goes on from; created if new."""
-        return _made(self.artifacts / run_id / "checkpoints")
+        """Return the folder of a run's checkpoints; it is created if missing."""
+        return _create_folder(self.artifacts / run_id / "checkpoints")
 
 
 def open_store(root: str, experiment: str) -> Store:
-    """Open the store, creating folder, tables and experiment where they are missing.
+    """Open the store; create the folder, the tables and the experiment if they are missing.
 
     Args:
-        root: its folder, or the URL of a tracking server.
-        experiment: by name.
+        root: folder of the store, or the URL of a tracking server.
+        experiment: name of the experiment.
 
     Raises:
-        InputError: if the folder or the database cannot be used, the server does not answer, or
+        InputError: the folder or the database cannot be used, the server does not respond, or
             the experiment was deleted.
     """
     if is_server(root):
         client = open_server(root)
-        with refusals_as_errors(root):
+        with mlflow_input_errors(root):
             found = _experiment_id(client, experiment, None)
         return Store(client, root, state_folder("runs"), found, remote=True)
     folder = _folder(root)
     artifacts = folder / "artifacts"
-    with _locked(folder), _quiet(), refusals_as_errors(str(folder / "mlflow.db")):
+    with _locked(folder), _quiet(), mlflow_input_errors(str(folder / "mlflow.db")):
         client = _local_client(folder)
         found = _experiment_id(client, experiment, artifacts)
     return Store(client, _uri(folder), artifacts, found)
 
 
 def store_of_run(root: str, run_id: str) -> tuple[Store, str]:
-    """Open the store that holds a run; returns the name of its experiment, too.
+    """Open the store that holds a run; return it with the name of the run's experiment.
 
     Raises:
-        InputError: there is no store, or no such run in it.
+        InputError: there is no store, or the store has no such run.
     """
     from mlflow.exceptions import MlflowException
 
     place = root if is_server(root) else str(Path(root) / "mlflow.db")
     if not is_server(root) and not Path(place).is_file():
-        hint = "say where it is: tracking.root=DIR, or tracking.root=http://SERVER"
+        hint = "give its location with tracking.root=DIR or tracking.root=http://SERVER"
         raise InputError("there is no MLflow store here", where=place, hint=hint)
     client = open_server(root) if is_server(root) else _local_client(_folder(root))
     run = None
-    with _quiet(), refusals_as_errors(place), suppress(MlflowException):
+    with _quiet(), mlflow_input_errors(place), suppress(MlflowException):
         run = client.get_run(run_id)
         experiment = client.get_experiment(run.info.experiment_id).name
     if run is None or run.info.lifecycle_stage != "active":
-        hint = "MLflow's page of a run shows its id; another store is tracking.root=DIR"
+        hint = "MLflow's page of a run shows its id; choose another store with tracking.root=DIR"
         raise InputError(f"there is no run {run_id!r} in {place}", where="resume", hint=hint)
     return open_store(root, experiment), experiment
 
 
 def status_of(store: Store, run_id: str) -> str | None:
-    """RUNNING, FINISHED, FAILED or KILLED; None where the store has no such run."""
+    """Return RUNNING, FINISHED, FAILED or KILLED; None if the store has no such run."""
     from mlflow.exceptions import MlflowException
 
     try:
@@ -117,14 +121,14 @@ def status_of(store: Store, run_id: str) -> str | None:
 
 
 def tags_of(store: Store, run_id: str) -> dict[str, str]:
-    """The tags of a run that the store has."""
-    with refusals_as_errors(store.uri):
+    """Return the tags of an existing run."""
+    with mlflow_input_errors(store.uri):
         return dict(store.client.get_run(run_id).data.tags)
 
 
 @contextmanager
-def refusals_as_errors(place: str) -> Iterator[None]:
-    """Tell why MLflow refuses a store when it is opened, in one message: it is the user's choice.
+def mlflow_input_errors(place: str) -> Iterator[None]:
+    """Convert MLflow's errors on opening a store to InputError: the user has chosen the store.
 
     Raises:
         InputError: instead of MLflow's own exception.
@@ -135,15 +139,15 @@ def refusals_as_errors(place: str) -> Iterator[None]:
     try:
         yield
     except (MlflowException, SQLAlchemyError) as error:
-        raise InputError(_refusal(error), where=place, hint=CHOOSE) from error
+        raise InputError(_mlflow_message(error), where=place, hint=CHOOSE) from error
 
 
 @contextmanager
-def refusals_as_failures(place: str, hint: str) -> Iterator[None]:
-    """Tell what MLflow refuses a run that has begun (a locked database, a server that has gone).
+def mlflow_service_errors(place: str, hint: str) -> Iterator[None]:
+    """Convert the errors of MLflow during a run, such as a locked database or a lost connection.
 
     Raises:
-        RefusedError: instead of MLflow's own exception; the input is as right as it was.
+        RefusedError: instead of MLflow's own exception.
     """
     from mlflow.exceptions import MlflowException
     from sqlalchemy.exc import SQLAlchemyError
@@ -151,18 +155,23 @@ def refusals_as_failures(place: str, hint: str) -> Iterator[None]:
     try:
         yield
     except (MlflowException, SQLAlchemyError) as error:
-        raise RefusedError(f"{place}: {_refusal(error)}\n  {hint}") from error
+        raise ExternalServiceError(f"{place}: {_mlflow_message(error)}\n  {hint}") from error
 
 
-def _refusal(error: Exception) -> str:
+def _mlflow_message(error: Exception) -> str:
     return f"MLflow cannot use this store: {str(error).splitlines()[0]}"
 
 
 def find_run(store: Store, run_id: str, *, key: str = "tracking.run") -> str:
-    """The id itself, once it is sure that the store has this run; `key` is where it was given.
+    """Check that the store has a run, and return its id.
+
+    Args:
+        store: to search.
+        run_id: of the run.
+        key: configuration key that gave the id, for error messages.
 
     Raises:
-        InputError: if there is no such run, or it was deleted.
+        InputError: there is no such run, or it was deleted.
     """
     from mlflow.exceptions import MlflowException
 
@@ -171,13 +180,13 @@ def find_run(store: Store, run_id: str, *, key: str = "tracking.run") -> str:
     except MlflowException:
         found = False
     if not found:
-        hint = f"leave {key} out to open a new run"
+        hint = f"omit {key} to open a new run"
         raise InputError(f"there is no run {run_id!r} in {store.uri}", where=key, hint=hint)
     return run_id
 
 
 def end_failed_run(store: Store, run_id: str, *, killed: bool) -> None:
-    """Mark a run FAILED or KILLED; a store that refuses must not hide the failure itself."""
+    """Mark a run FAILED or KILLED; an error of the store must not hide the original failure."""
     from mlflow.exceptions import MlflowException
 
     with suppress(MlflowException):
@@ -195,7 +204,7 @@ def _local_client(folder: Path) -> "MlflowClient":
         return MlflowClient(tracking_uri=_uri(folder))
 
 
-def _made(folder: Path) -> Path:
+def _create_folder(folder: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     return folder
 
@@ -203,13 +212,13 @@ def _made(folder: Path) -> Path:
 def _folder(root: str) -> Path:
     folder = Path(root).resolve()
     hint = "choose another folder with tracking.root=DIR"
-    # MLflow takes the path for a URI: it would cut it at the one and decode the other.
+    # MLflow treats the path as a URI: it would cut it at ? and decode %.
     if {"?", "%"} & set(str(folder)):
         raise InputError("MLflow cannot use a path with ? or %", where=str(folder), hint=hint)
     try:
         (folder / "artifacts").mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        what = f"no MLflow store can be made here: {error.strerror}"
+        what = f"no MLflow store can be created here: {error.strerror}"
         raise InputError(what, where=str(folder), hint=hint) from error
     return folder
 
@@ -230,8 +239,8 @@ def _locked(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    # MLflow tells of every table migration, and its own code trips a deprecation of SQLAlchemy
-    # 2.1: neither is anything a user of ours can act on.
+    # MLflow logs every table migration, and its code triggers a deprecation warning of SQLAlchemy
+    # 2.1. Users cannot act on either.
     logging.getLogger("mlflow.store.db.utils").setLevel(logging.WARNING)
     with warnings.catch_warnings():
         warnings.filterwarnings(
@@ -241,7 +250,7 @@ def _quiet() -> Iterator[None]:
 
 
 def _experiment_id(client: "MlflowClient", name: str, artifacts: Path | None) -> str:
-    """The id of the experiment; `artifacts` is where they go, None where the server decides."""
+    """Return the id of the experiment; ``artifacts`` is None if the server chooses the folder."""
     found = client.get_experiment_by_name(name)
     if found is None:
         location = None if artifacts is None else str(artifacts)
@@ -250,6 +259,7 @@ def _experiment_id(client: "MlflowClient", name: str, artifacts: Path | None) ->
     if found.lifecycle_stage != "active":
         raise InputError("this experiment was deleted in MLflow", where=name, hint=hint)
     if artifacts is not None and found.artifact_location != str(artifacts):
-        what = f"this experiment keeps its artifacts elsewhere: {found.artifact_location}"
-        raise InputError(what, where=name, hint=f"the store was moved or made by others; {hint}")
+        what = f"the artifacts of this experiment are elsewhere: {found.artifact_location}"
+        moved = "the store was moved or created by another program"
+        raise InputError(what, where=name, hint=f"{moved}; {hint}")
     return str(found.experiment_id)

@@ -1,4 +1,4 @@
-"""Runs in MLflow: one parent run per command, nested runs for its stages."""
+"""Parent runs of commands and nested runs of their stages in MLflow."""
 
 import getpass
 from collections.abc import Iterator
@@ -10,8 +10,8 @@ from dashred.core.mlflow.store import (
     Store,
     end_failed_run,
     find_run,
+    mlflow_input_errors,
     open_store,
-    refusals_as_errors,
 )
 
 
@@ -22,7 +22,7 @@ class ChildRun(MlflowRun):
 class Tracker(MlflowRun):
     """The parent run of one command.
 
-    Its nested runs carry the tag `mlflow.parentRunId`, by which MLflow's pages fold them under it.
+    Nested runs have the tag ``mlflow.parentRunId``; MLflow's pages show them below their parent.
     """
 
     @classmethod
@@ -36,13 +36,13 @@ class Tracker(MlflowRun):
         *,
         parent: str | None = None,
     ) -> Iterator[Self]:
-        """Open a run, below `parent` if one is given; or go on with `run_id`, opened elsewhere.
+        """Open a new run, below ``parent`` if given, or attach to the existing run ``run_id``.
 
-        The run ends FINISHED, FAILED after an exception, or KILLED after Ctrl-C; one that
-        another process opened is left for that process to end, unless this one fails.
+        A new run ends FINISHED, FAILED after an exception, or KILLED after Ctrl-C. An existing
+        run is ended by the process that opened it, unless this one fails.
 
         Raises:
-            InputError: if the store cannot be used, or has no such run.
+            InputError: the store cannot be used, or has no such run.
         """
         store = open_store(root, experiment)
         if run_id:
@@ -50,26 +50,26 @@ class Tracker(MlflowRun):
         else:
             above = find_run(store, parent, key="tracking.parent") if parent else None
             tags = {"mlflow.parentRunId": above} if above else {}
-            with refusals_as_errors(store.uri):
+            with mlflow_input_errors(store.uri):
                 opened = _create_run(store, run_name, tags)
-        with _ended(store, opened, as_finished=not run_id):
+        with _end_run(store, opened, as_finished=not run_id):
             yield cls(store, opened)
 
     @classmethod
     @contextmanager
     def reopen(cls, root: str, experiment: str, run_id: str) -> Iterator[Self]:
-        """Go on with a run that an earlier command left, and end it here.
+        """Resume a run that an earlier command has left, and end it here.
 
         Raises:
-            InputError: if the store cannot be used, or has no such run.
+            InputError: the store cannot be used, or has no such run.
         """
         store = open_store(root, experiment)
         store.client.update_run(find_run(store, run_id), "RUNNING")
-        with _ended(store, run_id, as_finished=True):
+        with _end_run(store, run_id, as_finished=True):
             yield cls(store, run_id)
 
     def rename(self, run_id: str, name: str) -> None:
-        """Rename a run of the store, unless someone has deleted it meanwhile."""
+        """Rename a run of the store; a deleted run is ignored."""
         from mlflow.exceptions import MlflowException
 
         with suppress(MlflowException):
@@ -79,17 +79,17 @@ class Tracker(MlflowRun):
     def child(self, name: str) -> Iterator[ChildRun]:
         """Open a nested run; it ends FINISHED, FAILED after an exception, or KILLED.
 
-        One of this name that an earlier attempt left takes its place no longer.
+        Nested runs with the same name from an earlier attempt are deleted.
         """
         self._drop_children(name)
-        with self._writing():
+        with self._service_errors():
             opened = _create_run(self._store, name, {"mlflow.parentRunId": self.run_id})
-        with _ended(self._store, opened, as_finished=True):
+        with _end_run(self._store, opened, as_finished=True):
             yield ChildRun(self._store, opened)
 
     def _drop_children(self, name: str) -> None:
         mine = f"tags.`mlflow.parentRunId` = '{self.run_id}'"
-        with self._writing():
+        with self._service_errors():
             for child in self._store.client.search_runs([self._store.experiment_id], mine):
                 if child.info.run_name == name:
                     self._store.client.delete_run(child.info.run_id)
@@ -102,7 +102,7 @@ def _create_run(store: Store, name: str, tags: dict[str, str]) -> str:
 
 
 @contextmanager
-def _ended(store: Store, run_id: str, *, as_finished: bool) -> Iterator[None]:
+def _end_run(store: Store, run_id: str, *, as_finished: bool) -> Iterator[None]:
     try:
         yield
     except BaseException as error:

@@ -1,4 +1,4 @@
-"""Comma-separated tables as text cells that remember their line, so that errors can name it."""
+"""Reading of CSV files into tables of text cells, with line numbers for error messages."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from dashred.core.errors import InputError
 from dashred.core.units import check_unit, split_unit
 from dashred.data.sensors import check_names
 
-# In bytes. What is read takes some thirteen times as much memory, a cell being a text of its own.
-LARGEST = 2**28
-# What separates columns in tables that are not quite CSV.
+# A table takes about thirteen times its size in memory, because every cell is a separate string.
+MAX_BYTES = 2**28
+# Column separators of tables that are almost CSV.
 SEPARATORS = ";\t "
 NUMBER = re.compile(r"[+-]?\d+(\.\d*)?")
 # 2024-05-17, 17.05.24, 5/17/2024, 12:30.
@@ -34,11 +34,11 @@ class Table:
     """A rectangular table: ``rows[i][j]`` is the text of row i in ``columns[j]``.
 
     Attributes:
-        path: the file, as the user wrote it.
-        columns: names in the header, unique and not empty, without their units.
+        path: the file, as given by the user.
+        columns: names in the header without units; unique and not empty.
         rows: cells, without the header and blank lines.
         lines: line of the file on which each row ends, counted from 1.
-        units: unit of every column whose header states one: ``theta [rad]``.
+        units: unit of every column whose header states one, as in ``theta [rad]``.
         header: line of the header.
     """
 
@@ -49,47 +49,47 @@ class Table:
     units: dict[str, str] = field(default_factory=dict)
     header: int = 1
 
-    def place(self, row: int, column: str | None = None) -> str:
-        """Where a row or a cell stands: ``file.csv:17, column 'theta'``."""
+    def location(self, row: int, column: str | None = None) -> str:
+        """Return the location of a row or cell: ``file.csv:17, column 'theta'``."""
         line = f"{self.path}:{self.lines[row]}"
         return line if column is None else f"{line}, column {column!r}"
 
-    def header_place(self, column: str) -> str:
-        """Where the header of a column stands: ``file.csv:1, column 'theta'``."""
+    def header_location(self, column: str) -> str:
+        """Return the location of a column's header: ``file.csv:1, column 'theta'``."""
         return f"{self.path}:{self.header}, column {column!r}"
 
     def texts(self, column: str) -> list[str]:
-        """The column's cells, without surrounding blanks."""
+        """Return the cells of a column, stripped."""
         index = self.columns.index(column)
         return [row[index].strip() for row in self.rows]
 
     def numbers(self, column: str) -> NDArray[np.float64]:
-        """The column as float64, shape (row,); an empty cell or NaN is a missing value.
+        """Return a column as float64, shape ``(row,)``; an empty cell or NaN is a missing value.
 
         Raises:
             InputError: at the first cell that is not a number.
         """
         cells = self.texts(column)
-        # The whole column at once, and cell by cell only to find a culprit.
+        # Convert the whole column at once; search cell by cell only to locate an error.
         if _is_plain("".join(cells)):
             with contextlib.suppress(ValueError):
                 return np.array([float(cell or "nan") for cell in cells], dtype=np.float64)
         row = next(row for row, cell in enumerate(cells) if not is_number(cell))
         hint = "write numbers as 1.5e-3; leave the cell empty where a value is missing"
         if DATE.match(cells[row]):
-            hint = "write times as numbers: seconds (or another unit) since the start, as 0.25"
-        problem = f"{_shortened(cells[row])} is not a number"
-        raise InputError(problem, where=self.place(row, column), hint=hint)
+            hint = "write times as numbers, for example seconds since the start: 0.25"
+        problem = f"{_abbreviated(cells[row])} is not a number"
+        raise InputError(problem, where=self.location(row, column), hint=hint)
 
 
 def read_table(path: str) -> Table:
-    """Read a comma-separated file in UTF-8 whose first line names the columns.
+    """Read a comma-separated UTF-8 file whose first line names the columns.
 
-    A column's unit may stand behind its name, in square brackets.
+    A unit may follow the name of a column in square brackets: ``theta [rad]``.
 
     Raises:
-        InputError: if the file is missing, empty, not UTF-8 or badly quoted, a column has no name
-            or one that was used before or an empty unit, or a row has too few or too many cells.
+        InputError: the file is missing, empty, not UTF-8 or badly quoted; a column has no name, a
+            repeated name or an empty unit; or a row has too few or too many cells.
     """
     rows: list[list[str]] = []
     lines = array("q")
@@ -111,7 +111,7 @@ def read_table(path: str) -> Table:
     columns, units = _header(path, rows[0], lines[0])
     _check_rectangular(path, columns, rows, lines)
     header = lines[0]
-    # In place: the list of a long table is long itself.
+    # In place: copying the list of a long table would double its memory.
     del rows[0], lines[0]
     return Table(path, columns, rows, lines, units, header)
 
@@ -120,8 +120,8 @@ def read_table(path: str) -> Table:
 def _opened(path: str) -> Iterator[TextIO]:
     try:
         if Path(path).exists() and not Path(path).is_file():
-            # A pipe or a device would be waited for, or read for ever.
-            raise InputError("cannot be read: not a file", where=path)
+            # Reading a pipe or a device might never end.
+            raise InputError("cannot be read: not a regular file", where=path)
         _check_size(path, Path(path).stat().st_size)
         with open(path, encoding="utf-8-sig", newline="") as file:
             yield file
@@ -134,12 +134,12 @@ def _opened(path: str) -> Iterator[TextIO]:
 
 
 def _check_size(path: str, size: int) -> None:
-    if size <= LARGEST:
+    if size <= MAX_BYTES:
         return
-    problem = f"{size / 1e6:.0f} MB are too many for a table: {LARGEST / 1e6:.0f} MB at most"
-    nth = math.ceil(size / LARGEST)
-    thinned = f"keep one row of every {nth}, or the part of the record that matters"
-    hint = f"{thinned}; or write it as NetCDF (docs/own-system.md says how)"
+    problem = f"the table has {size / 1e6:.0f} MB; the limit is {MAX_BYTES / 1e6:.0f} MB"
+    nth = math.ceil(size / MAX_BYTES)
+    thinned = f"keep one row in {nth}, or only the relevant part of the recording"
+    hint = f"{thinned}; or convert it to NetCDF (see docs/own-system.md)"
     raise InputError(problem, where=path, hint=hint)
 
 
@@ -154,7 +154,7 @@ def _undecodable(path: str) -> int:
 
 
 def _header(path: str, cells: list[str], line: int) -> tuple[tuple[str, ...], dict[str, str]]:
-    """Return the names of the columns, and the units of those that have one."""
+    """Return the names of the columns, and the units of the columns that state one."""
     headers = _split_units(cells)
     columns = tuple(name for name, _ in headers)
     where = f"{path}:{line}"
@@ -170,9 +170,9 @@ def _header(path: str, cells: list[str], line: int) -> tuple[tuple[str, ...], di
 
 
 def _split_units(cells: list[str]) -> list[tuple[str, str | None]]:
-    """Take names and units apart; of ``u[0],u[1]`` the numbers belong to the names.
+    """Separate names and units; the numbers in ``u[0],u[1]`` belong to the names.
 
-    ``u [1]`` is a pure number, as long as no other column is u with a number behind it.
+    ``u [1]`` is dimensionless, unless another column is named u with a number in brackets.
     """
     headers = [split_unit(cell) for cell in cells]
     numbered = Counter(name for name, unit in headers if unit and NUMBER.fullmatch(unit))
@@ -184,11 +184,11 @@ def _split_units(cells: list[str]) -> list[tuple[str, str | None]]:
     ]
 
 
-def separated_otherwise(columns: Sequence[str]) -> str | None:
-    """Return a hint where one column seems to be several; None where it does not."""
+def separator_hint(columns: Sequence[str]) -> str | None:
+    """Return a hint if the table seems to use another separator than a comma, else None."""
     if len(columns) != 1 or not any(mark in columns[0] for mark in SEPARATORS):
         return None
-    return "separate the columns by commas, and write decimals with a point: 0.5,1.25"
+    return "separate columns with commas and write decimals with a point: 0.5,1.25"
 
 
 def _check_rectangular(
@@ -197,26 +197,26 @@ def _check_rectangular(
     for row, line in zip(rows, lines, strict=True):
         if len(row) != len(columns):
             named = "1 column" if len(columns) == 1 else f"{len(columns)} columns"
-            problem = f"{len(row)} cells, but the first line names {named}"
-            raise InputError(problem, where=f"{path}:{line}", hint=_not_so(columns, row))
+            problem = f"the row has {len(row)} cells, but the first line names {named}"
+            raise InputError(problem, where=f"{path}:{line}", hint=_row_length_hint(columns, row))
 
 
-def _not_so(columns: Sequence[str], row: Sequence[str]) -> str | None:
-    """Return a hint why a row has other cells than the first line has names, if one shows."""
+def _row_length_hint(columns: Sequence[str], row: Sequence[str]) -> str | None:
+    """Return a likely reason for a row with the wrong number of cells, or None."""
     if columns[0].startswith("#"):
-        return "the first line must name every column: take the lines that begin with # away"
+        return "the first line must name every column: remove the lines that begin with #"
     if len(row) > len(columns) and all(cell.strip() and is_number(cell.strip()) for cell in row):
-        return "are decimals written with a comma? Write them with a point: 0.5"
-    return separated_otherwise(columns)
+        return "do the decimals use a comma? Write them with a point: 0.5"
+    return separator_hint(columns)
 
 
 def _is_plain(text: str) -> bool:
-    # float() also takes 1_000 and the digits of every script: typing errors, in a table.
+    # float() also accepts 1_000 and the digits of other scripts, which are errors in a table.
     return text.isascii() and "_" not in text
 
 
 def is_number(cell: str) -> bool:
-    """Whether a cell is a number, or empty."""
+    """Return whether a cell is a number or empty."""
     try:
         float(cell or "nan")
     except ValueError:
@@ -224,5 +224,5 @@ def is_number(cell: str) -> bool:
     return _is_plain(cell)
 
 
-def _shortened(cell: str) -> str:
+def _abbreviated(cell: str) -> str:
     return repr(cell if len(cell) <= 40 else cell[:37] + "...")

@@ -1,7 +1,7 @@
-"""Fetch the real pendulum's recording: ``python -m dashred.data.io.fetch path=pendulum.csv``.
+"""Download the real pendulum's recording: ``python -m dashred.data.io.fetch path=pendulum.csv``.
 
-It comes from its authors' public repository and is held against a known hash; a file that is
-already there is left as it is, and nothing half-fetched is ever kept.
+The recording comes from its authors' public repository and is verified against a known hash. An
+existing file is never overwritten, and an incomplete download is never kept.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from dashred.core.errors import DONE, InputError, run_entry
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.files.user_path import user_path
 from dashred.core.findings.findings import sha256_of
-from dashred.data.io.published_recording import PENDULUM, fetched
+from dashred.data.io.published_recording import PENDULUM, fetch_csv
 
 EXAMPLE = "python -m dashred.data.io.fetch path=pendulum.csv"
 KEYS = ("path", "source")
 USAGE = f"""\
 usage: python -m dashred.data.io.fetch path=FILE.csv [source=URL|FILE]
 
-Fetches the recording of a real pendulum that the tutorial (docs/tutorial.md) analyses:
+Downloads the recording of a real pendulum that the tutorial (docs/tutorial.md) analyses:
 {PENDULUM.contents}.
 
-  path=FILE.csv   where to put it; what is already there is checked, and left as it is
-  source=URL      another place to fetch it from, or a file that you have downloaded; default:
+  path=FILE.csv   output file; an existing file is verified and not overwritten
+  source=URL      another URL, or a file that you have downloaded; default:
                   {PENDULUM.repository} at commit {PENDULUM.commit[:7]},
                   {PENDULUM.file}
 
@@ -35,30 +35,30 @@ Licence: {PENDULUM.licence}
 
 
 def main(argv: list[str]) -> int:
-    """Fetch the recording, unless it is there."""
+    """Download the recording unless the file already exists."""
     if {"--help", "-h"} & set(argv):
         print(USAGE)
         return DONE
-    words = read_path_words(argv, KEYS, "where to?", EXAMPLE)
+    words = read_path_words(argv, KEYS, "the output file is missing", EXAMPLE)
     path = user_path(words["path"], "path=")
-    if _already_there(path):
-        print(f"already there: {path} (sha256 {PENDULUM.sha256[:12]}… as it should be)")
+    if _already_exists(path):
+        print(f"already exists: {path} (sha256 {PENDULUM.sha256[:12]}… verified)")
         return DONE
     source = words.get("source", PENDULUM.url)
-    print(f"fetching {source}", flush=True)
-    _write(path, fetched(PENDULUM, source))
-    print(f"{path}: {PENDULUM.contents}; sha256 {PENDULUM.sha256[:12]}… as it should be")
+    print(f"downloading {source}", flush=True)
+    _write(path, fetch_csv(PENDULUM, source))
+    print(f"{path}: {PENDULUM.contents}; sha256 {PENDULUM.sha256[:12]}… verified")
     print(f"source:  {PENDULUM.citation}")
     print(f"licence: {PENDULUM.licence}")
     print(f"next:    python -m dashred.train conf=pendulum recording.path={path}")
     return DONE
 
 
-def _already_there(path: Path) -> bool:
-    """Whether the recording is there.
+def _already_exists(path: Path) -> bool:
+    """Return whether the file exists and is the recording.
 
     Raises:
-        InputError: something else is.
+        InputError: the file exists but is not the recording.
     """
     try:
         if not path.exists():
@@ -68,9 +68,9 @@ def _already_there(path: Path) -> bool:
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", where=str(path)) from None
     raise InputError(
-        "something else is there already, and is left as it is",
+        "the file exists but is not this recording; it was not changed",
         where=str(path),
-        hint="name another file with path=, or remove this one first",
+        hint="give another file with path=, or remove this one first",
     )
 
 
@@ -79,7 +79,7 @@ def _write(path: Path, text: str) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text_atomic(path, text)
     except OSError as error:
-        what, hint = f"cannot be written: {error.strerror}", "name another file with path="
+        what, hint = f"cannot be written: {error.strerror}", "give another file with path="
         raise InputError(what, where=str(path), hint=hint) from None
 
 

@@ -1,19 +1,20 @@
-"""Numbers that loggers write where they have read nothing: -999, 9999, 1e20."""
+"""Detection of sentinels: numbers such as -999 or 1e20 that a logger writes for missing values."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-# What is repeated to the last digit, so many times, and stands so many median deviations off.
-REPEATED, FAR = 2, 30.0
+# A sentinel occurs at least this often and is this many median deviations from the median.
+MIN_REPEATS, MIN_DEVIATIONS = 2, 30.0
 
 
-def missing_marks(values: NDArray[np.float64]) -> dict[float, int]:
-    """Return the numbers of a trace that look like marks of a missing value, and how often each.
+def sentinel_counts(values: NDArray[np.float64]) -> dict[float, int]:
+    """Return the likely sentinels of a trace with the number of times each occurs.
 
-    One far from the rest, to which no other comes half as near, and that is there more than once to
-    the last digit: noise does not repeat itself, and pulses rise through what lies between.
+    A sentinel is far from the median, no other value is within half that distance of it, and it
+    occurs repeatedly with exactly the same digits. Noise does not repeat exactly, and a real pulse
+    passes through intermediate values.
 
     Args:
         values: of one sensor, ``(time,)``; NaN where missing.
@@ -26,14 +27,15 @@ def missing_marks(values: NDArray[np.float64]) -> dict[float, int]:
     numbers, counts = np.unique(known, return_counts=True)
     far = np.abs(numbers - middle)
     steps = np.concatenate([[np.inf], np.diff(numbers), [np.inf]])
-    alone = np.minimum(steps[:-1], steps[1:]) > far / 2
-    marks = (counts >= REPEATED) & (far > FAR * deviation) & alone & (deviation > 0)
-    return {float(n): int(c) for n, c in zip(numbers[marks], counts[marks], strict=True)}
+    isolated = np.minimum(steps[:-1], steps[1:]) > far / 2
+    distant = (far > MIN_DEVIATIONS * deviation) & (deviation > 0)
+    found = (counts >= MIN_REPEATS) & distant & isolated
+    return {float(n): int(c) for n, c in zip(numbers[found], counts[found], strict=True)}
 
 
-def without_marks(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return traces ``(time, sensor)`` with such numbers missing."""
+def mask_sentinels(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return traces ``(time, sensor)`` with sentinels replaced by NaN."""
     found = values.copy()
     for column in found.T:
-        column[np.isin(column, list(missing_marks(column)))] = np.nan
+        column[np.isin(column, list(sentinel_counts(column)))] = np.nan
     return found

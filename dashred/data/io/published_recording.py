@@ -1,7 +1,4 @@
-"""A recording that others have published: where it lies, what it is, whether it is the right one.
-
-The file that the authors publish is MATLAB's; what is kept is a CSV, and the hash is the CSV's.
-"""
+"""Download of a published recording, converted from MATLAB to CSV and verified by its hash."""
 
 from __future__ import annotations
 
@@ -20,23 +17,23 @@ from dashred.core.errors import InputError
 from dashred.core.files.user_path import user_path
 
 MATLAB = b"MATLAB 5.0 MAT-file"
-LARGEST = 64 * 2**20
-SILENCE, PATIENCE = 20.0, 180.0  # seconds without a byte, and in all
+MAX_BYTES = 64 * 2**20
+READ_TIMEOUT, TOTAL_TIMEOUT = 20.0, 180.0  # seconds without a byte, and in all
 PIECES = (("Time_id", "Y_id"), ("Time_vad", "Y_vad"))
 
 
 @dataclass(frozen=True)
-class Published:
+class PublishedRecording:
     """One published recording.
 
     Attributes:
         repository: ``OWNER/NAME`` on GitHub.
-        commit: of it, so that what is fetched cannot change.
-        file: its path there.
-        sha256: of the CSV that is made of it.
-        contents: what the CSV holds, with units.
-        citation: who recorded it.
-        licence: under which it may be used, and whose it is.
+        commit: of the repository, so that the download cannot change.
+        file: path in the repository.
+        sha256: hash of the converted CSV.
+        contents: columns of the CSV, with units.
+        citation: authors and title.
+        licence: name and holder of the licence.
     """
 
     repository: str
@@ -49,12 +46,12 @@ class Published:
 
     @property
     def url(self) -> str:
-        """Where it is fetched from."""
+        """URL of the file."""
         path = quote(f"{self.repository}/{self.commit}/{self.file}")
         return f"https://raw.githubusercontent.com/{path}"
 
 
-PENDULUM = Published(
+PENDULUM = PublishedRecording(
     repository="dynamicslab/MultiArm-Pendulum",
     commit="78ed9353702f1f9e92c74d3bb671a7804fb41fb0",
     file="ParameterEstimation/SinglePendulum/SinglePendulumDataForParameterEstimation.mat",
@@ -66,20 +63,20 @@ PENDULUM = Published(
 )
 
 
-def fetched(recording: Published, source: str) -> str:
-    """Return the recording's CSV from a URL, or from a file that the user has downloaded.
+def fetch_csv(recording: PublishedRecording, source: str) -> str:
+    """Return the recording as CSV text, from a URL or from a file that the user has downloaded.
 
     Raises:
-        InputError: it cannot be had, or what came is not this recording.
+        InputError: the source cannot be read, or is not this recording.
     """
     raw = _download(source) if "://" in source else _read(source)
     text = _csv(raw, source) if raw.startswith(MATLAB) else raw
     if hashlib.sha256(text).hexdigest() != recording.sha256:
         raise InputError(
-            f"what came ({len(raw)} bytes) is not the recording, or was cut short: "
-            "its hash is another",
+            f"the {len(raw)} bytes received are not the recording, or were cut short: "
+            "the hash does not match",
             where=source,
-            hint=f"nothing was written; the CSV's sha256 should be {recording.sha256}",
+            hint=f"nothing was written; the sha256 of the CSV must be {recording.sha256}",
         )
     return text.decode()
 
@@ -93,7 +90,7 @@ def _read(path: str) -> bytes:
 
 def _download(url: str) -> bytes:
     if urlsplit(url).scheme not in ("http", "https"):
-        raise InputError("only http and https are fetched from", where=url)
+        raise InputError("only http and https URLs are supported", where=url)
     try:
         return _body(url)
     except HTTPError as error:
@@ -101,38 +98,39 @@ def _download(url: str) -> bytes:
     except URLError as error:
         what = f"cannot be reached: {error.reason}"
     except TimeoutError:
-        what = "the server does not go on answering"
+        what = "the server stopped responding"
     except (HTTPException, OSError, ValueError) as error:
-        what = f"cannot be fetched: {error or type(error).__name__}"
-    hint = "is there a network? a file that you have downloaded is taken by source=FILE"
+        what = f"cannot be downloaded: {error or type(error).__name__}"
+    hint = "check the network, or give a file that you have downloaded with source=FILE"
     raise InputError(f"{what}; nothing was written", where=url, hint=hint) from None
 
 
 def _body(url: str) -> bytes:
-    """Return what a URL holds: not more than is sensible, not for longer than is bearable."""
-    until = time.monotonic() + PATIENCE
+    """Return the contents of a URL, within limits on size and time."""
+    until = time.monotonic() + TOTAL_TIMEOUT
     body = bytearray()
-    with urlopen(Request(url, headers={"User-Agent": "dashred"}), timeout=SILENCE) as response:
+    with urlopen(Request(url, headers={"User-Agent": "dashred"}), timeout=READ_TIMEOUT) as response:
         while piece := response.read1(2**16):
             body += piece
-            if len(body) > LARGEST:
-                raise ValueError(f"more than {LARGEST // 2**20} MiB")
+            if len(body) > MAX_BYTES:
+                raise ValueError(f"more than {MAX_BYTES // 2**20} MiB")
             if time.monotonic() > until:
                 raise TimeoutError
     return bytes(body)
 
 
 def _csv(raw: bytes, source: str) -> bytes:
-    """Return a CSV of the authors' MATLAB file: six consecutive pieces, in two lists.
+    """Convert the authors' MATLAB file to CSV.
 
-    Their ``PrepareDataForSinglePendulumParameterEstimation.m`` cut them: angle and velocity in
-    the rows of ``Y_*``, times in ``Time_*``. The angle is theirs less π: from hanging.
+    The file holds six consecutive segments in two lists, cut by the authors'
+    ``PrepareDataForSinglePendulumParameterEstimation.m``: angle and velocity in the rows of
+    ``Y_*``, times in ``Time_*``. The authors' angle minus π is the angle from hanging.
     """
-    # Imported late: help and every wrong word are answered without it.
+    # Imported here, so that --help and argument errors do not wait for scipy.
     import numpy as np
     from scipy.io import loadmat
 
-    file: Any = io.BytesIO(raw)  # scipy's stubs know of paths alone
+    file: Any = io.BytesIO(raw)  # scipy's stubs accept paths only
     try:
         held: dict[str, Any] = loadmat(file)
         pieces = [
@@ -142,7 +140,7 @@ def _csv(raw: bytes, source: str) -> bytes:
         ]
         rows = np.concatenate(pieces).astype(float)
         lines = [f"{t:.3f},{angle - math.pi:.6f},{speed:.6f}" for t, angle, speed in rows]
-    # A broken file makes scipy raise nearly anything.
+    # scipy may raise almost any exception for a damaged file.
     except Exception as error:
         what = f"not the authors' MATLAB file: {type(error).__name__}"
         raise InputError(what, where=source, hint="nothing was written") from None

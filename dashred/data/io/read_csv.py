@@ -1,4 +1,4 @@
-"""Recordings in CSV: ``time``, optionally ``episode``, and one column for each sensor."""
+"""Reader of CSV recordings: columns ``time``, optionally ``episode``, inputs and sensors."""
 
 from __future__ import annotations
 
@@ -10,21 +10,27 @@ from numpy.typing import NDArray
 from dashred.core.errors import InputError, nearest
 from dashred.core.units import TIME
 from dashred.data.checks import check_input, checked_recording
-from dashred.data.episodes import Episode, Episodes, Stretch, stretches
-from dashred.data.io.csv_table import Table, read_table, separated_otherwise
+from dashred.data.episodes import Episode, EpisodeRows, Episodes, split_into_episodes
+from dashred.data.io.csv_table import Table, read_table, separator_hint
 from dashred.data.io.sensors_table import read_sensors
 from dashred.data.io.stated_units import StatedUnits
-from dashred.data.sensors import RESERVED, Described, Sensor, readable
+from dashred.data.sensors import RESERVED, Sensor, SystemDescription, observable_names
 from dashred.physics.backends.input_signals import Measured
 
 
-def read_csv(path: str, sensors_table: str | None, system: Described) -> Episodes:
-    """Read a recording and the table that says what its columns are.
+def read_csv(path: str, sensors_table: str | None, system: SystemDescription) -> Episodes:
+    """Read a recording and its table of sensors.
 
-    An ODE system needs no table: columns named like its fields or lets are the sensors.
+    An ODE system needs no table: columns named after its fields or derived quantities are the
+    sensors.
+
+    Args:
+        path: of the recording.
+        sensors_table: path of the table of sensors, or None.
+        system: that the sensors observe.
 
     Raises:
-        InputError: saying in which line and column of which file the fault is.
+        InputError: with the file, line and column of the error.
     """
     table = read_table(path)
     _check_time_column(table)
@@ -40,75 +46,76 @@ def read_csv(path: str, sensors_table: str | None, system: Described) -> Episode
         values[:, index] = table.numbers(sensor.name)
     times = table.numbers("time")
 
-    def episode(stretch: Stretch) -> Episode:
+    def episode(stretch: EpisodeRows) -> Episode:
         rows, first = stretch.rows, stretch.rows.start
 
         def place(row: int, column: str | None) -> str:
-            return table.place(first + row, column)
+            return table.location(first + row, column)
 
         recording = checked_recording(
-            sensors, times[rows], values[rows], path=stretch.within(path), place=place
+            sensors, times[rows], values[rows], path=stretch.location(path), place=place
         )
         driven = Measured(times[rows], {name: found[rows] for name, found in inputs.items()})
         return Episode(stretch.name, replace(recording, inputs=driven, units=stated.units))
 
-    return Episodes(tuple(map(episode, _stretches(table))))
+    return Episodes(tuple(map(episode, _episode_rows(table))))
 
 
 def _state_units(
-    table: Table, sensors: list[Sensor], system: Described, stated: StatedUnits
+    table: Table, sensors: list[Sensor], system: SystemDescription, stated: StatedUnits
 ) -> None:
-    """Take note of the units in the header."""
+    """Record the units in the header."""
     for name, column, what in (
         (TIME, "time", "time"),
         *((name, column, f"the input {name}") for name, column in system.inputs.items()),
         *((sensor.reads, sensor.name, f"sensor {sensor.name!r}") for sensor in sensors),
     ):
-        stated.state(name, table.units.get(column), table.header_place(column), what)
+        stated.state(name, table.units.get(column), table.header_location(column), what)
 
 
-def _inputs(table: Table, system: Described) -> dict[str, NDArray[np.float64]]:
-    """Return the columns of the system's inputs, known in every row."""
+def _inputs(table: Table, system: SystemDescription) -> dict[str, NDArray[np.float64]]:
+    """Return the columns of the system's inputs; every row has a value."""
     found = {}
     for name, column in system.inputs.items():
         if column not in table.columns:
             problem = f"the recording has no column {column!r} for the input {name}"
             raise InputError(problem, where=table.path, hint=nearest(column, table.columns))
         found[column] = table.numbers(column)
-        check_input(name, column, found[column], table.place)
+        check_input(name, column, found[column], table.location)
     return found
 
 
 def _check_time_column(table: Table) -> None:
     if "time" in table.columns:
         return
-    hint = separated_otherwise(table.columns) or f"its columns are {', '.join(table.columns)}"
+    hint = separator_hint(table.columns) or f"its columns are {', '.join(table.columns)}"
     raise InputError("the recording has no column 'time'", where=table.path, hint=hint)
 
 
-def _stretches(table: Table) -> list[Stretch]:
-    """Return the rows of every episode; of a table without the column, all of them."""
+def _episode_rows(table: Table) -> list[EpisodeRows]:
+    """Return the rows of every episode; without an ``episode`` column, one episode with all."""
     if "episode" not in table.columns or not table.rows:
-        return [Stretch("", slice(0, len(table.rows)))]
-    return stretches(table.texts("episode"), lambda row: table.place(row, "episode"))
+        return [EpisodeRows("", slice(0, len(table.rows)))]
+    return split_into_episodes(table.texts("episode"), lambda row: table.location(row, "episode"))
 
 
-def _sensor_columns(table: Table, system: Described) -> list[str]:
+def _sensor_columns(table: Table, system: SystemDescription) -> list[str]:
     others = {*RESERVED, *system.inputs.values()}
     return [column for column in table.columns if column not in others]
 
 
-def _sensors_by_name(table: Table, system: Described) -> list[Sensor]:
+def _sensors_by_name(table: Table, system: SystemDescription) -> list[Sensor]:
     if system.axes:
         axes = ", ".join(axis.name for axis in system.axes)
-        problem = f"the places of the sensors (name, field, {axes}, std) are not given"
-        raise InputError(problem, where=table.path, hint="recording.sensors=PATH names their table")
-    known = readable(system)
+        problem = f"the positions of the sensors (name, field, {axes}, std) are not given"
+        hint = "give the table of sensors with recording.sensors=PATH"
+        raise InputError(problem, where=table.path, hint=hint)
+    known = observable_names(system)
     for column in _sensor_columns(table, system):
         if column not in known:
-            problem = f"column {column!r} is neither a field nor a let of the system"
-            hint = f"{nearest(column, known)}; or name a table with recording.sensors=PATH; what "
-            hint += "drives the system is an input: system.inputs"
+            problem = f"column {column!r} is neither a field nor a derived quantity of the system"
+            hint = f"{nearest(column, known)}; or give a table with recording.sensors=PATH; or "
+            hint += "declare a forcing signal as an input: system.inputs"
             raise InputError(problem, where=table.path, hint=hint)
     return [Sensor(column, reads=column) for column in _sensor_columns(table, system)]
 
@@ -120,7 +127,7 @@ def _matched(
     for column in columns:
         if column not in named:
             problem = f"column {column!r} is not in the table of sensors {sensors_table}"
-            hint = f"{nearest(column, named)}; what drives the system is an input: system.inputs"
+            hint = f"{nearest(column, named)}; or declare a forcing signal in system.inputs"
             raise InputError(problem, where=path, hint=hint)
     for name in named:
         if name not in columns:

@@ -1,4 +1,4 @@
-"""Reading recordings from NetCDF, in the layout that ``write_netcdf`` describes."""
+"""Reader of NetCDF recordings, in the layout of :mod:`dashred.data.io.write_netcdf`."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError, nearest
-from dashred.core.files.damaged_files import reading
+from dashred.core.files.damaged_files import reading_errors
 from dashred.core.files.external_links import check_hdf5
 from dashred.core.units import TIME, check_unit
 from dashred.data.checks import check_covered, check_input, checked_recording
-from dashred.data.episodes import Episode, Episodes, Stretch, stretches
+from dashred.data.episodes import Episode, EpisodeRows, Episodes, split_into_episodes
 from dashred.data.io.stated_units import StatedUnits
-from dashred.data.sensors import Described, Sensor, check_names, check_sensor
+from dashred.data.sensors import Sensor, SystemDescription, check_names, check_sensor
 from dashred.physics.backends.input_signals import Measured
 
 if TYPE_CHECKING:
     import xarray as xr
 
-# In bytes: what a recording may hold.
-LARGEST = 2**32
+# Limit on the declared size of a recording.
+MAX_BYTES = 2**32
 
 
-def read_netcdf(path: str, system: Described) -> Episodes:
+def read_netcdf(path: str, system: SystemDescription) -> Episodes:
     """Read a recording whose sensors are described in the file itself.
 
     Raises:
-        InputError: for a file that is no NetCDF-4, a variable that is missing or has other
-            dimensions or text in place of numbers, or any fault of the recording itself.
+        InputError: the file is not NetCDF-4; a variable is missing, has the wrong dimensions or
+            holds text instead of numbers; or the recording is invalid.
     """
     if not Path(path).is_file():
         raise InputError("no such file", where=path, hint=f"looked in {Path.cwd()}")
@@ -45,29 +45,29 @@ def read_netcdf(path: str, system: Described) -> Episodes:
     units = _units(dataset, sensors, system, path)
     times = _numbers(dataset, "time", ("time",), path)
     values = _numbers(dataset, "value", ("time", "sensor"), path)
-    parts = _stretches(dataset, "episode", "time", path)
+    parts = _episode_rows(dataset, "episode", "time", path)
     inputs = _inputs(dataset, system, parts, path)
 
-    def episode(stretch: Stretch, driven: Measured) -> Episode:
+    def episode(stretch: EpisodeRows, driven: Measured) -> Episode:
         rows, first = stretch.rows, stretch.rows.start
 
         def place(row: int, sensor: str | None) -> str:
-            return _place(path, first + row, sensor)
+            return _location(path, first + row, sensor)
 
         recording = checked_recording(
-            sensors, times[rows], values[rows], path=stretch.within(path), place=place
+            sensors, times[rows], values[rows], path=stretch.location(path), place=place
         )
         if driven.values:
-            check_covered(recording.times, driven.times, f"{stretch.within(path)}, 'input_time'")
+            check_covered(recording.times, driven.times, f"{stretch.location(path)}, 'input_time'")
         return Episode(stretch.name, replace(recording, inputs=driven, units=units))
 
     return Episodes(tuple(map(episode, parts, inputs)))
 
 
 def _units(
-    dataset: xr.Dataset, sensors: list[Sensor], system: Described, path: str
+    dataset: xr.Dataset, sensors: list[Sensor], system: SystemDescription, path: str
 ) -> dict[str, str]:
-    """Return what attributes ``units``, and the variable ``unit`` of each sensor, state."""
+    """Return the units stated by the attributes ``units`` and the variable ``unit``."""
     stated = StatedUnits(system)
     for name, variable in (
         (TIME, "time"),
@@ -88,9 +88,9 @@ def _units(
 
 
 def _attribute(dataset: xr.Dataset, variable: str, path: str) -> str | None:
-    """Return the attribute ``units`` of a variable; of ``seconds since 2020-01-01``, ``seconds``.
+    """Return the attribute ``units`` of a variable, or None if it is empty.
 
-    An empty one states nothing.
+    Of ``seconds since 2020-01-01``, the unit is ``seconds``.
     """
     if variable not in dataset.variables:
         return None
@@ -99,25 +99,25 @@ def _attribute(dataset: xr.Dataset, variable: str, path: str) -> str | None:
 
 
 def _check_epochs(dataset: xr.Dataset, path: str) -> None:
-    """Refuse two clocks that count from different days.
+    """Check that the clocks of samples and inputs have the same epoch.
 
     Raises:
-        InputError: with both.
+        InputError: the epochs differ.
     """
     since = [_since(dataset, clock) for clock in ("time", "input_time")]
     if all(since) and _moment(since[0]) != _moment(since[1]):
-        problem = f"'input_time' counts since {since[1]}, and 'time' since {since[0]}"
-        hint = "nothing is converted: let both count from the same moment"
+        problem = f"'input_time' counts since {since[1]}, but 'time' counts since {since[0]}"
+        hint = "use the same epoch for both: times are not converted"
         raise InputError(problem, where=f"{path}, 'input_time'", hint=hint)
 
 
 def _since(dataset: xr.Dataset, clock: str) -> str:
-    """Return what a clock counts from, of ``seconds since 2020-01-01`` the day; '' if unsaid."""
+    """Return the epoch in ``seconds since 2020-01-01``, or '' if there is none."""
     return str(dataset[clock].attrs.get("units", "")).partition(" since ")[2].strip()
 
 
 def _moment(text: str) -> datetime | str:
-    """Return a moment, that of a time zone's in UTC; as it is written if it cannot be read."""
+    """Return an epoch as a datetime, or the text itself if it is not an ISO date."""
     try:
         moment = datetime.fromisoformat(text)
     except ValueError:
@@ -125,66 +125,68 @@ def _moment(text: str) -> datetime | str:
     return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
 
 
-def _place(path: str, sample: int, variable: str | None) -> str:
+def _location(path: str, sample: int, variable: str | None) -> str:
     return f"{path}, sample {sample + 1}" + (f", {variable!r}" if variable else "")
 
 
-def _stretches(dataset: xr.Dataset, name: str, clock: str, path: str) -> list[Stretch]:
-    """Return the samples of every episode of a clock; without the variable, all of them."""
+def _episode_rows(dataset: xr.Dataset, name: str, clock: str, path: str) -> list[EpisodeRows]:
+    """Return the samples of every episode; without the variable, one episode with all samples."""
     count = dataset.sizes[clock]
     if name not in dataset.variables or not count:
-        return [Stretch("", slice(0, count))]
+        return [EpisodeRows("", slice(0, count))]
     labels = _variable(dataset, name, (clock,), path).values
     if labels.dtype.kind not in "OUSiu":
-        raise InputError(f"{name!r} holds neither names nor whole numbers", where=path)
+        raise InputError(f"{name!r} must hold names or integers", where=path)
     texts = [_text(label, name, path) for label in labels]
-    return stretches(texts, lambda sample: _place(path, sample, name))
+    return split_into_episodes(texts, lambda sample: _location(path, sample, name))
 
 
 def _inputs(
-    dataset: xr.Dataset, system: Described, parts: Sequence[Stretch], path: str
+    dataset: xr.Dataset, system: SystemDescription, parts: Sequence[EpisodeRows], path: str
 ) -> list[Measured]:
-    """Return every episode's inputs by column: on a clock of their own, or on the recording's."""
-    clock, driven = "time", list(parts)
+    """Return the inputs of every episode by column, on their own or on the recording's clock."""
+    clock, input_parts = "time", list(parts)
     if "input_time" in dataset.variables:
-        clock, driven = "input_time", _stretches(dataset, "input_episode", "input_time", path)
-    names = [[part.name for part in found] for found in (parts, driven)]
-    if len(parts) != len(driven) or (len(parts) > 1 and names[0] != names[1]):
-        problem = "the inputs have other episodes than the samples"
-        raise InputError(problem, where=f"{path}, 'input_episode'", hint="give both the same ones")
+        clock = "input_time"
+        input_parts = _episode_rows(dataset, "input_episode", "input_time", path)
+    names = [[part.name for part in found] for found in (parts, input_parts)]
+    if len(parts) != len(input_parts) or (len(parts) > 1 and names[0] != names[1]):
+        problem = "the inputs and the samples have different episodes"
+        hint = "use the same episodes in the same order for both"
+        raise InputError(problem, where=f"{path}, 'input_episode'", hint=hint)
     times = _numbers(dataset, clock, (clock,), path)
     columns = {
         column: _numbers(dataset, column, (clock,), path) for column in system.inputs.values()
     }
     for name, column in system.inputs.items():
-        check_input(name, column, columns[column], lambda at, of: _place(path, at, of))
-    # The recording's own clock is looked at with the samples.
+        check_input(name, column, columns[column], lambda at, of: _location(path, at, of))
+    # The recording's own clock is checked with the samples.
     if clock == "input_time" and system.inputs:
         _check_epochs(dataset, path)
-        for part in driven:
+        for part in input_parts:
             own = times[part.rows]
             if not np.all(np.isfinite(own)) or not np.all(np.diff(own) > 0):
-                raise InputError(f"{clock!r} does not increase", where=part.within(path))
+                raise InputError(f"{clock!r} does not increase", where=part.location(path))
     return [
         Measured(times[part.rows], {name: found[part.rows] for name, found in columns.items()})
-        for part in driven
+        for part in input_parts
     ]
 
 
 def _load(path: str) -> xr.Dataset:
-    with reading("NetCDF-4 file", path):
-        # They take a second, which reading a CSV need not wait for. Of an engine that is not
-        # installed xarray says nothing that names it.
+    with reading_errors("NetCDF-4 file", path):
+        # Imported here, because they take a second. h5netcdf is imported explicitly, because
+        # xarray's error for a missing engine does not name it.
         import h5netcdf  # noqa: F401
         import xarray as xr
 
-        # First: h5netcdf leaves a traceback on stderr when a damaged object stops it halfway.
+        # Checked first: h5netcdf prints a traceback when it fails on a damaged object.
         check_hdf5(path)
-        # Times stay the numbers they are: t is the recording's own clock.
+        # Times are not decoded to dates: t is the recording's own clock.
         with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as dataset:
             # A file of a few bytes may declare any size.
-            if dataset.nbytes > LARGEST:
-                problem = f"{dataset.nbytes} bytes of values are too many: {LARGEST} at most"
+            if dataset.nbytes > MAX_BYTES:
+                problem = f"the file declares {dataset.nbytes} bytes; the limit is {MAX_BYTES}"
                 raise InputError(problem, where=path)
             return dataset.load()
 
@@ -195,7 +197,7 @@ def _variable(dataset: xr.Dataset, name: str, dims: Sequence[str], path: str) ->
         raise InputError(f"the recording has no variable {name!r}", where=path, hint=hint)
     if dataset[name].dims != tuple(dims):
         found = ", ".join(str(dim) for dim in dataset[name].dims)
-        problem = f"{name!r} has the dimensions ({found}), not ({', '.join(dims)})"
+        problem = f"{name!r} has the dimensions ({found}) instead of ({', '.join(dims)})"
         raise InputError(problem, where=path)
     return dataset[name]
 
@@ -206,7 +208,7 @@ def _texts(dataset: xr.Dataset, name: str, path: str) -> list[str]:
 
 
 def _text(value: object, name: str, path: str) -> str:
-    """Return a text; arrays of characters come as bytes, filled up with blanks or zeros."""
+    """Return a value as text; character arrays are bytes, padded with blanks or zeros."""
     if not isinstance(value, bytes):
         return str(value)
     try:
@@ -222,7 +224,9 @@ def _numbers(dataset: xr.Dataset, name: str, dims: Sequence[str], path: str) -> 
     return np.ascontiguousarray(values, dtype=np.float64)
 
 
-def _sensors(dataset: xr.Dataset, names: list[str], system: Described, path: str) -> list[Sensor]:
+def _sensors(
+    dataset: xr.Dataset, names: list[str], system: SystemDescription, path: str
+) -> list[Sensor]:
     reads = _texts(dataset, "reads", path)
     stds = np.full(len(names), np.nan)
     if "std" in dataset.variables:

@@ -1,4 +1,4 @@
-"""One way in for recordings: the file's ending decides who reads it."""
+"""Reading of a recording in any supported format, chosen by the file extension."""
 
 from __future__ import annotations
 
@@ -9,31 +9,36 @@ from dashred.data.episodes import Episodes
 from dashred.data.io.read_csv import read_csv
 from dashred.data.io.read_netcdf import read_netcdf
 from dashred.data.recording import Recording
-from dashred.data.sensors import Described
+from dashred.data.sensors import SystemDescription
 
 
-def read_recording(path: str, sensors_table: str | None, system: Described) -> Recording:
-    """Read a recording of one episode.
+def read_recording(path: str, sensors_table: str | None, system: SystemDescription) -> Recording:
+    """Read a recording with one episode.
 
     Raises:
-        InputError: for several episodes, or whatever :func:`read_episodes` refuses.
+        InputError: for several episodes, or as in :func:`read_episodes`.
     """
-    return read_episodes(path, sensors_table, system).alone(path)
+    return read_episodes(path, sensors_table, system).single(path)
 
 
-def read_episodes(path: str, sensors_table: str | None, system: Described) -> Episodes:
-    """Read a recording of this system from ``.csv`` (with its table of sensors) or ``.nc``.
+def read_episodes(path: str, sensors_table: str | None, system: SystemDescription) -> Episodes:
+    """Read a recording of a system from ``.csv`` (with its table of sensors) or ``.nc``.
+
+    Args:
+        path: of the recording.
+        sensors_table: path of the table of sensors; None for NetCDF and for ODE systems.
+        system: that the sensors observe.
 
     Raises:
-        InputError: for another ending, or whatever fault the reader of the format finds.
+        InputError: for any other extension, or an invalid file.
     """
     ending = Path(path).suffix.lower()
     if ending == ".csv":
         return read_csv(path, sensors_table, system)
     if ending != ".nc":
-        problem = f"recordings are .csv or .nc files, not {ending or 'files without an ending'}"
+        problem = f"recordings are .csv or .nc files, not {ending or 'files without an extension'}"
         raise InputError(problem, where=path)
     if sensors_table is not None:
         problem = f"a NetCDF recording describes its sensors itself, but {sensors_table} is given"
-        raise InputError(problem, where=path, hint="leave recording.sensors out")
+        raise InputError(problem, where=path, hint="remove recording.sensors")
     return read_netcdf(path, system)

@@ -1,4 +1,4 @@
-"""The table of sensors: a CSV with the columns ``name, field, x[, y], std, unit``."""
+"""Reader of the table of sensors: a CSV with the columns ``name, field, x[, y], std, unit``."""
 
 from __future__ import annotations
 
@@ -8,32 +8,32 @@ from dashred.core.errors import InputError, nearest
 from dashred.core.units import check_unit
 from dashred.data.io.csv_table import Table, read_table
 from dashred.data.io.stated_units import StatedUnits
-from dashred.data.sensors import Described, Sensor, check_names, check_sensor
+from dashred.data.sensors import Sensor, SystemDescription, check_names, check_sensor
 
-KNOWN_PERHAPS = ("std", "unit")
+OPTIONAL_COLUMNS = ("std", "unit")
 
 
-def read_sensors(path: str, system: Described, stated: StatedUnits) -> tuple[Sensor, ...]:
+def read_sensors(path: str, system: SystemDescription, stated: StatedUnits) -> tuple[Sensor, ...]:
     """Read the sensors of a system, in the order of the table.
 
-    Columns: ``name``, ``field`` (a field or let of the system), one coordinate for each axis under
-    the axis' own name, and optionally ``std``, empty where the noise is not known, and ``unit`` of
-    what the sensor reads.
+    Columns: ``name``; ``field``, a field or derived quantity of the system; one coordinate per
+    axis, under the name of the axis; optionally ``std``, empty where the noise is unknown, and
+    ``unit`` of the measured quantity.
 
     Args:
-        path: the table.
-        system: that has these sensors.
-        stated: takes note of the units in the table.
+        path: of the table.
+        system: that the sensors observe.
+        stated: collects the units in the table.
 
     Raises:
-        InputError: for a missing or unknown column, a repeated name, or a sensor that the system
-            cannot have, or a unit that differs from the configuration's.
+        InputError: for a missing or unknown column, a repeated name, a sensor that does not fit
+            the system, or a unit that differs from the configuration.
     """
     table = read_table(path)
     axes = [axis.name for axis in system.axes]
     _check_columns(table, axes)
     if not table.rows:
-        raise InputError("the table names no sensor", where=path)
+        raise InputError("the table has no sensors", where=path)
     names = table.texts("name")
     check_names(names, path)
     positions = [table.numbers(axis) for axis in axes]
@@ -43,20 +43,20 @@ def read_sensors(path: str, system: Described, stated: StatedUnits) -> tuple[Sen
         position = tuple(float(column[row]) for column in positions)
         std = None if math.isnan(stds[row]) else float(stds[row])
         sensors.append(Sensor(name, reads, position, std))
-        check_sensor(sensors[-1], system, table.place(row))
+        check_sensor(sensors[-1], system, table.location(row))
     _state_units(table, sensors, axes, stated)
     return tuple(sensors)
 
 
 def _state_units(table: Table, sensors: list[Sensor], axes: list[str], stated: StatedUnits) -> None:
     for axis in axes:
-        stated.state(axis, table.units.get(axis), table.header_place(axis))
+        stated.state(axis, table.units.get(axis), table.header_location(axis))
     for row, sensor in enumerate(sensors):
         what = f"sensor {sensor.name!r}"
         if "unit" in table.columns and (unit := table.texts("unit")[row]):
-            where = table.place(row, "unit")
+            where = table.location(row, "unit")
             stated.state(sensor.reads, check_unit(unit, what, where), where, what)
-        where = table.header_place("std")
+        where = table.header_location("std")
         stated.state(sensor.reads, table.units.get("std"), where, f"the std of {what}")
 
 
@@ -68,7 +68,7 @@ def _check_columns(table: Table, axes: list[str]) -> None:
             hint = f"its columns must be {', '.join(needed)} and, if known, std and unit"
             raise InputError(problem, where=table.path, hint=hint)
     for column in table.columns:
-        if column not in (*needed, *KNOWN_PERHAPS):
+        if column not in (*needed, *OPTIONAL_COLUMNS):
             problem = f"unknown column {column!r} in the table of sensors"
-            hint = nearest(column, (*needed, *KNOWN_PERHAPS))
+            hint = nearest(column, (*needed, *OPTIONAL_COLUMNS))
             raise InputError(problem, where=table.path, hint=hint)

@@ -1,4 +1,4 @@
-"""Recordings in NetCDF: dims (time, sensor), named as CF does for series at fixed points."""
+"""Writer of NetCDF recordings: CF time series at fixed points, dims ``(time, sensor)``."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from dashred.data.recording import Recording
 def write_netcdf(
     recorded: Recording | Episodes, path: str | Path, axes: Sequence[str] = ("x", "y", "z")
 ) -> None:
-    """Write a recording at once or not at all; equal recordings give equal bytes.
+    """Write a recording atomically; equal recordings give equal bytes.
 
     Variables: ``value`` (time, sensor), ``time``, and along ``sensor``: ``name``, ``reads``,
-    ``std`` (NaN if unknown), ``unit`` where any is stated (empty if unknown) and one coordinate for
-    each axis; along ``input_time``, a clock of their own, the measured inputs, if there are any.
-    Units of the others are attributes ``units``. Of several episodes, one after another,
-    ``episode`` and ``input_episode`` name that of every sample.
+    ``std`` (NaN if unknown), ``unit`` if any is stated (empty if unknown) and one coordinate per
+    axis. Measured inputs are along ``input_time``, their own clock. All other units are attributes
+    ``units``. Several episodes are concatenated; ``episode`` and ``input_episode`` give the
+    episode of every sample.
 
     Args:
-        recorded: what to write.
-        path: the file, which is replaced if it exists.
+        recorded: the recording.
+        path: of the file, which is replaced if it exists.
         axes: names of the system's axes, at least as many as the sensors have coordinates.
     """
-    import xarray as xr  # takes a second, which reading a CSV need not wait for
+    import xarray as xr  # takes a second, which readers of CSV need not wait for
 
     named = dict(_named(recorded))
     parts = list(named.values())

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from dashred.config import Config, load_config
 from dashred.core.errors import DONE, InputError, run_entry
-from dashred.core.system_errors import describe
+from dashred.core.system_errors import describe_system_error
 
 if TYPE_CHECKING:
     from dashred.evaluation.baselines.estimate import Estimated
@@ -128,7 +128,7 @@ def own_failure(error: Exception) -> str:
     Raises:
         Exception: this one, where the machine or the store has refused something.
     """
-    if isinstance(error, OSError | MemoryError) or describe(error):
+    if isinstance(error, OSError | MemoryError) or describe_system_error(error):
         raise error
     traceback.print_exc()
     return f"{type(error).__name__}: {' '.join(str(error).split())}"[:LENGTH]

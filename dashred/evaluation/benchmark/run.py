@@ -12,7 +12,7 @@ from rich.console import Console
 from dashred.core.errors import DONE, OUR_FAILURE, InputError
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.findings import write_json_atomic
-from dashred.core.job_control import alone_in, signals_as_interrupt
+from dashred.core.job_control import lock_folder, signals_as_interrupt
 from dashred.core.mlflow.store import find_run, open_store
 from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import CONSOLE
@@ -39,7 +39,7 @@ WIDE = 240
 def run_bench(request: Request, rows: Sequence[Row]) -> int:
     """Run what is not done, write and print the tables; 1 when a row failed."""
     output = make_output(str(request.output))
-    with alone_in(output, "bench"), signals_as_interrupt():
+    with lock_folder(output, "bench"), signals_as_interrupt():
         records = {row.folder: done for row in rows if (done := read_done(row))}
         waiting = [row for row in rows if row.folder not in records]
         CONSOLE.print(f"{len(rows)} rows, {len(records)} of them done already; in {output}")

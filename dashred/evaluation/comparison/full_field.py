@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from dashred.data.inputs import under
+from dashred.data.inputs import with_inputs
 from dashred.data.io.reader import read_recording
 from dashred.evaluation.baselines.analyse import own_failure
 from dashred.evaluation.comparison.pde_find import pde_find
@@ -39,7 +39,7 @@ def pde_find_on_full_field(
         seed: of that noise.
     """
     plain = system_of(findings)
-    system = under(plain, read_recording(str(folder / "recording.nc"), None, plain).inputs)
+    system = with_inputs(plain, read_recording(str(folder / "recording.nc"), None, plain).inputs)
     library = build_library(system, findings["input"]["config"]["library"])
     ordered = torch.from_numpy(real[:, [fields.index(field) for field in system.fields]])
     rng = np.random.default_rng([seed, *b"full field"])

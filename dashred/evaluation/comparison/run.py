@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dashred.core.errors import DONE, OUR_FAILURE
-from dashred.core.job_control import alone_in, last_line, signals_as_interrupt
+from dashred.core.job_control import last_line, lock_folder, signals_as_interrupt
 from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import CONSOLE
 from dashred.evaluation.benchmark.arguments import Request
@@ -39,7 +39,7 @@ def run_comparison(request: Request, rows: Sequence[Row], document: Path) -> int
     waiting = [row for row in analysed if not _settled(row)]
     CONSOLE.print(f"other methods: {len(waiting)} of {len(analysed)} rows to do")
     with (
-        alone_in(output, "comparison"),
+        lock_folder(output, "comparison"),
         signals_as_interrupt(),
         parent_run(output, rows[0].store, rows) as run,
     ):

@@ -16,7 +16,7 @@ import torch
 
 from dashred.core.errors import DONE
 from dashred.core.findings.findings import check_freeze
-from dashred.core.job_control import alone_in, last_line, signals_as_interrupt
+from dashred.core.job_control import last_line, lock_folder, signals_as_interrupt
 from dashred.core.progress import CONSOLE
 from dashred.evaluation.proof.cases.case_record import CaseRecord
 from dashred.evaluation.proof.cases.descriptions import ended_in_words
@@ -39,7 +39,7 @@ def run_proof(request: Request) -> list[Kept]:
     """Run whatever is not done; returns what all cases leave, in order."""
     torch.set_num_threads(1)
     output = make_output(str(request.output))
-    with alone_in(output, "proof"), signals_as_interrupt():
+    with lock_folder(output, "proof"), signals_as_interrupt():
         return _run(request, output)
 
 

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.data.sensors import Described, Sensor
+from dashred.data.sensors import Sensor, SystemDescription
 
 # A sensor that spikes does so at every such part of the record.
 SPIKES = 7
@@ -40,12 +40,12 @@ def correlated(white: NDArray[np.float64], correlation: float) -> NDArray[np.flo
     return found
 
 
-def moved(sensor: Sensor, faults: Iterable[SensorFault], system: Described) -> Sensor:
+def moved(sensor: Sensor, faults: Iterable[SensorFault], system: SystemDescription) -> Sensor:
     """Return the sensor where it really stands: along the first axis off its stated place."""
     for fault in faults:
         if fault.sensor == sensor.name and fault.kind == "misplaced":
             first, *rest = sensor.position
-            place = system.axes[0].inside(first + fault.value)
+            place = system.axes[0].wrap(first + fault.value)
             return replace(sensor, position=(place, *rest))
     return sensor
 

@@ -41,7 +41,7 @@ def record(config: Config, output: Path) -> None:
 
     from dashred.core.progress import stage
     from dashred.core.threads import use_threads
-    from dashred.data.inputs import driven, under
+    from dashred.data.inputs import drive_signals, with_inputs
     from dashred.data.io.write_netcdf import write_netcdf
     from dashred.evaluation.twins.recorder import clock_of, observe, simulate_truth
     from dashred.evaluation.twins.sealing import Truth, seal
@@ -55,8 +55,8 @@ def record(config: Config, output: Path) -> None:
     rng = np.random.default_rng(_key(twin, config.seed))
     times = clock_of(config)
     system = System(config.system, config.where)
-    inputs = driven(system, config, times)
-    system = under(system, inputs)
+    inputs = drive_signals(system, config, times)
+    system = with_inputs(system, inputs)
     with stage("record the hidden truth") as report, torch.no_grad():
         states = simulate_truth(system, twin, config, times, rng, lambda done: report(done, ""))
         count = int((times <= config.recording.duration * (1 + 1e-9)).sum())

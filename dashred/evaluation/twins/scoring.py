@@ -160,7 +160,7 @@ def _changes(
     if not parameters:
         return
     values = system.config.parameters | dict(parameters)
-    changed = system.declared_as(dataclasses.replace(system.config, parameters=values))
+    changed = system.with_config(dataclasses.replace(system.config, parameters=values))
     for equation, before in system.resolved.items():
         yield equation, changed.resolved[equation], None
         yield equation, algebra.multiply((Number(-1.0), before)), None

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from dashred.core.units import in_brackets, time_label
+from dashred.core.units import label_with_unit, time_label
 from dashred.reporting.figures.gallery import Gallery
 from dashred.reporting.figures.save import (
     front_figure,
@@ -63,7 +63,7 @@ def draw_truth(
     if not axes:
         gallery.save(state_traces(times, panels, {}, units), "state_truth.png")
     elif len(axes) == 1:
-        name = in_brackets(axes[0], units.get(axes[0]))
+        name = label_with_unit(axes[0], units.get(axes[0]))
         figure = space_time_panels(times, name, places[axes[0]], panels, {}, clock=clock)
         gallery.save(figure, "space_time_truth.png")
     else:

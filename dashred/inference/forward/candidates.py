@@ -13,7 +13,7 @@ from dashred.physics.expressions.linear import split_linear
 from dashred.physics.expressions.reflection import without_sides
 from dashred.physics.grids.fourier_symbols import symbols
 from dashred.physics.grids.spectral import Spectral
-from dashred.physics.library import COLLINEAR, evaluate_terms, resolve
+from dashred.physics.library import COLLINEARITY_TOLERANCE, evaluate_terms, resolve
 from dashred.physics.parameter_sensitivity import parameter_tendency
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
@@ -87,7 +87,7 @@ def build_candidates(
         if not torch.isfinite(sizes[j]) or sizes[j] == 0:
             continue
         cosines = (columns[kept] @ columns[j]).abs() / (sizes[kept] * sizes[j])
-        alike = torch.nonzero(cosines > 1 - COLLINEAR).flatten().tolist()
+        alike = torch.nonzero(cosines > 1 - COLLINEARITY_TOLERANCE).flatten().tolist()
         if not alike:
             kept.append(j)
             continue

@@ -128,7 +128,7 @@ class MovedSensor:
         """
         stated = list(zip(self.sensor.position, self.system.axes, strict=True))
         places = [
-            tuple(axis.inside(x + d) for (x, axis), d in zip(stated, delta, strict=True))
+            tuple(axis.wrap(x + d) for (x, axis), d in zip(stated, delta, strict=True))
             for delta in deltas.tolist()
         ]
         sensors = [replace(self.sensor, position=place) for place in places]

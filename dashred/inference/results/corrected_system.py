@@ -48,4 +48,4 @@ def _tangents(system: System, parameter: str) -> Iterator[Term]:
 def with_parameters(system: System, values: Mapping[str, float]) -> System:
     """Return the system with other values of some parameters."""
     parameters = system.config.parameters | dict(values)
-    return system.declared_as(replace(system.config, parameters=parameters))
+    return system.with_config(replace(system.config, parameters=parameters))

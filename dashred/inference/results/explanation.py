@@ -14,7 +14,7 @@ from dashred.core.findings.law_schema import (
     TermTried,
 )
 from dashred.core.formatting import number, rounded
-from dashred.core.units import measured
+from dashred.core.units import with_unit
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.result import AMBIGUOUS, Discovery
@@ -191,7 +191,7 @@ def _says(system: System, law: Law, index: int) -> str:
     if candidate.equation is not None:
         says = words(system, candidate.equation, _expression(system, candidate), value, std)
         window = candidate.window
-        return says if window is None else f"{says}, {window.told(system.units)}"
+        return says if window is None else f"{says}, {window.describe(system.units)}"
     old = system.config.parameters[candidate.name]
     change, std = _change(system, law, index)
     new, error = rounded(old + change, std)
@@ -200,7 +200,7 @@ def _says(system: System, law: Law, index: int) -> str:
         if is_exact(system, candidate.name, value)
         else ", to first order in the change, whose tangent stands in the corrected equations"
     )
-    told = measured(new, system.units.get(candidate.name))
+    told = with_unit(new, system.units.get(candidate.name))
     says = f"{candidate.name} is {told}, not {number(old)} (± {error}{about})"
     if candidate.aliases:
         says += f"; a change of {' or '.join(candidate.aliases)} would do the same"
@@ -224,7 +224,7 @@ def _tried(
             coefficient=value
             if candidate.equation
             else parameter_change(system, candidate.name, value),
-            region=candidate.window.told(system.units) if candidate.window else None,
+            region=candidate.window.describe(system.units) if candidate.window else None,
         )
         for candidate, value in zip(candidates, coefficients, strict=True)
     ]

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from dashred.core.formatting import percent, rounded
-from dashred.core.units import measured
+from dashred.core.units import with_unit
 from dashred.physics.system import System
 
 CARRIED = 0.8
@@ -47,7 +47,7 @@ def regime(system: System, states: Tensor, power: Tensor, read: Collection[str])
     sign = ">" if above else "<"
     value, _ = rounded(threshold, PRECISION * spread)
     carries = f"({percent(share)} {domain} carries {percent(CARRIED)} of it)"
-    bound = measured(value, system.units.get(label.strip("|")))
+    bound = with_unit(value, system.units.get(label.strip("|")))
     return f"{label} {sign} {bound} {carries}"
 
 

@@ -20,8 +20,8 @@ from dashred.inference.forward.candidates import Candidate
 from dashred.inference.results.parameter_change import parameter_change
 from dashred.physics.expressions.algebra import Name, Number, Product, names
 from dashred.physics.grids.quadrature import integral
-from dashred.physics.port_hamiltonian import Part, PortHamiltonian, alike
-from dashred.physics.sampled_states import SampledStates, bare, evaluate, waves_of
+from dashred.physics.port_hamiltonian import Part, PortHamiltonian, close_fields
+from dashred.physics.sampled_states import SampledStates, evaluate, random_waves, without_sides
 from dashred.physics.system import Term
 
 # Of the energy that is moved: less is the grid's own error.
@@ -88,7 +88,7 @@ def stays_port_hamiltonian(
     if not changed.is_skew(at):
         return False
     efforts = _changed_efforts(changed, law, changes, at)
-    power = -changed.lost(at, efforts)
+    power = -changed.dissipated_power(at, efforts)
     gross, slopes = power.abs(), []
     for candidate, xi, change in zip(law.candidates, values, changes, strict=True):
         slope, size = torch.zeros_like(power), torch.zeros_like(power)
@@ -106,13 +106,13 @@ def stays_port_hamiltonian(
 def _of_parameter(
     form: PortHamiltonian, candidate: Candidate, xi: float, at: SampledStates
 ) -> StructureChange:
-    [part, *_] = [*form.parts_that_read(candidate.name), None]
+    [part, *_] = [*form.parts_with_parameter(candidate.name), None]
     if part != "R":
         return StructureChange(candidate.key, part)
     efforts = _efforts(form, at)
     change = parameter_change(form.system, candidate.name, xi)
     changed = form.with_parameters({candidate.name: change})
-    before, after = (each.lost(at, efforts) for each in (form, changed))
+    before, after = (each.dissipated_power(at, efforts) for each in (form, changed))
     return StructureChange(candidate.key, "R", bool((after >= before).all()))
 
 
@@ -191,7 +191,7 @@ def _has_counterpart(form: PortHamiltonian, law: Law, index: int, at: SampledSta
         pair = torch.zeros_like(xi)
         pair[index], pair[other] = ratio, 1.0
         left, variance = float(pair @ xi), float(pair @ covariance @ pair)
-        if alike(given, ratio * taken) and abs(left) < SURE * variance**0.5:
+        if close_fields(given, ratio * taken) and abs(left) < SURE * variance**0.5:
             return True
     return False
 
@@ -218,10 +218,13 @@ def _is_of_an_energy(form: PortHamiltonian, term: Term, at: SampledStates) -> bo
     """
     system = form.system
     source, _ = _driven_by(form, term.equation)
-    if not source or not names(bare(term.expression, system)) <= {source, *system.config.axes}:
+    if not source or not names(without_sides(term.expression, system)) <= {
+        source,
+        *system.config.axes,
+    }:
         return False
     index = system.fields.index(source)
-    a, b = waves_of(system.grid, 1).sum(dim=0)[:2, 0]
+    a, b = random_waves(system.grid, 1).sum(dim=0)[:2, 0]
     with torch.enable_grad():
         states = at.states.clone().requires_grad_()
         theta = evaluate(system, term.expression, SampledStates(states, at.times))

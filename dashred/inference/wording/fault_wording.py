@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from dashred.core.formatting import number, rounded
-from dashred.core.units import NONE, TIME, measured, shown
+from dashred.core.units import NO_UNITS, TIME, format_unit, with_unit
 from dashred.inference.fit.law import SensorFault
 
 
 def fault_in_words(
     fault: SensorFault,
     reads: str | None = None,
-    units: Mapping[str, str] = NONE,
+    units: Mapping[str, str] = NO_UNITS,
     place: str | None = None,
 ) -> str:
     """Return what is wrong with the sensor in one sentence.
@@ -25,15 +25,15 @@ def fault_in_words(
     """
     value, std = rounded(fault.value, fault.std) if fault.std else (number(fault.value), None)
     told, unit, time = value + (f" ± {std}" if std else ""), units.get(reads or ""), units.get(TIME)
-    reading = measured(told, unit)
+    reading = with_unit(told, unit)
     match fault.kind:
         case "bias":
             return f"sensor {fault.sensor} reads {reading} too much"
         case "drift":
-            per = f"per {shown(time) if time else 'unit time'}"
+            per = f"per {format_unit(time) if time else 'unit time'}"
             return f"sensor {fault.sensor} drifts by {reading} {per}"
         case "stuck":
-            begin = measured(f"{fault.begin:.4g}", time)
+            begin = with_unit(f"{fault.begin:.4g}", time)
             return f"sensor {fault.sensor} is stuck at {reading} from t = {begin} on"
         case "spikes":
             count = round(fault.value)
@@ -41,5 +41,5 @@ def fault_in_words(
             if count != 1:
                 samples = f"{count} samples that are no readings"
             return f"sensor {fault.sensor} has {samples}"
-    away = measured(told, units.get(place or ""))
+    away = with_unit(told, units.get(place or ""))
     return f"sensor {fault.sensor} stands {away} from where it is said to"

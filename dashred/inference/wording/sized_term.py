@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dashred.core.formatting import MINUS, pretty, with_error
-from dashred.core.units import TIME, measured, shown
+from dashred.core.units import TIME, format_unit, with_unit
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import ONE, Expr, Name, Number, Power, Product
 from dashred.physics.system import System
@@ -42,12 +42,12 @@ class SizedTerm:
     def rate(self) -> str:
         """What a rate of change is per."""
         unit = self.system.units.get(TIME)
-        return f"per {shown(unit) if unit else 'unit time'}"
+        return f"per {format_unit(unit) if unit else 'unit time'}"
 
     def size(self, factor: float = 1.0) -> str:
         """Return the coefficient with its error, times a number, and its unit where it is known."""
         size = with_error(factor * self.value, abs(factor) * self.std)
-        return measured(size, self.unit)
+        return with_unit(size, self.unit)
 
     @property
     def is_velocity(self) -> bool:

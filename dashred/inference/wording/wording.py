@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from dashred.core.units import TIME, measured
+from dashred.core.units import TIME, with_unit
 from dashred.inference.wording.sized_term import SizedTerm, meaning
 from dashred.inference.wording.spatial_wording import spatial_words, steep_words
 from dashred.physics.expressions.algebra import ONE, Call, Expr, Name, split_coefficient
@@ -47,7 +47,7 @@ def _periodic(term: SizedTerm) -> str | None:
             frequency, clock = split_coefficient(inner)
             if clock == Name("t"):
                 length = f"{2 * math.pi / abs(frequency):.3g}"
-                period = f"a period of {measured(length, term.system.units.get(TIME))}"
+                period = f"a period of {with_unit(length, term.system.units.get(TIME))}"
                 return f"periodic drive of {term.what}, with {period}: {term.amount}"
     return None
 

@@ -1,1 +1,1 @@
-"""Simulators that are code or snapshots."""
+"""Simulators given as Python code or as snapshots."""

@@ -1,4 +1,4 @@
-"""A file of snapshots, opened and held against the system's fields, grid and units."""
+"""Opening of a file of snapshots, with checks of fields, grid, times and units."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dashred.core.errors import InputError, nearest
-from dashred.core.files.damaged_files import reading
+from dashred.core.files.damaged_files import reading_errors
 from dashred.core.files.external_links import check_folder, check_hdf5
-from dashred.core.units import TIME, check_same, check_unit
+from dashred.core.units import TIME, check_same_unit, check_unit
 from dashred.physics.external.snapshots import Snapshots
 from dashred.physics.grids.grid import Axis
 from dashred.physics.system import System
@@ -18,23 +18,23 @@ from dashred.physics.system import System
 if TYPE_CHECKING:
     import xarray as xr
 
-# A step may miss the mean step by so much of it: files keep times in single precision, too.
-UNEVEN = 1e-3
-# Coordinates may miss the grid's by so much of a spacing.
-OFF_GRID = 1e-3
+# Relative variation of time steps that is allowed, because times may be in single precision.
+MAX_STEP_VARIATION = 1e-3
+# Allowed deviation of coordinates from the grid, as a share of the spacing.
+GRID_TOLERANCE = 1e-3
 FORMATS = "snapshots are one NetCDF-4 file or one Zarr folder, such as xarray writes"
-# Where a unit of a name is stated.
+# Configuration key of the unit of a name.
 UNITS_KEY = "system.units.{}"
 
 
 def open_snapshots(path: str, system: System) -> Snapshots:
-    """Open a file of snapshots and hold it against the system's fields and grid.
+    """Open a file of snapshots and check it against the system.
 
     A file without the dimension ``member`` holds one run.
 
     Raises:
-        InputError: it cannot be read, a field is missing, the dimensions or coordinates are not
-            the grid's, times are not even, or a unit is another than is stated elsewhere.
+        InputError: the file cannot be read, a field is missing, the dimensions or coordinates do
+            not fit the grid, times are uneven, or a unit differs from the configuration.
     """
     dataset = _open(path)
     for field in system.fields:
@@ -44,7 +44,7 @@ def open_snapshots(path: str, system: System) -> Snapshots:
     _check_units(dataset, system, path)
     sizes = dataset.sizes
     if sizes["time"] < 2:
-        raise InputError("a run needs two snapshots at least", where=path)
+        raise InputError("a run needs at least two snapshots", where=path)
     step = _step(dataset, path)
     return Snapshots(path, system, dataset, sizes.get("member", 1), sizes["time"], step)
 
@@ -56,14 +56,14 @@ def _open(path: str) -> xr.Dataset:
         raise InputError("no such file or folder", where=path, hint=f"looked in {Path.cwd()}")
     engine = "zarr" if Path(path).is_dir() else "h5netcdf"
     kind = "Zarr folder" if engine == "zarr" else "NetCDF-4 file"
-    with reading(kind, path, FORMATS):
-        # Of an engine that is not installed xarray says nothing that names it.
+    with reading_errors(kind, path, FORMATS):
+        # Imported explicitly, because xarray's error for a missing engine does not name it.
         if engine == "zarr":
             import zarr  # noqa: F401
         else:
             import h5netcdf  # noqa: F401
         (check_folder if engine == "zarr" else check_hdf5)(path)
-        # Arrays stay on disk until they are indexed; times stay the numbers they are.
+        # Arrays stay on disk until they are indexed; times are not decoded to dates.
         return xr.open_dataset(path, engine=engine, chunks=None, decode_times=False)
 
 
@@ -75,7 +75,8 @@ def _check_variable(dataset: xr.Dataset, field: str, system: System, path: str) 
     wanted = (*runs, "time", *(axis.name for axis in system.axes))
     found = tuple(map(str, dataset[field].dims))
     if set(found) != set(wanted):
-        what = f"{field!r} has the dimensions ({', '.join(found)}), not ({', '.join(wanted)})"
+        dims = f"({', '.join(found)}) instead of ({', '.join(wanted)})"
+        what = f"{field!r} has the dimensions {dims}"
         hint = "rename them (xarray: dataset.rename), or declare the axes: system.axes"
         raise InputError(what, where=path, hint=hint)
     if dataset[field].dtype.kind not in "fiu":
@@ -85,9 +86,9 @@ def _check_variable(dataset: xr.Dataset, field: str, system: System, path: str) 
 def _check_axis(dataset: xr.Dataset, axis: Axis, path: str) -> None:
     found, wanted = dataset.sizes[axis.name], axis.own_points
     if found != wanted:
-        both = "" if axis.periodic else ", both ends among them"
+        both = "" if axis.periodic else ", including both ends"
         raise InputError(
-            f"the snapshots have {found} points along {axis.name}, and the grid {wanted}{both}",
+            f"the snapshots have {found} points along {axis.name}, but the grid has {wanted}{both}",
             where=path,
             hint=f"set system.axes.{axis.name}.points to {found - (not axis.periodic)}",
         )
@@ -95,9 +96,9 @@ def _check_axis(dataset: xr.Dataset, axis: Axis, path: str) -> None:
         return
     places = np.asarray(dataset[axis.name].values)
     grid = axis.spacing * np.arange(wanted)
-    # A NaN is not near either.
+    # The comparison is also false for NaN.
     if places.dtype.kind not in "fiu" or not np.all(
-        np.abs(places - grid) <= OFF_GRID * axis.spacing
+        np.abs(places - grid) <= GRID_TOLERANCE * axis.spacing
     ):
         told = f"{places[0]:g} to {places[-1]:g}" if places.dtype.kind in "fiu" else "text"
         raise InputError(
@@ -110,7 +111,7 @@ def _check_axis(dataset: xr.Dataset, axis: Axis, path: str) -> None:
 
 
 def _check_units(dataset: xr.Dataset, system: System, path: str) -> None:
-    """Hold attributes ``units`` against what the configuration and the recording state."""
+    """Compare the attributes ``units`` with the configuration."""
     named = {name: name for name in (*system.fields, *(axis.name for axis in system.axes))}
     for variable, name in {**named, "time": TIME}.items():
         if variable not in dataset.variables:
@@ -119,7 +120,7 @@ def _check_units(dataset: xr.Dataset, system: System, path: str) -> None:
         if text.strip():
             where = f"{path}, {variable!r}"
             unit = check_unit(text, variable, where)
-            check_same(variable, unit, where, system.units.get(name), UNITS_KEY.format(name))
+            check_same_unit(variable, unit, where, system.units.get(name), UNITS_KEY.format(name))
 
 
 def _step(dataset: xr.Dataset, path: str) -> float:
@@ -127,16 +128,16 @@ def _step(dataset: xr.Dataset, path: str) -> float:
         raise InputError("the snapshots have no coordinate 'time'", where=path)
     times = np.asarray(dataset["time"].values)
     if times.dtype.kind not in "fiu" or not np.isfinite(times).all():
-        raise InputError("'time' does not hold numbers alone", where=path)
+        raise InputError("'time' must hold finite numbers", where=path)
     steps = np.diff(times.astype(np.float64))
     step = float(steps.mean())
-    # Each time against the even clock: single precision may not be mistaken for unevenness.
+    # Compare each time with a uniform clock, so that single precision does not count as uneven.
     off = np.abs(times - times[0] - step * np.arange(len(times)))
-    if step <= 0 or off.max() > max(UNEVEN, 1e-6 * len(times)) * step:
+    if step <= 0 or off.max() > max(MAX_STEP_VARIATION, 1e-6 * len(times)) * step:
         sample = int(np.argmax(np.abs(steps - step)))
         raise InputError(
-            f"'time' is not even: {times[sample]:g} and {times[sample + 1]:g} follow each other, "
-            f"where the step is {step:g} on average",
+            f"'time' is uneven: {times[sample]:g} is followed by {times[sample + 1]:g}, "
+            f"but the mean step is {step:g}",
             where=path,
             hint="interpolate the snapshots to equal steps (xarray: dataset.interp)",
         )

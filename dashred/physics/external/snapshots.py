@@ -1,4 +1,4 @@
-"""Runs of a simulator that nothing else is known of: NetCDF or Zarr, read as far as is needed."""
+"""Snapshots of a black-box simulator in NetCDF or Zarr, read on demand."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.core.errors import InputError
-from dashred.core.files.damaged_files import reading
+from dashred.core.files.damaged_files import reading_errors
 from dashred.physics.system import System
 
 if TYPE_CHECKING:
     import xarray as xr
 
-# The step of a clock that is so much of a step off a whole number of snapshots lies on them.
-ON_CLOCK = 1e-3
-# What is read may take this share of the machine's memory: training needs several times as much.
-MEMORY = 0.15
-DAMAGED = "what it holds is damaged: copy or write it anew"
+# Relative deviation from a whole number of steps that is allowed.
+CLOCK_TOLERANCE = 1e-3
+# Share of the machine's memory for the states that are read; training needs several times as much.
+MAX_MEMORY_SHARE = 0.15
+DAMAGED = "the file is damaged: copy or write it again"
 
 
 @dataclass(frozen=True, eq=False)
 class Snapshots:
-    """What a file of snapshots holds, of which nothing but coordinates has been read.
+    """An open file of snapshots, of which only the coordinates have been read.
 
     Attributes:
-        path: the file or folder.
-        system: whose fields and grid they are.
-        dataset: the file, open.
-        members: runs in it.
-        samples: of each run.
+        path: of the file or folder.
+        system: with the fields and the grid.
+        dataset: the open file.
+        members: number of runs.
+        samples: number of samples per run.
         step: between samples, in the system's unit of time.
     """
 
@@ -51,45 +51,45 @@ class Snapshots:
 
         Args:
             own: the recording's own step.
-            every: the step that the user asks for; None takes the shortest that both allow.
+            every: the configured step; None takes the shortest possible step.
 
         Raises:
-            InputError: snapshots do not lie on the step that the user asks for.
+            InputError: the configured step is not a multiple of the step between snapshots.
         """
         wanted = max(own, self.step) if every is None else every
         count = round(wanted / self.step)
-        if count >= 1 and abs(wanted / self.step - count) <= ON_CLOCK * count:
+        if count >= 1 and abs(wanted / self.step - count) <= CLOCK_TOLERANCE * count:
             return wanted
         longer = max(1, int(np.ceil(own / self.step))) * self.step
         if every is None:
             return longer
         raise InputError(
-            f"a step of {every:g} is no whole number of the snapshots' steps, {self.step:.6g}",
+            f"a step of {every:g} is not a multiple of the snapshots' step, {self.step:.6g}",
             where="recording.every",
             hint=f"set recording.every to null or to {longer:.6g}",
         )
 
     def stride(self, every: float) -> int:
-        """Return how many of its steps a step of the clock is."""
+        """Return the number of steps between snapshots in one step of the clock."""
         return round(every / self.step)
 
     def samples_at(self, every: float) -> int:
-        """Return samples of each run at the clock's step."""
+        """Return the number of samples per run at the step of the clock."""
         return -(-self.samples // self.stride(every))
 
     def read(self, members: int, every: float, rng: np.random.Generator) -> tuple[Tensor, str]:
-        """Read so many runs, drawn at random, at the clock's step.
+        """Read random runs at the step of the clock.
 
         Args:
-            members: how many runs at most.
-            every: the clock's step, a whole number of the snapshots' own.
-            rng: draws them, and their order.
+            members: maximum number of runs.
+            every: step of the clock, a multiple of the step between snapshots.
+            rng: draws the runs and their order.
 
         Returns:
-            ``(member, time, field, *grid)``, float64, and the hash of what was read.
+            States ``(member, time, field, *grid)``, float64, and the hash of the values.
 
         Raises:
-            InputError: a value is damaged or not finite, or it would not fit into memory.
+            InputError: the file is damaged, a value is not finite, or memory is insufficient.
         """
         stride, kept = self.stride(every), self.samples_at(every)
         chosen = rng.permutation(self.members)[:members]
@@ -102,7 +102,7 @@ class Snapshots:
             indices = {"member": member, "time": slice(None, None, stride)}
             part = self.dataset.isel(indices, missing_dims="ignore")
             for index, field in enumerate(self.system.fields):
-                with reading("file of snapshots", self.path, DAMAGED):
+                with reading_errors("file of snapshots", self.path, DAMAGED):
                     values = np.asarray(part[field].transpose("time", *axes).values, np.float64)
                 self._check_finite(values, field, member, stride)
                 digest.update(np.ascontiguousarray(values, "<f8").tobytes())
@@ -112,7 +112,7 @@ class Snapshots:
     def _check_memory(self, members: int, samples: int) -> None:
         points = int(np.prod(self.system.grid.shape)) * len(self.system.fields)
         size = 8 * members * samples * points
-        limit = MEMORY * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        limit = MAX_MEMORY_SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
         if size > limit:
             fitting = int(members * limit / size)
             raise InputError(
@@ -131,5 +131,5 @@ class Snapshots:
             raise InputError(
                 f"{field} is not finite in member {member}, sample {sample} (counted from 0)",
                 where=self.path,
-                hint="leave this run out of the file, or end all runs before that time",
+                hint="remove this run from the file, or end all runs before that time",
             )

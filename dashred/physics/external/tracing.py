@@ -1,8 +1,8 @@
-"""A tendency that is written in Python, followed with symbols: what it computes, as equations.
+"""Symbolic tracing of a tendency in Python to equations.
 
-The class is run once with symbols in place of tensors. What it does to them is written down in the
-equation language, so that everything that is done with declared equations is done with it. It is
-run again with tensors, which shows whether the equations are all that it does.
+The class is called once with symbols in place of tensors, and the operations are recorded in the
+equation language. It can then be used like declared equations. A second call with tensors checks
+that the equations are complete.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from dashred.physics.grids.operators import Operators
 from dashred.physics.solvers.rhs import GridTendency
 from dashred.physics.system import System
 
-ALIKE = 1e-9
-# States about these values are tried: what is only computed of positive ones, too.
-ABOUT, SPREAD, TRIED, WHEN = (0.0, 1.0), 0.3, 4, 0.7
+RELATIVE_TOLERANCE = 1e-9
+# Mean values of the states for the check; positive ones for functions such as sqrt.
+CENTRES, SPREAD, STATES, TIME = (0.0, 1.0), 0.3, 4, 0.7
 
 
 class Tendency(Protocol):
@@ -34,8 +34,8 @@ class Tendency(Protocol):
 
         Args:
             fields: state by name, ``(batch, *grid)``; for an ODE system ``(batch,)``.
-            t: the recording's clock.
-            parameters: by name, as the configuration has them; as t, tensors without dimensions.
+            t: time on the recording's clock, a zero-dimensional tensor.
+            parameters: by name, zero-dimensional tensors.
             space: spatial derivatives: ``space.d(f, "x", 2)``, ``space.lap(f)``,
                 ``space.grad2(f)``; ``space.coordinate("x")``.
         """
@@ -72,7 +72,7 @@ class SymbolicSpace:
     def _check(self, *axes: str) -> None:
         if not axes or axes[0] not in self.axes:
             known = ", ".join(self.axes) or "none"
-            raise NotTraceableError(f"a derivative along an axis that there is not; axes: {known}")
+            raise NotTraceableError(f"a derivative along an unknown axis; axes: {known}")
 
 
 class GridSpace:
@@ -99,14 +99,14 @@ class GridSpace:
 
 
 def trace(simulator: Tendency, system: System) -> dict[str, str]:
-    """Return the equations that a tendency computes, by field, in the equation language.
+    """Return the equations of a tendency, by field, in the equation language.
 
     Args:
-        simulator: the class, made.
-        system: fields, axes and parameters; its own equations are not looked at.
+        simulator: instance of the class.
+        system: with fields, axes and parameters; its equations are ignored.
 
     Raises:
-        NotTraceableError: the class does something that no equation says.
+        NotTraceableError: the class does something that has no counterpart in the language.
     """
     config = system.config
     fields = {name: Symbol(Name(name)) for name in config.fields}
@@ -118,30 +118,32 @@ def trace(simulator: Tendency, system: System) -> dict[str, str]:
 
 
 @torch.no_grad()
-def equations_differ(simulator: Tendency, system: System) -> str | None:
-    """Return the first field whose tendency, with tensors, is not what its equation says.
+def first_mismatch(simulator: Tendency, system: System) -> str | None:
+    """Return the first field whose tendency with tensors differs from its equation, or None.
 
     Args:
-        simulator: the class, made.
-        system: with the equations that :func:`trace` has found.
+        simulator: instance of the class.
+        system: with the equations from :func:`trace`.
     """
     generator = torch.Generator().manual_seed(0)
     tendency = GridTendency(system)
-    shape = (TRIED, len(system.fields), *system.grid.shape)
-    for about in ABOUT:
+    shape = (STATES, len(system.fields), *system.grid.shape)
+    for about in CENTRES:
         noise = torch.randn(shape, generator=generator, dtype=torch.float64)
         state = system.grid.ring(system.grid.own(about + SPREAD * noise))
-        expected = tendency(state, WHEN)
+        expected = tendency(state, TIME)
         fields = dict(zip(system.fields, state.unbind(1), strict=True))
         given = system.config.parameters
         parameters = {n: torch.tensor(value, dtype=torch.float64) for n, value in given.items()}
-        t = torch.tensor(WHEN, dtype=torch.float64)
+        t = torch.tensor(TIME, dtype=torch.float64)
         made = simulator.tendency(fields, t, parameters, GridSpace(system))
         for index, (name, value) in enumerate(_by_field(made, system).items()):
             wanted = expected[:, index]
             told = torch.as_tensor(value, dtype=torch.float64).expand(wanted.shape)
             size = float(wanted.nan_to_num().abs().max())
-            if not torch.allclose(told, wanted, ALIKE, ALIKE * size, equal_nan=True):
+            if not torch.allclose(
+                told, wanted, RELATIVE_TOLERANCE, RELATIVE_TOLERANCE * size, equal_nan=True
+            ):
                 return name
     return None
 

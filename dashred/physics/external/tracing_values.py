@@ -1,6 +1,6 @@
-"""Expressions that behave like tensors: what arithmetic does to them is written down."""
+"""Symbols that behave like tensors and record the operations on them as expressions."""
 
-# Its operators are Python's own, and need no words.
+# Python's operators need no docstrings.
 # ruff: noqa: D105
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import Expr, Number
 from dashred.physics.expressions.functions import FUNCTIONS
 
-SIGNS = {"add": "+", "sub": "-", "mul": "*", "truediv": "/", "div": "/", "pow": "**"}
-NAMES = {"multiply": "mul", "subtract": "sub", "absolute": "abs", "divide": "div"}
+OPERATORS = {"add": "+", "sub": "-", "mul": "*", "truediv": "/", "div": "/", "pow": "**"}
+ALIASES = {"multiply": "mul", "subtract": "sub", "absolute": "abs", "divide": "div"}
 
 
 class NotTraceableError(Exception):
-    """The equation language has nothing for what the class does; says what that is."""
+    """An operation that has no counterpart in the equation language."""
 
 
 class Symbol:
-    """An expression that behaves like a tensor under arithmetic and torch's own functions."""
+    """An expression that behaves like a tensor in arithmetic and in torch's functions."""
 
     def __init__(self, expr: Expr) -> None:
         self.expr = expr
@@ -66,7 +66,7 @@ class Symbol:
         raise NotTraceableError("a decision (if, while, and, or) that depends on the state")
 
     def __lt__(self, other: Any) -> bool:
-        raise NotTraceableError("a comparison of the state; torch.sign(f) may say the same")
+        raise NotTraceableError("a comparison of the state; torch.sign(f) may be equivalent")
 
     __le__ = __gt__ = __ge__ = __lt__
 
@@ -76,7 +76,7 @@ class Symbol:
     __hash__ = None  # type: ignore[assignment]
 
     def __float__(self) -> float:
-        raise NotTraceableError("a number made of the state (float, int, .item, the math module)")
+        raise NotTraceableError("a conversion of the state to a number (float, int, .item, math)")
 
     def __getattr__(self, name: str) -> Callable[..., Symbol]:
         if name.startswith("__"):
@@ -97,17 +97,17 @@ class Symbol:
         args: Sequence[Any] = (),
         kwargs: Mapping[str, Any] | None = None,
     ) -> Symbol:
-        """Take part in ``torch.sin(symbol)`` and in ``tensor * symbol``."""
+        """Support ``torch.sin(symbol)`` and ``tensor * symbol``."""
         if kwargs:
             raise NotTraceableError(f"the function {func.__name__} with {next(iter(kwargs))}=")
         return function(func.__name__, *args)
 
 
 def symbol(value: Any) -> Symbol:
-    """Return a number, a tensor of one number, or a symbol as a symbol.
+    """Convert a number, a tensor with one element, or a symbol to a symbol.
 
     Raises:
-        NotTraceableError: it is nothing of these.
+        NotTraceableError: the value is none of these.
     """
     if isinstance(value, Symbol):
         return value
@@ -121,28 +121,28 @@ def symbol(value: Any) -> Symbol:
 
 
 def function(name: str, *operands: Any) -> Symbol:
-    """Return what a function of torch does to symbols.
+    """Apply a function of torch to symbols.
 
     Raises:
-        NotTraceableError: the equation language does not have it.
+        NotTraceableError: the equation language does not have the function.
     """
     bare = name.strip("_").removeprefix("true_")
-    bare = NAMES.get(bare, bare)
-    if bare[:1] == "r" and bare[1:] in SIGNS:
+    bare = ALIASES.get(bare, bare)
+    if bare[:1] == "r" and bare[1:] in OPERATORS:
         bare, operands = bare[1:], operands[::-1]
     found = [symbol(operand) for operand in operands]
-    if bare in SIGNS and len(found) == 2:
-        return _signed(SIGNS[bare], *found)
+    if bare in OPERATORS and len(found) == 2:
+        return _apply_operator(OPERATORS[bare], *found)
     if len(found) == 1:
         [x] = found
         if bare in FUNCTIONS:
             return Symbol(algebra.call(bare, x.expr))
-        if bare in OTHERS:
-            return OTHERS[bare](x)
+        if bare in COMPOSITES:
+            return COMPOSITES[bare](x)
     raise NotTraceableError(f"the function {name}")
 
 
-OTHERS: dict[str, Callable[[Symbol], Symbol]] = {
+COMPOSITES: dict[str, Callable[[Symbol], Symbol]] = {
     "neg": lambda x: -x,
     "negative": lambda x: -x,
     "square": lambda x: x**2.0,
@@ -155,11 +155,11 @@ OTHERS: dict[str, Callable[[Symbol], Symbol]] = {
 
 
 def expression_of(value: Any) -> Expr:
-    """Return the expression of what :func:`symbol` takes."""
+    """Return the expression of a value that :func:`symbol` accepts."""
     return symbol(value).expr
 
 
-def _signed(sign: str, a: Symbol, b: Symbol) -> Symbol:
+def _apply_operator(sign: str, a: Symbol, b: Symbol) -> Symbol:
     match sign:
         case "+":
             return a + b

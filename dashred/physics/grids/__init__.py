@@ -1,1 +1,1 @@
-"""Grids and their differential operators."""
+"""Grids, differential operators and quadrature."""

@@ -1,4 +1,4 @@
-"""Finite differences on periodic axes: central of second order, upwind for fluxes."""
+"""Finite differences on periodic axes: second-order central, and upwind for fluxes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dashred.physics.grids.spectral import Spectral
 
 
 class FiniteDifferences:
-    """Central differences of second order, and a first-order upwind flux, on periodic axes."""
+    """Second-order central differences and a first-order upwind flux on periodic axes."""
 
     def __init__(self, grid: Grid) -> None:
         self.grid = grid
@@ -22,7 +22,7 @@ class FiniteDifferences:
         return on_points(value)
 
     def derivative(self, value: Value, axis: str, order: int) -> Value:
-        """Return ``(f₊ - f₋)/2h`` once for odd orders, ``(f₊ - 2f + f₋)/h²`` for each pair."""
+        """Apply ``(f₊ - 2f + f₋)/h²`` order // 2 times, then ``(f₊ - f₋)/2h`` for odd orders."""
         points, dim, h = self._along(value, axis)
         for _ in range(order // 2):
             points = (points.roll(-1, dim) - 2 * points + points.roll(1, dim)) / h**2
@@ -35,7 +35,7 @@ class FiniteDifferences:
         return total([self.derivative(value, axis.name, 2) for axis in self.grid.axes])
 
     def inverse_laplacian(self, value: Value) -> Value:
-        """Return the spectral inverse: a global operator has no local stencil."""
+        """Return the spectral inverse, because the operator has no local stencil."""
         return Value(self._spectral.on_grid(self._spectral.inverse_laplacian(value)))
 
     def flux(self, value: Value, axis: str, transported: Value) -> Value:
@@ -43,8 +43,8 @@ class FiniteDifferences:
 
         ``F = (f_j + f_{j+1})/2 - sign(a) (f_{j+1} - f_j)/2`` with the wave speed
         ``a = (f_{j+1} - f_j)/(u_{j+1} - u_j)`` of the transported field u
-        (LeVeque, Finite Volume Methods for Hyperbolic Problems, §12.2). Upwind of
-        ``∂u/∂t = -∂f/∂x``: an equation that writes ``+flux(f, x)`` is not stabilised by it.
+        (LeVeque, Finite Volume Methods for Hyperbolic Problems, §12.2). The upwind direction is
+        that of ``∂u/∂t = -∂f/∂x``; an equation with ``+flux(f, x)`` is not stabilised.
         """
         f, dim, h = self._along(value, axis)
         u, _, _ = self._along(transported, axis)

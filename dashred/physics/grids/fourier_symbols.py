@@ -21,7 +21,7 @@ from dashred.physics.grids.spectral import Spectral
 def symbol(expr: Expr, operators: Spectral, device: torch.device) -> Tensor | float:
     """Return the Fourier symbol of a linear operator: ``nu*lap(u)`` → ``-ν|k|²``.
 
-    Real (float64) while every derivative in it is even, complex otherwise.
+    The symbol is real (float64) if all derivatives are even, and complex otherwise.
     """
     value, rest = split_coefficient(expr)
     match rest:
@@ -40,7 +40,7 @@ def symbol(expr: Expr, operators: Spectral, device: torch.device) -> Tensor | fl
 
 
 def symbols(linear: Sequence[Sequence[Expr]], operators: Spectral, device: torch.device) -> Tensor:
-    """Return the sum of every field's linear terms as symbols, ``(field, *modes)``, complex."""
+    """Return the summed symbols of every field's linear terms, ``(field, *modes)``, complex."""
     *first, last = operators.grid.shape
     shape = (len(linear), *first, last // 2 + 1)
     rows = torch.zeros(shape, dtype=torch.complex128, device=device)

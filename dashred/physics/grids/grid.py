@@ -1,4 +1,4 @@
-"""Uniform grids, and their wavenumbers: of rings, on which an axis with ends has its image."""
+"""Uniform periodic grids; an axis with ends is extended to a ring by its mirror image."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from dashred.physics.expressions.reflection import side
 
 @dataclass(frozen=True)
 class Axis:
-    """One spatial axis: points at ``j·length/points`` from 0 on.
+    """One spatial axis with points at ``j·length/points``, starting at 0.
 
-    A periodic axis is a ring itself. One with ends is half of a ring, of which the other half is
-    its mirror image (:mod:`dashred.physics.expressions.reflection`): point ``2·points - j`` that of point j.
+    A periodic axis is a ring. An axis with ends is one half of a ring; the other half is its
+    mirror image (:mod:`dashred.physics.expressions.reflection`), where point ``2·points - j`` is
+    the image of point j.
 
     Attributes:
-        name: its coordinate.
-        length: from end to end, or around.
-        points: so many spacings make up the length.
+        name: of the coordinate.
+        length: from end to end, or once around the ring.
+        points: number of grid steps in the length.
         ends: ``periodic``, ``insulated`` or ``fixed``.
     """
 
@@ -38,12 +39,12 @@ class Axis:
 
     @property
     def periodic(self) -> bool:
-        """Whether it is a ring itself."""
+        """Whether the axis is periodic."""
         return self.ends == "periodic"
 
     @property
-    def around(self) -> int:
-        """Points of the ring."""
+    def ring_points(self) -> int:
+        """Number of points on the ring."""
         return self.points if self.periodic else 2 * self.points
 
     @property
@@ -53,16 +54,16 @@ class Axis:
 
     @property
     def own_points(self) -> int:
-        """How many of the ring's points are the axis' own, both ends among them."""
+        """Number of points on the axis itself, including both ends but not the mirror image."""
         return self.points if self.periodic else self.points + 1
 
     @property
     def own(self) -> slice:
-        """The ring's points that are the axis' own."""
+        """Slice of the ring's points that are on the axis itself."""
         return slice(self.own_points)
 
-    def inside(self, place: float) -> float:
-        """Return a place on the axis: around it, or mirrored at an end."""
+    def wrap(self, place: float) -> float:
+        """Map a coordinate onto the axis: wrapped if periodic, else mirrored at an end."""
         if self.periodic:
             return place % self.length
         return self.length - abs(place % self.period - self.length)
@@ -76,12 +77,12 @@ class Grid:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Points around each axis' ring."""
-        return tuple(axis.around for axis in self.axes)
+        """Number of points on the ring of each axis."""
+        return tuple(axis.ring_points for axis in self.axes)
 
     @property
     def dims(self) -> tuple[int, ...]:
-        """The trailing tensor dimensions that are space: ``(-2, -1)`` for two axes."""
+        """Spatial dimensions of a tensor, counted from the end: ``(-2, -1)`` for two axes."""
         return tuple(range(-len(self.axes), 0))
 
     @property
@@ -91,7 +92,7 @@ class Grid:
         return {name: x.flatten()[axis.own] for axis, (name, x) in flat}
 
     def index(self, axis: str) -> int:
-        """Position of the named axis among the axes."""
+        """Return the index of an axis by name."""
         return [a.name for a in self.axes].index(axis)
 
     def refined(self, factor: int) -> Grid:
@@ -100,38 +101,41 @@ class Grid:
 
     @cached_property
     def coordinates(self) -> dict[str, Tensor]:
-        """Coordinate of every point, broadcastable over the grid, float64; an image has its own."""
+        """Coordinate of every ring point, broadcastable over the grid, float64.
+
+        A point of the mirror image has the coordinate of its original.
+        """
         found = {}
         for index, axis in enumerate(self.axes):
-            around = torch.arange(axis.around, dtype=torch.float64)
-            points = around if axis.periodic else torch.minimum(around, axis.around - around)
+            ring = torch.arange(axis.ring_points, dtype=torch.float64)
+            points = ring if axis.periodic else torch.minimum(ring, axis.ring_points - ring)
             found[axis.name] = (points * axis.spacing).reshape(self._broadcast(index))
         return found
 
     @cached_property
     def sides(self) -> dict[str, Tensor]:
-        """Side of the ring of every axis with ends, by name: 1, on the image -1, at the ends 0."""
+        """Side of every axis with ends, by name: 1 on the axis, -1 on the image, 0 at the ends."""
         found = {}
         for index, axis in enumerate(self.axes):
             if not axis.periodic:
-                around = torch.arange(axis.around)
-                signs = torch.sign(axis.points - around) * torch.sign(around)
+                ring = torch.arange(axis.ring_points)
+                signs = torch.sign(axis.points - ring) * torch.sign(ring)
                 found[side(axis.name)] = signs.double().reshape(self._broadcast(index))
         return found
 
     @property
     def places(self) -> dict[str, Tensor]:
-        """All that expressions read of a place, by name: coordinates and sides."""
+        """Coordinates and sides by name, as used in expressions."""
         return self.coordinates | self.sides
 
     def own(self, states: Tensor) -> Tensor:
-        """Return states ``(…, *grid)`` without the mirror images beyond ends."""
+        """Return states ``(…, *grid)`` without their mirror images."""
         for dim, axis in zip(self.dims, self.axes, strict=True):
             states = states.narrow(dim, 0, axis.own.stop)
         return states
 
     def ring(self, states: Tensor) -> Tensor:
-        """Return fields ``(…, *grid)`` that :meth:`own` has cropped with their mirror images."""
+        """Extend fields that :meth:`own` has cropped by their mirror images, ``(…, *grid)``."""
         for dim, axis in zip(self.dims, self.axes, strict=True):
             if not axis.periodic:
                 image = states.narrow(dim, 1, axis.points - 1).flip(dim)
@@ -146,14 +150,14 @@ class Grid:
         for index, axis in enumerate(self.axes):
             last = index == len(self.axes) - 1
             frequencies = torch.fft.rfftfreq if last else torch.fft.fftfreq
-            k = frequencies(axis.around, d=axis.spacing, dtype=torch.float64) * 2 * math.pi
+            k = frequencies(axis.ring_points, d=axis.spacing, dtype=torch.float64) * 2 * math.pi
             found.append(k.reshape(self._broadcast(index)))
         return tuple(found)
 
     def interpolate(self, states: Tensor, finer: Grid) -> Tensor:
-        """Band-limited interpolation of ``(…, *grid)`` to ``(…, *finer.grid)``, exact at nodes."""
+        """Return the band-limited interpolation of ``(…, *grid)`` to ``(…, *finer.grid)``."""
         for dim, axis, target in zip(self.dims, self.axes, finer.axes, strict=True):
-            states = _resample(states, dim, axis.around, target.around)
+            states = _resample(states, dim, axis.ring_points, target.ring_points)
         return states
 
     def _broadcast(self, index: int) -> tuple[int, ...]:
@@ -163,7 +167,7 @@ class Grid:
 def _resample(values: Tensor, dim: int, points: int, target: int) -> Tensor:
     spectrum = torch.fft.rfft(values, dim=dim)
     if points % 2 == 0 and target > points:
-        # The Nyquist mode stands for both ±N/2, of which a finer grid keeps one apart.
+        # The Nyquist mode represents both ±N/2; on a finer grid each gets one half.
         nyquist = spectrum.narrow(dim, points // 2, 1)
         spectrum = torch.cat((spectrum.narrow(dim, 0, points // 2), nyquist / 2), dim=dim)
     return torch.fft.irfft(spectrum, n=target, dim=dim) * (target / points)

@@ -1,4 +1,4 @@
-"""A field in the middle of a computation: on the grid, in Fourier modes, or both."""
+"""Intermediate values of a computation: fields on the grid, in Fourier modes, or both."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ from dashred.physics.grids.grid import Grid
 
 
 class Part:
-    """One summand of a :class:`Value`, in whichever forms are known.
+    """One summand of a :class:`Value`, in all forms that are known.
 
     Attributes:
         points: on the grid, ``(…, *grid)`` or a number.
         modes: in Fourier modes, ``(…, *modes)``.
-        source: ``(points, symbol)`` of a part whose modes are ``symbol·FFT(points)``, until
-            somebody needs them.
+        source: ``(points, symbol)`` if the modes are ``symbol·FFT(points)``, computed on demand.
     """
 
     __slots__ = ("modes", "points", "source")
@@ -34,8 +33,8 @@ class Part:
 class Value:
     """A field as a weighted sum of parts.
 
-    Linear operators and sums take whichever form is there; only products transform, so an
-    equation costs the fewest FFTs that its nonlinear terms need.
+    Linear operators and sums use the available form; only products transform, so that an equation
+    needs the fewest possible FFTs.
     """
 
     __slots__ = ("parts",)
@@ -61,7 +60,7 @@ def total(values: Sequence[Value]) -> Value:
 
 
 def combine(weighted: Sequence[tuple[float, Tensor | float]]) -> Tensor | float:
-    """Return ``Σ cᵢ fᵢ`` in the fewest operations: their number is what small grids cost."""
+    """Return ``Σ cᵢ fᵢ`` with the fewest operations, which dominate the cost on small grids."""
     (weight, first), *rest = weighted
     found = first if weight == 1.0 else weight * first
     for c, f in rest:
@@ -77,7 +76,7 @@ def combine(weighted: Sequence[tuple[float, Tensor | float]]) -> Tensor | float:
 
 
 def on_points(value: Value) -> Tensor | float:
-    """Return the field on the grid, where every part is known on the grid."""
+    """Return the field on the grid; every part must be known on the grid."""
     return combine([(c, part.points) for c, part in value.parts if part.points is not None])
 
 

@@ -1,7 +1,7 @@
-"""What an equation needs of space: one interface, three kinds of grids.
+"""Interface of spatial operators.
 
-:class:`Spectral` and :class:`FiniteDifferences` offer the same operations on a
-:class:`Value`, so an equation runs on either; :class:`NoSpace` serves ODE systems.
+:class:`Spectral` and :class:`FiniteDifferences` have the same operations on a :class:`Value`, so
+that an equation works with both; :class:`NoSpace` is for ODE systems.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["FiniteDifferences", "NoSpace", "Operators", "Spectral", "Value", "to
 
 
 class Operators(Protocol):
-    """What an equation needs of space."""
+    """Spatial operators in an equation."""
 
     grid: Grid
 
@@ -40,7 +40,7 @@ class Operators(Protocol):
 
 
 class NoSpace:
-    """The operators of an ODE system: a field is one number."""
+    """Operators of an ODE system, in which a field is one number."""
 
     def __init__(self) -> None:
         self.grid = Grid(())
@@ -50,17 +50,17 @@ class NoSpace:
         return on_points(value)
 
     def derivative(self, value: Value, axis: str, order: int) -> Value:
-        """Refuse: the parser lets no spatial operator through."""
+        """Raise TypeError; the parser accepts no spatial operators for an ODE system."""
         raise TypeError("an ODE system has no spatial operators")
 
     def laplacian(self, value: Value) -> Value:
-        """Refuse."""
+        """Raise TypeError."""
         return self.derivative(value, "", 2)
 
     def inverse_laplacian(self, value: Value) -> Value:
-        """Refuse."""
+        """Raise TypeError."""
         return self.derivative(value, "", -2)
 
     def flux(self, value: Value, axis: str, transported: Value) -> Value:
-        """Refuse."""
+        """Raise TypeError."""
         return self.derivative(value, axis, 1)

@@ -1,4 +1,4 @@
-"""Integrals over the axes proper, of fields that are given on their rings."""
+"""Integrals over the axes, without mirror images, of fields on rings."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from dashred.physics.grids.grid import Axis, Grid
 
 
 def integral(grid: Grid, field: Float[Tensor, "*batch_and_grid"]) -> Float[Tensor, "*batch"]:
-    """Return ``∫ f dx`` over the axes, without mirror images: of an ODE system, f itself.
+    """Return ``∫ f dx`` over the axes, without mirror images; for an ODE system, f itself.
 
-    Exact for what the grid resolves, odd about an end as well as even: it is the integral of the
-    trigonometric interpolant.
+    The result is the integral of the trigonometric interpolant, which is exact for resolved
+    fields, whether odd or even about an end.
 
     Args:
-        grid: of the axes.
-        field: on their rings, ``(*batch, *grid)``.
+        grid: with the axes.
+        field: on the rings, ``(*batch, *grid)``.
     """
     for axis in reversed(grid.axes):
         field = field @ _weights(axis)
@@ -29,11 +29,11 @@ def integral(grid: Grid, field: Float[Tensor, "*batch_and_grid"]) -> Float[Tenso
 @lru_cache
 def _weights(axis: Axis) -> Tensor:
     """Return ``w_j = (1/M) Σ_k e^{-i k x_j} ∫₀ᴸ e^{i k x} dx``, ``(point,)``."""
-    points = axis.around
+    points = axis.ring_points
     k = 2 * torch.pi * torch.fft.fftfreq(points, d=axis.spacing, dtype=torch.float64)
     turned = torch.exp(1j * k * axis.length) - 1
     waves = torch.where(k == 0, axis.length + 0j, turned / (1j * torch.where(k == 0, 1.0, k)))
     if points % 2 == 0:
-        # It stands for both signs of its wavenumber, and its cosine has no integral.
+        # The Nyquist mode is a cosine, whose integral is zero.
         waves[points // 2] = 0
     return torch.fft.fft(waves).real / points

@@ -15,11 +15,12 @@ Weighted = tuple[float, Tensor]
 
 
 class Plan(NamedTuple):
-    """How one field's modes come about: a weighted sum.
+    """The modes of one field as a weighted sum.
 
     Attributes:
-        known: modes that are there.
-        transformed: ``(weight, symbol, i)`` for ``weight·symbol·FFT(source i)``; None for 1.
+        known: modes that are known.
+        transformed: ``(weight, symbol, i)`` for ``weight·symbol·FFT(source i)``; a symbol of None
+            is 1.
     """
 
     known: list[Weighted]
@@ -27,9 +28,9 @@ class Plan(NamedTuple):
 
 
 class Spectral:
-    """``∂ⁿ → (ik)ⁿ``, in float64.
+    """Spectral derivatives ``∂ⁿ → (ik)ⁿ``, in float64.
 
-    Odd derivatives drop the Nyquist mode, which has no odd part on the grid.
+    Odd derivatives set the Nyquist mode to zero, because its sine vanishes on the grid.
     """
 
     def __init__(self, grid: Grid) -> None:
@@ -37,7 +38,7 @@ class Spectral:
         self._multipliers: dict[tuple[str, int, torch.device], Tensor] = {}
 
     def on_grid(self, value: Value) -> Tensor | float:
-        """Return the field on the grid: at most one inverse FFT."""
+        """Return the field on the grid, with at most one inverse FFT."""
         known = [(c, p.points) for c, p in value.parts if p.points is not None]
         unknown = [(c, p) for c, p in value.parts if p.points is None]
         if unknown:
@@ -56,11 +57,11 @@ class Spectral:
         return torch.as_tensor(combine(known))
 
     def stacked_modes(self, values: Sequence[Value], like: Tensor) -> Tensor:
-        """Return the modes of several fields, ``(batch, field, *modes)``, by one FFT in all.
+        """Return the modes of several fields, ``(batch, field, *modes)``, with a single FFT.
 
         Args:
-            values: the fields, with a batch or without.
-            like: modes ``(batch, *modes)``: the shape and device of one field.
+            values: the fields, with or without a batch dimension.
+            like: modes ``(batch, *modes)`` with the shape and device of one field.
         """
         sources: list[Tensor] = []
         plans = [self._plan(value, sources) for value in values]
@@ -84,14 +85,14 @@ class Spectral:
         return self._multiplied(value, "", -2)
 
     def flux(self, value: Value, axis: str, transported: Value) -> Value:
-        """Return ``∂f/∂x``; a spectral derivative conserves the mean as it is."""
+        """Return ``∂f/∂x``; a spectral derivative conserves the mean."""
         return self.derivative(value, axis, 1)
 
     def multiplier(self, axis: str, order: int, device: torch.device) -> Tensor:
-        """Return the Fourier symbol of ``∂ⁿ`` along an axis ("" and ±2: ``∇²`` and its inverse)."""
+        """Return the symbol of ``∂ⁿ`` along an axis; "" and ±2 for ``∇²`` and its inverse."""
         key = (axis, order, device)
         if key not in self._multipliers:
-            # Complex, since modes are: a real factor would be converted at every use.
+            # Complex like the modes: a real factor would be converted at every use.
             self._multipliers[key] = self._symbol(axis, order).to(device, torch.complex128)
         return self._multipliers[key]
 
@@ -102,7 +103,7 @@ class Spectral:
             modes = torch.as_tensor(combine(known))
             parts.append((1.0, Part(modes=modes * self.multiplier(axis, order, modes.device))))
         if rest:
-            # Put off until it is known which other fields need an FFT.
+            # Deferred, so that one FFT can transform several fields.
             weight = rest[0][0] if len(rest) == 1 else 1.0
             points = self._whole(rest, weighted=len(rest) > 1)
             symbol = self.multiplier(axis, order, points.device)
@@ -166,7 +167,7 @@ class Spectral:
         k = self.grid.wavenumbers[index]
         if order % 2 == 0:
             return (-1.0) ** (order // 2) * k**order
-        points = self.grid.axes[index].around
+        points = self.grid.axes[index].ring_points
         if points % 2 == 0:
             nyquist = torch.arange(k.numel()).reshape(k.shape) == points // 2
             k = torch.where(nyquist, 0.0, k)

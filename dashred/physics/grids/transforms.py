@@ -1,4 +1,4 @@
-"""Real Fourier transforms of NumPy arrays over their last axes."""
+"""Real Fourier transforms of NumPy arrays over the last axes."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import torch
 from numpy.typing import NDArray
 from scipy import fft
 
-# Below this many numbers SciPy's transform is cheaper to call, above it torch's computes faster.
-SMALL = 3000
+# For smaller arrays SciPy's transform has less overhead; for larger ones torch's is faster.
+MIN_TORCH_SIZE = 3000
 
 
 def to_modes(points: NDArray[np.float64], rank: int) -> NDArray[np.complex128]:
     """Return the modes ``(…, *modes)`` of ``(…, *grid)`` with ``rank`` axes."""
     found: Any
-    if points.size >= SMALL:
+    if points.size >= MIN_TORCH_SIZE:
         dims = tuple(range(-rank, 0))
         found = torch.fft.rfftn(torch.from_numpy(points), dim=dims).numpy()
     elif rank == 1:
@@ -29,7 +29,7 @@ def to_modes(points: NDArray[np.float64], rank: int) -> NDArray[np.complex128]:
 def from_modes(modes: NDArray[np.complex128], shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Return ``(…, *grid)`` of modes on a grid of that shape."""
     found: Any
-    if 2 * modes.size >= SMALL:
+    if 2 * modes.size >= MIN_TORCH_SIZE:
         dims = tuple(range(-len(shape), 0))
         found = torch.fft.irfftn(torch.from_numpy(modes), s=shape, dim=dims).numpy()
     elif len(shape) == 1:

@@ -1,1 +1,1 @@
-"""Ensembles of runs, the prior of the initial state, the resolution check."""
+"""Ensembles of simulations, the prior of the initial state, and the resolution check."""

@@ -1,4 +1,4 @@
-"""An ensemble of the simulator: random starts and, by default, random discrepancies."""
+"""Ensembles of simulations with random initial states and random discrepancies."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import Progress, simulate
 from dashred.physics.system import System, Term
 
-MOST_ROUNDS = 20
-# Where so few of the members are found in so many rounds, the others will not be found at all.
-TELLING_ROUNDS, TELLING_SHARE = 3, 0.1
+MAX_ROUNDS = 20
+# Give up if, after this many rounds, less than this share of the members has been found.
+EARLY_ROUNDS, MIN_EARLY_SHARE = 3, 0.1
 
 
-class Starts(Protocol):
-    """Where members start, at random; :class:`dashred.physics.runs.initial_state_prior.StartPrior` is one."""
+class StartDistribution(Protocol):
+    """Distribution of the members' initial states, such as ``StartPrior``."""
 
     def draw(self, count: int, rng: np.random.Generator) -> Tensor:
-        """Return ``count`` random starts, ``(count, field, *grid)``."""
+        """Return ``count`` random initial states, ``(count, field, *grid)``."""
 
 
 @dataclass(frozen=True)
 class Ensemble:
-    """Trajectories of the simulator with the terms that each member carries.
+    """Simulated trajectories with the coefficients of each member's random terms.
 
     Attributes:
         times: ``(time,)``, on the recording's clock.
@@ -45,14 +45,19 @@ class Ensemble:
 
 @dataclass(frozen=True)
 class Discrepancies:
-    """How random model errors are drawn: so many library terms a member.
+    """Distribution of random model errors: a number of library terms for each member.
 
-    Each has ``ξ_j ~ N(0, amplitude² s_j²)`` with ``s_j = rms(∂u/∂t)/rms(θ_j)`` over the nominal
-    simulation, so that its tendency is about ``amplitude`` of the equation's own.
+    Coefficients are ``ξ_j ~ N(0, amplitude² s_j²)`` with ``s_j = rms(∂u/∂t)/rms(θ_j)`` over the
+    nominal simulation, so that the tendency of a term is about ``amplitude`` of the equation's.
 
-    A decoder trained on the plain simulation cannot express the real field; one trained on
-    simulations that are each a little wrong can (design §4.1). Only the library is used, so
-    nothing about the real discrepancy enters.
+    A decoder trained on the nominal simulator cannot represent the real field, but a decoder
+    trained on perturbed simulators can. The errors depend on the library only, not on the
+    recording.
+
+    Attributes:
+        library: terms to draw from.
+        terms: number of terms for each member.
+        amplitude: relative size of their tendencies.
     """
 
     library: Sequence[Term]
@@ -69,7 +74,7 @@ def term_scales(
         system: the simulator.
         library: the terms θ_j.
         nominal: its states, ``(time, field, *grid)``.
-        t: time of all of them, or of each, ``(time,)``.
+        t: one time for all states, or the time of each, ``(time,)``.
     """
     tendencies = [Term(f, system.equations[f]) for f in system.fields]
     rms = evaluate_terms(system, tendencies, nominal, t).flatten(1).pow(2).mean(1).sqrt()
@@ -81,36 +86,36 @@ def term_scales(
 def draw_ensemble(
     system: System,
     times: Tensor,
-    prior: Starts,
+    prior: StartDistribution,
     nominal: Tensor,
     members: int,
     discrepancies: Discrepancies | None,
     rng: np.random.Generator,
     progress: Progress | None = None,
 ) -> Ensemble:
-    """Simulate ``members`` random members that stay plausible.
+    """Simulate random members that stay bounded.
 
-    A member that blows up, or leaves the nominal simulation's range by more than its width,
-    is drawn anew: a negative damping has no bound, and one such member would set every scale.
+    A member that blows up, or leaves the range of the nominal simulation by more than the width
+    of the range, is drawn again: a single diverging member would dominate every scale.
 
     Args:
         system: the simulator.
         times: output times, on the recording's clock.
-        prior: draws the starts.
+        prior: distribution of the initial states.
         nominal: the nominal simulation, ``(time, field, *grid)``, for scales and ranges.
-        members: how many trajectories.
+        members: number of trajectories.
         discrepancies: random model errors; None for a plain ensemble.
-        rng: the only source of chance.
+        rng: random number generator.
         progress: called with the fraction done of each round of simulations.
 
     Raises:
-        InputError: hardly any draw stays bounded.
+        InputError: almost no member stays bounded.
     """
     states: list[Tensor] = []
     coefficients: list[Tensor] = []
-    for turn in range(MOST_ROUNDS):
+    for turn in range(MAX_ROUNDS):
         missing = members - sum(map(len, states))
-        if turn == TELLING_ROUNDS and members - missing < TELLING_SHARE * members:
+        if turn == EARLY_ROUNDS and members - missing < MIN_EARLY_SHARE * members:
             break
         drawn = draw_round(system, times, prior, nominal, missing, discrepancies, rng, progress)
         found, carried, inside = drawn
@@ -129,18 +134,18 @@ def draw_ensemble(
 def draw_round(
     system: System,
     times: Tensor,
-    prior: Starts,
+    prior: StartDistribution,
     nominal: Tensor,
     members: int,
     discrepancies: Discrepancies | None,
     rng: np.random.Generator,
     progress: Progress | None = None,
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Simulate random members once, plausible or not; arguments as :func:`draw_ensemble` has them.
+    """Simulate random members once, bounded or not; arguments as in :func:`draw_ensemble`.
 
     Returns:
-        states ``(member, time, field, *grid)``, coefficients ``(member, term)``, and which of the
-        members stay within bounds, ``(member,)``.
+        States ``(member, time, field, *grid)``, coefficients ``(member, term)``, and whether each
+        member stays within bounds, ``(member,)``.
     """
     low, high = _bounds(nominal)
     starts = prior.draw(members, rng)
@@ -153,7 +158,7 @@ def draw_round(
 def _bounds(nominal: Tensor) -> tuple[Tensor, Tensor]:
     by_field = nominal.transpose(0, 1).flatten(1)
     low, high = by_field.amin(dim=1), by_field.amax(dim=1)
-    # A field at rest in the nominal simulation says nothing about how far it may move.
+    # A field that is constant in the nominal simulation has no bounds.
     width = torch.where(high > low, high - low, torch.inf)
     shape = (-1,) + (1,) * (nominal.dim() - 2)
     return (low - width).reshape(shape), (high + width).reshape(shape)

@@ -1,4 +1,4 @@
-"""The start of a simulation and what is not known about it."""
+"""The nominal initial state of a simulation and its prior distribution."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from dashred.physics.grids.grid_value import Value
 from dashred.physics.solvers.simulate import Progress, check_finite, simulate
 from dashred.physics.system import System
 
-SMALLEST_VARIANCE = 1e-12
+MIN_VARIANCE = 1e-12
 
 
 def nominal_start(system: System, progress: Progress | None = None) -> Tensor:
-    """Return the simulator's own established state ``(1, field, *grid)`` after its spin-up.
+    """Return the nominal initial state ``(1, field, *grid)`` after the spin-up.
 
     Raises:
-        InputError: a start expression is wrong, or the simulator blows up on the way.
+        InputError: a start expression is invalid, or the spin-up blows up.
     """
     expressions = [_start_expression(system, field) for field in system.fields]
-    surroundings = system.surroundings(0.0, torch.device("cpu"))
+    surroundings = system.coordinates_and_inputs(0.0, torch.device("cpu"))
     values = Program(expressions)(surroundings, system.operators)
     found = [torch.as_tensor(system.operators.on_grid(v), dtype=torch.float64) for v in values]
     for field, points in zip(system.fields, found, strict=True):
@@ -51,7 +51,7 @@ def _start_expression(system: System, field: str) -> Expr:
     expr = system.ready(system.parse(system.config.start[field], key), field, key)
     if read := sorted(names(expr) & set(system.fields)):
         raise InputError(
-            f"the start of {field} reads the field {read[0]!r}, which has no value yet",
+            f"the start of {field} depends on the field {read[0]!r}, which has no value yet",
             where=system.where(key),
             hint="a start is a number, or an expression in coordinates and parameters",
         )
@@ -59,32 +59,32 @@ def _start_expression(system: System, field: str) -> Expr:
 
 
 def field_rms(states: Tensor) -> Tensor:
-    """Return each field's rms over states ``(time, field, *grid)``: ``(field,)``."""
+    """Return the rms of each field over states ``(time, field, *grid)``, ``(field,)``."""
     return states.transpose(0, 1).flatten(1).square().mean(dim=1).sqrt()
 
 
 def spread_in_percent(system: System) -> bool:
-    """Tell whether the start's spread refers to the fields' rms over a simulation."""
+    """Return whether the spread refers to the rms of the fields over a simulation."""
     return any(str(value).strip().endswith("%") for value in system.config.spread.values())
 
 
 def gaussian_process_modes(grid: Grid, length: float, count: int | None) -> Tensor:
     """Return Karhunen–Loève modes ``(mode, *grid)`` of a Gaussian process on rings.
 
-    ``g = Σ zᵢ Bᵢ`` with z ~ N(0, 1) has unit variance and covariance exp(-r²/2ℓ²), wrapped
-    around the axes and normalised (ℓ well below them); with fewer modes a little less of both.
-    Near an insulated end its variance is twice as large, and at a fixed one it is none.
+    ``g = Σ zᵢ Bᵢ`` with z ~ N(0, 1) has unit variance and the covariance exp(-r²/2ℓ²), made
+    periodic and normalised, for ℓ much shorter than the axes. With fewer modes both are slightly
+    smaller. The variance doubles at an insulated end and vanishes at a fixed end.
 
     Args:
-        grid: where g is wanted.
+        grid: with the points of g.
         length: correlation length ℓ, in the axes' unit.
-        count: how many modes to keep, the strongest first; None for all.
+        count: number of modes to keep, the strongest first; None for all.
     """
     found: list[tuple[float, Tensor]] = []
     for numbers in product(*map(_wavenumbers, grid.axes)):
         k = [2 * math.pi * m / a.period for m, a in zip(numbers, grid.axes, strict=True)]
         power = math.exp(-sum(component**2 for component in k) * length**2 / 2)
-        if power > SMALLEST_VARIANCE:
+        if power > MIN_VARIANCE:
             found.append((power, _wave(grid, k)))
     whole = sum(power for power, _ in found)
     strongest = sorted(found, key=lambda pair: -pair[0])[:count]
@@ -92,17 +92,18 @@ def gaussian_process_modes(grid: Grid, length: float, count: int | None) -> Tens
 
 
 def _wavenumbers(axis: Axis) -> range:
-    """Return the whole waves around a ring; of its mirror images, each once."""
+    """Return the wavenumbers on a ring; with mirror symmetry, only one of each pair."""
     if axis.periodic:
         return range(-(axis.points // 2) + 1, axis.points // 2)
     return range(0 if axis.ends == "insulated" else 1, axis.points)
 
 
 def _wave(grid: Grid, k: list[float]) -> Tensor:
-    """Return a wave of mean square 1, ``(*grid)``; its own mirror image along axes with ends.
+    """Return a wave of mean square 1, ``(*grid)``, with mirror symmetry along axes with ends.
 
-    Along periodic axes ``√2 cos k·x`` for one of each pair ±k, ``√2 sin k·x`` for the other; along
-    others ``√2 cos kx`` or, between fixed ends, ``√2 sin kx``; 1 for k = 0.
+    Along periodic axes it is ``√2 cos k·x`` for one of each pair ±k and ``√2 sin k·x`` for the
+    other. Along other axes it is ``√2 cos kx`` or, between fixed ends, ``√2 sin kx``. It is 1 for
+    k = 0.
     """
     wave = torch.ones((), dtype=torch.float64)
     phase = torch.zeros((), dtype=torch.float64)
@@ -121,22 +122,22 @@ def _wave(grid: Grid, k: list[float]) -> Tensor:
 
 
 class StartPrior:
-    """The distribution of starts that config key ``system.spread`` declares.
+    """Prior distribution of the initial state, from the configuration key ``system.spread``.
 
     Attributes:
-        centre: the nominal start, ``(field, *grid)``.
-        size: number of independent standard normals z behind one start.
-        kept: Gaussian-process modes asked for.
+        centre: nominal initial state, ``(field, *grid)``.
+        size: number of independent standard normal variables z of one initial state.
+        kept: number of Gaussian-process modes, as requested.
 
     Args:
-        system: names, grid and the spread.
-        centre: the nominal start.
-        rms: each field's rms over the nominal simulation, ``(field,)``, which a spread in
-            percent refers to.
-        modes: Gaussian-process modes to keep; None for all of them (a twin's truth).
+        system: with names, grid and spread.
+        centre: nominal initial state.
+        rms: of each field over the nominal simulation, ``(field,)``; the reference of a spread
+            in percent.
+        modes: number of Gaussian-process modes to keep; None for all (a twin's truth).
 
     Raises:
-        InputError: the spread cannot be read.
+        InputError: the spread is invalid.
     """
 
     def __init__(self, system: System, centre: Tensor, rms: Tensor, modes: int | None) -> None:
@@ -150,7 +151,7 @@ class StartPrior:
         self.size = len(self.basis) * (1 if self.shared else len(self.moves))
 
     def start(self, z: Tensor) -> Tensor:
-        """Return the starts ``(batch, field, *grid)`` of ``z``, ``(batch, size)``."""
+        """Return the initial states ``(batch, field, *grid)`` of ``z``, ``(batch, size)``."""
         per_field = z.reshape(len(z), self.size // len(self.basis), len(self.basis))
         g = torch.einsum("bfm,m...->bf...", per_field, self.basis)
         starts = self.centre.expand(len(z), *self.centre.shape).clone()
@@ -162,7 +163,7 @@ class StartPrior:
         return starts
 
     def draw(self, count: int, rng: np.random.Generator) -> Tensor:
-        """Return ``count`` random starts."""
+        """Return ``count`` random initial states."""
         return self.start(torch.from_numpy(rng.standard_normal((count, self.size))))
 
     def _moves(self, spread: dict[str, object]) -> dict[str, object]:
@@ -170,9 +171,9 @@ class StartPrior:
         if isinstance(apply, dict):
             if "g" in self.system.names:
                 raise InputError(
-                    "spread.apply reads the random g, but the system has a 'g' of its own",
+                    "spread.apply uses the random function g, but the system also has a name 'g'",
                     where=self.system.where("system.spread.apply"),
-                    hint="rename the system's, for example to 'gravity'",
+                    hint="rename it in the system, for example to 'gravity'",
                 )
             return apply
         return {f: spread[f] for f in self.system.fields if f in spread}
@@ -181,7 +182,7 @@ class StartPrior:
         system = self.system
         for axis in system.axes:
             if axis.ends == "fixed":
-                # Expressions read what is the case on the axis itself, as of any field.
+                # Expressions use the value on the axis itself, as for any field.
                 g = g * system.grid.sides[side(axis.name)]
         values = system.values(starts, 0.0) | {"g": Value(g)}
         moved = starts.clone()

@@ -1,4 +1,4 @@
-"""Is the simulator resolved? Double its resolution and see whether its readings move."""
+"""Check of the numerical resolution: the change of sensor traces at doubled resolution."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from dashred.physics.solvers.simulate import Progress, simulate
 from dashred.physics.system import System
 
 Readings = Callable[[System, Tensor], Tensor]
-# An error of the simulator that is this share of the noise biases nothing (design §4.2.7).
-FAINT = 0.1
+# A numerical error of this share of the noise causes no significant bias.
+NOISE_SHARE = 0.1
 
 
 @dataclass(frozen=True)
 class Resolution:
-    """What doubling the resolution in space and time changes at the sensors.
+    """Result of doubling the resolution in space and time.
 
     Attributes:
-        error: largest rms change of a sensor's trace, in units of that trace's std, or of what
-            :func:`least_scale` has in its place.
-        limit: the change that may be.
-        enough: factor of refinement at which the change falls below the limit; None if no
-            factor tried does.
+        error: largest rms change of a sensor trace, in units of the trace's std, or of
+            :func:`minimum_scale` if that is larger.
+        limit: allowed change.
+        enough: refinement factor at which the change is below the limit; None if no tried
+            factor suffices.
     """
 
     error: float
@@ -35,7 +35,7 @@ class Resolution:
 
     @property
     def resolved(self) -> bool:
-        """Whether the simulator may be trusted to the limit."""
+        """Whether the error is within the limit."""
         return self.error <= self.limit
 
 
@@ -45,26 +45,28 @@ def refine(system: System, start: Tensor) -> tuple[System, Tensor]:
     return finer, system.grid.interpolate(start, finer.grid) if system.axes else start
 
 
-def least_scale(
+def minimum_scale(
     traces: Float[Tensor, "time sensor"],
     noise: Float[Tensor, " sensor"],
     reads: Sequence[str],
     limit: float,
 ) -> Float[Tensor, " sensor"]:
-    """Return what the change of a trace that hardly moves is held against, in place of its std.
+    """Return the smallest scale for the change of a trace, for traces that are nearly constant.
 
-    That of which the limit is a tenth of the noise, ``σ/(10·limit)``, but no more than the median
-    std of the traces that read the same, in case the noise is said to be larger than it is.
+    It is ``σ/(10·limit)``, for which the limit is a tenth of the noise, but at most the median std
+    of the traces of the same quantity, in case the stated noise is too large.
 
     Args:
         traces: of a simulation.
         noise: σ of every sensor.
-        reads: what it reads.
-        limit: share of a trace's std by which it may change.
+        reads: quantity of every sensor.
+        limit: allowed change, as a share of a trace's std.
     """
     std = traces.std(dim=0)
     typical = {kind: std[[r == kind for r in reads]].quantile(0.5) for kind in set(reads)}
-    return torch.minimum(FAINT / limit * noise, torch.stack([typical[kind] for kind in reads]))
+    return torch.minimum(
+        NOISE_SHARE / limit * noise, torch.stack([typical[kind] for kind in reads])
+    )
 
 
 @torch.no_grad()
@@ -84,8 +86,8 @@ def doubling_error(
         start: ``(1, field, *grid)``, interpolated to the finer grid.
         times: output times.
         readings: (system, trajectory) → traces ``(batch, time, sensor)``.
-        coarse: readings of the system itself.
-        least: what the change of a trace is held against at least, ``(sensor,)``.
+        coarse: readings at the original resolution.
+        least: smallest scale for the change of a trace, ``(sensor,)``.
         progress: called with the fraction done.
 
     Returns:
@@ -108,10 +110,10 @@ def check_resolution(
     limit: float,
     progress: Progress | None = None,
 ) -> Resolution:
-    """Measure the doubling error; if it is too large, find the resolution that would do.
+    """Measure the doubling error; if it is too large, find a sufficient resolution.
 
-    Above about 1 % of a trace's std, a discovery from that trace names the simulator's numerical
-    error as missing physics (design §4.2.8).
+    If the error exceeds about 1 % of a trace's std, a discovery may explain the numerical error as
+    missing physics.
 
     Args:
         system: the simulator.
@@ -119,8 +121,8 @@ def check_resolution(
         times: output times.
         coarse: readings of a simulation, ``(1, time, sensor)``.
         readings: (system, trajectory) → traces ``(batch, time, sensor)``.
-        least: what the change of a trace is held against at least, ``(sensor,)``.
-        limit: of the change.
+        least: smallest scale for the change of a trace, ``(sensor,)``.
+        limit: allowed error.
         progress: called with the fraction done.
     """
     error, fine = doubling_error(system, start, times, readings, coarse, least, progress)

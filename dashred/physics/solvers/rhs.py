@@ -82,7 +82,7 @@ class SpectralTendency:
         fields = map(Value, whole.unbind(1), modes.unbind(1))
         values = dict(zip(self.system.fields, fields, strict=True))
         if self.reads_surroundings:
-            values |= self.system.surroundings(t, modes.device)
+            values |= self.system.coordinates_and_inputs(t, modes.device)
         tendencies = self.program(values, self.operators)
         if self.forcing is not None:
             tendencies = _summed(tendencies, self.forcing(values))

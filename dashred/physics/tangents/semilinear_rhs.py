@@ -125,13 +125,13 @@ class SeparatedTendency:
             hats = to_modes(sampled_forcing.values[0].numpy(), self.rank)
             self._drive: Modes = self.mask * hats[:, :, None]
 
-    def surroundings(self, t: Array) -> dict[str, Array]:
+    def coordinates_and_inputs(self, t: Array) -> dict[str, Array]:
         """Return coordinates, time and measured inputs, at some times."""
         return {**self._coordinates, "t": t, **self._measured.at(t)}
 
     def __call__(self, modes: Modes, points: Array, t: float) -> Modes:
         """Return N of states in modes; ``points`` are their inputs."""
-        values = {**self.surroundings(np.array(t)), **self.inputs.named(points)}
+        values = {**self.coordinates_and_inputs(np.array(t)), **self.inputs.named(points)}
         channels = self._bodies(values, (modes.shape[1], *self.inputs.shape))
         hats = to_modes(channels, self.rank)
         hats *= self.outside

@@ -144,7 +144,7 @@ class Sources:
         system = self.system
         hats = torch.from_numpy(modes)
         points = torch.fft.irfftn(hats, s=system.grid.shape, dim=system.grid.dims)
-        values = system.surroundings(times, hats.device)
+        values = system.coordinates_and_inputs(times, hats.device)
         values |= dict(zip(system.fields, map(Value, points, hats), strict=True))
         found = (system.operators.on_grid(v) for v in self._others(values, system.operators))
         shape = (modes.shape[1], *system.grid.shape)

@@ -155,7 +155,7 @@ class _Linearised:
         modes = np.concatenate([stage.modes for stage in stages], axis=1)
         points = np.concatenate([stage.points for stage in stages], axis=1)
         times = np.array([stage.t for stage in stages]).reshape(-1, *(1,) * rank)
-        values = {**tendency.surroundings(times), **tendency.inputs.named(points)}
+        values = {**tendency.coordinates_and_inputs(times), **tendency.inputs.named(points)}
         values |= self.sources.inputs.named(self.sources.inputs(modes))
         found = self.program(values, (count, *tendency.inputs.shape))
         slopes, bodies = np.split(found, [len(self.columns.slopes)])

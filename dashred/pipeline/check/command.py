@@ -10,7 +10,7 @@ import sys
 from itertools import chain
 
 from dashred.config import Config, load_config
-from dashred.config.checks.placeholders import open_lines
+from dashred.config.checks.placeholders import unfinished_lines
 from dashred.core.errors import DONE, WRONG_INPUT, run_entry
 from dashred.pipeline.check.page import Page
 
@@ -19,7 +19,7 @@ def main(argv: list[str]) -> int:
     """Check the configuration, then what it names, cheapest first."""
     config = load_config(argv, entry="check")
     page = check(config)
-    return WRONG_INPUT if page.wrong or open_lines(config) else DONE
+    return WRONG_INPUT if page.wrong or unfinished_lines(config) else DONE
 
 
 def check(config: Config) -> Page:

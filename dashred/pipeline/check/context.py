@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from dashred.config import Config
-from dashred.data.inputs import driven, under
+from dashred.data.inputs import drive_signals, with_inputs
 from dashred.data.io.reader import read_episodes
 from dashred.data.recording import Recording
 from dashred.data.sensor_layout import place_sensors
@@ -105,8 +105,8 @@ def _without_recording(config: Config) -> CheckContext:
     every, duration = config.recording.every, config.recording.duration
     assert every is not None
     times = torch.arange(round(duration / every) + 1, dtype=torch.float64) * every
-    inputs = driven(bare, config, times)
-    system = under(bare, inputs)
+    inputs = drive_signals(bare, config, times)
+    system = with_inputs(bare, inputs)
     sensors = place_sensors(system, config, np.random.default_rng([config.seed, STREAM]))
     silent = Recording(tuple(sensors), times.numpy(), np.zeros((len(times), len(sensors))))
     split = split_recording(silent, config.splits, config.seed)

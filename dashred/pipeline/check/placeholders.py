@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dashred.config import Config
-from dashred.config.checks.placeholders import open_lines
+from dashred.config.checks.placeholders import unfinished_lines
 from dashred.pipeline.check.remark import Remark
 
 
 def left_to_do(config: Config) -> Iterator[Remark]:
     """Tell the lines of the system's file that are marked, and equations that are 0."""
-    marked = open_lines(config)
+    marked = unfinished_lines(config)
     for line, says in marked.items():
         yield Remark(f"{line}: {says}", "to do")
     for field, text in config.system.equations.items():

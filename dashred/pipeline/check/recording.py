@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
-from dashred.core.units import measured
-from dashred.data.io.missing_sentinels import missing_marks
+from dashred.core.units import with_unit
+from dashred.data.io.missing_sentinels import sentinel_counts
 from dashred.data.noise_level import noise_std
 from dashred.data.recording import Recording
-from dashred.data.resampling import GAP, own_step
-from dashred.data.time_scale import A_PERIOD, samples_a_change, suggested_step
+from dashred.data.resampling import MAX_GAP, native_step
+from dashred.data.time_scale import SAMPLES_PER_PERIOD, samples_per_change, suggested_step
 from dashred.pipeline.check.context import CheckContext
 from dashred.pipeline.check.remark import Remark, counted, doubtful, some
 
@@ -41,7 +41,7 @@ def about_recording(situation: CheckContext) -> Iterator[Remark]:
         return
     times = recording.times
     span = f"{len(times)} samples of {counted(len(recording.sensors), 'sensor')}"
-    end = measured(f"{times[-1]:.6g}", situation.system.units.get("t"))
+    end = with_unit(f"{times[-1]:.6g}", situation.system.units.get("t"))
     yield Remark(f"{span}, t from {times[0]:.6g} to {end}")
     if situation.others:
         yield Remark(f"That is the longest of {len(situation.others) + 1} episodes")
@@ -75,8 +75,8 @@ def _about_none(situation: CheckContext) -> Iterator[Remark]:
 
 
 def _uneven(recording: Recording) -> Iterator[Remark]:
-    step, steps = own_step(recording.times), np.diff(recording.times)
-    usual = steps[steps <= GAP * step]
+    step, steps = native_step(recording.times), np.diff(recording.times)
+    usual = steps[steps <= MAX_GAP * step]
     if usual.size and np.abs(usual / step - 1).max() > IRREGULAR:
         shortest, longest = f"{usual.min():.4g}", f"{usual.max():.4g}"
         yield doubtful(
@@ -86,16 +86,16 @@ def _uneven(recording: Recording) -> Iterator[Remark]:
 
 
 def _gaps(recording: Recording, every: float | None) -> Iterator[Remark]:
-    step, steps = own_step(recording.times), np.diff(recording.times)
+    step, steps = native_step(recording.times), np.diff(recording.times)
     step = max(step, every or 0.0)
-    gaps = np.flatnonzero(steps > GAP * step)
+    gaps = np.flatnonzero(steps > MAX_GAP * step)
     if not gaps.size:
         return
     worst = int(gaps[steps[gaps].argmax()])
     anew = "if the system was started anew in it, its parts are episodes"
-    bridged = f"a longer step bridges short ones: recording.every={GAP * step:.3g}"
+    bridged = f"a longer step bridges short ones: recording.every={MAX_GAP * step:.3g}"
     yield doubtful(
-        f"{counted(gaps.size, 'gap')} longer than {GAP:g} steps; the longest, "
+        f"{counted(gaps.size, 'gap')} longer than {MAX_GAP:g} steps; the longest, "
         f"{steps[worst]:.4g}, begins at t = {recording.times[worst]:.6g}",
         f"nothing is read into a gap; {anew if gaps.size < MANY_GAPS else bridged}",
     )
@@ -114,7 +114,7 @@ def _missing(recording: Recording) -> Iterator[Remark]:
 
 def _marks(recording: Recording) -> Iterator[Remark]:
     for name, values in zip(recording.names, recording.values.T, strict=True):
-        for number, count in missing_marks(values).items():
+        for number, count in sentinel_counts(values).items():
             times = recording.times[values == number]
             yield doubtful(
                 f"{name} reads {number:g} {count} times, first at t = {times[0]:.6g}, and nothing "
@@ -183,15 +183,15 @@ def _noise(recording: Recording, estimated: NDArray[np.float64]) -> Iterator[Rem
 def _sampling(
     situation: CheckContext, recording: Recording, estimated: NDArray[np.float64]
 ) -> Iterator[Remark]:
-    lags = samples_a_change(recording, np.nan_to_num(estimated))
+    lags = samples_per_change(recording, np.nan_to_num(estimated))
     yield Remark(f"The analysis clock: {situation.clock}")
     if situation.config.recording.every is None and lags:
         fastest = min(lags, key=lambda name: lags[name])
         step = suggested_step(recording, lags)
-        if step is not None and step >= 4 * own_step(recording.times):
+        if step is not None and step >= 4 * native_step(recording.times):
             yield doubtful(
                 f"It is sampled finely: the fastest sensor, {fastest}, takes {lags[fastest]} "
-                f"samples for a {A_PERIOD}th of its period",
+                f"samples for a {SAMPLES_PER_PERIOD}th of its period",
                 f"recording.every={step:g} loses little and makes a run faster",
             )
     count = len(situation.times)

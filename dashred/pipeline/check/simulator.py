@@ -11,9 +11,9 @@ from torch import Tensor
 
 from dashred.core.errors import InputError
 from dashred.data.observation_operator import ObservationOperator
-from dashred.physics.library import refuse_collinear, uninformative_terms
+from dashred.physics.library import check_collinear, uninformative_terms
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
-from dashred.physics.runs.resolution import Readings, doubling_error, least_scale
+from dashred.physics.runs.resolution import Readings, doubling_error, minimum_scale
 from dashred.physics.solvers.simulate import check_finite, simulate
 from dashred.physics.system import System, Term
 from dashred.pipeline.check.context import CheckContext
@@ -104,7 +104,7 @@ def _library(situation: CheckContext, simulated: Simulated) -> Iterator[Remark]:
     terms = situation.system, situation.library, simulated.states, simulated.times
     try:
         if own:
-            refuse_collinear(*terms)
+            check_collinear(*terms)
         else:
             yield from map(_left_out, uninformative_terms(*terms).items())
             yield from _far_from_zero(situation, simulated)
@@ -140,7 +140,7 @@ def _resolution(situation: CheckContext, simulated: Simulated, traces: Tensor) -
     times, start = simulated.times[:count], simulated.states[:1]
     readings = _readings(situation)
     reads = [sensor.reads for sensor in situation.sensors]
-    least = least_scale(traces, situation.sigma(simulated.states), reads, limit)
+    least = minimum_scale(traces, situation.sigma(simulated.states), reads, limit)
     error, _ = doubling_error(system, start, times, readings, traces[None, :count], least)
     span = f", over the first {count} samples" if count < len(situation.times) else ""
     moves = f"twice its resolution moves a sensor's trace by {error:.2g} of its std{span}"

@@ -26,7 +26,7 @@ from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.result import AMBIGUOUS
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
-from dashred.physics.window import shapes_of
+from dashred.physics.window import window_shapes
 from dashred.pipeline.discovery.first_guess_stage import FittedGuess
 from dashred.pipeline.discovery.objectives import fit_noise, simulator_with
 from dashred.pipeline.discovery.prior_start import fit_near_prior
@@ -144,7 +144,7 @@ def _with(
 
 
 def _with_windows(problem: Problem, candidates: Sequence[Candidate]) -> Simulator:
-    return simulator_with(problem, candidates, shapes_of(problem.system))
+    return simulator_with(problem, candidates, window_shapes(problem.system))
 
 
 def _tendency_size(system: System, states: Tensor, times: Tensor) -> Tensor:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from torch import Tensor
 
-from dashred.physics.library import refuse_collinear, uninformative_terms
+from dashred.physics.library import check_collinear, uninformative_terms
 from dashred.pipeline.problem import Problem
 
 
@@ -28,7 +28,7 @@ def keep_identifiable_terms(problem: Problem, states: Tensor, t: float | Tensor)
     """
     system, library = problem.system, problem.library
     if problem.config.library is not None:
-        refuse_collinear(system, library, states, t)
+        check_collinear(system, library, states, t)
         return problem
     left_out = uninformative_terms(system, library, states, t)
     kept = [term for term in library if term not in left_out]

@@ -11,7 +11,7 @@ import numpy as np
 
 from dashred.config.schema.types import NAME
 from dashred.core.errors import InputError
-from dashred.data.io.csv_table import Table, is_number, read_table, separated_otherwise
+from dashred.data.io.csv_table import Table, is_number, read_table, separator_hint
 from dashred.data.io.reader import read_episodes
 from dashred.data.recording import Recording
 from dashred.data.sensors import RESERVED
@@ -33,7 +33,7 @@ class GuessedAxis:
     length: float
     points: int
 
-    def inside(self, place: float, /) -> float:
+    def wrap(self, place: float, /) -> float:
         """Return the place itself: all that is asked is whether sensors lie on the axis."""
         return place
 
@@ -43,7 +43,7 @@ class GuessedAxis:
         return self.length
 
     @property
-    def around(self) -> int:
+    def ring_points(self) -> int:
         """Its points."""
         return self.points
 
@@ -119,7 +119,7 @@ def _of_places(table: Table) -> Guessed:
         if not any(is_number(cell) for cell in table.texts(column) if cell):
             hint = f"coordinates are numbers; its other columns may be {', '.join(OF_A_SENSOR)}"
             what = f"the column {column!r} is no coordinate"
-            raise InputError(what, where=table.header_place(column), hint=f"{hint}: take it out")
+            raise InputError(what, where=table.header_location(column), hint=f"{hint}: take it out")
     if len(coordinates) > 2:
         problem = f"{len(coordinates)} coordinates, {', '.join(coordinates)}: 2 are the most"
         raise InputError(problem, where=table.path)
@@ -143,7 +143,7 @@ def _axis(table: Table, name: str, rank: int) -> GuessedAxis:
         if not place >= 0:
             problem = "a place must be a number from 0 up: axes begin at 0"
             hint = f"shift the coordinates so that the domain begins at {name} = 0"
-            raise InputError(problem, where=table.place(row, name), hint=hint)
+            raise InputError(problem, where=table.location(row, name), hint=hint)
     distinct = np.unique(places)
     reach = float(distinct[-1])
     spacing = reach / max(1, len(distinct) - 1)
@@ -172,7 +172,7 @@ def _check_names(names: Sequence[str], kind: str, where: str) -> None:
 
 def _without_time(table: Table) -> InputError:
     likely = [c for c in table.columns if c.lower() in ("t", "time", "times", "date", "seconds")]
-    hint = separated_otherwise(table.columns) or f"its columns are {', '.join(table.columns[:12])}"
+    hint = separator_hint(table.columns) or f"its columns are {', '.join(table.columns[:12])}"
     if likely:
         hint = f"call the column {likely[0]!r} 'time' in the header"
     return InputError("the recording has no column 'time'", where=table.path, hint=hint)

@@ -10,7 +10,7 @@ from dashred.config.schema.types import NAME
 from dashred.config.source import SCALARS
 from dashred.core.templates import render
 from dashred.data.recording import Recording
-from dashred.data.resampling import fuller_step, own_step
+from dashred.data.resampling import coarser_step, native_step
 from dashred.physics.expressions.functions import FUNCTIONS
 from dashred.pipeline.init.columns import Guessed
 from dashred.pipeline.init.guess import Guess
@@ -33,7 +33,7 @@ def document(
         name: of the configuration, as commands name it.
     """
     # On a shorter step most values would be missing.
-    uneven = guess.every is not None and guess.every == fuller_step(recording)
+    uneven = guess.every is not None and guess.every == coarser_step(recording)
     return render(
         TEMPLATE,
         axes=guessed.axes,
@@ -42,7 +42,7 @@ def document(
         units=recording.units,
         guess=guess,
         examples={field: _example(field, guessed, guess) for field in guessed.fields},
-        own_step=own_step(recording.times),
+        native_step=native_step(recording.times),
         uneven=uneven,
         path=path,
         table=table,

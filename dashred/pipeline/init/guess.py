@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
-from dashred.data.io.missing_sentinels import without_marks
+from dashred.data.io.missing_sentinels import mask_sentinels
 from dashred.data.noise_level import noise_std
 from dashred.data.recording import Recording
-from dashred.data.resampling import fuller_step, own_step
-from dashred.data.time_scale import samples_a_change, suggested_step
+from dashred.data.resampling import coarser_step, native_step
+from dashred.data.time_scale import samples_per_change, suggested_step
 from dashred.pipeline.init.columns import Guessed
 from dashred.pipeline.init.relations import Rate, find_rates
 from dashred.pipeline.init.start import start_expression
@@ -50,13 +50,13 @@ def guess(guessed: Guessed, episodes: Sequence[Recording]) -> Guess:
     A law has one prior of the start, whatever the episode: about the mean of what they begin with,
     as wide as that differs.
     """
-    episodes = [replace(each, values=without_marks(each.values)) for each in episodes]
+    episodes = [replace(each, values=mask_sentinels(each.values)) for each in episodes]
     recording = longest(episodes)
     noise = _noise(recording)
-    every = fuller_step(recording)
+    every = coarser_step(recording)
     if every is None:
-        every = suggested_step(recording, samples_a_change(recording, noise))
-    step = own_step(recording.times) if every is None else every
+        every = suggested_step(recording, samples_per_change(recording, noise))
+    step = native_step(recording.times) if every is None else every
     start, spread = {}, {}
     for field in guessed.fields:
         mine = [sensor.reads == field for sensor in recording.sensors]

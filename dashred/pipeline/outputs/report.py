@@ -9,7 +9,7 @@ import numpy as np
 from dashred.core.findings.law_schema import Where
 from dashred.core.findings.schema import Findings
 from dashred.core.progress import stage
-from dashred.core.units import in_brackets, time_label
+from dashred.core.units import label_with_unit, time_label
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.inference.results.location import law_tendency
 from dashred.inference.wording.wording import words
@@ -131,7 +131,7 @@ def _where(problem: Problem, analysis: Analysis, where: Where, gallery: Gallery)
         if where["forcing"] is not None:
             places = list(law_map.sensors.values())
             label, clock = (
-                in_brackets(axis.name, system.units.get(axis.name)),
+                label_with_unit(axis.name, system.units.get(axis.name)),
                 time_label(system.units),
             )
             figure = forcing_figure(where["forcing"], label, axis.length, places, clock)
@@ -204,12 +204,12 @@ def _fields(problem: Problem, analysis: Analysis, gallery: Gallery) -> None:
         [axis] = system.axes
         figure = space_time_panels(
             times,
-            in_brackets(axis.name, system.units.get(axis.name)),
+            label_with_unit(axis.name, system.units.get(axis.name)),
             coordinates[axis.name].numpy(),
             fields,
             {field: [x for (x,) in positions] for field, positions in places.items()},
             meanings={
-                field: in_brackets(meaning, system.units.get(field))
+                field: label_with_unit(meaning, system.units.get(field))
                 for field, meaning in system.config.fields.items()
             },
             clock=time_label(system.units),

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from dashred.config import Config
 from dashred.core.errors import InputError
-from dashred.core.job_control import alone_in
+from dashred.core.job_control import lock_folder
 from dashred.core.mlflow.store import INTERRUPTED, Store, open_store, status_of
 from dashred.core.mlflow.tracker import Tracker
 from dashred.pipeline.run.run_manifest import begin, differences, point_to, pointed_to, read_began
@@ -40,7 +40,7 @@ def open_parent(
     with ExitStack() as stack:
         if known := keep.run or earlier:
             # Before it is opened: one that another process works on must not be touched.
-            stack.enter_context(alone_in(store.checkpoints(known), "analysis"))
+            stack.enter_context(lock_folder(store.checkpoints(known), "analysis"))
         opened = (
             Tracker.reopen(keep.root, experiment, earlier)
             if earlier
@@ -49,7 +49,7 @@ def open_parent(
         run = stack.enter_context(opened)
         folder = store.checkpoints(run.run_id)
         if not known:
-            stack.enter_context(alone_in(folder, "analysis"))
+            stack.enter_context(lock_folder(folder, "analysis"))
         _begin(folder, config, began)
         if named is not None:
             point_to(named, run.run_id)

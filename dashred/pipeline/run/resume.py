@@ -10,11 +10,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 from dashred.config.commandline import BASE, PLACE
-from dashred.config.layers import absolute, store_root
+from dashred.config.layers import absolute_path, store_root
 from dashred.config.source import read_file
 from dashred.core.errors import DONE, InputError, nearest
 from dashred.core.files.user_path import is_server
-from dashred.core.job_control import alone_in
+from dashred.core.job_control import lock_folder
 from dashred.core.mlflow.store import INTERRUPTED, Store, status_of, store_of_run, tags_of
 from dashred.core.mlflow.tracker import Tracker
 from dashred.pipeline.run.output_dir import make_output
@@ -49,7 +49,7 @@ def resume(argv: list[str], conclude: Callable[[Tracker, Path, str, str], None])
     _refuse_finished(store, run_id)
     folder, analysed = store.checkpoints(run_id), FROZEN in tags_of(store, run_id)
     told = [] if analysed else _told(folder, run_id)
-    with alone_in(folder, "analysis"):
+    with lock_folder(folder, "analysis"):
         pass
     output = make_output(named_folder(words)) if "output" in words else store.artifact_dir(run_id)
     told += [f"trust={words['trust']}"] if "trust" in words else []
@@ -91,7 +91,7 @@ def read_words(argv: list[str]) -> dict[str, str]:
 
 def named_folder(words: dict[str, str]) -> str:
     """Return the folder of ``output=`` as it is from anywhere, the home folder spelt out."""
-    return absolute(words["output"], folder=Path.cwd(), where=PLACE)
+    return absolute_path(words["output"], folder=Path.cwd(), where=PLACE)
 
 
 def _root(words: dict[str, str]) -> str:

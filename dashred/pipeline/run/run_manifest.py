@@ -17,7 +17,7 @@ from typing import Any
 
 from dashred.config import Config, config_sha256, read_file
 from dashred.config.commandline import PLACE
-from dashred.config.frozen import ELSEWHERE, RECORDING_A_TWIN
+from dashred.config.frozen import OUTPUT_SECTIONS, TWIN_ONLY
 from dashred.config.layers import PATHS
 from dashred.config.schema.settings import Settings
 from dashred.core.errors import InputError
@@ -34,9 +34,9 @@ POINTER = ".run"
 FROZEN = "findings sha256"
 BEGAN, SETTLED, WORDS = "began.json", "config", "words.json"
 MODEL = "tracking.model"
-SECTIONS = {field.name for field in fields(Settings)} - {*ELSEWHERE}
+SECTIONS = {field.name for field in fields(Settings)} - {*OUTPUT_SECTIONS}
 # Of a file's recording: what is told anew, or is of a twin alone and no business of the analysis.
-OF_ONE_RECORDING = ("twin", "path", "sensors", *RECORDING_A_TWIN)
+OF_ONE_RECORDING = ("twin", "path", "sensors", *TWIN_ONLY)
 
 
 def manifest_of(config: Config, recording_sha256: str) -> dict[str, str]:
@@ -64,7 +64,7 @@ def code_sha256() -> str:
 def begin(folder: Path, config: Config, began: dict[str, str]) -> None:
     """Note what an attempt begins with, in the folder of its checkpoints."""
     values = read_file(config.source, label=config.source.name).values
-    for key in ELSEWHERE:
+    for key in OUTPUT_SECTIONS:
         values.pop(key, None)
     for key in OF_ONE_RECORDING:
         values.get("recording", {}).pop(key, None)
@@ -153,12 +153,12 @@ def _words(config: Config) -> list[str]:
     found = {MODEL: kept.model}
     for key, line in config.lines.items():
         section, _, name = key.partition(".")
-        if line != PLACE or not key or "[" in key or section in ELSEWHERE:
+        if line != PLACE or not key or "[" in key or section in OUTPUT_SECTIONS:
             continue
         if section != "recording" or name not in OF_ONE_RECORDING:
             found[key] = _at(settled, key)
     for key in PATHS:
-        if key.partition(".")[0] not in ELSEWHERE and isinstance(_at(settled, key), str):
+        if key.partition(".")[0] not in OUTPUT_SECTIONS and isinstance(_at(settled, key), str):
             found[key] = _at(settled, key)
     return [f"{key}={json.dumps(value, ensure_ascii=False)}" for key, value in found.items()]
 

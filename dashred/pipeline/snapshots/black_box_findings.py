@@ -137,7 +137,7 @@ def _errors(
         earlier = split.tested.between(float(problem.times[0]), split.time_end)
     else:
         earlier = whole(problem, names).between(float(problem.times[0]), split.time_end)
-    scale: np.ndarray = earlier.trace_unit()
+    scale: np.ndarray = earlier.trace_scale()
     return {
         name: relative_rmse(operator(states[begin:end]).numpy(), recorded.values, scale)
         for name, states in analysis.fields.items()

@@ -8,7 +8,7 @@ import numpy as np
 
 from dashred.core.findings.schema import Findings
 from dashred.core.progress import stage
-from dashred.core.units import in_brackets, time_label
+from dashred.core.units import label_with_unit, time_label
 from dashred.pipeline.outputs.report import TITLES, varying
 from dashred.pipeline.outputs.sensor_figures import all_sensors, draw_sensors
 from dashred.pipeline.problem import Problem
@@ -99,11 +99,11 @@ def _fields(problem: Problem, analysis: BlackBoxAnalysis, gallery: Gallery) -> N
         units = system.units
         figure = space_time_panels(
             times,
-            in_brackets(axis.name, units.get(axis.name)),
+            label_with_unit(axis.name, units.get(axis.name)),
             along[axis.name],
             fields,
             sensors,
-            meanings={f: in_brackets(says, units.get(f)) for f, says in meanings.items()},
+            meanings={f: label_with_unit(says, units.get(f)) for f, says in meanings.items()},
             clock=time_label(units),
         )
         gallery.save(figure, "space_time.png")

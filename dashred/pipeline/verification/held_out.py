@@ -63,7 +63,7 @@ def _test_errors(problem: Problem, analysis: Analysis) -> Errors:
     tested = split.tested.between(float(problem.times[0]), split.time_end)
     if not tested.sensors:
         return {}
-    operator, scale = problem.operator(tested), tested.trace_unit()
+    operator, scale = problem.operator(tested), tested.trace_scale()
     count = int((~np.isnan(tested.values)).sum())
     return {
         MISFITS[name]: (relative_rmse(operator(states).numpy(), tested.values, scale), count)
@@ -114,7 +114,7 @@ def _fitted_std(name: str, fitted: Sequence[Problem]) -> float:
     for problem in fitted:
         split = problem.split
         part = split.fit if name in split.fit.names else split.validation
-        stds.append(float(part.select([name]).trace_unit()[0]))
+        stds.append(float(part.select([name]).trace_scale()[0]))
     return stds[0] if len(stds) == 1 else math.sqrt(sum(std**2 for std in stds) / len(stds))
 
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from dashred.core.formatting import pretty, with_error
-from dashred.core.units import measured
+from dashred.core.units import with_unit
 from dashred.reporting.figures.style import BLUE, GREY, VERMILION, new_figure, style
 
 # Scores closer than this to the best are as good as the best (design §4.2.6).
@@ -98,7 +98,7 @@ def _draw_coefficients(axes: Axes, terms: Sequence[Mapping[str, Any]]) -> None:
     axes.errorbar(values / scale, rows, xerr=errors / scale, **bars)
     axes.axvline(0, color=GREY, linewidth=0.8)
     for row, term in enumerate(terms):
-        size = measured(with_error(term["coefficient"], term["std"]), term.get("unit"))
+        size = with_unit(with_error(term["coefficient"], term["std"]), term.get("unit"))
         text = f"{_name(term)}    {size}"
         axes.annotate(
             text, (0, row - 0.32), xycoords=("axes fraction", "data"), va="bottom", fontsize=8.5

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from dashred.core.units import NONE, in_brackets
+from dashred.core.units import NO_UNITS, label_with_unit
 from dashred.reporting.figures.held_out import frame_recorded
 from dashred.reporting.figures.style import GREY, legend_above, new_figure, style
 from dashred.reporting.figures.traces import draw_sensor
@@ -23,7 +23,7 @@ def forecast_figure(
     recorded: Traces,
     names: Sequence[str],
     traces: Mapping[str, Traces],
-    units: Mapping[str, str] = NONE,
+    units: Mapping[str, str] = NO_UNITS,
     clock: str = "time",
 ) -> Figure:
     """Draw up to three sensors over the end of the recording and beyond it.
@@ -51,7 +51,7 @@ def forecast_figure(
             axes.axvspan(times[last], times[-1], color="#f2f2f2", linewidth=0, zorder=0)
             axes.axvline(times[last], color=GREY, linewidth=0.8, linestyle=(0, (2, 2)), zorder=1)
             axes.set_title(names[index], fontsize=9, fontweight="bold")
-            label = in_brackets("reading", units.get(names[index]))
+            label = label_with_unit("reading", units.get(names[index]))
             axes.set(ylabel=label, xlim=(times[begin], times[-1]))
         column[0].set_title("shaded: beyond the recording", loc="right", fontsize=8)
         column[-1].set_xlabel(clock)

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dashred.core.units import NONE, in_brackets
+from dashred.core.units import NO_UNITS, label_with_unit
 from dashred.reporting.figures.style import (
     COLOURS,
     new_figure,
@@ -36,7 +36,7 @@ def verification_figure(
     traces: Mapping[str, Traces],
     time_end: float,
     errors: Mapping[str, Mapping[str, float | None]],
-    units: Mapping[str, str] = NONE,
+    units: Mapping[str, str] = NO_UNITS,
     clock: str = "time",
 ) -> Figure:
     """Draw up to three test sensors before and after, and the errors in stds beside them.
@@ -66,7 +66,7 @@ def verification_figure(
                 frame_recorded(axes, recorded[:, index])
                 axes.set_title(names[index], fontsize=9, fontweight="bold")
                 shade_held_out(axes, time_end, float(times[-1]), label=index == 0)
-                label = in_brackets("reading", units.get(names[index]))
+                label = label_with_unit("reading", units.get(names[index]))
                 axes.set(ylabel=label, xlim=(times[0], times[-1]))
             column[0].set_title("test sensors, never looked at before", loc="center", fontsize=9)
             column[-1].set_xlabel(clock)

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dashred.core.units import NONE, in_brackets
+from dashred.core.units import NO_UNITS, label_with_unit
 from dashred.reporting.figures.style import (
     BLACK,
     legend_above,
@@ -37,7 +37,7 @@ def sensor_traces(
     roles: Mapping[str, str],
     estimates: Mapping[str, Traces],
     time_end: float,
-    units: Mapping[str, str] = NONE,
+    units: Mapping[str, str] = NO_UNITS,
     clock: str = "time",
 ) -> Figure:
     """Draw at most six sensors, the held-out ones first; recorded values are dots.
@@ -62,7 +62,7 @@ def sensor_traces(
             axes.set_title(names[sensor], fontsize=9, fontweight="bold")
             note = ROLES.get(role, role) if whole else "the same, in detail"
             axes.set_title(note, fontsize=8, loc="right", color="#4d4d4d")
-            axes.set(ylabel=in_brackets("reading", units.get(names[sensor])), xlim=window)
+            axes.set(ylabel=label_with_unit("reading", units.get(names[sensor])), xlim=window)
         for axes in list(grid.flat)[len(panels) :]:
             axes.set_axis_off()
         for column in grid.T:

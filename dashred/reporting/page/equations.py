@@ -5,14 +5,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from dashred.core.formatting import MINUS, number, pretty, rounded
-from dashred.core.units import NONE, measured
+from dashred.core.units import NO_UNITS, with_unit
 from dashred.reporting.text.verdict import bounds
 
 
 def equations(findings: Mapping[str, Any]) -> dict[str, Any]:
     """The rate of each field with the terms added to it, and each parameter that changes."""
     system = findings["input"]["config"].get("system", {})
-    terms, units = findings["terms"] or [], findings.get("units", NONE)
+    terms, units = findings["terms"] or [], findings.get("units", NO_UNITS)
     rates = [
         {
             "field": field,
@@ -52,4 +52,4 @@ def _factor(text: str) -> str:
 def _parameter(term: Mapping[str, Any], units: Mapping[str, str]) -> dict[str, str]:
     new, _ = rounded(term["to"], term["std"])
     name = term["term"]
-    return {"now": f"{name} = {measured(new, units.get(name))}", "was": number(term["from"])}
+    return {"now": f"{name} = {with_unit(new, units.get(name))}", "was": number(term["from"])}

@@ -7,7 +7,7 @@ from typing import Any
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.formatting import number
 from dashred.core.templates import render
-from dashred.core.units import NONE, TIME, measured
+from dashred.core.units import NO_UNITS, TIME, with_unit
 from dashred.reporting.figures.figure_names import OF_EQUATIONS
 from dashred.reporting.page import sections
 from dashred.reporting.page.equations import equations
@@ -49,7 +49,7 @@ def page(
         mostly: of more terms than a few, the words of the few that explain nearly all.
         commit: of dashred's own checkout; None names none.
     """
-    fit, units, found = findings["fit"], findings.get("units", NONE), findings["terms"] or []
+    fit, units, found = findings["fit"], findings.get("units", NO_UNITS), findings["terms"] or []
     system = findings["input"]["config"].get("system", {})
     splits = findings["input"]["splits"]
     return render(
@@ -73,7 +73,7 @@ def page(
         unexplained=sections.unexplained(findings),
         unknowable=verdict.unknowable(findings),
         splits=splits,
-        until=measured(number(splits["time_end"]), units.get(TIME)) if splits else "",
+        until=with_unit(number(splits["time_end"]), units.get(TIME)) if splits else "",
         set_up=set_up(findings),
         provenance=provenance(findings, commit),
         figures={place: drawn(figures.get(place, {})) for place in OF_EQUATIONS},

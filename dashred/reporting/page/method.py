@@ -4,12 +4,12 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from dashred.core.formatting import number
-from dashred.core.units import NONE, TIME, measured, shown
+from dashred.core.units import NO_UNITS, TIME, format_unit, with_unit
 
 
 def set_up(findings: Mapping[str, Any]) -> dict[str, str]:
     """The data, the library and the noise, by what the report calls them."""
-    source, fit, units = findings["input"], findings["fit"], findings.get("units", NONE)
+    source, fit, units = findings["input"], findings["fit"], findings.get("units", NO_UNITS)
     splits = source["splits"] or {}
     noise = (fit["noise_std"] or {}).items()
     rows = {
@@ -28,7 +28,7 @@ def set_up(findings: Mapping[str, Any]) -> dict[str, str]:
             "{} {}", ((name, number(float(f"{std:.2g}"))) for name, std in noise)
         ),
         "χ² per sample of the fit": "" if fit["chi2"] is None else number(fit["chi2"]),
-        "units": _listed("{} in {}", ((name, shown(unit)) for name, unit in units.items())),
+        "units": _listed("{} in {}", ((name, format_unit(unit)) for name, unit in units.items())),
     }
     return {name: text for name, text in rows.items() if text}
 
@@ -64,7 +64,7 @@ def _listed(form: str, pairs: Iterable[tuple[str, Any]]) -> str:
 
 
 def _episode(split: Mapping[str, Any], unit: str | None) -> str:
-    end = measured(number(split["end"]), unit)
+    end = with_unit(number(split["end"]), unit)
     span = f"{split['name']}, from {number(split['begin'])} to {end}"
     until = f"its first part, to {number(split['time_end'])}, tells its start"
     if split["held_out_whole"]:

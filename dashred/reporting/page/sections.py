@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dashred.core.formatting import number, percent, pretty, rounded
-from dashred.core.units import shown
+from dashred.core.units import format_unit
 from dashred.reporting.page.views import Table
 from dashred.reporting.text.improvement import unresolved
 from dashred.reporting.text.method_names import AT_SENSORS, method_name
@@ -42,7 +42,7 @@ def terms(found: Sequence[Mapping[str, Any]]) -> Table:
         where = "parameter" if term["equation"] is None else f"equation of {term['equation']}"
         if term["equation"] is None:
             value = f"{number(term['from'])} → {rounded(term['to'], term['std'])[0]}"
-        unit = [shown(term["unit"]) if "unit" in term else "–"] if with_unit else []
+        unit = [format_unit(term["unit"]) if "unit" in term else "–"] if with_unit else []
         included = percent(term["inclusion"])
         cells = [where, pretty(term["term"]), value, std, f"{low} … {high}", *unit, included]
         rows.append(cells)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from dashred.core.units import NONE, TIME, measured
+from dashred.core.units import NO_UNITS, TIME, with_unit
 from dashred.reporting.text.method_names import AT_SENSORS, method_name
 from dashred.reporting.text.verdict import sentence, verdict_lines
 
@@ -32,7 +32,7 @@ def summary(
     fit = findings["fit"]
     blocks = [
         verdict_lines(findings),
-        _compared(findings["input"], findings.get("units", NONE)),
+        _compared(findings["input"], findings.get("units", NO_UNITS)),
         _errors("Test sensors, which nothing looked at before", fit["test_sensors"]),
         _errors("Held-out time, the end of the recording", fit["heldout_time"]),
         _errors("Held-out time, from a state fitted just before it", fit["heldout_restarted"]),
@@ -66,7 +66,7 @@ def _compared(source: Mapping[str, Any], units: Mapping[str, str]) -> list[str]:
         if splits[role]:
             counts.append(f"{len(splits[role])} {purpose}")
     unit = units.get(TIME)
-    until = measured(f"{splits['time_end']:.6g}", unit)
+    until = with_unit(f"{splits['time_end']:.6g}", unit)
     lines.append(f"{', '.join(counts)}; fitted up to time {until}.")
     lines += [sentence(splits["note"])] if splits.get("note") else []
     return lines + [sentence(_episode(episode, unit)) for episode in splits.get("episodes", [])]
@@ -74,10 +74,10 @@ def _compared(source: Mapping[str, Any], units: Mapping[str, str]) -> list[str]:
 
 def _episode(episode: Mapping[str, Any], unit: str | None) -> str:
     begin, end, until = (f"{episode[key]:.6g}" for key in ("begin", "end", "time_end"))
-    fitted = f"fitted up to {measured(until, unit)}"
+    fitted = f"fitted up to {with_unit(until, unit)}"
     if episode["held_out_whole"]:
         fitted = f"held out whole, its start {fitted}"
-    return f"episode {episode['name']}, {begin} to {measured(end, unit)}: {fitted}"
+    return f"episode {episode['name']}, {begin} to {with_unit(end, unit)}: {fitted}"
 
 
 def _errors(title: str, errors: Mapping[str, float | None]) -> list[str]:

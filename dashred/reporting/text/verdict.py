@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dashred.core.formatting import number, percent, pretty, probability, rounded
-from dashred.core.units import NONE, measured
+from dashred.core.units import NO_UNITS, with_unit
 from dashred.reporting.text.improvement import UNTESTED, reconstructed, unresolved, worth
 
 VERDICTS = {
@@ -46,7 +46,7 @@ def verdict_lines(findings: Mapping[str, Any]) -> list[str]:
         *law(findings),
         *certainty(findings),
         *unresolved(findings["fit"]),
-        *places(findings["where"] if findings["terms"] else None, findings.get("units", NONE)),
+        *places(findings["where"] if findings["terms"] else None, findings.get("units", NO_UNITS)),
         *consequences(findings),
         *worth(findings["fit"]),
         *reconstructed(findings),
@@ -88,7 +88,7 @@ def law(findings: Mapping[str, Any]) -> list[str]:
     missing = [term["says"] for term in added]
     if len(added) > FEW:
         # Nobody reads a paragraph of so many.
-        units = findings.get("units", NONE)
+        units = findings.get("units", NO_UNITS)
         told = ", ".join(_in_symbols(term, units) for term in added)
         missing = [f"{len(added)} terms: {told}"]
     changed = [term["says"] for term in terms if term["equation"] is None]
@@ -155,7 +155,7 @@ def places(where: Mapping[str, Any] | None, units: Mapping[str, str]) -> list[st
     return [f"It acts {', '.join(told)}; {acting(where, units)}."]
 
 
-def acting(where: Mapping[str, Any], units: Mapping[str, str] = NONE) -> str:
+def acting(where: Mapping[str, Any], units: Mapping[str, str] = NO_UNITS) -> str:
     """``for 10.1 < x < 16.0 (± 0.1)``, ``where u > 1.76 (…)``, or ``everywhere``."""
     if where["region"]:
         [region] = where["region"]
@@ -169,12 +169,12 @@ def bounds(region: Mapping[str, Any], units: Mapping[str, str]) -> str:
     unit = units.get(of)
     if "to" in region:
         (begin, _), (end, error) = (rounded(region[key], std) for key in ("from", "to"))
-        return f"{begin} < {of} < {measured(end, unit)} (± {error})"
+        return f"{begin} < {of} < {with_unit(end, unit)} (± {error})"
     if "below" in region:
         place, error = rounded(region["below"], std)
-        return f"{of} < {measured(place, unit)} (± {error})"
+        return f"{of} < {with_unit(place, unit)} (± {error})"
     place, error = rounded(region["from"] if "from" in region else region["above"], std)
-    return f"{of} > {measured(place, unit)} (± {error})"
+    return f"{of} > {with_unit(place, unit)} (± {error})"
 
 
 def consequences(findings: Mapping[str, Any]) -> list[str]:

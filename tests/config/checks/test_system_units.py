@@ -1,4 +1,4 @@
-"""Units in a configuration: stated in one place or behind a field's meaning, and checked."""
+"""Units in a configuration: in system.units or after the description of a field."""
 
 from pathlib import Path
 
@@ -31,7 +31,7 @@ def with_units(units: str) -> str:
     return TEXT.replace("  start:", f"  units: {units}\n  start:")
 
 
-def test_a_unit_behind_a_meaning_is_one_of_the_systems_units(tmp_path: Path) -> None:
+def test_a_unit_after_a_description_is_one_of_the_systems_units(tmp_path: Path) -> None:
     config = load(tmp_path, with_units("{t: s, x: m, nu: m2/s, u: K}"))
     assert config.system.fields == {"u": "temperature", "v": "rate"}
     assert config.system.units == {"t": "s", "x": "m", "nu": "m2/s", "u": "K"}
@@ -53,7 +53,7 @@ def test_without_units_the_frozen_input_knows_of_none(tmp_path: Path) -> None:
     [
         ("{w: m}", "bead.yaml:9: system.units names w, which the system does not have"),
         ("{nu: ''}", "bead.yaml:9: the unit of nu is empty"),
-        ("{v: '[m'}", "bead.yaml:9: '[m' cannot be the unit of v"),
+        ("{v: '[m'}", "bead.yaml:9: '[m' is not a valid unit of v"),
         ("{u: degC}", "bead.yaml:5: u is in K here, but in degC in"),
         ("[m]", "bead.yaml:9: system.units must be a section of keys"),
     ],

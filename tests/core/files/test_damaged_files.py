@@ -1,4 +1,4 @@
-"""A damaged file is the user's to mend; a package that is missing, or a failing disk, is not."""
+"""A damaged file is an input error; a missing package or a failing disk is not."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 
 from dashred.core.errors import InputError, run_entry
-from dashred.core.files.damaged_files import reading
+from dashred.core.files.damaged_files import reading_errors
 from dashred.data.io.read_netcdf import read_netcdf
 from dashred.physics.external.snapshot_file import open_snapshots
 from tests import laws
@@ -21,7 +21,7 @@ from tests import laws
 def test_what_a_damaged_file_raises_is_told_of_the_file() -> None:
     damage = [KeyError("layout"), ValueError("bad\nand more"), OSError("truncated"), MemoryError()]
     for error in damage:
-        readable = reading("recording", "r.nc", "a hint")
+        readable = reading_errors("recording", "r.nc", "a hint")
         with pytest.raises(InputError, match="not a readable recording") as told, readable:
             raise error
         assert (told.value.where, told.value.hint) == ("r.nc", "a hint")
@@ -29,7 +29,7 @@ def test_what_a_damaged_file_raises_is_told_of_the_file() -> None:
 
 
 def test_what_is_wrong_in_it_stays_what_it_is() -> None:
-    with pytest.raises(InputError, match="a link"), reading("recording", "r.nc"):
+    with pytest.raises(InputError, match="a link"), reading_errors("recording", "r.nc"):
         raise InputError("a link", where="r.nc")
 
 
@@ -39,7 +39,7 @@ def test_what_is_no_fault_of_the_file_goes_through() -> None:
         OSError(errno.EIO, os.strerror(errno.EIO), "r.nc"),
         PermissionError(errno.EACCES, os.strerror(errno.EACCES), "r.nc"),
     ):
-        with pytest.raises(type(error)), reading("recording", "r.nc"):
+        with pytest.raises(type(error)), reading_errors("recording", "r.nc"):
             raise error
 
 

@@ -1,4 +1,4 @@
-"""Whatever place a user names is taken, or refused in a sentence."""
+"""Any path given by the user is accepted, or refused in one sentence."""
 
 from __future__ import annotations
 
@@ -57,12 +57,12 @@ def test_a_name_that_no_file_can_have(
 @pytest.mark.parametrize(
     ("root", "said"),
     [
-        ("sqlite:////tmp/mlflow.db", "not where runs are kept"),
-        ("sqlite:mlflow.db", "not where runs are kept"),
-        ("s3://bucket/runs", "not where runs are kept"),
-        ("http://localhost:abc", "no address of a server"),
-        ("http://", "no address of a server"),
-        ("http://me:secret@host:5000", "may not hold a password"),
+        ("sqlite:////tmp/mlflow.db", "neither a folder nor a server"),
+        ("sqlite:mlflow.db", "neither a folder nor a server"),
+        ("s3://bucket/runs", "neither a folder nor a server"),
+        ("http://localhost:abc", "not the address of a server"),
+        ("http://", "not the address of a server"),
+        ("http://me:secret@host:5000", "must not contain a password"),
     ],
 )
 def test_what_is_no_address_of_a_server(root: str, said: str) -> None:
@@ -78,12 +78,12 @@ def test_what_is_one_or_a_folder(root: str) -> None:
     check_address(root, "tracking.root")
 
 
-def test_a_recording_is_no_address() -> None:
-    with pytest.raises(InputError, match="an address, and no file"):
+def test_a_recording_cannot_be_a_url() -> None:
+    with pytest.raises(InputError, match="a URL, not a local file"):
         load_config(["conf=rde", "recording.path=https://a.example/b.csv"], entry="train")
 
 
-def test_a_port_that_speaks_otherwise_is_no_server() -> None:
+def test_a_port_with_another_protocol_is_not_a_server() -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
 
@@ -94,6 +94,6 @@ def test_a_port_that_speaks_otherwise_is_no_server() -> None:
 
         thread = threading.Thread(target=answer)
         thread.start()
-        with pytest.raises(InputError, match="no MLflow server answers"):
+        with pytest.raises(InputError, match="no MLflow server responds"):
             check_server(f"http://127.0.0.1:{port}")
         thread.join()

@@ -1,4 +1,4 @@
-"""The findings files: same contents same bytes, nothing half-written, nothing changed unseen."""
+"""Findings files: reproducible bytes, atomic writes and detection of changes."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Metric names: readable where it matters, reversible everywhere, always accepted by MLflow."""
+"""Metric names: readable, invertible and accepted by MLflow."""
 
 import re
 
@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dashred.core.mlflow.metric_names import (
-    LONGEST,
+    MAX_LENGTH,
     metric_name,
     slug,
     term_key,
@@ -89,7 +89,7 @@ def test_metric_names_are_grouped_by_algorithm_and_equation() -> None:
 
 def test_a_term_too_long_for_mlflow_keeps_a_key_of_its_own() -> None:
     first, second = "u*" * 200 + "u", "u*" * 200 + "lam"
-    assert len(term_key(first)) == len(term_key(second)) == LONGEST
+    assert len(term_key(first)) == len(term_key(second)) == MAX_LENGTH
     assert term_table([first, second, "u**3"]) == {
         term_key(first): first,
         term_key(second): second,

@@ -1,4 +1,4 @@
-"""A tracking server: a real process on the loopback, a whole run sent to it, and a real browser."""
+"""A tracking server as a real process, with a complete run and a real browser."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def wait_for(url: str, process: subprocess.Popen[bytes]) -> None:
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """An `mlflow server` with a store and artifacts of its own; yields its URL."""
+    """Start an ``mlflow server`` with its own store and artifacts; yield its URL."""
     folder, port = tmp_path_factory.mktemp("server"), free_port()
     command = [sys.executable, "-m", "mlflow", "server", "--host", "127.0.0.1", "--workers", "1"]
     command += ["--port", str(port), "--backend-store-uri", f"sqlite:///{folder / 'mlflow.db'}"]
@@ -72,7 +72,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def sent(server: str, quick: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
-    """A twin experiment whose run the server keeps, its model too; returns the run's id."""
+    """Run a twin experiment on the server, with its model; return the id of the run."""
     output = tmp_path_factory.mktemp("sent") / "output"
     words = [f"conf={quick}", f"output={output}", f"tracking.root={server}", "tracking.model=true"]
     ended = subprocess.run(
@@ -103,7 +103,7 @@ def test_a_whole_run_is_on_the_server_with_its_artifacts(server: str, sent: str)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("point", ["assimilate", "train corrected"])
-def test_a_killed_run_goes_on_in_the_same_run_on_the_server(
+def test_a_killed_run_is_resumed_in_the_same_run_on_the_server(
     point: str, server: str, quick: Path, twin_run: Ended, tmp_path: Path
 ) -> None:
     output, store = tmp_path / "output", f"tracking.root={server}"
@@ -125,7 +125,7 @@ def test_a_killed_run_goes_on_in_the_same_run_on_the_server(
 
 @pytest.mark.slow
 def test_the_surrogate_loads_without_dashred(server: str, sent: str, tmp_path: Path) -> None:
-    """From the server, in a process whose path has no dashred on it."""
+    """The model is loaded from the server in a process without dashred on its path."""
     [logged] = client_of(server).search_logged_models(
         [client_of(server).get_run(sent).info.experiment_id]
     )
@@ -206,7 +206,7 @@ def test_a_browser_draws_a_curve_through_every_epoch(
 
 
 def seen(url: str, profile: Path) -> str:
-    """Return a page as the browser has it when its scripts have run."""
+    """Return a page as rendered by the browser after its scripts have run."""
     assert CHROMIUM is not None
     own = [f"--user-data-dir={profile}", "--virtual-time-budget=30000", "--dump-dom"]
     ended = subprocess.run(
@@ -218,7 +218,7 @@ def seen(url: str, profile: Path) -> str:
 def test_a_server_that_does_not_answer_is_named() -> None:
     url = f"http://127.0.0.1:{free_port()}"
     with (
-        pytest.raises(InputError, match="no MLflow server answers") as caught,
+        pytest.raises(InputError, match="no MLflow server responds") as caught,
         Tracker.open(url, "rde", "a run"),
     ):
         pass

@@ -1,4 +1,4 @@
-"""Tracking, against MLflow itself: a store on disk, read back through MLflow's own client."""
+"""Tracking in a store on disk, read back with MLflow's own client."""
 
 import json
 import math
@@ -18,9 +18,9 @@ from dashred.core.errors import InputError, run_entry
 from dashred.core.mlflow.metric_names import metric_name
 from dashred.core.mlflow.run import flatten
 from dashred.core.mlflow.tracker import Tracker
-from dashred.core.system_errors import RefusedError
+from dashred.core.system_errors import ExternalServiceError
 
-# MLflow is imported before the fork, so that the processes reach the fresh store together.
+# MLflow is imported before the fork, so that the processes open the new store at the same time.
 OPEN_TOGETHER = """
 import multiprocessing, sys
 import mlflow
@@ -173,7 +173,7 @@ def test_a_failure_marks_child_and_parent(
     assert status_of(tracker, child.run_id) == status
 
 
-def test_a_run_of_another_process_goes_on_and_is_left_open(root: str, tracker: Tracker) -> None:
+def test_a_run_of_another_process_is_continued_and_left_open(root: str, tracker: Tracker) -> None:
     with Tracker.open(root, "rde", "unused name", run_id=tracker.run_id) as again:
         again.log_metrics({"loss": 1.0}, 0)
         assert again.artifact_dir == tracker.artifact_dir
@@ -200,7 +200,9 @@ def test_a_run_may_be_nested_below_one_of_another_process(root: str, tracker: Tr
     assert caught.value.where == "tracking.parent"
 
 
-def test_a_nested_run_can_be_renamed_and_a_deleted_one_is_left(root: str, tracker: Tracker) -> None:
+def test_a_nested_run_can_be_renamed_and_a_deleted_one_is_ignored(
+    root: str, tracker: Tracker
+) -> None:
     with Tracker.open(root, "rde", "rde seed 1", parent=tracker.run_id) as row:
         pass
     tracker.rename(row.run_id, "rde b, seed 1")
@@ -210,7 +212,7 @@ def test_a_nested_run_can_be_renamed_and_a_deleted_one_is_left(root: str, tracke
     tracker.rename("0123", "rde d")
 
 
-def test_a_run_that_was_cut_short_is_gone_on_with_and_ended(root: str) -> None:
+def test_an_interrupted_run_is_resumed_and_ended(root: str) -> None:
     with pytest.raises(KeyboardInterrupt), Tracker.open(root, "rde", "a bench") as first:
         raise KeyboardInterrupt
     with Tracker.reopen(root, "rde", first.run_id) as again:
@@ -242,7 +244,7 @@ def test_a_deleted_experiment_is_refused_with_its_name(root: str, tracker: Track
 def test_a_store_that_was_moved_is_refused(root: str, tracker: Tracker, tmp_path: Path) -> None:
     moved = shutil.copytree(root, tmp_path / "moved")
     with (
-        pytest.raises(InputError, match="keeps its artifacts elsewhere"),
+        pytest.raises(InputError, match="artifacts of this experiment are elsewhere"),
         Tracker.open(str(moved), "rde", "a run"),
     ):
         pass
@@ -292,7 +294,7 @@ def test_several_processes_open_one_fresh_store_at_once(tmp_path: Path) -> None:
         assert database.execute("SELECT count(*) FROM experiments").fetchone() == (2,)
 
 
-def test_mlflow_sends_nothing_home() -> None:
+def test_mlflow_sends_no_telemetry() -> None:
     assert os.environ["MLFLOW_DISABLE_TELEMETRY"] == "true"
 
 
@@ -301,7 +303,7 @@ def test_flatten_joins_keys_with_dots() -> None:
     assert flatten(tree) == {"shred.lags": 8, "shred.decoder": [1, 2], "seed": 1, "axes": {}}
 
 
-def test_points_of_an_earlier_attempt_are_not_drawn_twice(root: str, tracker: Tracker) -> None:
+def test_points_of_an_earlier_attempt_are_not_logged_twice(root: str, tracker: Tracker) -> None:
     tracker.log_metrics({"loss": 1.0}, 0)
     with Tracker.open(root, "rde", "", tracker.run_id) as again:
         again.log_metrics({"loss": 1.0}, 0)
@@ -310,7 +312,7 @@ def test_points_of_an_earlier_attempt_are_not_drawn_twice(root: str, tracker: Tr
     assert [(point.step, point.value) for point in history] == [(0, 1.0), (1, 0.5)]
 
 
-def test_a_stage_that_is_begun_again_takes_the_place_of_the_one_cut_short(
+def test_a_repeated_stage_replaces_the_interrupted_one(
     tracker: Tracker,
 ) -> None:
     with suppress(KeyboardInterrupt), tracker.child("shred"):
@@ -335,7 +337,7 @@ def test_an_experiment_is_described_once(tracker: Tracker) -> None:
 def test_what_mlflow_refuses_in_the_middle_of_a_run_is_no_wrong_input(
     root: str, tracker: Tracker, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Exit code 1: the same command may well do once the store can be used again."""
+    """Exit code 1: the same command may succeed when the store is available again."""
     from mlflow import MlflowClient
     from mlflow.exceptions import MlflowException
 
@@ -362,11 +364,11 @@ def test_what_mlflow_refuses_in_the_middle_of_a_run_is_no_wrong_input(
 
 
 @pytest.mark.slow
-def test_a_locked_database_is_told_in_a_message(tmp_path: Path) -> None:
+def test_a_locked_database_is_reported_in_a_message(tmp_path: Path) -> None:
     with Tracker.open(str(tmp_path), "rde", "a run") as tracker:
         with closing(sqlite3.connect(tmp_path / "mlflow.db", isolation_level=None)) as database:
             database.execute("BEGIN EXCLUSIVE")
-            with pytest.raises(RefusedError, match="locked") as caught:
+            with pytest.raises(ExternalServiceError, match="locked") as caught:
                 tracker.log_metrics({"loss": 1.0}, 0)
         assert f"resume={tracker.run_id}" in str(caught.value)
         tracker.log_metrics({"loss": 1.0}, 0)

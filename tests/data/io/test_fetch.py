@@ -1,4 +1,4 @@
-"""Fetching the real pendulum's recording: from a server on this machine, and from nowhere."""
+"""Download of the real pendulum's recording, from a local server."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from scipy.io import savemat
 
 from dashred.core.errors import InputError
 from dashred.data.io.fetch import main
-from dashred.data.io.published_recording import PENDULUM, fetched
+from dashred.data.io.published_recording import PENDULUM, fetch_csv
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 SHARED = CHECKOUT.parent / "shared" / "data"
@@ -29,24 +29,24 @@ needs_data = pytest.mark.skipif(
 
 
 class Quiet(SimpleHTTPRequestHandler):
-    """Serves a folder."""
+    """A server for a folder."""
 
     def log_message(self, *_: object) -> None:
-        """Say nothing."""
+        """Log nothing."""
 
 
 class Breaking(BaseHTTPRequestHandler):
-    """Promises more than it sends."""
+    """A server that sends less than it has announced."""
 
     def do_GET(self) -> None:
-        """Begin an answer, and end it."""
+        """Send the beginning of a response."""
         self.send_response(200)
         self.send_header("Content-Length", "1000")
         self.end_headers()
         self.wfile.write(b"time,theta,omega\n")
 
     def log_message(self, *_: object) -> None:
-        """Say nothing."""
+        """Log nothing."""
 
 
 def serve(handler) -> Iterator[str]:
@@ -69,7 +69,7 @@ def breaking() -> Iterator[str]:
 
 
 def matlab(recording: Path) -> bytes:
-    """Return the authors' file as their script writes it: six pieces in two cell arrays."""
+    """Return a file like the authors': six segments in two cell arrays."""
     rows = np.loadtxt(recording, delimiter=",", skiprows=1) + np.array([0.0, np.pi, 0.0])
     length = len(rows) // 6 + 1
     pieces = [rows[i : i + length] for i in range(0, len(rows), length)]
@@ -100,20 +100,20 @@ def test_what_is_there_is_not_fetched_again(tmp_path, capsys) -> None:
     path = tmp_path / "pendulum.csv"
     path.write_bytes((SHARED / NAME).read_bytes())
     assert main([f"path={path}", "source=http://127.0.0.1:9/nobody-listens"]) == 0
-    assert capsys.readouterr().out.startswith(f"already there: {path}")
+    assert capsys.readouterr().out.startswith(f"already exists: {path}")
 
 
 @needs_data
 def test_the_authors_file_becomes_the_known_recording(tmp_path) -> None:
     source = tmp_path / "SinglePendulumDataForParameterEstimation.mat"
     source.write_bytes(matlab(SHARED / NAME))
-    assert fetched(PENDULUM, str(source)) == (SHARED / NAME).read_text()
+    assert fetch_csv(PENDULUM, str(source)) == (SHARED / NAME).read_text()
 
 
-def test_something_else_at_the_place_is_left_as_it_is(tmp_path) -> None:
+def test_another_file_is_not_overwritten(tmp_path) -> None:
     path = tmp_path / "mine.csv"
     path.write_text("time,theta\n")
-    with pytest.raises(InputError, match="something else is there"):
+    with pytest.raises(InputError, match="is not this recording"):
         main([f"path={path}"])
     assert path.read_text() == "time,theta\n"
 
@@ -134,14 +134,14 @@ def test_without_a_source_nothing_is_written(source: str, said: str, tmp_path) -
     assert not list(tmp_path.iterdir())
 
 
-def test_a_missing_page_is_told_with_the_servers_answer(shared, tmp_path) -> None:
+def test_a_missing_page_is_reported_with_the_status_of_the_server(shared, tmp_path) -> None:
     with pytest.raises(InputError, match="404"):
         main([f"path={tmp_path / 'pendulum.csv'}", f"source={shared}/nothing.csv"])
     assert not list(tmp_path.iterdir())
 
 
 def test_what_was_cut_short_is_not_kept(breaking, tmp_path) -> None:
-    with pytest.raises(InputError, match=r"cut short|cannot be fetched"):
+    with pytest.raises(InputError, match=r"cut short|cannot be downloaded"):
         main([f"path={tmp_path / 'pendulum.csv'}", f"source={breaking}/recording.csv"])
     assert not list(tmp_path.iterdir())
 
@@ -150,7 +150,7 @@ def test_a_broken_matlab_file_is_refused(tmp_path) -> None:
     source = tmp_path / "broken.mat"
     source.write_bytes(b"MATLAB 5.0 MAT-file".ljust(128) + bytes(range(256)) * 4)
     with pytest.raises(InputError, match="not the authors' MATLAB file"):
-        fetched(PENDULUM, str(source))
+        fetch_csv(PENDULUM, str(source))
 
 
 @pytest.mark.parametrize(
@@ -163,7 +163,7 @@ def test_wrong_words_are_refused(words: list[str]) -> None:
 
 
 @needs_data
-def test_a_folder_that_cannot_be_made_is_told(tmp_path) -> None:
+def test_a_folder_that_cannot_be_created_is_reported(tmp_path) -> None:
     (tmp_path / "file").write_text("")
     path = tmp_path / "file" / "pendulum.csv"
     with pytest.raises(InputError, match="cannot be written"):

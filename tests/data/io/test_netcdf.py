@@ -135,13 +135,13 @@ FAULTS = {
     "outside": (lambda d: d.assign(x=d["x"] + 1), "outside the axis"),
     "std": (lambda d: d.assign(std=d["std"].fillna(0)), "must be positive"),
     "short": (lambda d: d.isel(time=slice(7)), "7 samples are too few"),
-    "back": (second_time_first, "sample 5, 'time': time goes back"),
+    "back": (second_time_first, "sample 5, 'time': time decreases"),
     "infinite": (lambda d: with_values(d, 6, 1, np.inf), "sample 7, 's1': the value is infinite"),
-    "silent": (lambda d: with_values(d, slice(None), 1, np.nan), "'s1' has no value at all"),
+    "silent": (lambda d: with_values(d, slice(None), 1, np.nan), "'s1' has no values"),
 }
 
 
-def test_noise_that_nobody_states_may_be_left_out(dataset, ring, tmp_path):
+def test_the_noise_may_be_omitted(dataset, ring, tmp_path):
     path = tmp_path / "quiet.nc"
     dataset.drop_vars("std").to_netcdf(path, engine="h5netcdf")
     found = read_recording(str(path), None, ring)
@@ -197,7 +197,7 @@ def test_a_table_beside_a_netcdf_is_refused(make_recording, ring, tmp_path):
 
 @pytest.mark.parametrize("filling", [b" ", b"\0"])
 def test_names_may_be_arrays_of_characters(dataset, ring, tmp_path, filling):
-    """As CF and MATLAB write them, filled up to one length, and without an encoding."""
+    """Names as CF and MATLAB write them: padded to one length, without an encoding."""
     changed = dataset.drop_vars(["name", "reads"])
     for name, texts in {"name": ["p0", "über", "p2"], "reads": ["u", "u", "v"]}.items():
         filled = [text.encode().ljust(7, filling) for text in texts]

@@ -1,4 +1,4 @@
-"""Reading recordings and tables of sensors from CSV; every fault named and located."""
+"""Recordings and tables of sensors in CSV; every error has its location."""
 
 from __future__ import annotations
 
@@ -82,12 +82,12 @@ def test_a_table_that_memory_could_not_hold_is_refused_before_it_is_read(ode, tm
     path = tmp_path / "day.csv"
     with path.open("wb") as file:
         file.write(b"time,u,v\n")
-        file.truncate(86_400_000 * 26)  # of which the disk holds next to nothing
+        file.truncate(86_400_000 * 26)  # a sparse file
     began = time.perf_counter()
-    with pytest.raises(InputError, match=r"2246 MB are too many for a table: 268 MB") as refused:
+    with pytest.raises(InputError, match=r"the table has 2246 MB; the limit is 268 MB") as refused:
         read_recording(str(path), None, ode)
     assert time.perf_counter() - began < 1
-    assert "keep one row of every 9" in str(refused.value.hint)
+    assert "keep one row in 9" in str(refused.value.hint)
 
 
 def changed(line, new):
@@ -108,29 +108,35 @@ BAD = {
     "other digits": (changed(7, "0.5,٣,1"), "r.csv:7, column 'u'"),
     "word for time": (changed(7, "noon,5,1"), "r.csv:7, column 'time': 'noon'"),
     "no time": (text(rows(header="clock,u,v")), "no column 'time'"),
-    "semicolons": (text(rows()).replace(",", ";"), "separate the columns by commas"),
-    "decimal commas": ("time;u\n0,0;1,5\n", "separate the columns by commas, and write decimals"),
-    "a date": (changed(7, "2024-05-17T12:30:00Z,5,1"), "seconds (or another unit) since the start"),
+    "semicolons": (text(rows()).replace(",", ";"), "separate columns with commas"),
+    "decimal commas": ("time;u\n0,0;1,5\n", "separate columns with commas and write decimals"),
+    "a date": (changed(7, "2024-05-17T12:30:00Z,5,1"), "seconds since the start"),
     "a time of day": (changed(7, "12:30:05,5,1"), "write times as numbers"),
     "missing time": (changed(7, ",5,1"), "r.csv:7, column 'time': the time is missing"),
     "infinite time": (changed(7, "inf,5,1"), "r.csv:7, column 'time'"),
-    "time back": (changed(7, "0.35,5,1"), "r.csv:7, column 'time': time goes back: 0.35 after 0.4"),
+    "time back": (changed(7, "0.35,5,1"), "r.csv:7, column 'time': time decreases: 0.35 after 0.4"),
     "time twice": (changed(7, "0.4,5,1"), "r.csv:7, column 'time': time is repeated"),
     "infinite": (changed(7, "0.5,5,-inf"), "r.csv:7, column 'v': the value is infinite"),
     "too large": (changed(7, "0.5,5,1e999"), "r.csv:7, column 'v': the value is infinite"),
-    "ragged": (changed(7, "0.5,5"), "r.csv:7: 2 cells, but the first line names 3"),
-    "wide": (changed(7, "0.5,5,1,"), "r.csv:7: 4 cells"),
-    "decimal commas between commas": (changed(7, "0,5,5,0,1"), "decimals written with a comma?"),
-    "a comment first": ("# a logger\n" + text(rows()), "lines that begin with # away"),
+    "ragged": (changed(7, "0.5,5"), "r.csv:7: the row has 2 cells, but the first line names 3"),
+    "wide": (changed(7, "0.5,5,1,"), "r.csv:7: the row has 4 cells"),
+    "decimal commas between commas": (changed(7, "0,5,5,0,1"), "do the decimals use a comma?"),
+    "a comment first": ("# a logger\n" + text(rows()), "remove the lines that begin with #"),
     "open quote": (changed(7, '0.5,"5,1'), "not a readable CSV"),
-    "numbered": (text(rows(header="time,u[0],u[1]")), "'u[0]' is neither a field nor a let"),
+    "numbered": (
+        text(rows(header="time,u[0],u[1]")),
+        "'u[0]' is neither a field nor a derived quantity",
+    ),
     "duplicate": (text(rows(header="time,u,u")), "'u' occurs twice"),
     "nameless": (text(rows(header="time,u,")), "r.csv:1: column 3 has no name"),
-    "unknown": (text(rows(header="time,u,sped")), "'sped' is neither a field nor a let"),
+    "unknown": (
+        text(rows(header="time,u,sped")),
+        "'sped' is neither a field nor a derived quantity",
+    ),
     "nearest": (text(rows(header="time,u,sped")), "did you mean speed"),
     "silent": (
         text(["time,u,v"] + [f"{i},{i}," for i in range(20)]),
-        "sensor 'v' has no value at all",
+        "sensor 'v' has no values",
     ),
     "no sensor": (text(["time"] + [str(i) for i in range(20)]), "the recording has no sensor"),
     "short episode": (
@@ -139,19 +145,19 @@ BAD = {
     ),
     "episode again": (
         text(["time,episode,u"] + [f"{i},{i // 20 % 2},1" for i in range(60)]),
-        "r.csv:42, column 'episode': episode '0' goes on here",
+        "r.csv:42, column 'episode': episode '0' continues here",
     ),
     "no episode": (
         text(["time,episode,u"] + [f"{i},{'a' if i < 30 else ''},1" for i in range(60)]),
-        "r.csv:32, column 'episode': the episode is missing here",
+        "r.csv:32, column 'episode': the episode name is missing here",
     ),
     "back within an episode": (
         text(["time,episode,u"] + [f"{i % 30 if i != 45 else 3},{i // 30},1" for i in range(60)]),
-        "r.csv:47, column 'time': time goes back: 3 after 14",
+        "r.csv:47, column 'time': time decreases: 3 after 14",
     ),
     "silent episode": (
         text(["time,episode,u"] + [f"{i},{i // 30},{1 if i < 30 else ''}" for i in range(60)]),
-        "r.csv, episode '1': sensor 'u' has no value at all",
+        "r.csv, episode '1': sensor 'u' has no values",
     ),
 }
 
@@ -167,17 +173,17 @@ def test_a_bad_recording_is_refused_where_it_is_bad(ode, write, case):
 BAD_TABLES = {
     "no x": ("name,field,std\na,u,1\n", "no column 'x'"),
     "unknown column": ("name,field,x,sdt\na,u,1,1\n", "did you mean std"),
-    "no rows": ("name,field,x\n", "names no sensor"),
+    "no rows": ("name,field,x\n", "has no sensors"),
     "unknown field": (TABLE.replace("a,u", "a,w"), "s.csv:2: sensor 'a' reads 'w'"),
     "outside": (TABLE.replace("0.5", "2.5"), "s.csv:2: sensor 'a' is at x = 2.5, outside"),
     "negative": (TABLE.replace("0.5", "-0.1"), "outside the axis"),
-    "nowhere": (TABLE.replace("0.5", ""), "has no place along x"),
+    "nowhere": (TABLE.replace("0.5", ""), "has no x coordinate"),
     "not a place": (TABLE.replace("0.5", "left"), "s.csv:2, column 'x': 'left'"),
     "zero std": (TABLE.replace("0.01", "0"), "std is 0, but must be positive"),
     "negative std": (TABLE.replace("0.01", "-1"), "std is -1, but must be positive"),
     "infinite std": (TABLE.replace("0.01", "inf"), "must be positive"),
     "twice": (TABLE.replace("b,v", "a,v"), "'a' occurs twice"),
-    "reserved": (TABLE.replace("a,u", "time,u"), "'time' cannot be a sensor's name"),
+    "reserved": (TABLE.replace("a,u", "time,u"), "'time' is not a valid sensor name"),
     "not recorded": (TABLE + "c,u,1,\n", "s.csv: sensor 'c' has no column"),
     "not in the table": (TABLE.replace("b,v,1.5,\n", ""), "column 'b' is not in the table"),
     "empty": ("", "s.csv: the file is empty"),

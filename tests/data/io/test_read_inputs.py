@@ -1,4 +1,4 @@
-"""Measured inputs are read beside the sensors, and written and selected with them."""
+"""Measured inputs are read, written and selected together with the sensors."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_a_column_of_an_input_is_no_sensor(driven, write):
     np.testing.assert_array_equal(recording.inputs.values["power"], 2.0 * np.arange(25))
     chosen, _ = resample(recording.select(["v"]), 0.11)
     assert chosen.names == ("v",) and len(chosen.times) == 22
-    # Whatever the analysis' clock, the input stays as it was measured.
+    # The input is not resampled to the clock of the analysis.
     assert len(chosen.inputs.times) == 25
 
 
@@ -66,7 +66,7 @@ def test_an_input_that_cannot_be_one_is_refused(driven, write, cell, says):
 
 @pytest.fixture
 def dataset(driven, write, tmp_path):
-    """Return a recording with inputs on a clock of their own, which is the same here."""
+    """Return a recording whose inputs have their own clock, with the same times."""
     write_netcdf(read_recording(write("r.csv", lines()), None, driven), tmp_path / "r.nc")
     return xr.load_dataset(tmp_path / "r.nc", engine="h5netcdf")
 
@@ -80,7 +80,7 @@ def read_again(dataset, driven, tmp_path):
 def test_a_clock_of_inputs_that_does_not_cover_the_samples_is_refused(
     dataset, driven, tmp_path, part
 ):
-    with pytest.raises(InputError, match=r"the inputs are known from .* samples go from 0 to 2\.4"):
+    with pytest.raises(InputError, match=r"the inputs cover .* samples run from 0 to 2\.4"):
         read_again(dataset.isel(input_time=part), driven, tmp_path)
 
 
@@ -103,5 +103,7 @@ def test_clocks_that_count_from_different_days_are_refused(dataset, driven, tmp_
     dataset["input_time"].attrs["units"] = "s since 2020-01-01T00:00:00Z"
     assert read_again(dataset, driven, tmp_path).inputs.times[-1] == 2.4
     dataset["input_time"].attrs["units"] = "s since 2020-01-02"
-    with pytest.raises(InputError, match="counts since 2020-01-02, and 'time' since 2020-01-01"):
+    with pytest.raises(
+        InputError, match="counts since 2020-01-02, but 'time' counts since 2020-01-01"
+    ):
         read_again(dataset, driven, tmp_path)

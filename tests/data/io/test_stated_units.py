@@ -1,4 +1,4 @@
-"""Units in a recording's files: taken up, and held against the configuration and each other."""
+"""Units in the files of a recording are read and compared with the configuration."""
 
 import dataclasses
 from pathlib import Path

@@ -13,7 +13,7 @@ import torch
 
 from dashred.config import frozen_input, load_config
 from dashred.core.findings.findings import write_json_atomic
-from dashred.core.system_errors import RefusedError
+from dashred.core.system_errors import ExternalServiceError
 from dashred.evaluation.baselines import kalman_filter
 from dashred.evaluation.baselines.analyse import FIELDS, LAWS, attempt
 from dashred.evaluation.baselines.estimate import Estimated
@@ -46,7 +46,7 @@ def test_a_field_that_is_not_finite_is_a_failure() -> None:
     "refusal",
     [
         OSError("No space left on device"),
-        RefusedError("the database is locked"),
+        ExternalServiceError("the database is locked"),
         RuntimeError("[enforce fail] DefaultCPUAllocator: can't allocate memory"),
     ],
 )

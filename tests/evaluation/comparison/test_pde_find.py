@@ -34,7 +34,7 @@ def bar(request: pytest.FixtureRequest, tmp_path: Path) -> System:
 
 def test_the_term_that_is_missing_is_found(bar: System) -> None:
     lossy = dataclasses.replace(bar.config, equations={"T": "0.3*lap(T) - 0.2*T"})
-    truth = bar.declared_as(lossy)
+    truth = bar.with_config(lossy)
     x = bar.grid.own_coordinates["x"]
     along = {"insulated": torch.cos, "fixed": torch.sin, "periodic": torch.sin}
     wave = along[bar.axes[0].ends]

@@ -265,7 +265,7 @@ def test_it_must_know_where_to_write(quick) -> None:
 
 
 def test_a_table_of_sensors_is_for_recordings_of_ones_own(quick, tmp_path) -> None:
-    with pytest.raises(InputError, match="a twin's sensors are a number"):
+    with pytest.raises(InputError, match="must be a number of sensors"):
         record_command.main(
             [f"conf={quick}", "recording.sensors=mine.csv", f"output={tmp_path / 'out'}"]
         )

@@ -19,7 +19,7 @@ from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
 from dashred.physics.tangents.tangent_linear import tangent_linear
-from dashred.physics.window import shapes_of
+from dashred.physics.window import window_shapes
 from tests import laws
 
 HEAD = "system:\n  title: declared in a test\n"
@@ -177,7 +177,7 @@ def test_tangents_are_differences(bent: System) -> None:
 
 
 def test_windows_do_not_go_around_the_ends(bent: System) -> None:
-    box = next(shape for shape in shapes_of(bent) if shape.kind == "box")
+    box = next(shape for shape in window_shapes(bent) if shape.kind == "box")
     window = box.at((0.4, 0.4, math.log(0.05)))
     values = {"x": bent.grid.coordinates["x"]}
     term = Term("u", window.expression)

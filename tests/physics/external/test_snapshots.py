@@ -94,7 +94,7 @@ def test_a_run_too_large_for_the_machine_is_refused_before_it_is_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     snapshots = open_snapshots(written(tmp_path, dataset()), declared())
-    monkeypatch.setattr("dashred.physics.external.snapshots.MEMORY", 1e-12)
+    monkeypatch.setattr("dashred.physics.external.snapshots.MAX_MEMORY_SHARE", 1e-12)
     with pytest.raises(InputError, match="3 runs of 21 snapshots would take") as error:
         snapshots.read(3, 0.1, np.random.default_rng(0))
     assert "simulation.members" in str(error.value)
@@ -102,18 +102,21 @@ def test_a_run_too_large_for_the_machine_is_refused_before_it_is_read(
 
 REFUSED: dict[str, tuple[Change, str]] = {
     "field": (lambda d: d.rename(u="U"), "no variable 'u'"),
-    "dimensions": (lambda d: d.rename(x="y"), r"\(member, time, y\), not \(member, time, x\)"),
+    "dimensions": (
+        lambda d: d.rename(x="y"),
+        r"\(member, time, y\) instead of \(member, time, x\)",
+    ),
     "no time": (lambda d: d.drop_vars("time"), "no coordinate 'time'"),
     "uneven": (
         lambda d: d.assign_coords(time=2.0 + 0.1 * np.arange(21) ** 1.2),
-        "'time' is not even",
+        "'time' is uneven",
     ),
-    "backwards": (lambda d: d.isel(time=slice(None, None, -1)), "'time' is not even"),
-    "points": (lambda d: d.isel(x=slice(0, 6)), "6 points along x, and the grid 8"),
+    "backwards": (lambda d: d.isel(time=slice(None, None, -1)), "'time' is uneven"),
+    "points": (lambda d: d.isel(x=slice(0, 6)), "6 points along x, but the grid has 8"),
     "no coordinate": (lambda d: d.assign_coords(x=np.full(8, np.nan)), r"x \(nan to nan\)"),
     "coordinate": (lambda d: d.assign_coords(x=np.arange(8.0)), r"coordinate x \(0 to 7\)"),
     "text": (lambda d: d.assign(u=d["u"].astype(str)), "does not hold numbers"),
-    "one snapshot": (lambda d: d.isel(time=[0]), "two snapshots at least"),
+    "one snapshot": (lambda d: d.isel(time=[0]), "at least two snapshots"),
 }
 
 
@@ -142,7 +145,7 @@ def test_values_that_are_damaged_are_told_of_the_file(tmp_path: Path) -> None:
     snapshots = open_snapshots(path, declared())
     with pytest.raises(InputError, match="not a readable file of snapshots") as error:
         snapshots.read(3, 0.2, np.random.default_rng(1))
-    assert error.value.where == path and "write it anew" in str(error.value.hint)
+    assert error.value.where == path and "write it again" in str(error.value.hint)
 
 
 def test_times_of_single_precision_are_even(tmp_path: Path) -> None:
@@ -162,6 +165,6 @@ def test_the_clock_has_a_whole_number_of_snapshots_a_step(tenth: Snapshots) -> N
     assert tenth.clock_step(0.02, None) == pytest.approx(0.1)
     assert tenth.clock_step(0.25, None) == pytest.approx(0.3)
     assert tenth.clock_step(0.05, 0.2) == 0.2
-    with pytest.raises(InputError, match="no whole number of the snapshots' steps") as error:
+    with pytest.raises(InputError, match="not a multiple of the snapshots' step") as error:
         tenth.clock_step(0.05, 0.15)
     assert error.value.where == "recording.every"

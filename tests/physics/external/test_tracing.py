@@ -11,7 +11,7 @@ import torch
 
 from dashred.config import Axis, Integrator
 from dashred.config import System as Declared
-from dashred.physics.external.tracing import equations_differ, trace
+from dashred.physics.external.tracing import first_mismatch, trace
 from dashred.physics.external.tracing_values import NotTraceableError
 from dashred.physics.system import System
 
@@ -58,7 +58,7 @@ def test_what_is_computed_is_written_down(case: str) -> None:
     rule, equation = POINTWISE[case]
     found = trace(Written(rule), declared())
     assert declared(equation=found["u"]).equations == declared(equation=equation).equations
-    assert equations_differ(Written(rule), declared(equation=found["u"])) is None
+    assert first_mismatch(Written(rule), declared(equation=found["u"])) is None
 
 
 @pytest.mark.parametrize("axes", [("x",), ("x", "y")])
@@ -69,17 +69,17 @@ def test_space_is_written_down(axes: tuple[str, ...]) -> None:
     found = trace(Written(rule), declared(axes))
     expected = "-d(u**2/2, x) + a*lap(u) + grad2(u)*sin(x)"
     assert declared(axes, found["u"]).equations == declared(axes, expected).equations
-    assert equations_differ(Written(rule), declared(axes, found["u"])) is None
+    assert first_mismatch(Written(rule), declared(axes, found["u"])) is None
 
 
 REFUSED: dict[str, tuple[Rule, str]] = {
     "branch": (lambda u, t, p, s: -u if u else u, "a decision"),
     "comparison": (lambda u, t, p, s: torch.where(u > 0, u, -u), "a comparison"),
-    "number": (lambda u, t, p, s: float(u), "a number made of the state"),
+    "number": (lambda u, t, p, s: float(u), "a conversion of the state to a number"),
     "function": (lambda u, t, p, s: torch.erf(u), "the function erf"),
     "matrix": (lambda u, t, p, s: torch.ones(3, dtype=torch.float64) * u, "a Tensor together"),
     "mean": (lambda u, t, p, s: u - u.mean(dim=0), "the function mean with dim="),
-    "axis": (lambda u, t, p, s: s.d(u, "x"), "an axis that there is not"),
+    "axis": (lambda u, t, p, s: s.d(u, "x"), "an unknown axis"),
 }
 
 
@@ -95,4 +95,4 @@ def test_a_class_that_computes_another_thing_with_numbers_is_found_out() -> None
         return -u * 2 if isinstance(u, torch.Tensor) else -u
 
     found = trace(Written(rule), declared())
-    assert equations_differ(Written(rule), declared(equation=found["u"])) == "u"
+    assert first_mismatch(Written(rule), declared(equation=found["u"])) == "u"

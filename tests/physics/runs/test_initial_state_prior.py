@@ -118,7 +118,7 @@ def test_one_random_g_moves_several_fields(make_system):
 
 def test_a_parameter_called_g_is_not_mistaken_for_the_random_g(make_system):
     system = make_system(SHARED % "g")
-    with pytest.raises(InputError, match="'g' of its own"):
+    with pytest.raises(InputError, match="also has a name 'g'"):
         StartPrior(system, nominal_start(system)[0], torch.ones(2).double(), 9)
 
 

@@ -8,7 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.physics.runs.resolution import check_resolution, doubling_error, least_scale
+from dashred.physics.runs.resolution import check_resolution, doubling_error, minimum_scale
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from tests import laws
@@ -69,7 +69,7 @@ def test_what_resolution_would_do_is_told(tmp_path: Path, dt: float, enough: int
 def test_an_error_that_noise_hides_is_none(tmp_path: Path, noise: float, resolved: bool) -> None:
     system, start, coarse = two(tmp_path, 0.125, 0.1)
     sigma = torch.full((2,), noise, dtype=torch.float64)
-    least = least_scale(coarse[0], sigma, ["place", "place"], LIMIT)
+    least = minimum_scale(coarse[0], sigma, ["place", "place"], LIMIT)
     found = check_resolution(system, start, TIMES, coarse, places, least, LIMIT)
     assert found.resolved is resolved
 
@@ -80,6 +80,6 @@ def test_noise_that_is_overstated_hides_no_more_than_a_typical_trace_would() -> 
     traces = sizes * torch.randn((40, 4), generator=generator, dtype=torch.float64)
     reads, std = ["u", "u", "u", "v"], traces.std(dim=0)
     huge = torch.full((4,), 1e6, dtype=torch.float64)
-    assert least_scale(traces, huge, reads, LIMIT).tolist() == std[[1, 1, 1, 3]].tolist()
+    assert minimum_scale(traces, huge, reads, LIMIT).tolist() == std[[1, 1, 1, 3]].tolist()
     slight = torch.full((4,), 1e-3, dtype=torch.float64)
-    assert least_scale(traces, slight, reads, LIMIT).tolist() == pytest.approx([1e-2] * 4)
+    assert minimum_scale(traces, slight, reads, LIMIT).tolist() == pytest.approx([1e-2] * 4)

@@ -18,7 +18,7 @@ from dashred.physics.solvers.compiled_simulator import InterpretedSystem, compil
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
-from dashred.physics.window import Window, box, gate, onset, shapes_of
+from dashred.physics.window import Window, box, gate, onset, window_shapes
 from tests import laws
 
 REST = "recording: {twin: a, sensors: 4, noise: 0, duration: 4, every: 0.1}\n"
@@ -69,7 +69,7 @@ def reference(
 
 def compare(system: System, listed: tuple[tuple[str, str], ...], windows: list[Window]) -> object:
     terms = tuple(laws.term(system, equation, text).terms[0] for equation, text in listed)
-    shapes = shapes_of(system)
+    shapes = window_shapes(system)
     run = compiled(system, terms, shapes)
     columns = Columns(len(terms), shapes)
     start = nominal_start(system)
@@ -107,7 +107,7 @@ def test_an_ode_has_onsets_and_gates(tmp_path: Path) -> None:
     system = laws.declared(tmp_path, SWING + REST)
     windows = [onset().at((0.8, math.log(0.2))), gate("p", -1).at((0.1, math.log(0.1)))]
     assert isinstance(compare(system, FORCES, windows), CompiledOde)
-    assert {shape.kind for shape in shapes_of(system)} == {"onset", "gate above", "gate below"}
+    assert {shape.kind for shape in window_shapes(system)} == {"onset", "gate above", "gate below"}
 
 
 @pytest.mark.parametrize("space", ["spectral", "finite-difference"])

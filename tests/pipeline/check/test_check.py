@@ -224,7 +224,7 @@ def test_what_this_machine_does_not_have_is_told_at_once(
     for key in ("output", "tracking.root"):
         with pytest.raises(InputError, match=r"cannot be made: .*swing\.csv is no folder"):
             command.main([conf, f"{key}={tmp_path / 'swing.csv' / 'new'}"])
-    with pytest.raises(InputError, match="no MLflow server answers"):
+    with pytest.raises(InputError, match="no MLflow server responds"):
         command.main([conf, "tracking.root=http://127.0.0.1:9"])
 
 

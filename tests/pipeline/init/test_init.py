@@ -9,7 +9,7 @@ import pytest
 
 from dashred import train
 from dashred.config import Config, load_config
-from dashred.config.checks.placeholders import refuse_open_lines
+from dashred.config.checks.placeholders import refuse_unfinished_lines
 from dashred.core.errors import InputError
 from dashred.pipeline.init import command
 from tests.pipeline.init.strangers import bar_csv, swing_csv
@@ -30,7 +30,7 @@ def test_what_is_still_to_do_is_not_analysed(tmp_path: Path) -> None:
     given = load_config(
         [f"conf={tmp_path / 'mine.yaml'}", "system.equations.speed=-angle"], entry="train"
     )
-    refuse_open_lines(given)
+    refuse_unfinished_lines(given)
 
 
 def test_columns_of_an_ode_are_its_fields_and_one_is_the_other_s_rate(tmp_path: Path) -> None:

@@ -181,8 +181,8 @@ REFUSED = {
     "system.equations.u=-u": "system.equations and system.snapshots are both given",
     "system.start.u=1": "system.start and system.snapshots are both given",
     "system.spread.u=0.1": "system.spread and system.snapshots are both given",
-    "system.integrator.dt=0.1": "system.integrator.dt steps equations",
-    "recording.twin=a": "a twin's truth is made with equations",
+    "system.integrator.dt=0.1": "system.integrator.dt needs equations",
+    "recording.twin=a": "a twin needs equations",
 }
 
 

@@ -26,7 +26,7 @@ def test_a_bundled_structure_makes_the_equations(name: str) -> None:
     check_structure(system, times, simulate(system, nominal_start(system), times)[0])
 
 
-@pytest.mark.parametrize(("gain", "says"), [("1", None), ("-1", "the structure makes")])
+@pytest.mark.parametrize(("gain", "says"), [("1", None), ("-1", "the structure gives")])
 def test_a_port_is_held_against_the_drive_that_was_measured(gain: str, says: str | None) -> None:
     """The drive is 0 at t = 0: a wrong sign shows at other times alone."""
     config = load_config(["conf=rlc"], entry="test")

@@ -28,7 +28,7 @@ from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis
 from dashred.inference.initial_state.start_models import nearest
 from dashred.physics.system import Term
-from dashred.physics.window import shapes_of
+from dashred.physics.window import window_shapes
 from dashred.pipeline.discovery.objectives import build_least_squares, exact_simulator
 from dashred.pipeline.problem import Problem, build_problem
 
@@ -61,7 +61,7 @@ def lead(case: Case, concealed: Concealed, recording: Path) -> float:
         return -torch.inf
     clean = replace(normal, residuals=torch.zeros_like(normal.residuals))
     eliminated = ProfiledProblem.of(clean, objective.modes)
-    samples, shapes = objective.noise.effective_count, len(shapes_of(problem.system))
+    samples, shapes = objective.noise.effective_count, len(window_shapes(problem.system))
 
     def scores(sets: list[tuple[int, ...]]) -> Tensor:
         law = Hypothesis(tuple(range(len(sets[0]))), (), None)

@@ -32,7 +32,7 @@ from dashred.inference.hypotheses.windows.windowed_hypothesis import Guess, Hypo
 from dashred.inference.initial_state.start_models import StartModel, nearest
 from dashred.physics.library import resolve
 from dashred.physics.system import Term
-from dashred.physics.window import Shape, shapes_of
+from dashred.physics.window import Shape, window_shapes
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
 from dashred.pipeline.discovery.objectives import build_least_squares, exact_simulator
 from dashred.pipeline.problem import Problem, build_problem
@@ -161,11 +161,11 @@ def _penalty(kinds: Sequence[str | None], noise: NoiseModel, p: int, problem: Pr
     guess = None
     if inside:
         kind = next(kind for kind in kinds if kind is not None)
-        shape = next(s for s in shapes_of(problem.system) if kind == _name(s))
+        shape = next(s for s in window_shapes(problem.system) if kind == _name(s))
         places = (0.0,) * len(shape.names)
         guess = Guess(shape, places, places)
     hypothesis = Hypothesis(everywhere, inside, guess)
-    return hypothesis.penalty(noise.effective_count, p, len(shapes_of(problem.system)))
+    return hypothesis.penalty(noise.effective_count, p, len(window_shapes(problem.system)))
 
 
 def _name(shape: Shape) -> str:

@@ -14,7 +14,7 @@ import torch
 
 from dashred.core.errors import InputError
 from dashred.core.findings.findings import check_freeze, sha256_of
-from dashred.core.job_control import alone_in, signals_as_interrupt
+from dashred.core.job_control import lock_folder, signals_as_interrupt
 from dashred.core.progress import CONSOLE
 from dashred.evaluation.proof.cases.descriptions import ended_in_words
 from dashred.evaluation.proof.cases.draw import Case, draw_cases, seed_of
@@ -32,7 +32,7 @@ def rescore(request: Request) -> list[Kept]:
             its findings are not those that were frozen.
     """
     cases = draw_cases(seed_of(request.draw), request.cases, request.nulls)
-    with alone_in(request.output, "proof"), signals_as_interrupt():
+    with lock_folder(request.output, "proof"), signals_as_interrupt():
         return list(_scored(request, cases))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from dashred.core.units import NONE, in_brackets, time_label
+from dashred.core.units import NO_UNITS, label_with_unit, time_label
 from dashred.reporting.figures.fields.front_position import follow_front
 from dashred.reporting.figures.style import legend_above, method_look, new_figure, style
 from dashred.reporting.text.method_names import method_name
@@ -19,7 +19,7 @@ def front_figure(
     kinds: Mapping[str, Field],
     axis_name: str,
     length: float,
-    units: Mapping[str, str] = NONE,
+    units: Mapping[str, str] = NO_UNITS,
 ) -> Figure:
     """Draw place and width of the front in a field, one line a method.
 
@@ -39,9 +39,9 @@ def front_figure(
             left.plot(times, place, label=method_name(method), **look)
             right.plot(times, width, **look)
         clock, unit = time_label(units), units.get(axis_name)
-        place_label = in_brackets(f"place of the front, {axis_name} counted on", unit)
+        place_label = label_with_unit(f"place of the front, {axis_name} counted on", unit)
         left.set(xlabel=clock, ylabel=place_label)
-        right.set(xlabel=clock, ylabel=in_brackets("width of the front", unit))
+        right.set(xlabel=clock, ylabel=label_with_unit("width of the front", unit))
         right.set_ylim(bottom=0)
         legend_above(figure, left)
     return figure

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from dashred.core.formatting import percent
-from dashred.core.units import NONE, in_brackets, time_label
+from dashred.core.units import NO_UNITS, label_with_unit, time_label
 from dashred.reporting.figures.fields.cells import cells_about, frame_points
 from dashred.reporting.figures.fields.space_time import mark_sensors
 from dashred.reporting.figures.style import (
@@ -55,7 +55,7 @@ class LawMap:
 
 
 def where_figure(
-    where: Mapping[str, Any], on_a_line: LawMap | None = None, units: Mapping[str, str] = NONE
+    where: Mapping[str, Any], on_a_line: LawMap | None = None, units: Mapping[str, str] = NO_UNITS
 ) -> Figure:
     """Draw ``findings["where"]``; with the map where the system has one spatial axis."""
     sensors = _choose(where["sensors"], on_a_line)
@@ -105,7 +105,7 @@ def _draw_map(
     mark_sensors(axes, list(law.sensors.values()))
     label = "law / rms of the simulation's\nown tendency"
     figure.colorbar(image, ax=axes, label=label, pad=0.015, aspect=16)
-    axes.set_ylabel(in_brackets(law.axis, units.get(law.axis)))
+    axes.set_ylabel(label_with_unit(law.axis, units.get(law.axis)))
     axes.set_title(f"it acts {acting(where, units)}", fontsize=9)
 
 

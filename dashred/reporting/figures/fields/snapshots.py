@@ -7,7 +7,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dashred.core.units import NONE, TIME, in_brackets, measured
+from dashred.core.units import NO_UNITS, TIME, label_with_unit, with_unit
 from dashred.reporting.figures.fields.cells import Extent, cells_about, frame_points
 from dashred.reporting.figures.style import new_figure, style
 from dashred.reporting.text.method_names import method_name
@@ -23,7 +23,7 @@ def snapshot_panels(
     coordinates: Mapping[str, Float[np.ndarray, " point"]],
     fields: Mapping[str, Mapping[str, Field]],
     sensors: Mapping[str, Sequence[tuple[float, ...]]],
-    units: Mapping[str, str] = NONE,
+    units: Mapping[str, str] = NO_UNITS,
 ) -> Figure:
     """Draw each field at three times for each method, a row on one colour scale.
 
@@ -41,17 +41,17 @@ def snapshot_panels(
         figure = new_figure(1.3 + 2.05 * len(columns), 0.7 + 2.0 * len(rows))
         grid = figure.subplots(len(rows), len(columns), sharex=True, sharey=True, squeeze=False)
         for line, (field, index) in zip(grid, rows, strict=True):
-            label = in_brackets(field, units.get(field))
+            label = label_with_unit(field, units.get(field))
             _draw_row(figure, line, fields[field], columns, index, frame, label)
-            moment = measured(f"{times[index]:.4g}", units.get(TIME))
-            line[0].set_ylabel(f"t = {moment}\n{in_brackets(y_name, units.get(y_name))}")
+            moment = with_unit(f"{times[index]:.4g}", units.get(TIME))
+            line[0].set_ylabel(f"t = {moment}\n{label_with_unit(y_name, units.get(y_name))}")
             _mark(line[0], sensors.get(field, ()))
         frame_points(grid[0, 0], x, y)
         for axes, method in zip(grid[0], columns, strict=True):
             below = axes.get_title(loc="left")
             axes.set_title("\n".join(filter(None, [method_name(method), below])), fontsize=9)
         for axes in grid[-1]:
-            axes.set_xlabel(in_brackets(x_name, units.get(x_name)))
+            axes.set_xlabel(label_with_unit(x_name, units.get(x_name)))
     return figure
 
 

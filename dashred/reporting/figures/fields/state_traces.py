@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from dashred.core.units import NONE, in_brackets, time_label
+from dashred.core.units import NO_UNITS, label_with_unit, time_label
 from dashred.reporting.figures.style import legend_above, method_look, new_figure, style
 from dashred.reporting.text.method_names import method_name
 
@@ -20,7 +20,7 @@ def state_traces(
     times: Float[np.ndarray, " time"],
     fields: Mapping[str, Mapping[str, Trace]],
     meanings: Mapping[str, str],
-    units: Mapping[str, str] = NONE,
+    units: Mapping[str, str] = NO_UNITS,
 ) -> Figure:
     """Draw each field against time, one line a method, and below it the errors against `truth`.
 
@@ -40,7 +40,7 @@ def state_traces(
                 if method != "truth":
                     errors.semilogy(times, np.abs(trace - kinds["truth"]), **look)
             errors.set_ylim(bottom=SMALLEST * (np.std(kinds["truth"]) or 1.0))
-            named = in_brackets(field, units.get(field))
+            named = label_with_unit(field, units.get(field))
             values.set_ylabel(f"{named}\n{meanings[field]}" if field in meanings else named)
             errors.set_ylabel("error")
         legend_above(figure, grid[0])
