@@ -51,7 +51,7 @@ def _appendix(folder: Path) -> str:
 
 
 def _compared(errors: dict[str, float | None]) -> str:
-    before, after = errors["before_refit"], errors["after"]
+    before, after = errors["simulation_refit"], errors["corrected"]
     if before is None or after is None:
         return "unknown"
     return f"{before:.3g} without the law, {after:.3g} with it ({before / after:.2g} times nearer)"

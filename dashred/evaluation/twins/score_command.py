@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from dashred.core.errors import InputError, run_entry
 from dashred.core.findings.findings import check_freeze, write_json_atomic
+from dashred.core.findings.methods import DEPRECATED, current_names, with_deprecated
 
 if TYPE_CHECKING:
     import numpy as np
@@ -102,21 +103,20 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth, list[Path]
             field: {m: rmse(error[:, i]) for m, error in known.items()}
             for i, field in enumerate(fields)
         },
-        forecast={
-            name: rmse(beyond[method]) if method in beyond else None
-            for name, method in FORECASTS.items()
-        },
+        forecast=with_deprecated({m: rmse(beyond[m]) if m in beyond else None for m in FORECASTS}),
         latent_rank=latent_ranks(findings, truth.terms),
     )
     return score, truth, figures
 
 
 def load_fields(path: Path) -> xr.Dataset:
-    """Read fields by method, dims ``(method, time, *axes)``."""
+    """Read fields by the current names of the methods, dims ``(method, time, *axes)``."""
     import xarray as xr
 
     with xr.open_dataset(path, engine="h5netcdf") as dataset:
-        return dataset.load()
+        loaded = dataset.load()
+    names = [DEPRECATED.get(name, name) for name in loaded["method"].values.tolist()]
+    return loaded.assign_coords(method=names)
 
 
 def true_states(
@@ -169,7 +169,8 @@ def _print(score: Score) -> None:
     else:
         print("Whole field against the hidden truth, RMSE in std:")
     _print_errors(known)
-    beyond = {name: v for name, v in score["forecast"].items() if v is not None}
+    forecast = current_names(score["forecast"])
+    beyond = {name: v for name, v in forecast.items() if v is not None}
     if beyond:
         print("Forecast beyond the recording, RMSE in std:")
     _print_errors(beyond)

@@ -27,11 +27,7 @@ METHODS = (
     "corrected",
     "corrected_shred",
 )
-FORECASTS = {
-    "before": "simulation_same_start",
-    "before_refit": "simulation_refit",
-    "after": "corrected",
-}
+FORECASTS = ("simulation_same_start", "simulation_refit", "corrected")
 
 Law = dict[tuple[str, Expr, str | None], float]
 """Coefficient by equation, term, and kind of window, the term in normal form without its number."""

@@ -24,7 +24,7 @@ EXPERIMENT = """\
 **{title}**: what does its simulation leave out? One run a command of `python -m dashred.train`;
 its stages are nested below it.
 
-- *Which run is the best?* Sort by `test_sensors/after`: the RMSE of the corrected simulation at
+- *Which run is the best?* Sort by `test_sensors/corrected`: the RMSE of the corrected simulation at
   sensors that no fit has seen, in standard deviations. `gain/test_sensors` is by how much it beats
   the simulation's own best.
 - *Compare:* tick several runs, then **Compare**. `coef/<equation>/<term>` are the coefficients that
@@ -64,9 +64,9 @@ def headline(findings: Mapping[str, Any]) -> dict[str, float]:
     for proof in PROOFS:
         errors = findings["fit"][proof]
         found |= {f"{proof}/{method}": value for method, value in errors.items()}
-        before, after = errors["before_refit"], errors["after"]
-        if before and after:
-            found[f"gain/{proof}"] = before / after
+        refit, corrected = errors["simulation_refit"], errors["corrected"]
+        if refit and corrected:
+            found[f"gain/{proof}"] = refit / corrected
     for term in findings["terms"] or []:
         name = metric_name("coef", term["equation"] or "parameter", term["term"])
         found[name] = term["coefficient"]

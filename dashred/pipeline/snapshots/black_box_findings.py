@@ -7,7 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from dashred.core.findings.schema import Findings, Fit, Latent, Verdict, misfit, new_findings
+from dashred.core.findings.schema import (
+    Findings,
+    Fit,
+    Latent,
+    Verdict,
+    errors_by_method,
+    new_findings,
+)
 from dashred.data.recording import Recording
 from dashred.pipeline.outputs.field_files import write_estimates
 from dashred.pipeline.problem import Problem
@@ -46,9 +53,9 @@ def verify(problem: Problem, analysis: BlackBoxAnalysis) -> Findings:
             own_error=None,
             chi2=None,
             unexplained=None,
-            test_sensors=misfit(**_test_errors(problem, analysis)),
-            heldout_time=misfit(**_heldout_errors(problem, analysis)),
-            heldout_restarted=misfit(),
+            test_sensors=errors_by_method(**_test_errors(problem, analysis)),
+            heldout_time=errors_by_method(**_heldout_errors(problem, analysis)),
+            heldout_restarted=errors_by_method(),
         ),
         latent=Latent(alg1=found["alg1"], alg2=found["alg2"]),
         verdict=kind,

@@ -46,8 +46,8 @@ def restart(problem: Problem, law: Law, corrected: Tensor) -> dict[str, Tensor]:
     times, count = problem.times[first:], len(values)
     runs = {}
     for method, system in (
-        ("before_refit", problem.system),
-        ("after", correct(problem.system, law)),
+        ("simulation_refit", problem.system),
+        ("corrected", correct(problem.system, law)),
     ):
         simulator = Simulator(system, system.dt, [])
         forward_model = ForwardModel(simulator, start, [], problem.operator(fit), times[:count])

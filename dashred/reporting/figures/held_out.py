@@ -7,6 +7,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dashred.core.findings.methods import method_label
 from dashred.core.units import NONE, in_brackets
 from dashred.reporting.figures.style import (
     COLOURS,
@@ -15,10 +16,9 @@ from dashred.reporting.figures.style import (
     style,
 )
 from dashred.reporting.figures.traces import draw_sensor
-from dashred.reporting.text.method_names import method_name
 
 MOST = 3
-COMPARED = ("before", "before_refit", "after")
+COMPARED = ("simulation_same_start", "simulation_refit", "corrected")
 WHERE = {
     "test_sensors": "test sensors",
     "heldout_time": "held-out time",
@@ -45,7 +45,7 @@ def verification_figure(
         times: the recording's clock.
         recorded: readings of the test sensors; NaN where missing.
         names: of the test sensors.
-        traces: what they would read in `before`, `before_refit` and `after`.
+        traces: what they would read by `simulation_same_start`, `simulation_refit`, `corrected`.
         time_end: end of the fitted time.
         errors: `test_sensors`, `heldout_time`, `heldout_restarted` and, if there is one,
             `heldout_episode` of the findings.
@@ -102,7 +102,7 @@ def _draw_errors(axes: Axes, errors: Mapping[str, Mapping[str, float | None]]) -
             if value is None:
                 continue
             at = place + (slot - 1) * 0.27
-            label = None if place else method_name(method)
+            label = None if place else method_label(method)
             axes.bar(at, value, width=0.24, color=COLOURS[method], label=label)
             axes.text(at, value + 0.015 * largest, f"{value:.2g}", ha="center", fontsize=8)
         ticks.append(WHERE[group])

@@ -4,11 +4,11 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from dashred.core.findings.methods import AT_SENSORS, method_label
 from dashred.core.formatting import number, percent, pretty, rounded
 from dashred.core.units import shown
 from dashred.reporting.page.views import Table
 from dashred.reporting.text.improvement import unresolved
-from dashred.reporting.text.method_names import AT_SENSORS, method_name
 from dashred.reporting.text.verdict import alternative_in_words, sentence
 
 PROOFS = {
@@ -87,7 +87,7 @@ def proof(fit: Mapping[str, Any]) -> Table:
     }
     known = {method: [fit[kind].get(method) for kind in kinds] for method in AT_SENSORS}
     rows = [
-        [method_name(method), *("–" if value is None else f"{value:.3g}" for value in values)]
+        [method_label(method), *("–" if value is None else f"{value:.3g}" for value in values)]
         for method, values in known.items()
         if any(value is not None for value in values)
     ]

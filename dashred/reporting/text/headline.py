@@ -38,7 +38,7 @@ def gain(fit: Mapping[str, Any]) -> tuple[str, float] | None:
     """
     for key in PLACES:
         errors = fit.get(key) or {}
-        before, after = errors.get("before_refit"), errors.get("after")
+        before, after = errors.get("simulation_refit"), errors.get("corrected")
         if before is not None and after is not None and before > 0 and after > 0:
             return key, before / after
     return None

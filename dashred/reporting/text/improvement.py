@@ -20,7 +20,9 @@ def worth(fit: Mapping[str, Any]) -> list[str]:
     lines = []
     for key, place in PROOFS.items():
         errors = fit.get(key, {})
-        before, refit, after = (errors.get(k) for k in ("before", "before_refit", "after"))
+        before, refit, after = (
+            errors.get(k) for k in ("simulation_same_start", "simulation_refit", "corrected")
+        )
         if refit is None or after is None:
             continue
         path = [f"{refit:.3g} with the simulation's own best start", f"{after:.3g} after"]
@@ -53,7 +55,7 @@ def reconstructed(findings: Mapping[str, Any]) -> list[str]:
         before, after = errors.get("shred_plain"), errors.get("dashred")
         if before is None or after is None:
             continue
-        nearest = errors.get("snapshots")
+        nearest = errors.get("nearest_snapshots")
         path = [f"{nearest:.3g} with the nearest snapshots"] if nearest is not None else []
         path += [f"{before:.3g} with SHRED", f"{after:.3g} with DA-SHRED"]
         gain = "DA-SHRED is SHRED, as its validation sensors confirmed no change"

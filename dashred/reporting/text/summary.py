@@ -3,21 +3,15 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from dashred.core.findings.methods import AT_SENSORS, method_label
 from dashred.core.units import NONE, TIME, measured
-from dashred.reporting.text.method_names import AT_SENSORS, method_name
 from dashred.reporting.text.verdict import sentence, verdict_lines
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 # In the order in which a reader should meet them.
-METHODS = (
-    *AT_SENSORS,
-    "simulation_same_start",
-    "simulation_refit",
-    "corrected",
-    "corrected_shred",
-)
+METHODS = (*AT_SENSORS, "corrected_shred")
 ALGORITHMS = {"alg1": "Algorithm 1", "alg2": "Algorithm 2"}
 MOST_TERMS = 5
 
@@ -81,7 +75,7 @@ def _episode(episode: Mapping[str, Any], unit: str | None) -> str:
 
 
 def _errors(title: str, errors: Mapping[str, float | None]) -> list[str]:
-    known = [(method_name(key), errors[key]) for key in METHODS if errors.get(key) is not None]
+    known = [(method_label(key), errors[key]) for key in METHODS if errors.get(key) is not None]
     if not known:
         return []
     width = max(len(name) for name, _ in known)

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from dashred.core.findings.schema import Fit, Input, misfit, new_findings
+from dashred.core.findings.schema import Fit, Input, errors_by_method, new_findings
 from dashred.reporting.page import html
 from dashred.reporting.page.html import write_html
 from dashred.reporting.text.headline import headline
@@ -78,9 +78,9 @@ def found(**changed: Any) -> Any:
         own_error=None,
         chi2=1.02,
         unexplained=0.04,
-        test_sensors=misfit(before=0.61, before_refit=0.4, after=0.05, shred=0.3),
-        heldout_time=misfit(before_refit=0.2, after=0.3),
-        heldout_restarted=misfit(before_refit=0.5, after=0.1),
+        test_sensors=errors_by_method(simulation_same_start=0.61, simulation_refit=0.4, corrected=0.05, shred=0.3),
+        heldout_time=errors_by_method(simulation_refit=0.2, corrected=0.3),
+        heldout_restarted=errors_by_method(simulation_refit=0.5, corrected=0.1),
     )
     given = {
         "fit": fit,
@@ -379,12 +379,12 @@ def test_what_stays_unexplained_is_held_against_the_noise(share: float, told: st
 
 def test_the_headline_does_not_claim_a_gain_that_there_is_none_of() -> None:
     worse = found()
-    worse["fit"]["test_sensors"] = misfit(before_refit=0.2, after=0.4)
+    worse["fit"]["test_sensors"] = errors_by_method(simulation_refit=0.2, corrected=0.4)
     assert "is 2 times larger: beware." in headline(worse)
-    worse["fit"]["test_sensors"] = misfit()
-    worse["fit"]["heldout_episode"] = misfit(before_refit=0.4, after=0.1)
+    worse["fit"]["test_sensors"] = errors_by_method()
+    worse["fit"]["heldout_episode"] = errors_by_method(simulation_refit=0.4, corrected=0.1)
     assert "in an episode that no fit has seen is 4 times smaller." in headline(worse)
-    worse["fit"]["test_sensors"] = misfit(before_refit=0.2, after=0.199)
+    worse["fit"]["test_sensors"] = errors_by_method(simulation_refit=0.2, corrected=0.199)
     assert "is the same as before." in headline(worse)
     assert "no fit" not in headline(found(verdict="nothing-missing", terms=[]))
 

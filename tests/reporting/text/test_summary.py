@@ -11,7 +11,7 @@ from dashred.core.findings.schema import (
     Latent,
     LatentSindy,
     Splits,
-    misfit,
+    errors_by_method,
     new_findings,
 )
 from dashred.reporting.page.html import page
@@ -43,9 +43,9 @@ def findings_with(latent: Latent | None = None, **errors: float) -> Any:
         own_error=None,
         chi2=None,
         unexplained=None,
-        test_sensors=misfit(**errors),
-        heldout_time=misfit(),
-        heldout_restarted=misfit(),
+        test_sensors=errors_by_method(**errors),
+        heldout_time=errors_by_method(),
+        heldout_restarted=errors_by_method(),
     )
     return new_findings(SOURCE, fit=fit, latent=latent)
 

@@ -129,16 +129,16 @@ def gains(
     beyond, after = score["forecast"], errors["corrected"]
     return {
         "test_sensors": ratio_of(errors["simulation_refit"], after),
-        "forecast": ratio_of(beyond["before_refit"], beyond["after"]),
+        "forecast": ratio_of(beyond["simulation_refit"], beyond["corrected"]),
         "test_sensors_before": ratio_of(errors["simulation_same_start"], after),
-        "forecast_before": ratio_of(beyond["before"], beyond["after"]),
+        "forecast_before": ratio_of(beyond["simulation_same_start"], beyond["corrected"]),
     }
 
 
 def noisy_test(findings: Mapping[str, Any]) -> float | None:
     """Return by what share the corrected simulation is worse on the noisy data held out."""
     known = findings["fit"]["test_sensors"] if findings["fit"] else {}
-    before, after = known.get("before_refit"), known.get("after")
+    before, after = known.get("simulation_refit"), known.get("corrected")
     if before is not None and after is None and findings["terms"]:
         return ENDLESS
     ratio = ratio_of(after, before)
