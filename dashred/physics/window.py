@@ -7,11 +7,11 @@ in a window is an expression like any other, and so is its slope in a place or a
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
-from dashred.core.units import measured
 from dashred.physics.expressions.algebra import (
     ONE,
     Expr,
@@ -34,16 +34,26 @@ class Shape:
     """A kind of window, its edges unknown.
 
     Attributes:
-        kind: ``box`` in space, ``onset`` in time, ``gate`` in a field's value.
+        kind: ``box`` in space, ``onset`` in time, ``gate above`` or ``gate below`` a field's value.
         of: the axis, ``t``, or the field.
         names: of the unknowns, no names of the language: places first, then the log of a width.
         expression: χ over these, coordinates, ``t`` and fields.
     """
 
-    kind: str
+    kind: Literal["box", "onset", "gate above", "gate below"]
     of: str
     names: tuple[str, ...]
     expression: Expr
+
+    @property
+    def side(self) -> Literal["above", "below"] | None:
+        """The side of the threshold on which a gate is open; None of other windows."""
+        match self.kind:
+            case "gate above":
+                return "above"
+            case "gate below":
+                return "below"
+        return None
 
     @cached_property
     def slopes(self) -> tuple[Expr, ...]:
@@ -69,16 +79,10 @@ class Window:
 
     def __str__(self) -> str:
         """``for 10.1 < x < 16``, ``for t > 11``, ``for u > 0.6``."""
-        return self.told({})
-
-    def told(self, units: Mapping[str, str]) -> str:
-        """Return the same with units by name, where they are known: ``for t > 11 s``."""
         of, place = self.shape.of, self.values[0]
         if self.shape.kind == "box":
-            end = measured(f"{place + self.values[1]:.3g}", units.get(of))
-            return f"for {place - self.values[1]:.3g} < {of} < {end}"
-        edge = measured(f"{place:.3g}", units.get(of))
-        return f"for {of} {'<' if self.shape.kind == 'gate below' else '>'} {edge}"
+            return f"for {place - self.values[1]:.3g} < {of} < {place + self.values[1]:.3g}"
+        return f"for {of} {'<' if self.shape.side == 'below' else '>'} {place:.3g}"
 
     @property
     def expression(self) -> Expr:
@@ -134,8 +138,9 @@ def gate(field: str, side: int, value: Expr | None = None) -> Shape:
     threshold, edge = f"{field} threshold", f"{field} edge"
     distance = scale(float(side), add((value or Name(field), scale(-1.0, Name(threshold)))))
     argument = multiply((distance, _inverse_width(edge)))
-    kind = "gate above" if side > 0 else "gate below"
-    return Shape(kind, field, (threshold, edge), _ramp(argument))
+    return Shape(
+        "gate above" if side > 0 else "gate below", field, (threshold, edge), _ramp(argument)
+    )
 
 
 def _ramp(argument: Expr) -> Expr:

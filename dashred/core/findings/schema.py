@@ -1,12 +1,13 @@
-"""The schema of the findings files: what `findings.json` and `score.json` hold.
+"""The schema of the findings files, `findings.json` and `score.json`.
 
-What has not been looked for is null. Errors are RMSEs in units of a standard deviation. What they
-say of a law has a file of its own.
+A quantity that was not determined is null. Errors are RMSEs in units of a standard deviation. The
+schemas of a law and of a cause are in files of their own.
 """
 
 from collections.abc import Mapping
-from typing import Any, Literal, NotRequired, TypedDict, cast
+from typing import Any, NotRequired, TypedDict, cast
 
+from dashred.core.findings.cause_schema import Cause, Verdict
 from dashred.core.findings.law_schema import (
     Alternative,
     EnergyLost,
@@ -18,20 +19,6 @@ from dashred.core.findings.law_schema import (
 )
 from dashred.core.findings.methods import AT_SENSORS, with_deprecated
 
-Verdict = Literal[
-    "missing-term",
-    "nothing-missing",
-    "parameter",
-    "initial-condition",
-    "sensor-fault",
-    "unresolved-numerics",
-    "outside-library",
-    "ambiguous",
-    "not-converged",
-    "mismatch",
-    "no-mismatch-seen",
-]
-
 
 class ErrorsByMethod(TypedDict):
     """RMSE of each method at sensors, in units of each sensor's standard deviation.
@@ -40,7 +27,8 @@ class ErrorsByMethod(TypedDict):
     `shred_plain` exist only for a simulator that is given as snapshots.
 
     `before`, `before_refit`, `after` and `snapshots` are deprecated: they repeat
-    `simulation_same_start`, `simulation_refit`, `corrected` and `nearest_snapshots` for one release.
+    `simulation_same_start`, `simulation_refit`, `corrected` and `nearest_snapshots` for one
+    release.
     """
 
     simulation: float | None
@@ -170,7 +158,7 @@ class Findings(TypedDict):
     """
 
     verdict: Verdict | None
-    causes: list[dict[str, Any]] | None
+    causes: list[Cause] | None
     where: Where | None
     terms: list[TermFound | ParameterChange] | None
     alternatives: list[Alternative] | None
@@ -224,7 +212,7 @@ def new_findings(
     fit: Fit | None = None,
     latent: Latent | None = None,
     verdict: Verdict | None = None,
-    causes: list[dict[str, Any]] | None = None,
+    causes: list[Cause] | None = None,
     where: Where | None = None,
     terms: list[TermFound | ParameterChange] | None = None,
     alternatives: list[Alternative] | None = None,

@@ -71,10 +71,11 @@ def compare(folder: Path, noise: float, seed: int) -> Comparison:
     Raises:
         InputError: something is missing, or was changed after it was frozen.
     """
+    from dashred.evaluation.twins.kept_findings import read_findings
     from dashred.evaluation.twins.sealing import open_seal
     from dashred.pipeline.run.provenance import git_commit
 
-    findings = json.loads((folder / "findings.json").read_text(encoding="utf-8"))
+    findings = read_findings(folder)
     comparison = Comparison(
         findings_sha256=sha256_of(folder / "findings.json"),
         problem=None,

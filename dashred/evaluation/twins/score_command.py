@@ -60,6 +60,7 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth, list[Path]
     """
     from dashred.core.findings.schema import Score
     from dashred.evaluation.twins.cause_scoring import score_cause, score_region
+    from dashred.evaluation.twins.kept_findings import read_findings
     from dashred.evaluation.twins.scoring import (
         FORECASTS,
         METHODS,
@@ -72,7 +73,7 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth, list[Path]
     from dashred.evaluation.twins.sealing import open_seal
     from dashred.evaluation.twins.truth_figures import draw_truth
 
-    findings = json.loads((output / "findings.json").read_text(encoding="utf-8"))
+    findings = read_findings(output)
     frozen = json.loads((output / "freeze.json").read_text(encoding="utf-8"))["files"]
     truth, fields = open_seal(sealed)
     hidden = truth.concealed

@@ -1,7 +1,6 @@
-"""What a stranger reads in MLflow's list of runs: names, tags, notes, and numbers to sort by.
+"""Names, tags, notes and headline numbers of the runs in MLflow's list.
 
-The names of tags and metrics are for people; nothing of a twin is among them, since all of it is
-written before a seal is opened.
+All of it is written before a seal is opened, so it holds nothing of a twin's truth.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ def conclude(run: Tracker, config: Config, findings: Findings, output: Path) -> 
     run.log_metrics(headline(findings), 0)
     run.log_terms(term["term"] for term in findings["terms"] or [])
     run.set_tags({"verdict": findings["verdict"] or "none yet", NOTE: note(findings, output)})
-    run.rename(run.run_id, f"{name_of(config)}: {found_in_short(findings)}")
+    run.rename(run.run_id, f"{name_of(config)}: {short_verdict(findings)}")
 
 
 def headline(findings: Mapping[str, Any]) -> dict[str, float]:
@@ -73,7 +72,7 @@ def headline(findings: Mapping[str, Any]) -> dict[str, float]:
     return {name: float(value) for name, value in found.items() if value is not None}
 
 
-def found_in_short(findings: Mapping[str, Any]) -> str:
+def short_verdict(findings: Mapping[str, Any]) -> str:
     """Return ``missing-term: u, u**3``."""
     terms = [term["term"] for term in findings["terms"] or []]
     more = ["…"] if len(terms) > MOST_IN_A_NAME else []

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from dashred.core.findings.schema import errors_by_method, new_findings
-from dashred.pipeline.run.run_tags import found_in_short, headline, note
+from dashred.pipeline.run.run_tags import headline, note, short_verdict
 
 
 def findings(**known: Any) -> dict[str, Any]:
@@ -20,10 +20,10 @@ def law(*terms: str) -> list[dict[str, Any]]:
 
 def test_a_run_is_named_by_its_verdict_and_the_first_of_its_terms() -> None:
     found = findings(verdict="missing-term", terms=law("u", "u**3"))
-    assert found_in_short(found) == "missing-term: u, u**3"
+    assert short_verdict(found) == "missing-term: u, u**3"
     found = findings(verdict="missing-term", terms=law("u", "u**2", "u**3", "u**4"))
-    assert found_in_short(found) == "missing-term: u, u**2, u**3, …"
-    assert found_in_short(findings(verdict="nothing-missing", terms=[])) == "nothing-missing"
+    assert short_verdict(found) == "missing-term: u, u**2, u**3, …"
+    assert short_verdict(findings(verdict="nothing-missing", terms=[])) == "nothing-missing"
 
 
 def test_the_headline_has_coefficients_errors_and_gains() -> None:

@@ -117,8 +117,8 @@ def test_assimilation_corrects_the_field_of_a_simulator_without_equations(found)
     first = findings["latent"]["alg1"]["proposals"][0]
     assert first["term"] == "u" and first["coefficient"] == pytest.approx(-0.2, rel=0.5)
     assert findings["latent"]["alg2"]["proposals"]
-    assert "What this cannot know:" in ended.out
-    assert "guesses that nothing has tested" in ended.out
+    assert "Limits of this analysis:" in ended.out
+    assert "are untested, and have no intervals" in ended.out
     assert "times smaller" in ended.out
     assert "  nearest snapshots  " in ended.out and "  SHRED, plain  " in ended.out
     assert len(findings["input"]["snapshots_sha256"]) == 64
@@ -133,7 +133,7 @@ def test_assimilation_corrects_the_field_of_a_simulator_without_equations(found)
 def test_a_recording_of_the_simulation_itself_shows_no_mismatch(found, given) -> None:
     findings, ended = found(f"recording.path={given / 'same.csv'}")
     assert findings["verdict"] == "no-mismatch-seen"
-    assert "something may be missing all the same" in ended.out
+    assert "may still be missing" in ended.out
 
 
 def test_what_was_cut_short_goes_on_without_training_again(given, train, monkeypatch) -> None:
@@ -163,7 +163,8 @@ def test_the_report_is_drawn_and_says_what_it_cannot_know(given, train) -> None:
     ended = train(f"conf={given / 'box.yaml'}", "shred.epochs=2", "assimilation.epochs=2")
     assert ended.code == 0, ended.err
     page = ended.read("report.html").decode()
-    assert "What this cannot know" in page and "fitted through it to the sensors" in page
+    assert "Limits of this analysis" in page
+    assert "no law could be fitted to the sensors through it" in page
     assert page.count("<figure") == 4
 
 
