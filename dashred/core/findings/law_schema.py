@@ -138,8 +138,8 @@ class Forcing(TypedDict):
 class ActiveStates(TypedDict, total=False):
     """The states that carry most of a law's power: those on one side of a threshold.
 
-    The threshold `above` or `below` is that of `field`, or of its `magnitude`, to `precision`. The `share`
-    of all points lies there, and carries the share `carried` of the power.
+    The threshold `above` or `below` is that of `field`, or of its `magnitude`, to `precision`. The
+    `share` of all points lies there, and carries the share `carried` of the power.
     """
 
     field: Required[str]

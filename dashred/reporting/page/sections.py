@@ -62,7 +62,12 @@ def alternatives(others: Sequence[Mapping[str, Any]]) -> Table:
         ]
         for other in others
     ]
-    heads = ["other explanation", "ΔBIC", "fits about as well", "indistinguishable at these sensors"]
+    heads = [
+        "other explanation",
+        "ΔBIC",
+        "fits about as well",
+        "indistinguishable at these sensors",
+    ]
     return Table(heads, rows, numbers={1})
 
 
@@ -106,5 +111,8 @@ def unexplained(findings: Mapping[str, Any]) -> dict[str, Any]:
         "as_noise": times is not None and times < SAME,
         "times": None if times is None else number(float(f"{times:.2g}")),
         "correlation": number(float(f"{correlation:.2g}")) if correlated else None,
-        "others": [*resolution_warning(fit), *(sentence(c["says"]) for c in outside if "says" in c)],
+        "others": [
+            *resolution_warning(fit),
+            *(sentence(c["says"]) for c in outside if "says" in c),
+        ],
     }

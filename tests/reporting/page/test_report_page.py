@@ -81,7 +81,9 @@ def found(**changed: Any) -> Any:
         own_error=None,
         chi2=1.02,
         unexplained=0.04,
-        test_sensors=errors_by_method(simulation_same_start=0.61, simulation_refit=0.4, corrected=0.05, shred=0.3),
+        test_sensors=errors_by_method(
+            simulation_same_start=0.61, simulation_refit=0.4, corrected=0.05, shred=0.3
+        ),
         heldout_time=errors_by_method(simulation_refit=0.2, corrected=0.3),
         heldout_restarted=errors_by_method(simulation_refit=0.5, corrected=0.1),
     )
@@ -271,10 +273,10 @@ def test_nothing_in_findings_becomes_markup(tmp_path: Path) -> None:
 
 def test_the_page_tells_the_law_its_rivals_the_proof_and_where_it_comes_from(page: Page) -> None:
     words = page.words
-    assert "Front <in> a ring & more: the simulation against the recording" in words
+    assert "Front <in> a ring & more: the simulation compared with the recording" in words
     first = words.index("Verdict: missing-term: a term is missing from the simulation.")
-    titles = ["Where", "What", "How sure", "Before and after, on data that no fit has seen"]
-    titles += ["What stays unexplained", "How it was done", "Provenance", "The printed summary"]
+    titles = ["Where", "What", "How sure", "Errors with and without the law, on held-out data"]
+    titles += ["Unexplained misfit", "How it was done", "Provenance", "The printed summary"]
     places = [first, *map(words.index, titles)]
     assert places == sorted(places)
     for told in ("u³", "−0.0251", "−0.0259 … −0.0243", "98 %", "0.035 → 0.0500"):
@@ -287,7 +289,7 @@ def test_the_page_tells_the_law_its_rivals_the_proof_and_where_it_comes_from(pag
         "c0ffee",
         "facade",
         "29 terms for u",
-        "Of the causes that were weighed: a missing term 98 %.",
+        "Probabilities of the causes: a missing term 98 %.",
     ):
         assert told in words, told
     assert "printed <text>" in words and "None" not in " ".join(words)
@@ -363,13 +365,15 @@ def test_causes_are_told_with_their_probabilities(tmp_path: Path) -> None:
     causes = [{"kind": kind, "probability": p} for kind, p in weighed]
     write_html(tmp_path / "report.html", found(causes=causes), {}, "")
     page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
-    told = "something outside the library 100 %, a missing term 97 %, others less than 1 %; more "
+    told = (
+        "an effect outside of the library 100 %, a missing term 97 %, others less than 1 %; more "
+    )
     assert any(told in line for line in page.words)
 
 
 @pytest.mark.parametrize(
     ("share", "told"),
-    [(0.01, "misses is no larger than"), (0.75, "is 2 times as large")],
+    [(0.01, "are no larger than"), (0.75, "are 2 times as large")],
 )
 def test_what_stays_unexplained_is_held_against_the_noise(share: float, told: str) -> None:
     left = found()
@@ -412,13 +416,13 @@ def test_a_forecast_says_what_becomes_of_inputs(tmp_path: Path) -> None:
     image = tmp_path / "forecast.png"
     image.write_bytes(b"\x89PNG")
     figures = {"forecast": {"The forecast": image}}
-    assert "runs on freely" not in text_of(found())
-    assert "runs on freely" in text_of(found(), figures)
-    assert "the last value is held" not in text_of(found(), figures)
+    assert "runs beyond the end" not in text_of(found())
+    assert "runs beyond the end" in text_of(found(), figures)
+    assert "keep their last value" not in text_of(found(), figures)
     driven = {**SYSTEM, "inputs": {"e": "voltage", "f": "force"}}
     source = {**SOURCE, "config": {"system": driven}}
     told = text_of({**found(), "input": source}, figures)
-    assert "Where inputs (e, f) were not measured that far, the last value is held." in told
+    assert "Inputs (e, f) keep their last value where they were not measured." in told
 
 
 def test_the_page_of_an_unresolved_simulator_claims_no_fit(tmp_path: Path) -> None:
@@ -450,7 +454,7 @@ def test_provenance_names_files_and_commit_and_takes_no_value_for_a_files_hash()
         "dashred, git commit": "ab12+",
     }.items():
         assert rows.count(what) == 1 and rows[rows.index(what) + 1] == value
-    assert any("sha256sum of a file is another number" in row for row in rows)
+    assert any("not of the files" in row for row in rows)
     assert "dashred, git commit" not in text_of(found())
 
 
@@ -481,4 +485,4 @@ def test_every_episode_stands_on_the_page(tmp_path: Path) -> None:
     write_html(tmp_path / "report.html", told, {}, "")
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "a, from 0 to 10 s: fitted until 8" in text
-    assert "b, from 20 to 30 s: held out whole; its first part, to 21, tells its start" in text
+    assert "b, from 20 to 30 s: held out; its first part, to 21, determines its start" in text
