@@ -1,4 +1,6 @@
-"""Hold all methods against the hidden truth: ``python -m dashred.evaluation.comparison.method_scores …``.
+"""Compare all methods with the hidden truth.
+
+``python -m dashred.evaluation.comparison.method_scores folder=DIR noise=0.01 seed=0``
 
 Everything that read the recording is frozen by here: the findings of the analysis by their own
 freeze, the fields of the other methods by the hash that was kept with them.

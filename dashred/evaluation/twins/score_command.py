@@ -1,4 +1,6 @@
-"""Open the seal and score frozen findings: ``python -m dashred.evaluation.twins.score_command findings=DIR sealed=FILE``.
+"""Open the seal and score frozen findings.
+
+``python -m dashred.evaluation.twins.score_command findings=DIR sealed=FILE``
 
 The only code that can read a hidden truth. It refuses findings that are not frozen, or were
 touched since.

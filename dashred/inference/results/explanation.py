@@ -65,7 +65,7 @@ def alternatives(discovered: Discovered, system: System) -> list[Alternative]:
     single = [law for law in discovered.laws[1:] if len(law.candidates) == 1]
     listed = {id(law) for law in chosen}
     if single and len(best.candidates) > 1 and id(single[0]) not in listed:
-        # One that is nearly as good says more.
+        # A law that is nearly as good is more informative.
         near = [law for law in chosen if law.score < best.score + NEAR]
         chosen = [*near, single[0]] if len(near) < MOST_ALTERNATIVES else chosen
     return [

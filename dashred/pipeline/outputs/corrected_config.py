@@ -30,9 +30,9 @@ def write_corrected(
 ) -> None:
     """Write the configuration of the corrected simulator, whole or not at all.
 
-    It holds what the user's file and command line hold, with the equations and parameters of
-    :func:`dashred.inference.results.corrected_system.correct`; the defaults stay with ``conf/base.yaml``. No
-    path is in it, so it runs from wherever it lies.
+    It holds the keys of the user's file and command line, with the equations and parameters of
+    :func:`dashred.inference.results.corrected_system.correct`. The defaults stay in
+    ``conf/base.yaml``. It contains no path, so it runs in any folder.
     """
     values = _layer(config)
     corrected = correct(system, law)

@@ -1,4 +1,4 @@
-"""What the law is worth where nothing was fitted: test sensors and held-out time."""
+"""Errors with and without the law at test sensors and in the held-out time."""
 
 from collections.abc import Mapping, Sequence
 
@@ -68,7 +68,7 @@ def verification_figure(
                 shade_held_out(axes, time_end, float(times[-1]), label=index == 0)
                 label = in_brackets("reading", units.get(names[index]))
                 axes.set(ylabel=label, xlim=(times[0], times[-1]))
-            column[0].set_title("test sensors, never looked at before", loc="center", fontsize=9)
+            column[0].set_title("test sensors, not used in any fit", loc="center", fontsize=9)
             column[-1].set_xlabel(clock)
             handles, labels = column[0].get_legend_handles_labels()
             left.legend(handles, labels, loc="outside upper left", ncols=2)

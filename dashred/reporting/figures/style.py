@@ -1,6 +1,6 @@
 """One look for all figures, and how they are saved.
 
-The colours are those of Okabe and Ito (2008), told apart by colour-blind readers; each method
+The colours are those of Okabe and Ito (2008), which colour-blind readers can distinguish; each method
 keeps its colour and its dash in every figure.
 """
 

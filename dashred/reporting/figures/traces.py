@@ -1,4 +1,4 @@
-"""Sensor traces: what was recorded, and what each method says the sensor should read."""
+"""Sensor traces: the recording, and the readings that each method predicts."""
 
 from collections.abc import Mapping, Sequence
 

@@ -10,7 +10,7 @@ from dashred.core.findings.methods import method_label
 from dashred.core.units import NONE, in_brackets, time_label
 from dashred.reporting.figures.style import legend_above, method_look, new_figure, style
 
-# Errors below this share of the truth's std are not told apart.
+# The error axis begins at this share of the truth's standard deviation.
 SMALLEST = 1e-5
 
 Trace = Float[np.ndarray, " time"]
