@@ -1,7 +1,7 @@
 """One look for all figures, and how they are saved.
 
-The colours are those of Okabe and Ito (2008), which colour-blind readers can distinguish; each method
-keeps its colour and its dash in every figure.
+The colours are those of Okabe and Ito (2008), which colour-blind readers can distinguish. Each
+method keeps its colour and its dash in every figure.
 """
 
 from collections.abc import Iterator
