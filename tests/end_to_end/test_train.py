@@ -52,7 +52,7 @@ def test_a_twin_experiment_leaves_all_its_files(twin_run) -> None:
 
 def test_what_is_printed_is_what_is_filed(twin_run) -> None:
     summary = (twin_run.output / "summary.txt").read_text()
-    assert "Burgers: the simulation against recorded sensors" in summary
+    assert "Burgers: the simulation compared with recorded sensors" in summary
     assert summary.strip() in twin_run.out
     before, after = twin_run.out.split(summary.strip())
     assert "seal" not in before
