@@ -7,11 +7,11 @@ therefore an ordinary expression, and so are its derivatives with respect to edg
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
-from dashred.core.units import with_unit
 from dashred.physics.expressions.algebra import (
     ONE,
     Expr,
@@ -34,17 +34,27 @@ class Shape:
     """A kind of window with unknown edges.
 
     Attributes:
-        kind: ``box`` in space, ``onset`` in time, ``gate`` in a field's value.
+        kind: ``box`` in space, ``onset`` in time, ``gate above`` or ``gate below`` a field's value.
         of: the axis, ``t``, or the field.
         names: of the unknowns, positions first, then the log of a width; they contain a space, so
             that they are not names of the equation language.
         expression: χ in terms of the unknowns, coordinates, ``t`` and fields.
     """
 
-    kind: str
+    kind: Literal["box", "onset", "gate above", "gate below"]
     of: str
     names: tuple[str, ...]
     expression: Expr
+
+    @property
+    def side(self) -> Literal["above", "below"] | None:
+        """The side of the threshold on which a gate is open; None of other windows."""
+        match self.kind:
+            case "gate above":
+                return "above"
+            case "gate below":
+                return "below"
+        return None
 
     @cached_property
     def slopes(self) -> tuple[Expr, ...]:
@@ -69,17 +79,11 @@ class Window:
     values: tuple[float, ...]
 
     def __str__(self) -> str:
-        """Return ``for 10.1 < x < 16``, ``for t > 11`` or ``for u > 0.6``."""
-        return self.describe({})
-
-    def describe(self, units: Mapping[str, str]) -> str:
-        """Return the description with units, where they are known: ``for t > 11 s``."""
+        """``for 10.1 < x < 16``, ``for t > 11``, ``for u > 0.6``."""
         of, place = self.shape.of, self.values[0]
         if self.shape.kind == "box":
-            end = with_unit(f"{place + self.values[1]:.3g}", units.get(of))
-            return f"for {place - self.values[1]:.3g} < {of} < {end}"
-        edge = with_unit(f"{place:.3g}", units.get(of))
-        return f"for {of} {'<' if self.shape.kind == 'gate below' else '>'} {edge}"
+            return f"for {place - self.values[1]:.3g} < {of} < {place + self.values[1]:.3g}"
+        return f"for {of} {'<' if self.shape.side == 'below' else '>'} {place:.3g}"
 
     @property
     def expression(self) -> Expr:
@@ -135,8 +139,9 @@ def gate(field: str, side: int, value: Expr | None = None) -> Shape:
     threshold, edge = f"{field} threshold", f"{field} edge"
     distance = scale(float(side), add((value or Name(field), scale(-1.0, Name(threshold)))))
     argument = multiply((distance, _inverse_width(edge)))
-    kind = "gate above" if side > 0 else "gate below"
-    return Shape(kind, field, (threshold, edge), _ramp(argument))
+    return Shape(
+        "gate above" if side > 0 else "gate below", field, (threshold, edge), _ramp(argument)
+    )
 
 
 def _ramp(argument: Expr) -> Expr:

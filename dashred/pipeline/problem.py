@@ -12,6 +12,7 @@ from torch import Tensor
 from dashred.config import Config
 from dashred.config.checks.checks import MAX_STEPS
 from dashred.core.errors import InputError
+from dashred.core.findings.cause_schema import SensorFaultFound
 from dashred.data.episodes import Episodes, name_episode_in_errors
 from dashred.data.inputs import with_inputs
 from dashred.data.io.reader import read_episodes
@@ -22,7 +23,7 @@ from dashred.data.resampling import native_step, resample_all
 from dashred.data.sensors import Sensor
 from dashred.data.splits import Split, hold_out_episode, split_recording
 from dashred.inference.fit.law import SensorFault
-from dashred.inference.wording.fault_wording import fault_in_words
+from dashred.inference.results.verdict import fault_found
 from dashred.physics.expressions.algebra import names
 from dashred.physics.external.snapshot_file import open_snapshots
 from dashred.physics.external.snapshots import Snapshots
@@ -87,16 +88,18 @@ class Problem:
         """Return σ of the named sensors, ``(sensor,)``."""
         return torch.tensor([self.noise[name] for name in names], dtype=torch.float64)
 
-    def fault_in_words(self, fault: SensorFault) -> str:
-        """Return what is wrong with a sensor, with the units of what it reads."""
-        split, system = self.split, self.system
+    def fault_details(self, fault: SensorFault) -> SensorFaultFound:
+        """Return a fault as data, with what the sensor reads, its axis and the episode."""
+        split, axes = self.split, self.system.axes
         parts = (split.fit, split.validation, split.tested)
         reads = {s.name: s.reads for part in parts for s in part.sensors}
-        place = system.axes[0].name if len(system.axes) == 1 else None
-        says = fault_in_words(fault, reads.get(fault.sensor), system.units, place)
-        if fault.episode is None:
-            return says
-        return f"{says}, in episode {self.episodes[fault.episode].name!r}"
+        episode = None if fault.episode is None else self.episodes[fault.episode].name
+        return {
+            **fault_found(fault),
+            "reads": reads.get(fault.sensor),
+            "axis": axes[0].name if len(axes) == 1 else None,
+            "episode": episode,
+        }
 
     def rng(self, stage: str) -> np.random.Generator:
         """Return the random stream of one stage: no stage can shift another's draws."""

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from dashred.pipeline.run.run_tags import found_in_short, headline
+from dashred.pipeline.run.run_tags import headline, short_verdict
 from dashred.reporting.figures.style import new_figure, save_figure
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -52,7 +52,7 @@ def test_a_twin_experiment_leaves_all_its_files(twin_run) -> None:
 
 def test_what_is_printed_is_what_is_filed(twin_run) -> None:
     summary = (twin_run.output / "summary.txt").read_text()
-    assert "Burgers: the simulation against recorded sensors" in summary
+    assert "Burgers: the simulation compared with recorded sensors" in summary
     assert summary.strip() in twin_run.out
     before, after = twin_run.out.split(summary.strip())
     assert "seal" not in before
@@ -75,7 +75,7 @@ def test_the_store_holds_one_finished_run_with_its_stages(twin_run) -> None:
         ("assimilate", "FINISHED", parent),
         ("corrected_shred", "FINISHED", parent),
         ("discover", "FINISHED", parent),
-        (f"quick seed 0: {found_in_short(findings)}", "FINISHED", None),
+        (f"quick seed 0: {short_verdict(findings)}", "FINISHED", None),
         ("shred", "FINISHED", parent),
     ]
     assert tags["twin"] == "a" and tags["system"] == "quick" and "verdict" in tags

@@ -98,8 +98,8 @@ def test_a_damped_oscillator_in_three_episodes(train, tmp_path: Path) -> None:
     assert set(fit["noise_std"]) == {"x", "p"}
     assert all(0.8 * SIGMA < std < 1.2 * SIGMA for std in fit["noise_std"].values())
     held = fit["heldout_episode"]
-    assert held["after"] < 0.3 * held["before_refit"]
-    assert fit["heldout_time"]["after"] < 0.3 * fit["heldout_time"]["before_refit"]
+    assert held["corrected"] < 0.3 * held["simulation_refit"]
+    assert fit["heldout_time"]["corrected"] < 0.3 * fit["heldout_time"]["simulation_refit"]
     listed = {part["name"]: part for part in found["input"]["splits"]["episodes"]}
     assert [*listed] == ["long", "short", "kept back"]
     assert listed["short"]["begin"] == 60 and listed["short"]["time_end"] == pytest.approx(67.2)
@@ -181,4 +181,4 @@ def test_a_flow_in_two_episodes(train, tmp_path: Path) -> None:
     low, high = term["ci95"]
     assert term["term"] == "u" and low < -0.1 < high
     tested = found["fit"]["test_sensors"]
-    assert tested["after"] < 0.5 * tested["before_refit"]
+    assert tested["corrected"] < 0.5 * tested["simulation_refit"]

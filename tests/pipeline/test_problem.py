@@ -17,6 +17,7 @@ from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import SensorFault
 from dashred.pipeline.problem import Problem, build_problem
+from dashred.reporting.text.sensor_faults import fault_text
 
 
 @pytest.fixture
@@ -81,12 +82,13 @@ def test_units_of_either_side_hold_and_are_told(posed) -> None:
     problem = posed(traces(), "system.units.x=m", units={"t": "s", "u": "K"})
     assert problem.system.units == {"t": "s", "u": "K", "x": "m"}
     told = {
-        "bias": "sensor s1 reads 1.50 ± 0.10 K too much",
+        "bias": "sensor s1 has a bias of 1.50 ± 0.10 K",
         "drift": "sensor s1 drifts by 1.50 ± 0.10 K per s",
         "stuck": "sensor s1 is stuck at 1.50 ± 0.10 K from t = 3 s on",
-        "misplaced": "sensor s1 stands 1.50 ± 0.10 m from where it is said to",
+        "misplaced": "sensor s1 is 1.50 ± 0.10 m away from its stated position",
     }
     for kind, words in told.items():
-        assert problem.fault_in_words(SensorFault(kind, "s1", 1.5, 0.1, 3.0)) == words
+        fault = problem.fault_details(SensorFault(kind, "s1", 1.5, 0.1, 3.0))
+        assert fault_text(fault, problem.system.units) == words
     with pytest.raises(InputError, match="x is in cm here, but in m in command line"):
         posed(traces(), "system.units.x=m", units={"x": "cm"})

@@ -19,6 +19,7 @@ from dashred.pipeline.assimilation import sensor_data
 from dashred.pipeline.discovery.objectives import build_least_squares, exact_simulator
 from dashred.pipeline.problem import Problem, build_problem
 from dashred.pipeline.simulation import shares, simulate_ensemble, simulate_nominal
+from dashred.reporting.text.sensor_faults import fault_text
 
 SENSORS = tuple(Sensor(f"s{i}", "u", (0.3 + i,)) for i in range(6))
 LENGTHS = {"a": (0.0, 41), "b": (60.0, 61), "c": (-5.0, 51)}
@@ -57,8 +58,8 @@ def test_of_two_none_is_held_out_whole(quick, tmp_path):
     assert [p.name for p in problem.episodes] == ["b", "a"]
     assert not problem.whole
     fault = SensorFault("spikes", "s1", 3.0, None, None, episode=1)
-    told = "sensor s1 has 3 samples that are no readings, in episode 'a'"
-    assert problem.fault_in_words(fault) == told
+    told = "sensor s1 has 3 spikes, in episode 'a'"
+    assert fault_text(problem.fault_details(fault)) == told
 
 
 def test_of_more_episodes_than_members_the_last_have_none(quick, tmp_path):

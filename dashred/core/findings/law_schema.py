@@ -1,16 +1,36 @@
-"""The schema of what the findings say of a law: its terms, its rivals, where it acts, what it does.
+"""The schema of a law in the findings: its terms, alternatives, location and consequences.
 
-What has not been looked for is null.
+A quantity that was not determined is null. The texts `says`, `region` of :class:`TermTried` and
+`regime` render the other keys for a reader. They are added when the findings are assembled, and no
+code reads a number from them.
 """
 
-from typing import Any, Literal, NotRequired, TypedDict
+from typing import Literal, NotRequired, Required, TypedDict
+
+# `from` is a keyword of Python, so the schemas with that key cannot be written as classes.
+Region = TypedDict(
+    "Region",
+    {
+        "axis": str,
+        "field": str,
+        "from": float,
+        "to": float,
+        "above": float,
+        "below": float,
+        "std": float,
+        "ci95": list[float],
+    },
+    total=False,
+)
+"""Where a term acts: ``axis, from, to`` in space, ``axis: t, from`` in time, ``field, above`` or
+``field, below`` in the values of a field. `std` is that of each edge, `ci95` of the threshold."""
 
 
 class TermFound(TypedDict):
     """A missing term: coefficient, its std and 95 % interval in the user's units.
 
     `inclusion` is the posterior probability that the term belongs to the law. `unit` is that of the
-    coefficient, there where it follows from stated units.
+    coefficient, where it follows from stated units. `effect` names what the term does.
     """
 
     equation: str
@@ -19,12 +39,12 @@ class TermFound(TypedDict):
     std: float
     ci95: list[float]
     inclusion: float
-    region: list[dict[str, Any]] | None
-    says: str
+    region: list[Region] | None
     unit: NotRequired[str]
+    effect: NotRequired[str]
+    says: NotRequired[str]
 
 
-# `from` is a keyword of Python, so this one cannot be written as a class.
 ParameterChange = TypedDict(
     "ParameterChange",
     {
@@ -38,31 +58,34 @@ ParameterChange = TypedDict(
         "ci95": list[float],
         "aliases": list[str],
         "inclusion": float,
-        "region": list[dict[str, Any]] | None,
-        "says": str,
+        "region": list[Region] | None,
+        "exact": bool,
         "unit": NotRequired[str],
+        "says": NotRequired[str],
     },
 )
-"""A mis-stated parameter: `coefficient` is to - from, `ci95` that of the new value, and `aliases`
-are other parameters a change of which does the same; `unit` is there where it is stated."""
+"""A parameter with a wrong value: `coefficient` is ``to - from``, `ci95` that of the new value.
+`aliases` are other parameters a change of which has the same effect. The change is `exact`, or of
+first order. `unit` is the stated one, if any."""
 
 
 class TermTried(TypedDict):
     """A term of an alternative law; of a parameter the equation is null.
 
-    `region` says where it acts; null everywhere.
+    `window` is where the term acts, and `region` the same as text; both are null everywhere.
     """
 
     equation: str | None
     term: str
     coefficient: float
-    region: str | None
+    window: Region | None
+    region: NotRequired[str | None]
 
 
 class Alternative(TypedDict):
-    """Another law; `rival` if the recording does not decide between it and the best one.
+    """Another law; `rival` if the recording does not distinguish it from the best one.
 
-    `same_as_best`: the sensors read the same under both, so no recording of them would decide.
+    `same_as_best`: the sensors read the same under both, so no recording can distinguish them.
     """
 
     terms: list[TermTried]
@@ -97,7 +120,7 @@ class Profile(TypedDict):
 
 
 class Forcing(TypedDict):
-    """What would have to be added where and when, in units of each equation's own tendency.
+    """The forcing that the simulation lacks, by place and time, in units of each own tendency.
 
     `places` holds the middle of each cell along every axis; amplitudes and their standard
     deviations are, by equation, lists of cells of lists of knots; `peak` is where they are largest;
@@ -112,16 +135,34 @@ class Forcing(TypedDict):
     gain: float
 
 
+class ActiveStates(TypedDict, total=False):
+    """The states that carry most of a law's power: those on one side of a threshold.
+
+    The threshold `above` or `below` is that of `field`, or of its `magnitude`, to `precision`. The
+    `share` of all points lies there, and carries the share `carried` of the power.
+    """
+
+    field: Required[str]
+    magnitude: Required[bool]
+    above: float
+    below: float
+    precision: Required[float]
+    share: Required[float]
+    carried: Required[float]
+
+
 class Where(TypedDict):
     """Where the law acts: in which equation, when, in what part of state space, at what sensors.
 
-    `forcing` is the map of a free forcing, where the best law left a question; else null.
+    `states` is null where the law acts in all states; `regime` is the same as text. `forcing` is
+    the map of a free forcing, if one was needed; else null.
     """
 
     equation: dict[str, float]
-    region: list[dict[str, Any]] | None
+    region: list[Region] | None
     time: list[float]
-    regime: str | None
+    states: ActiveStates | None
+    regime: NotRequired[str | None]
     sensors: list[SensorGain]
     significance: float | None
     profile: Profile
@@ -145,9 +186,9 @@ class EnergyLost(TypedDict):
 
 
 class StructureChanged(TypedDict):
-    """Which part of a port-Hamiltonian system a term changes; null where it fits into none alone.
+    """Which part of a port-Hamiltonian system a term changes; null where it is no single part.
 
-    Of R, what takes energy away, also whether the term by itself does.
+    `passive`: of a change of R, the dissipation, whether the term by itself dissipates energy.
     """
 
     term: str
@@ -156,7 +197,7 @@ class StructureChanged(TypedDict):
 
 
 class StructureFound(TypedDict):
-    """What a law does to a port-Hamiltonian system, and whether all of it together stays one."""
+    """What a law changes in a port-Hamiltonian system, and whether the corrected one is such."""
 
     changes: list[StructureChanged]
     port_hamiltonian: bool

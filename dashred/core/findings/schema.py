@@ -1,12 +1,13 @@
-"""The schema of the findings files: what `findings.json` and `score.json` hold.
+"""The schema of the findings files, `findings.json` and `score.json`.
 
-What has not been looked for is null. Errors are RMSEs in units of a standard deviation. What they
-say of a law has a file of its own.
+A quantity that was not determined is null. Errors are RMSEs in units of a standard deviation. The
+schemas of a law and of a cause are in files of their own.
 """
 
 from collections.abc import Mapping
-from typing import Any, Literal, NotRequired, TypedDict
+from typing import Any, NotRequired, TypedDict, cast
 
+from dashred.core.findings.cause_schema import Cause, Verdict
 from dashred.core.findings.law_schema import (
     Alternative,
     EnergyLost,
@@ -16,37 +17,32 @@ from dashred.core.findings.law_schema import (
     TermFound,
     Where,
 )
-
-Verdict = Literal[
-    "missing-term",
-    "nothing-missing",
-    "parameter",
-    "initial-condition",
-    "sensor-fault",
-    "unresolved-numerics",
-    "outside-library",
-    "ambiguous",
-    "not-converged",
-    "mismatch",
-    "no-mismatch-seen",
-]
+from dashred.core.findings.methods import AT_SENSORS, with_deprecated
 
 
-class Misfit(TypedDict):
-    """RMSE of each method at sensors, in units of each sensor's own standard deviation.
+class ErrorsByMethod(TypedDict):
+    """RMSE of each method at sensors, in units of each sensor's standard deviation.
 
-    `snapshots` are the nearest of a simulator that is known by those alone, and `shred_plain` is
-    what SHRED has learnt from them.
+    The names are those of :mod:`dashred.core.findings.methods`. `nearest_snapshots` and
+    `shred_plain` exist only for a simulator that is given as snapshots.
+
+    `before`, `before_refit`, `after` and `snapshots` are deprecated: they repeat
+    `simulation_same_start`, `simulation_refit`, `corrected` and `nearest_snapshots` for one
+    release.
     """
 
+    simulation: float | None
+    simulation_same_start: float | None
+    simulation_refit: float | None
+    shred: float | None
+    dashred: float | None
+    corrected: float | None
+    nearest_snapshots: NotRequired[float]
+    shred_plain: NotRequired[float]
     before: float | None
     before_refit: float | None
     after: float | None
-    simulation: float | None
-    shred: float | None
-    dashred: float | None
     snapshots: NotRequired[float]
-    shred_plain: NotRequired[float]
 
 
 class HeldOut(TypedDict):
@@ -57,10 +53,10 @@ class HeldOut(TypedDict):
     start that was fitted to its beginning; it is there only where one is.
     """
 
-    test_sensors: Misfit
-    heldout_time: Misfit
-    heldout_restarted: Misfit
-    heldout_episode: NotRequired[Misfit]
+    test_sensors: ErrorsByMethod
+    heldout_time: ErrorsByMethod
+    heldout_restarted: ErrorsByMethod
+    heldout_episode: NotRequired[ErrorsByMethod]
 
 
 class Fit(HeldOut):
@@ -162,7 +158,7 @@ class Findings(TypedDict):
     """
 
     verdict: Verdict | None
-    causes: list[dict[str, Any]] | None
+    causes: list[Cause] | None
     where: Where | None
     terms: list[TermFound | ParameterChange] | None
     alternatives: list[Alternative] | None
@@ -182,6 +178,9 @@ class Score(TypedDict):
     The coefficient error is a fraction, known where the support is exact. Forecasts are compared
     over the forecast window, everything else over the fit window. A latent rank is the place of a
     term of the true law among an algorithm's proposals.
+
+    `before`, `before_refit` and `after` in `forecast` are deprecated: they repeat
+    `simulation_same_start`, `simulation_refit` and `corrected` for one release.
     """
 
     exact_support: bool | None
@@ -194,27 +193,17 @@ class Score(TypedDict):
     latent_rank: dict[str, dict[str, int | None]]
 
 
-def misfit(**known: float) -> Misfit:
-    """A misfit with the methods that are known; the others are null.
+def errors_by_method(**rmse: float) -> ErrorsByMethod:
+    """Return the errors of the given methods; the others are null.
 
     Raises:
-        TypeError: for a method the schema does not have.
+        TypeError: a name is not that of a method compared at sensors.
     """
-    if unknown := known.keys() - Misfit.__annotations__.keys():
+    if unknown := rmse.keys() - set(AT_SENSORS):
         raise TypeError(f"the findings have no method called {', '.join(sorted(unknown))}")
-    found = Misfit(
-        before=known.get("before"),
-        before_refit=known.get("before_refit"),
-        after=known.get("after"),
-        simulation=known.get("simulation"),
-        shred=known.get("shred"),
-        dashred=known.get("dashred"),
-    )
-    if "snapshots" in known:
-        found["snapshots"] = known["snapshots"]
-    if "shred_plain" in known:
-        found["shred_plain"] = known["shred_plain"]
-    return found
+    always = [name for name in AT_SENSORS if name in ErrorsByMethod.__required_keys__]
+    found = with_deprecated(dict.fromkeys(always) | rmse)
+    return cast(ErrorsByMethod, found)
 
 
 def new_findings(
@@ -223,7 +212,7 @@ def new_findings(
     fit: Fit | None = None,
     latent: Latent | None = None,
     verdict: Verdict | None = None,
-    causes: list[dict[str, Any]] | None = None,
+    causes: list[Cause] | None = None,
     where: Where | None = None,
     terms: list[TermFound | ParameterChange] | None = None,
     alternatives: list[Alternative] | None = None,
@@ -240,9 +229,9 @@ def new_findings(
         own_error=None,
         chi2=None,
         unexplained=None,
-        test_sensors=misfit(),
-        heldout_time=misfit(),
-        heldout_restarted=misfit(),
+        test_sensors=errors_by_method(),
+        heldout_time=errors_by_method(),
+        heldout_restarted=errors_by_method(),
     )
     findings = Findings(
         verdict=verdict,

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from dashred.core.findings.methods import current_names
 from dashred.core.templates import render
 from dashred.evaluation.benchmark.record import RATIOS, Record
 from dashred.evaluation.benchmark.summary import Summary, commits, setting_of
@@ -146,7 +147,7 @@ def _line(record: Record) -> list[str]:
         _number(record["field_rmse"].get("dashred")),
         _number(record["field_rmse"].get("corrected")),
         *(_number(record["ratios"][name]) for name in RATIOS),
-        _number(record["forecast"].get("after")),
+        _number(current_names(record["forecast"]).get("corrected")),
         _seconds(record["seconds"].get("in all")),
     ]
 

@@ -1,4 +1,6 @@
-"""Hold all methods against the hidden truth: ``python -m dashred.evaluation.comparison.method_scores …``.
+"""Compare all methods with the hidden truth.
+
+``python -m dashred.evaluation.comparison.method_scores folder=DIR noise=0.01 seed=0``
 
 Everything that read the recording is frozen by here: the findings of the analysis by their own
 freeze, the fields of the other methods by the hash that was kept with them.
@@ -71,10 +73,11 @@ def compare(folder: Path, noise: float, seed: int) -> Comparison:
     Raises:
         InputError: something is missing, or was changed after it was frozen.
     """
+    from dashred.evaluation.twins.kept_findings import read_findings
     from dashred.evaluation.twins.sealing import open_seal
     from dashred.pipeline.run.provenance import git_commit
 
-    findings = json.loads((folder / "findings.json").read_text(encoding="utf-8"))
+    findings = read_findings(folder)
     comparison = Comparison(
         findings_sha256=sha256_of(folder / "findings.json"),
         problem=None,

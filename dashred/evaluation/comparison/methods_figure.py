@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
+from dashred.core.findings.methods import SHRED_UNCHANGED, method_label
 from dashred.core.units import time_label
 from dashred.reporting.figures.style import method_look, new_figure, save_figure, style
-from dashred.reporting.text.method_names import SHRED_UNCHANGED, method_name
 
 METHODS_FIGURE = "methods_truth.png"
 # In the order of the key; a family has one colour, its members their dashes.
@@ -76,7 +76,7 @@ def methods_figure(
             ylim=(max(seen.min() / 1.5, LOWEST), min(seen.max() * 1.5, HIGHEST)),
         )
         for index, (method, values) in enumerate(drawn.items()):
-            axes.plot(times, values, label=method_name(method), **method_look(method, index))
+            axes.plot(times, values, label=method_label(method), **method_look(method, index))
         if drawn:
             figure.legend(loc="outside right upper")
     return figure

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
+from dashred.core.findings.methods import LABELS, SHRED_UNCHANGED
 from dashred.evaluation.baselines.analyse import NOT_FOR_SYSTEM
 from dashred.evaluation.benchmark.record import Record
 from dashred.evaluation.comparison.kept_comparison import Compared
@@ -15,19 +16,10 @@ from dashred.evaluation.comparison.kept_comparison import Compared
 # The field that errors are told relative to: the simulator as it is, from the same start.
 REFERENCE = "simulation_same_start"
 FIELDS = {
-    "simulation": "simulation, nominal start",
-    "simulation_same_start": "simulation, same start",
-    "simulation_refit": "simulation, best start",
-    "optimal_interpolation": "optimal interpolation",
-    "closed_form": "closed form of linear systems",
-    "filter_state": "ensemble Kalman filter",
-    "filter_augmented": "the same, with coefficients",
-    "shred_plain": "SHRED, plain",
-    "shred": "SHRED, randomised",
-    "dashred": "DA-SHRED",
-    "corrected": "dashred: corrected simulator",
-    "corrected_shred": "dashred: corrected SHRED",
-}
+    name: label
+    for name, label in LABELS.items()
+    if name not in ("truth", "recorded", "nearest_snapshots", SHRED_UNCHANGED)
+} | {"filter_augmented": "the same, with coefficients"}
 LAWS = {
     "latent_alg1": "latent SINDy, Algorithm 1",
     "latent_alg2": "latent SINDy, Algorithm 2",

@@ -54,12 +54,13 @@ def _cell(rows: Sequence[ComparedRow]) -> str:
     parts += [f"listed {claims.listed}"] if claims.listed else []
     parts += [f"wrong and unflagged {claims.wrong_unflagged}"] if claims.wrong_unflagged else []
     parts += [f"failed {claims.failed}"] if claims.failed else []
+    # Without a law the corrected simulator equals the simulation, and a ratio of 1 is no result.
+    with_law = any(row.record["problem"] is None and row.record["terms"] for row in rows)
     for method, name in METHODS.items():
-        if ratio := ratio_text(field_ratio(rows, method)):
+        if method == "corrected" and not with_law:
+            parts.append(f"{name} –")
+        elif ratio := ratio_text(field_ratio(rows, method)):
             parts.append(f"{name} × {ratio}")
-    # Without a law the corrected simulator is the simulation, and a ratio of 1 would be no finding.
-    if not any(row.record["problem"] is None and row.record["terms"] for row in rows):
-        parts = [part for part in parts if not part.startswith("corrected")] + ["corrected –"]
     return "; ".join(parts)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from pathlib import Path
 
@@ -10,6 +9,7 @@ from dashred.core.errors import DONE, InputError
 from dashred.core.findings.findings import check_freeze
 from dashred.core.templates import render
 from dashred.evaluation.proof.isolation import LIMIT, isolated_copy, worker
+from dashred.evaluation.twins.kept_findings import read_findings
 from dashred.pipeline.run.output_dir import make_output
 from dashred.reporting.text.verdict import verdict_lines
 
@@ -40,7 +40,7 @@ def analyse_pendulum(recording: Path, output: Path) -> str:
 
 
 def _appendix(folder: Path) -> str:
-    findings = json.loads((folder / "findings.json").read_text(encoding="utf-8"))
+    findings = read_findings(folder)
     fit = findings["fit"]
     return render(
         "evaluation/proof/templates/appendix.md.j2",
@@ -51,7 +51,7 @@ def _appendix(folder: Path) -> str:
 
 
 def _compared(errors: dict[str, float | None]) -> str:
-    before, after = errors["before_refit"], errors["after"]
+    before, after = errors["simulation_refit"], errors["corrected"]
     if before is None or after is None:
         return "unknown"
     return f"{before:.3g} without the law, {after:.3g} with it ({before / after:.2g} times nearer)"

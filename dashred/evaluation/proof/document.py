@@ -78,7 +78,7 @@ def _aim(target: Target) -> str:
 
 def _classes(records: Records) -> list[Line]:
     groups = {name: of_kind(records, kind) for kind, name in KINDS.items()}
-    groups |= {name: of_kind(records, *kinds) for name, kinds in POOLS.items()}
+    groups |= {f"pooled: {name}": of_kind(records, *kinds) for name, kinds in POOLS.items()}
     for system in sorted({record["system"] for record in cases(records)}):
         groups[f"system: {system}"] = [r for r in cases(records) if r["system"] == system]
     groups |= {"all cases": cases(records), "nulls, apart": nulls(records)}

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from dashred.evaluation.twins.window_kinds import kind_in_text
-
 # So many explanations may be listed for the truth to count as listed.
 LISTED = 3
 
@@ -29,18 +27,9 @@ def _as_found(
     """
     found = []
     for term in terms:
-        entry = {**term, "region": _region_of_text(term["region"])}
+        entry = {**term, "region": [term["window"]] if term["window"] else None}
         if term["equation"] is None:
             name = term["term"]
             entry |= {"parameter": name, "to": parameters[name] + term["coefficient"]}
         found.append(entry)
     return found
-
-
-def _region_of_text(text: str | None) -> list[dict[str, Any]] | None:
-    """Return what a text like ``for u > 0.6`` bounds, in the form of the findings' regions."""
-    kind = kind_in_text(text)
-    if kind is None:
-        return None
-    of, _, side = kind.partition(" ")
-    return [{"field": of, side: 0.0}] if side else [{"axis": of}]

@@ -1,4 +1,4 @@
-"""What sensors report that are not as they are said to be, and noise that remembers itself."""
+"""The readings of faulty sensors, and autocorrelated noise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Open the seal and score frozen findings: ``python -m dashred.evaluation.twins.score_command findings=DIR sealed=FILE``.
+"""Open the seal and score frozen findings.
+
+``python -m dashred.evaluation.twins.score_command findings=DIR sealed=FILE``
 
 The only code that can read a hidden truth. It refuses findings that are not frozen, or were
 touched since.
@@ -14,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from dashred.core.errors import InputError, run_entry
 from dashred.core.findings.findings import check_freeze, write_json_atomic
+from dashred.core.findings.methods import DEPRECATED, current_names, with_deprecated
 
 if TYPE_CHECKING:
     import numpy as np
@@ -59,6 +62,7 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth, list[Path]
     """
     from dashred.core.findings.schema import Score
     from dashred.evaluation.twins.cause_scoring import score_cause, score_region
+    from dashred.evaluation.twins.kept_findings import read_findings
     from dashred.evaluation.twins.scoring import (
         FORECASTS,
         METHODS,
@@ -71,7 +75,7 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth, list[Path]
     from dashred.evaluation.twins.sealing import open_seal
     from dashred.evaluation.twins.truth_figures import draw_truth
 
-    findings = json.loads((output / "findings.json").read_text(encoding="utf-8"))
+    findings = read_findings(output)
     frozen = json.loads((output / "freeze.json").read_text(encoding="utf-8"))["files"]
     truth, fields = open_seal(sealed)
     hidden = truth.concealed
@@ -102,21 +106,20 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth, list[Path]
             field: {m: rmse(error[:, i]) for m, error in known.items()}
             for i, field in enumerate(fields)
         },
-        forecast={
-            name: rmse(beyond[method]) if method in beyond else None
-            for name, method in FORECASTS.items()
-        },
+        forecast=with_deprecated({m: rmse(beyond[m]) if m in beyond else None for m in FORECASTS}),
         latent_rank=latent_ranks(findings, truth.terms),
     )
     return score, truth, figures
 
 
 def load_fields(path: Path) -> xr.Dataset:
-    """Read fields by method, dims ``(method, time, *axes)``."""
+    """Read fields by the current names of the methods, dims ``(method, time, *axes)``."""
     import xarray as xr
 
     with xr.open_dataset(path, engine="h5netcdf") as dataset:
-        return dataset.load()
+        loaded = dataset.load()
+    names = [DEPRECATED.get(name, name) for name in loaded["method"].values.tolist()]
+    return loaded.assign_coords(method=names)
 
 
 def true_states(
@@ -169,7 +172,8 @@ def _print(score: Score) -> None:
     else:
         print("Whole field against the hidden truth, RMSE in std:")
     _print_errors(known)
-    beyond = {name: v for name, v in score["forecast"].items() if v is not None}
+    forecast = current_names(score["forecast"])
+    beyond = {name: v for name, v in forecast.items() if v is not None}
     if beyond:
         print("Forecast beyond the recording, RMSE in std:")
     _print_errors(beyond)

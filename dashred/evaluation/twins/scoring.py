@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from dashred import config as schema
-from dashred.evaluation.twins.window_kinds import TrueWindow, kind_found, kind_of
+from dashred.evaluation.twins.window_kinds import TrueWindow, WindowKind, kind_found, kind_of
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import Expr, Number
 from dashred.physics.system import System
@@ -27,13 +27,9 @@ METHODS = (
     "corrected",
     "corrected_shred",
 )
-FORECASTS = {
-    "before": "simulation_same_start",
-    "before_refit": "simulation_refit",
-    "after": "corrected",
-}
+FORECASTS = ("simulation_same_start", "simulation_refit", "corrected")
 
-Law = dict[tuple[str, Expr, str | None], float]
+Law = dict[tuple[str, Expr, WindowKind | None], float]
 """Coefficient by equation, term, and kind of window, the term in normal form without its number."""
 
 
@@ -139,7 +135,7 @@ def latent_ranks(
 
 def _found_terms(
     entries: Sequence[Mapping[str, Any]], system: System
-) -> Iterable[tuple[str, Expr, str | None]]:
+) -> Iterable[tuple[str, Expr, WindowKind | None]]:
     """Yield what the findings add to each equation."""
     parameters: dict[str, float] = {}
     for entry in entries:
@@ -155,7 +151,7 @@ def _found_terms(
 
 def _changes(
     system: System, parameters: Mapping[str, float]
-) -> Iterable[tuple[str, Expr, str | None]]:
+) -> Iterable[tuple[str, Expr, WindowKind | None]]:
     """Yield what other values of parameters add to each equation."""
     if not parameters:
         return
@@ -166,7 +162,7 @@ def _changes(
         yield equation, algebra.multiply((Number(-1.0), before)), None
 
 
-def _collect(added: Iterable[tuple[str, Expr, str | None]]) -> Law:
+def _collect(added: Iterable[tuple[str, Expr, WindowKind | None]]) -> Law:
     law: Law = {}
     for equation, expression, kind in added:
         for summand in algebra.summands(expression):

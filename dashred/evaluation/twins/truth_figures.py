@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from dashred.core.findings.methods import SHRED_UNCHANGED
 from dashred.core.units import label_with_unit, time_label
 from dashred.reporting.figures.gallery import Gallery
 from dashred.reporting.figures.save import (
@@ -17,7 +18,6 @@ from dashred.reporting.figures.save import (
     space_time_panels,
     state_traces,
 )
-from dashred.reporting.text.method_names import SHRED_UNCHANGED
 
 # More than these could not be told apart on one page.
 PANELS = ("simulation", "simulation_refit", "shred", SHRED_UNCHANGED, "dashred", "corrected")

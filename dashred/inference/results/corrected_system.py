@@ -13,11 +13,11 @@ from dashred.physics.system import System, Term
 
 
 def correct(system: System, law: Law) -> System:
-    """Return the system that the law says is real.
+    """Return the corrected system, whose tendency is exactly ``N + Σ ξ θ``.
 
-    Its tendency is ``N + Σ ξ θ`` exactly: a parameter has the value that does what the law says,
-    where there is one (:mod:`dashred.inference.results.parameter_change`); of the others
-    (``alpha`` in ``exp(u/alpha)``) the law is the tangent, which is added as a term.
+    A parameter gets the value that has the same effect as its term, if there is one
+    (:mod:`dashred.inference.results.parameter_change`). For others (``alpha`` in ``exp(u/alpha)``)
+    the tangent is added as a term.
     """
     changed: dict[str, float] = {}
     terms: list[tuple[Term, float]] = []

@@ -1,41 +1,50 @@
-"""The law that was found, in plain words, with error bars and probabilities."""
+"""The law as data: its terms with error bars and probabilities, and the alternatives."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 from dashred.core.findings.law_schema import (
     Alternative,
     ParameterChange,
+    Region,
     SmallerLaw,
     TermFound,
     TermTried,
 )
-from dashred.core.formatting import number, rounded
-from dashred.core.units import with_unit
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.result import AMBIGUOUS, Discovery
 from dashred.inference.results.parameter_change import exact_change, is_exact, parameter_change
 from dashred.inference.results.posterior_probabilities import inclusion
-from dashred.inference.wording.wording import words
-from dashred.physics.expressions.algebra import Expr
 from dashred.physics.system import System
 from dashred.physics.term_units import coefficient_unit
+from dashred.physics.window import Window
 
 MOST_ALTERNATIVES = 3
-# Of a law that is worse by less there is something to say.
+# A law that is worse by less than this in BIC is listed before the best law of one term.
 NEAR = 12.0
 
 
 def explain(system: System, discovered: Discovery) -> list[TermFound | ParameterChange]:
     """Return ``findings["terms"]``: one entry for each candidate of the best law."""
-    law = discovered.best
+    return terms_of(system, discovered.best, lambda candidate: inclusion(discovered, candidate))
+
+
+def terms_of(
+    system: System, law: Law, probability: Callable[[Candidate], float] = lambda _: 1.0
+) -> list[TermFound | ParameterChange]:
+    """Return one entry for each candidate of a law.
+
+    Args:
+        system: the simulator.
+        law: the law.
+        probability: that a candidate belongs to the law; 1 where the law is given.
+    """
     found: list[TermFound | ParameterChange] = []
     for index, candidate in enumerate(law.candidates):
-        included = inclusion(discovered, candidate)
+        included = probability(candidate)
         if candidate.equation is None:
             found.append(_parameter(system, law, index, included))
         else:
@@ -56,7 +65,7 @@ def alternatives(discovered: Discovery, system: System) -> list[Alternative]:
     single = [law for law in discovered.laws[1:] if len(law.candidates) == 1]
     listed = {id(law) for law in chosen}
     if single and len(best.candidates) > 1 and id(single[0]) not in listed:
-        # One that is nearly as good says more.
+        # A law that is nearly as good is more informative.
         near = [law for law in chosen if law.score < best.score + NEAR]
         chosen = [*near, single[0]] if len(near) < MOST_ALTERNATIVES else chosen
     return [
@@ -90,19 +99,6 @@ def smaller(discovered: Discovery, system: System) -> list[SmallerLaw]:
     ]
 
 
-def law_in_words(law: Law, system: System) -> str:
-    """Return the law in one sentence for what is missing and one for what is mis-stated."""
-    every = range(len(law.candidates))
-    missing = [_says(system, law, i) for i in every if law.candidates[i].equation is not None]
-    changed = [_says(system, law, i) for i in every if law.candidates[i].equation is None]
-    sentences = []
-    if missing:
-        sentences.append(f"The simulation leaves out {'; and '.join(missing)}.")
-    if changed:
-        sentences.append(f"A parameter is mis-stated: {'; and '.join(changed)}.")
-    return " ".join(sentences) or "The simulation leaves out nothing that the recording shows."
-
-
 def _term(system: System, law: Law, index: int, included: float) -> TermFound:
     candidate = law.candidates[index]
     assert candidate.equation is not None
@@ -114,33 +110,41 @@ def _term(system: System, law: Law, index: int, included: float) -> TermFound:
         ci95=list(law.interval(index)),
         inclusion=included,
         region=region_of(law) if candidate.window is not None else None,
-        says=_says(system, law, index),
     )
-    unit = coefficient_unit(system, candidate.equation, _expression(system, candidate))
+    key = f"library.{candidate.equation}"
+    expression = system.parse(candidate.name, key, equation=candidate.equation)
+    unit = coefficient_unit(system, candidate.equation, expression)
     if unit is not None:
         found["unit"] = unit
     return found
 
 
-def region_of(law: Law) -> list[dict[str, Any]] | None:
-    """Return where the law acts, if not everywhere, with the edges' standard deviations.
+def region_of(law: Law) -> list[Region] | None:
+    """Return where the law acts with the edges' standard deviations; None if everywhere.
 
-    ``{axis, from, to}`` of a box, ``{axis: t, from}`` of an onset, ``{field, above | below}`` of
-    a gate, with its threshold's ``ci95``; ``std`` of a box's edges is that of its centre and its
-    half width together.
+    The ``std`` of a box's edges combines those of its centre and its half width.
     """
     window = law.window
     if window is None:
         return None
-    of, kind, values, stds = window.shape.of, window.shape.kind, window.values, law.edges
-    if kind == "box":
-        std = math.hypot(stds[0], stds[1])
-        begin, end = values[0] - values[1], values[0] + values[1]
-        return [{"axis": of, "from": begin, "to": end, "std": std}]
-    if kind == "onset":
-        return [{"axis": "t", "from": values[0], "std": stds[0]}]
-    gate = {"field": of, kind.removeprefix("gate "): values[0], "std": stds[0]}
-    return [gate | ({"ci95": list(law.threshold)} if law.threshold else {})]
+    region, stds = _region(window), law.edges
+    region["std"] = math.hypot(stds[0], stds[1]) if window.shape.kind == "box" else stds[0]
+    if window.shape.side is not None and law.threshold:
+        region["ci95"] = list(law.threshold)
+    return [region]
+
+
+def _region(window: Window) -> Region:
+    """Return the bounds of a window."""
+    of, place = window.shape.of, window.values[0]
+    match window.shape.side:
+        case "above":
+            return {"field": of, "above": place}
+        case "below":
+            return {"field": of, "below": place}
+    if window.shape.kind == "box":
+        return {"axis": of, "from": place - window.values[1], "to": place + window.values[1]}
+    return {"axis": of, "from": place}
 
 
 def _parameter(system: System, law: Law, index: int, included: float) -> ParameterChange:
@@ -159,7 +163,7 @@ def _parameter(system: System, law: Law, index: int, included: float) -> Paramet
         "aliases": list(candidate.aliases),
         "inclusion": included,
         "region": None,
-        "says": _says(system, law, index),
+        "exact": is_exact(system, candidate.name, float(law.coefficients[index])),
     }
     if candidate.name in system.units:
         found["unit"] = system.units[candidate.name]
@@ -185,35 +189,6 @@ def _ends(system: System, law: Law, index: int) -> list[float]:
     return sorted(found)
 
 
-def _says(system: System, law: Law, index: int) -> str:
-    candidate = law.candidates[index]
-    value, std = float(law.coefficients[index]), float(law.std[index])
-    if candidate.equation is not None:
-        says = words(system, candidate.equation, _expression(system, candidate), value, std)
-        window = candidate.window
-        return says if window is None else f"{says}, {window.describe(system.units)}"
-    old = system.config.parameters[candidate.name]
-    change, std = _change(system, law, index)
-    new, error = rounded(old + change, std)
-    about = (
-        ""
-        if is_exact(system, candidate.name, value)
-        else ", to first order in the change, whose tangent stands in the corrected equations"
-    )
-    told = with_unit(new, system.units.get(candidate.name))
-    says = f"{candidate.name} is {told}, not {number(old)} (± {error}{about})"
-    if candidate.aliases:
-        says += f"; a change of {' or '.join(candidate.aliases)} would do the same"
-    return says
-
-
-def _expression(system: System, candidate: Candidate) -> Expr:
-    """Return a library term as it was written, without its window."""
-    assert candidate.equation is not None
-    key = f"library.{candidate.equation}"
-    return system.parse(candidate.name, key, equation=candidate.equation)
-
-
 def _tried(
     system: System, candidates: Sequence[Candidate], coefficients: Sequence[float]
 ) -> list[TermTried]:
@@ -224,7 +199,7 @@ def _tried(
             coefficient=value
             if candidate.equation
             else parameter_change(system, candidate.name, value),
-            region=candidate.window.describe(system.units) if candidate.window else None,
+            window=None if candidate.window is None else _region(candidate.window),
         )
         for candidate, value in zip(candidates, coefficients, strict=True)
     ]

@@ -1,4 +1,4 @@
-"""Where the law acts: in which equation, at what states, when, and at which sensors it shows."""
+"""Where the law acts: in which equation, in which states, when, and at which sensors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dashred.inference.fit.law import Law
 from dashred.inference.hypotheses.forcing_map import ForcingMap
 from dashred.inference.hypotheses.result import Discovery
 from dashred.inference.results.explanation import region_of
-from dashred.inference.results.regime import regime
+from dashred.inference.results.regime import active_states
 from dashred.physics.expressions import algebra
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
@@ -36,7 +36,7 @@ def locate(
         system: the simulator as it is.
         discovered: the best law and the simulator without it, both with their own starts.
         states: the best law's trajectory, ``(time, field, *grid)``; of several episodes, that of
-            the longest, on whose clock the others' residuals are told, too.
+            the longest, whose clock is used for the residuals of the others, too.
         times: its clock, ``(time,)``.
         sensors: names of the fit sensors, in the order of the residuals.
     """
@@ -45,7 +45,7 @@ def locate(
     shares = ratios.transpose(0, 1).flatten(1).square().mean(dim=1).sqrt()
     total = float(shares.sum())
     power = ratios.square().sum(dim=1)
-    # What either leaves out, as a spike, says nothing of the two.
+    # A sample that either leaves out, as a spike, cannot compare the two.
     left_out = law.residuals.isnan() | discovered.nothing.residuals.isnan()
     noise = replace(discovered.noise, seen=discovered.noise.seen & ~left_out)
     before, after = noise.whiten(discovered.nothing.residuals), noise.whiten(law.residuals)
@@ -57,7 +57,7 @@ def locate(
         },
         region=region_of(law),
         time=[float(times[0]), float(times[-1])],
-        regime=regime(system, states, power, _reads(system, law)) if total else None,
+        states=active_states(system, states, power, _reads(system, law)) if total else None,
         sensors=_sensors(sensors, before, after, seen, len(law.candidates)),
         significance=_significance(before, after, len(law.candidates), discovered.tried),
         profile=_profile(times, before, after, seen),

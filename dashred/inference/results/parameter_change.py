@@ -1,4 +1,4 @@
-"""What the coefficient of a parameter's tangent says of the parameter itself.
+"""The change of a parameter that corresponds to the coefficient of its tangent.
 
 A law adds ``ξ ∂N/∂p`` to the tendency N, taken at the believed value p₀. Where that only grows or
 shrinks with p, by a factor r(p), one other value does exactly the same: ``N(p) − N(p₀)`` is
@@ -41,12 +41,12 @@ def parameter_change(system: System, parameter: str, xi: float) -> float:
 
 
 def is_exact(system: System, parameter: str, xi: float) -> bool:
-    """Return whether another value of a parameter does exactly what the law says."""
+    """Return whether another value of a parameter has exactly the effect of the law."""
     return exact_change(system, parameter, xi) is not None
 
 
 def exact_change(system: System, parameter: str, xi: float) -> float | None:
-    """Return the change that does exactly what the law does; None where there is none.
+    """Return the change with exactly the effect of the law; None where there is none.
 
     Arguments as :func:`parameter_change` has them.
     """

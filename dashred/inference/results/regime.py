@@ -1,4 +1,4 @@
-"""In which states a law acts: the threshold of one field that parts off most of its power."""
+"""The states in which a law acts: beyond the threshold of a field that bounds most of its power."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from collections.abc import Collection, Iterator
 import torch
 from torch import Tensor
 
-from dashred.core.formatting import percent, rounded
-from dashred.core.units import with_unit
+from dashred.core.findings.law_schema import ActiveStates
 from dashred.physics.system import System
 
 CARRIED = 0.8
@@ -16,15 +15,17 @@ CARRIED = 0.8
 EVERYWHERE = 0.5
 # A field must be on its minority side so often before its size |u| is a regime of its own.
 EITHER_SIGN = 0.1
-# To what part of the field's spread a threshold is told.
+# The precision of a threshold, as a share of the field's standard deviation.
 PRECISION = 0.1
 
 
-def regime(system: System, states: Tensor, power: Tensor, read: Collection[str]) -> str | None:
-    """Return the states that carry most of a law's power, in words; None if it acts everywhere.
+def active_states(
+    system: System, states: Tensor, power: Tensor, read: Collection[str]
+) -> ActiveStates | None:
+    """Return the states that carry most of a law's power; None if it acts everywhere.
 
     Of all thresholds ``u > c``, ``u < c`` (and ``|u| > c``, ``|u| < c`` of fields with either
-    sign) that part off points with 80 % of the power, the one with the fewest points is taken.
+    sign) that bound points with 80 % of the power, the one with the fewest points is taken.
 
     Args:
         system: names the fields.
@@ -36,32 +37,36 @@ def regime(system: System, states: Tensor, power: Tensor, read: Collection[str])
     if not weights.any():
         return None
     found = [
-        (*_smallest(values, weights, above), label, above, float(values.std()))
-        for label, values in _quantities(system, states, set(read) or set(system.fields))
+        (*_smallest(values, weights, above), field, magnitude, above, float(values.std()))
+        for field, magnitude, values in _quantities(system, states, set(read) or set(system.fields))
         for above in (True, False)
     ]
-    share, threshold, label, above, spread = min(found, key=lambda item: item[0])
+    share, threshold, field, magnitude, above, spread = min(found, key=lambda item: item[0])
     if share > EVERYWHERE:
         return None
-    domain = "of space and time" if system.axes else "of the time"
-    sign = ">" if above else "<"
-    value, _ = rounded(threshold, PRECISION * spread)
-    carries = f"({percent(share)} {domain} carries {percent(CARRIED)} of it)"
-    bound = with_unit(value, system.units.get(label.strip("|")))
-    return f"{label} {sign} {bound} {carries}"
+    active = ActiveStates(
+        field=field,
+        magnitude=magnitude,
+        precision=PRECISION * spread,
+        share=share,
+        carried=CARRIED,
+    )
+    active["above" if above else "below"] = threshold
+    return active
 
 
 def _quantities(
     system: System, states: Tensor, read: Collection[str]
-) -> Iterator[tuple[str, Tensor]]:
+) -> Iterator[tuple[str, bool, Tensor]]:
+    """Yield field, whether it is its magnitude, and the values at all points."""
     for index, field in enumerate(system.fields):
         if field not in read:
             continue
         values = states[:, index].flatten().double()
-        yield field, values
+        yield field, False, values
         negative = float((values < 0).double().mean())
         if EITHER_SIGN < negative < 1 - EITHER_SIGN:
-            yield f"|{field}|", values.abs()
+            yield field, True, values.abs()
 
 
 def _smallest(values: Tensor, weights: Tensor, above: bool) -> tuple[float, float]:

@@ -1,9 +1,9 @@
-"""Which part of a port-Hamiltonian system a law changes, and whether it stays one.
+"""Which part of a port-Hamiltonian system a law changes, and whether it remains one.
 
-What a law adds to ``∂x/∂t = (J − R) e + G u``, ``e = δH/δx``, is told by its power ``∫ e θ``: a
-further R takes energy, a further J none, at any state. As a whole the corrected system is
-port-Hamiltonian if its H, changed too, is given energy by nothing but its ports: any tendency a
-with ``∫ e a ≤ 0`` is ``(J − R) e`` of a skew J and an R ⪰ 0.
+What a law adds to ``∂x/∂t = (J − R) e + G u``, ``e = δH/δx``, follows from its power ``∫ e θ``:
+a further R dissipates energy, a further J conserves it, at any state. The corrected system as a
+whole is port-Hamiltonian if only its ports add energy to its H, which may be changed, too: any
+tendency a with ``∫ e a ≤ 0`` is ``(J − R) e`` of a skew J and an R ⪰ 0.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ class StructureChange:
 
     Attributes:
         candidate: which.
-        part: H, the energy; J, how it moves about; R, what takes it away; G, what lets it in; None
-            where it fits into none alone.
+        part: H, the energy; J, its exchange; R, its dissipation; G, the input; None where it is no
+            single part.
         passive: whether a change of R takes energy away, by itself; None for other parts.
     """
 

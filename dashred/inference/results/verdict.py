@@ -1,54 +1,63 @@
-"""The verdict: what kind of explanation the recording speaks for, and how clearly."""
+"""The verdict: the kind of explanation that the recording supports, and its causes."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import cast
 
 from torch import Tensor
 
-from dashred.core.findings.schema import Verdict
+from dashred.core.findings.cause_schema import Cause, SensorFaultFound, Verdict
 from dashred.inference.fit.law import Law, SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.hypotheses.result import MISSING, Discovery
 from dashred.inference.results.posterior_probabilities import posterior_probabilities
-from dashred.inference.wording.fault_wording import fault_in_words
 
-FaultTold = Callable[[SensorFault], str]
 # Share of the misfit that is not noise, beyond which no start alone explains a recording: residuals
-# of twice the noise. Of 267 compared runs all that it takes were wrong, by their sealed truth.
+# of twice the noise. Of 267 compared runs, all that exceed it were wrong by their hidden truth.
 UNEXPLAINED = 0.75
 # Misfit, relative to the fit of all candidates, at which a law has not been fitted to the end.
 STUCK = 1.5
-EXTENDED = (
-    "no law of the library explains the recording; what lies a step beyond it, of functions, "
-    "higher powers and waves in space or time, does"
-)
+
+
+def fault_found(fault: SensorFault) -> SensorFaultFound:
+    """Return a fault as data, without what its sensor reads and where it stands."""
+    return {
+        "sensor": fault.sensor,
+        "fault": fault.kind,
+        "value": fault.value,
+        "std": fault.std,
+        "from": fault.begin,
+        "reads": None,
+        "axis": None,
+        "episode": None,
+    }
+
+
+FaultDetails = Callable[[SensorFault], SensorFaultFound]
 
 
 def verdict(
-    discovered: Discovery, left: float | None = None, tell: FaultTold = fault_in_words
-) -> tuple[Verdict, list[dict[str, Any]]]:
+    discovered: Discovery, left: float | None = None, details: FaultDetails = fault_found
+) -> tuple[Verdict, list[Cause]]:
     """Return the verdict, and its causes by falling probability.
 
-    A cause is ``{kind, probability, where, terms | parameter, says}``: the kind of a class of
-    laws, its share of ``Σ exp(-score/2)``, and of its best law the equations and what it changes.
-    A search that has not converged has one cause, which says why; its best law says nothing.
+    A cause holds the kind of a class of laws, its share of ``Σ exp(-score/2)``, and of its best law
+    the equations and what it changes. A search that did not converge has one cause, the reason.
 
     Args:
         discovered: the laws.
         left: the share of the best law's misfit that is not noise (:func:`unexplained`), if known.
-        tell: says what is wrong with a sensor.
+        details: describes a fault of a sensor as data.
     """
     if reason := _not_converged(discovered, left):
-        cause = {"kind": "not-converged", "probability": 1.0, "where": None, "says": reason}
-        return "not-converged", [cause]
-    causes = _causes(discovered, tell)
+        return "not-converged", [reason]
+    causes = _causes(discovered, details)
     if discovered.forcing_gain > MISSING:
         return "outside-library", [_outside(discovered), *causes]
     kinds = {_kind(law) for law in (discovered.best, *discovered.rivals)}
-    # Which of the laws beyond the library it is may be open, and yet that none of it does is not.
+    # Which law of the extended library is right may be open, even if no law of the library is.
     clear = not discovered.rivals or kinds == {"outside-library"}
     return (_kind(discovered.best) if clear else "ambiguous"), causes
 
@@ -70,28 +79,26 @@ def unexplained(stated: Tensor | None, found: NoiseModel) -> float | None:
     return max(0.0, 1.0 - 1.0 / excess) if excess > 0 else 0.0
 
 
-def _not_converged(discovered: Discovery, left: float | None) -> str | None:
+def _not_converged(discovered: Discovery, left: float | None) -> Cause | None:
+    """Return why the search did not converge; None where it did."""
+    cause: Cause = {"kind": "not-converged", "probability": 1.0, "where": None}
     if not discovered.reached:
         samples, level = discovered.levels[-1] if discovered.levels else (0, float("nan"))
-        return (
-            f"the simulation could be fitted to the first {samples} of "
-            f"{len(discovered.noise.seen)} samples (misfit {level:.3g}), and no further"
-        )
+        cause["reason"], cause["misfit"] = "window-not-reached", level
+        cause["samples"], cause["samples_in_all"] = samples, len(discovered.noise.seen)
+        return cause
     if discovered.best.chi2 > STUCK * discovered.free_chi2:
-        return (
-            f"the best law's misfit is {discovered.best.chi2:.3g} where all candidates together "
-            f"reach {discovered.free_chi2:.3g}: no sparse law was fitted to the end"
-        )
+        cause["reason"] = "law-not-fitted"
+        cause["misfit"], cause["misfit_of_all"] = discovered.best.chi2, discovered.free_chi2
+        return cause
     lawless = not discovered.best.candidates and discovered.best.fault is None
     if lawless and left is not None and left > UNEXPLAINED and discovered.forcing_gain <= MISSING:
-        return (
-            f"nothing that was tried explains the recording: {left:.0%} of what is left is not the "
-            "noise that was stated, or that the traces alone speak for"
-        )
+        cause["reason"], cause["unexplained"] = "misfit-unexplained", left
+        return cause
     return None
 
 
-def _causes(discovered: Discovery, tell: FaultTold) -> list[dict[str, Any]]:
+def _causes(discovered: Discovery, details: FaultDetails) -> list[Cause]:
     probabilities: dict[Verdict, float] = {}
     best: dict[Verdict, Law] = {}
     plausible = posterior_probabilities(discovered)
@@ -99,18 +106,18 @@ def _causes(discovered: Discovery, tell: FaultTold) -> list[dict[str, Any]]:
         kind = _kind(law)
         best.setdefault(kind, law)
         probabilities[kind] = probabilities.get(kind, 0.0) + p
-    causes = []
+    causes: list[Cause] = []
     for kind in sorted(probabilities, key=lambda kind: -probabilities[kind]):
-        law, probability = best[kind], {"probability": min(1.0, probabilities[kind])}
-        causes.append({"kind": kind} | probability | _details(law, tell))
+        law, probability = best[kind], min(1.0, probabilities[kind])
+        causes.append(_cause(kind, probability, law, details))
         # More than one cause may be true: of a law and a fault the law stands first.
         if law.fault is not None and law.candidates:
-            of_fault = {"probability": _of_fault(law.fault, plausible)}
-            causes.append({"kind": "sensor-fault"} | of_fault | _fault(law.fault, tell))
+            probability = _probability_of_fault(law.fault, plausible)
+            causes.append(_sensor_fault(probability, details(law.fault)))
     return causes
 
 
-def _of_fault(fault: SensorFault, plausible: Sequence[tuple[Law, float]]) -> float:
+def _probability_of_fault(fault: SensorFault, plausible: Sequence[tuple[Law, float]]) -> float:
     """Return the share of the laws with a fault of this kind and sensor."""
     found = [
         p
@@ -120,14 +127,14 @@ def _of_fault(fault: SensorFault, plausible: Sequence[tuple[Law, float]]) -> flo
     return min(1.0, math.fsum(found))
 
 
-def _outside(discovered: Discovery) -> dict[str, Any]:
-    says = (
-        f"a free forcing on top of the best law gains {discovered.forcing_gain:.3g} in evidence: "
-        "something is missing that no law of the library expresses, and the terms given are the "
-        "nearest that do"
-    )
-    probability = 1 / (1 + math.exp(-discovered.forcing_gain / 2))
-    return {"kind": "outside-library", "probability": probability, "where": None, "says": says}
+def _outside(discovered: Discovery) -> Cause:
+    """Return the cause of a missing effect that a free forcing shows, and no law expresses."""
+    return {
+        "kind": "outside-library",
+        "probability": 1 / (1 + math.exp(-discovered.forcing_gain / 2)),
+        "where": None,
+        "gain": discovered.forcing_gain,
+    }
 
 
 def _kind(law: Law) -> Verdict:
@@ -144,22 +151,26 @@ def _kind(law: Law) -> Verdict:
     return "missing-term"
 
 
-def _details(law: Law, tell: FaultTold) -> dict[str, Any]:
-    touched = {term.equation for candidate in law.candidates for term in candidate.terms}
-    where = {"where": {"equations": sorted(touched)} if touched else None}
+def _cause(kind: Verdict, probability: float, law: Law, details: FaultDetails) -> Cause:
+    """Return the cause that the best law of its kind stands for."""
     if law.fault is not None and not law.candidates:
-        return _fault(law.fault, tell)
+        return _sensor_fault(probability, details(law.fault))
+    touched = {term.equation for candidate in law.candidates for term in candidate.terms}
+    cause: Cause = {"kind": kind, "probability": probability, "where": None}
     if law.widened > 1:
-        says = f"the start lies outside of its prior, some {law.widened:g} times its spread"
-        return {"where": None, "start": law.widened, "says": says}
-    if _kind(law) == "parameter":
-        return where | {"parameter": [candidate.name for candidate in law.candidates]}
-    terms = {"terms": [str(candidate) for candidate in law.candidates]}
-    if _kind(law) == "outside-library":
-        return where | terms | {"says": EXTENDED}
-    return where | terms
+        cause["start"] = law.widened
+        return cause
+    cause["where"] = {"equations": sorted(touched)} if touched else None
+    if kind == "parameter":
+        cause["parameter"] = [candidate.name for candidate in law.candidates]
+        return cause
+    cause["terms"] = [str(candidate) for candidate in law.candidates]
+    if kind == "outside-library":
+        cause["extended"] = True
+    return cause
 
 
-def _fault(fault: SensorFault, tell: FaultTold) -> dict[str, Any]:
-    told = {"sensor": fault.sensor, "fault": fault.kind, "value": fault.value}
-    return {"where": None, **told, "says": tell(fault)}
+def _sensor_fault(probability: float, fault: SensorFaultFound) -> Cause:
+    cause: Cause = {"kind": "sensor-fault", "probability": probability, "where": None}
+    cause.update(cast(Cause, fault))
+    return cause

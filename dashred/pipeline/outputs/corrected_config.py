@@ -14,8 +14,9 @@ from dashred.config.commandline import PLACE
 from dashred.core.files.atomic import write_text_atomic
 from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import correct
-from dashred.inference.results.explanation import law_in_words
+from dashred.inference.results.explanation import terms_of
 from dashred.physics.system import System
+from dashred.reporting.wording.findings_text import law_text
 
 NAME = "corrected.yaml"
 # Where results go and which recording is read are of one run: the corrected system is of any.
@@ -29,9 +30,9 @@ def write_corrected(
 ) -> None:
     """Write the configuration of the corrected simulator, whole or not at all.
 
-    It holds what the user's file and command line hold, with the equations and parameters of
-    :func:`dashred.inference.results.corrected_system.correct`; the defaults stay with ``conf/base.yaml``. No
-    path is in it, so it runs from wherever it lies.
+    It holds the keys of the user's file and command line, with the equations and parameters of
+    :func:`dashred.inference.results.corrected_system.correct`. The defaults stay in
+    ``conf/base.yaml``. It contains no path, so it runs in any folder.
     """
     values = _layer(config)
     corrected = correct(system, law)
@@ -76,9 +77,9 @@ def _layer(config: Config) -> dict[str, Any]:
 
 def _header(config: Config, system: System, law: Law, recording_sha256: str) -> str:
     lines = [
-        f"{system.title}, corrected: the simulation with what dashred found that it leaves out.",
+        f"{system.title}, corrected: the simulation with the law that dashred found.",
         "",
-        law_in_words(law, system),
+        law_text(terms_of(system, law), system),
         "",
         f"Found from the recording with sha256 {recording_sha256[:16]}…, seed {config.seed}; "
         f"± is one standard deviation. The configuration was {config.source.name}.",
@@ -98,11 +99,11 @@ def _header(config: Config, system: System, law: Law, recording_sha256: str) -> 
 def _of_structure(config: Config, corrected: System) -> list[str]:
     if not _lost_structure(config, corrected):
         return []
-    says = (
-        "The structure is left out: it was declared of the equations before the law was put in. "
-        "What the law changes of it, and whether it stays port-Hamiltonian, is in findings.json."
+    note = (
+        "The structure is left out, because it was declared for the equations without the law. "
+        "findings.json lists what the law changes in it, and whether it remains port-Hamiltonian."
     )
-    return [says, ""]
+    return [note, ""]
 
 
 def _get(values: Any, parts: list[str]) -> Any:

@@ -12,7 +12,6 @@ from dashred.core.progress import stage
 from dashred.core.units import label_with_unit, time_label
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.inference.results.location import law_tendency
-from dashred.inference.wording.wording import words
 from dashred.physics.system import Term
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.assimilation import Assimilated
@@ -48,7 +47,8 @@ from dashred.reporting.figures.save import (
 )
 from dashred.reporting.page import html
 from dashred.reporting.text.summary import summary
-from dashred.reporting.text.verdict import nearly_all
+from dashred.reporting.text.verdict import main_terms
+from dashred.reporting.wording.findings_text import describe
 
 PANELS = ("simulation", "dashred", "corrected")
 TITLES = {"alg1": "Algorithm 1", "alg2": "Algorithm 2"}
@@ -103,15 +103,12 @@ def _captions(problem: Problem) -> Captions:
 
 
 def _mostly(problem: Problem, findings: Findings) -> list[str]:
-    """Return the words of the few terms that explain nearly all of what many do."""
-    few, system = nearly_all(findings), problem.system
-    found = []
-    for term in few["terms"] if few else []:
-        if (equation := term["equation"]) is None:
-            return []
-        expr = system.parse(term["term"], f"library.{equation}", equation=equation)
-        found.append(words(system, equation, expr, term["coefficient"], 0.0))
-    return found
+    """Return the effects of the few terms that explain nearly all of what many do."""
+    few = main_terms(findings)
+    terms = few["terms"] if few else []
+    if any(term["equation"] is None for term in terms):
+        return []
+    return [describe(term, problem.system).effect for term in terms]
 
 
 def _where(problem: Problem, analysis: Analysis, where: Where, gallery: Gallery) -> None:

@@ -13,7 +13,6 @@ from dashred.data.recording import Recording
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.trajectories import Trajectories
-from dashred.pipeline.verification.held_out import MISFITS
 from dashred.reporting.figures.gallery import Gallery
 from dashred.reporting.figures.save import (
     forecast_figure,
@@ -38,8 +37,7 @@ def draw_verification(
     tested = problem.split.tested
     operator, total = problem.operator(tested), len(problem.times)
     traces = {
-        MISFITS[name]: operator(states[:total]).numpy()
-        for name, states in analysis.free.states.items()
+        name: operator(states[:total]).numpy() for name, states in analysis.free.states.items()
     }
     fit = findings["fit"]
     errors: dict[str, Errors] = {name: cast(Errors, fit.get(name) or {}) for name in HELD_OUT}
@@ -62,8 +60,7 @@ def draw_forecast(problem: Problem, analysis: Analysis, gallery: Gallery) -> Non
     recorded = _recorded(problem, list(heldout.names))
     operator = problem.operator(heldout)
     traces = {
-        MISFITS[name]: operator(free.states[name]).numpy()
-        for name in ("simulation_refit", "corrected")
+        name: operator(free.states[name]).numpy() for name in ("simulation_refit", "corrected")
     }
     figure = forecast_figure(
         free.times.numpy(),
@@ -96,7 +93,7 @@ def draw_whole_episode(problem: Problem, free: Trajectories, gallery: Gallery, n
     recording = all_sensors(problem)
     operator, total = problem.operator(recording), len(problem.times)
     compared = ("simulation_refit", "corrected")
-    traces = {MISFITS[name]: operator(free.states[name][:total]).numpy() for name in compared}
+    traces = {name: operator(free.states[name][:total]).numpy() for name in compared}
     draw_sensors(problem, recording, traces, gallery, name)
 
 

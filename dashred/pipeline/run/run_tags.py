@@ -1,7 +1,6 @@
-"""What a stranger reads in MLflow's list of runs: names, tags, notes, and numbers to sort by.
+"""Names, tags, notes and headline numbers of the runs in MLflow's list.
 
-The names of tags and metrics are for people; nothing of a twin is among them, since all of it is
-written before a seal is opened.
+All of it is written before a seal is opened, so it holds nothing of a twin's truth.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ EXPERIMENT = """\
 **{title}**: what does its simulation leave out? One run a command of `python -m dashred.train`;
 its stages are nested below it.
 
-- *Which run is the best?* Sort by `test_sensors/after`: the RMSE of the corrected simulation at
+- *Which run is the best?* Sort by `test_sensors/corrected`: the RMSE of the corrected simulation at
   sensors that no fit has seen, in standard deviations. `gain/test_sensors` is by how much it beats
   the simulation's own best.
 - *Compare:* tick several runs, then **Compare**. `coef/<equation>/<term>` are the coefficients that
@@ -51,7 +50,7 @@ def conclude(run: Tracker, config: Config, findings: Findings, output: Path) -> 
     run.log_metrics(headline(findings), 0)
     run.log_terms(term["term"] for term in findings["terms"] or [])
     run.set_tags({"verdict": findings["verdict"] or "none yet", NOTE: note(findings, output)})
-    run.rename(run.run_id, f"{name_of(config)}: {found_in_short(findings)}")
+    run.rename(run.run_id, f"{name_of(config)}: {short_verdict(findings)}")
 
 
 def headline(findings: Mapping[str, Any]) -> dict[str, float]:
@@ -64,16 +63,16 @@ def headline(findings: Mapping[str, Any]) -> dict[str, float]:
     for proof in PROOFS:
         errors = findings["fit"][proof]
         found |= {f"{proof}/{method}": value for method, value in errors.items()}
-        before, after = errors["before_refit"], errors["after"]
-        if before and after:
-            found[f"gain/{proof}"] = before / after
+        refit, corrected = errors["simulation_refit"], errors["corrected"]
+        if refit and corrected:
+            found[f"gain/{proof}"] = refit / corrected
     for term in findings["terms"] or []:
         name = metric_name("coef", term["equation"] or "parameter", term["term"])
         found[name] = term["coefficient"]
     return {name: float(value) for name, value in found.items() if value is not None}
 
 
-def found_in_short(findings: Mapping[str, Any]) -> str:
+def short_verdict(findings: Mapping[str, Any]) -> str:
     """Return ``missing-term: u, u**3``."""
     terms = [term["term"] for term in findings["terms"] or []]
     more = ["…"] if len(terms) > MOST_IN_A_NAME else []

@@ -120,7 +120,7 @@ def _estimates(
         "dashred": torch.cat([found.dashred, reconstruct(encoder, encoder.shred, late)]),
     }
     nearest = snapshot_runs.nearest_run(posed, runs)
-    return fields if nearest is None else {"snapshots": nearest} | fields
+    return fields if nearest is None else {"nearest_snapshots": nearest} | fields
 
 
 def whole(posed: Problem, names: tuple[str, ...]) -> Recording:

@@ -1,4 +1,4 @@
-"""The findings of an analysis of snapshots, and what such an analysis cannot know."""
+"""The findings of an analysis of snapshots."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dashred.core.findings.schema import Findings, Fit, Latent, Verdict, misfit, new_findings
+from dashred.core.findings.cause_schema import Cause, Verdict
+from dashred.core.findings.schema import Findings, Fit, Latent, errors_by_method, new_findings
 from dashred.data.recording import Recording
 from dashred.pipeline.outputs.field_files import write_estimates
 from dashred.pipeline.problem import Problem
@@ -15,21 +16,8 @@ from dashred.pipeline.snapshots.black_box_analysis import BlackBoxAnalysis, whol
 from dashred.pipeline.snapshots.mismatch import Missed
 from dashred.pipeline.verification.held_out import relative_rmse
 from dashred.pipeline.verification.verification import freeze_findings, proposals, source_of
-
-# What it costs that there are no equations, in plain words.
-COSTS = (
-    "the simulator is known by its snapshots alone, so no law could be fitted through it to the "
-    "sensors: the terms that latent SINDy proposes are guesses that nothing has tested, without "
-    "intervals",
-    "a missing term, a wrong parameter, a start outside of its prior and a sensor at fault cannot "
-    "be told from each other",
-    "whether the simulation is resolved could not be checked: its numerical error may be what is "
-    "seen",
-    "SHRED has learnt the snapshots as they are, not simulations with random discrepancies, so it "
-    "can hardly express what none of them has",
-    "there is nothing to run: no corrected simulation, no forecast, and in the held-out time the "
-    "field is read from SHRED's sensors at that time",
-)
+from dashred.reporting.text.causes import limits_of_snapshots
+from dashred.reporting.wording.findings_text import add_text
 
 
 def verify(problem: Problem, analysis: BlackBoxAnalysis) -> Findings:
@@ -38,7 +26,7 @@ def verify(problem: Problem, analysis: BlackBoxAnalysis) -> Findings:
     kind: Verdict = "mismatch" if analysis.compared.seen else "no-mismatch-seen"
     source = source_of(problem)
     source["snapshots_sha256"] = analysis.runs.sha256
-    return new_findings(
+    findings = new_findings(
         source,
         fit=Fit(
             noise_std=problem.noise,
@@ -46,15 +34,16 @@ def verify(problem: Problem, analysis: BlackBoxAnalysis) -> Findings:
             own_error=None,
             chi2=None,
             unexplained=None,
-            test_sensors=misfit(**_test_errors(problem, analysis)),
-            heldout_time=misfit(**_heldout_errors(problem, analysis)),
-            heldout_restarted=misfit(),
+            test_sensors=errors_by_method(**_test_errors(problem, analysis)),
+            heldout_time=errors_by_method(**_heldout_errors(problem, analysis)),
+            heldout_restarted=errors_by_method(),
         ),
         latent=Latent(alg1=found["alg1"], alg2=found["alg2"]),
         verdict=kind,
         causes=[_cause(kind, analysis)],
         units=problem.system.units,
     )
+    return add_text(findings, problem.system)
 
 
 def write(problem: Problem, analysis: BlackBoxAnalysis, findings: Findings, output: Path) -> None:
@@ -65,39 +54,18 @@ def write(problem: Problem, analysis: BlackBoxAnalysis, findings: Findings, outp
     freeze_findings(output, findings, ["estimates.nc"])
 
 
-def _cause(kind: Verdict, analysis: BlackBoxAnalysis) -> dict[str, Any]:
+def _cause(kind: Verdict, analysis: BlackBoxAnalysis) -> Cause:
     compared, steps = analysis.compared, analysis.steps
-    says = (
-        f"SHRED, which knows the snapshots alone, misses the recording's sensors by "
-        f"{_told(compared.states)}; their change over {compared.samples} samples is missed by "
-        f"{_told(compared.changes)}"
-    )
-    if kind == "no-mismatch-seen":
-        says += ": no more than those; something may be missing all the same that they do not show"
-    errors = [f"{error:.1%} over {n}" for n, error in sorted(steps.errors.items())]
-    learnt = (
-        f"the simulator's steps were learnt from the snapshots' increments, which on unseen "
-        f"stretches they miss by {', '.join(errors)} samples".replace("%", " %")
-    )
+    increments_error = {str(n): error for n, error in sorted(steps.errors.items())}
     return {
         "kind": kind,
-        "says": says,
         "probability": None,
         "where": None,
         "states": _numbers(compared.states),
         "changes": _numbers(compared.changes) | {"samples": compared.samples},
-        "increments_error": {str(n): error for n, error in steps.errors.items()},
-        "cannot_know": [*COSTS, learnt],
+        "increments_error": increments_error,
+        "cannot_know": limits_of_snapshots(increments_error),
     }
-
-
-def _told(missed: Missed) -> str:
-    usual = missed.usual
-    return (
-        f"{missed.error:.3g} standard deviations, against {float(usual.min()):.3g} to "
-        f"{float(usual.max()):.3g} in {len(usual)} stretches of the snapshots that were not learnt "
-        "from"
-    )
 
 
 def _numbers(missed: Missed) -> dict[str, Any]:

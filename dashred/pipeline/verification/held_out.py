@@ -8,20 +8,12 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from torch import Tensor
 
-from dashred.core.findings.schema import HeldOut, misfit
+from dashred.core.findings.methods import AT_SENSORS
+from dashred.core.findings.schema import HeldOut, errors_by_method
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.verification.restart import restart
 
-# What the findings call the methods.
-MISFITS = {
-    "simulation": "simulation",
-    "simulation_same_start": "before",
-    "simulation_refit": "before_refit",
-    "shred": "shred",
-    "dashred": "dashred",
-    "corrected": "after",
-}
 # By method: the RMSE, and over how many values it is.
 Errors = dict[str, tuple[float, int]]
 
@@ -33,12 +25,12 @@ def errors_of_held_out(problem: Problem, analysis: Analysis) -> HeldOut:
     """
     episodes = analysis.episodes(problem)
     found = HeldOut(
-        test_sensors=misfit(**_pooled(_test_errors, episodes)),
-        heldout_time=misfit(**_pooled(_heldout_errors, episodes)),
-        heldout_restarted=misfit(**_pooled(_restarted_errors, episodes)),
+        test_sensors=errors_by_method(**_pooled(_test_errors, episodes)),
+        heldout_time=errors_by_method(**_pooled(_heldout_errors, episodes)),
+        heldout_restarted=errors_by_method(**_pooled(_restarted_errors, episodes)),
     )
     if problem.whole:
-        found["heldout_episode"] = misfit(**_whole_errors(problem, analysis))
+        found["heldout_episode"] = errors_by_method(**_whole_errors(problem, analysis))
     return found
 
 
@@ -66,9 +58,9 @@ def _test_errors(problem: Problem, analysis: Analysis) -> Errors:
     operator, scale = problem.operator(tested), tested.trace_scale()
     count = int((~np.isnan(tested.values)).sum())
     return {
-        MISFITS[name]: (relative_rmse(operator(states).numpy(), tested.values, scale), count)
+        name: (relative_rmse(operator(states).numpy(), tested.values, scale), count)
         for name, states in analysis.estimates(len(tested.times)).items()
-        if name in MISFITS
+        if name in AT_SENSORS
     }
 
 
@@ -76,7 +68,7 @@ def _heldout_errors(problem: Problem, analysis: Analysis) -> Errors:
     total = len(problem.times)
     begin = total - len(problem.split.heldout.times)
     ends = {"simulation": analysis.nominal.states, **analysis.free.states}
-    runs = {MISFITS[name]: states[begin:total] for name, states in ends.items()}
+    runs = {name: states[begin:total] for name, states in ends.items()}
     return _on_heldout(problem, runs, [problem])
 
 
@@ -91,7 +83,7 @@ def _whole_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
     [whole], [simulated], [free] = problem.whole, analysis.nominal.whole, analysis.free.whole
     ends = slice(len(whole.split.fit.times), len(whole.times))
     states = {"simulation": simulated, **free.states}
-    runs = {MISFITS[name]: path[ends] for name, path in states.items()}
+    runs = {name: path[ends] for name, path in states.items()}
     errors = _on_heldout(whole, runs, problem.episodes)
     return {name: rmse for name, (rmse, _) in errors.items()}
 

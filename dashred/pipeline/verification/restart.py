@@ -51,8 +51,8 @@ def restart(problem: Problem, law: Law, corrected: Tensor) -> dict[str, Tensor]:
     sensors = SensorBlock(problem.operator(fit))
     runs = {}
     for method, system in (
-        ("before_refit", problem.system),
-        ("after", correct(problem.system, law)),
+        ("simulation_refit", problem.system),
+        ("corrected", correct(problem.system, law)),
     ):
         simulator = Simulator([CandidateSimulator(system, system.dt, [])])
         forward_model = ForwardModel(simulator, start, LawBlock([]), sensors, times[:count])

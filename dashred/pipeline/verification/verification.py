@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 from dashred.config import config_sha256, frozen_input
+from dashred.core.findings.cause_schema import Cause
 from dashred.core.findings.findings import freeze, versions, write_json_atomic
 from dashred.core.findings.schema import (
     EpisodeSplit,
@@ -33,6 +34,7 @@ from dashred.pipeline.verification.energy import energy_lost
 from dashred.pipeline.verification.held_out import errors_of_held_out
 from dashred.pipeline.verification.numerical_error import numerical_error
 from dashred.pipeline.verification.structure import structure_changed
+from dashred.reporting.wording.findings_text import add_text
 
 
 def verify(problem: Problem, analysis: Analysis) -> Findings:
@@ -41,7 +43,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     units = problem.system.units
     names = problem.split.fit.names
     left = unexplained(problem.noise_of(names).repeat(len(problem.episodes)), discovered.noise)
-    kind, causes = verdict(discovered, left, problem.fault_in_words)
+    kind, causes = verdict(discovered, left, problem.fault_details)
     fit = Fit(
         # Of several episodes the same in each.
         noise_std=problem.noise | dict(zip(names, discovered.noise.std.tolist(), strict=False)),
@@ -54,11 +56,12 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     proposed = {n: proposals(problem, f) for n, f in analysis.found.proposals.items()}
     latent = Latent(alg1=proposed["alg1"], alg2=proposed["alg2"])
     if kind == "not-converged":
-        return new_findings(
+        failed = new_findings(
             source_of(problem), fit=fit, latent=latent, verdict=kind, causes=causes, units=units
         )
+        return add_text(failed, problem.system)
     count = len(problem.split.fit.times)
-    return new_findings(
+    findings = new_findings(
         source_of(problem),
         fit=fit,
         latent=latent,
@@ -89,37 +92,30 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         corrected=CORRECTED,
         units=units,
     )
+    return add_text(findings, problem.system)
 
 
 def refuse_unresolved(problem: Problem, resolution: Resolution) -> Findings:
-    """Return the findings of a simulator whose numerical error would pass for physics."""
+    """Return the findings of a simulator whose numerical error is too large to fit a law."""
     points = {axis.name: axis.points for axis in problem.system.axes}
     enough = None
     if resolution.enough is not None:
         enough = {name: count * resolution.enough for name, count in points.items()}
-    advice = "even doubling it twice would not do"
-    if enough:
-        listed = " and ".join(f"{count} points along {name}" for name, count in enough.items())
-        advice = " with ".join(filter(None, [listed, "half the time step"])) + " would do"
-    says = (
-        f"doubling the resolution moves a sensor trace by {resolution.error:.1%} of its standard "
-        f"deviation, above the limit of {resolution.limit:.1%}; {advice}"
-    )
-    cause = {
+    cause: Cause = {
         "kind": "unresolved-numerics",
-        "says": says,
         "probability": 1.0,
         "doubling_error": resolution.error,
         "limit": resolution.limit,
         "points": points,
         "enough": enough,
     }
-    return new_findings(
+    findings = new_findings(
         source_of(problem),
         verdict="unresolved-numerics",
         causes=[cause],
         units=problem.system.units,
     )
+    return add_text(findings, problem.system)
 
 
 def write_findings(problem: Problem, analysis: Analysis, findings: Findings, output: Path) -> None:

@@ -7,6 +7,7 @@ from jaxtyping import Float, Int
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dashred.core.findings.methods import method_label
 from dashred.reporting.figures.style import (
     CYCLE,
     legend_above,
@@ -15,7 +16,6 @@ from dashred.reporting.figures.style import (
     shade_held_out,
     style,
 )
-from dashred.reporting.text.method_names import method_name
 
 WIDE_RANGE = 30.0  # beyond this ratio a linear scale would hide the small curve
 
@@ -33,7 +33,7 @@ def rmse_against_time(
         axes = figure.subplots()
         shade_held_out(axes, time_end, float(times[-1]), label=True)
         for index, (method, values) in enumerate(curves.items()):
-            axes.plot(times, values, label=method_name(method), **method_look(method, index))
+            axes.plot(times, values, label=method_label(method), **method_look(method, index))
         axes.set(xlabel=clock, ylabel=ylabel, xlim=(times[0], times[-1]))
         _choose_scale(axes, [float(np.nanmedian(values)) for values in curves.values()])
         legend_above(figure, axes)

@@ -1,4 +1,4 @@
-"""How strongly the recording speaks for the law: its score by size, and its coefficients."""
+"""The evidence for the law: the score by number of terms, and the coefficients."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,7 +12,7 @@ from dashred.core.formatting import pretty, with_error
 from dashred.core.units import with_unit
 from dashred.reporting.figures.style import BLUE, GREY, VERMILION, new_figure, style
 
-# Scores closer than this to the best are as good as the best (design §4.2.6).
+# Scores closer than this to the best are as good as the best.
 AMBIGUOUS = 6.0
 # Beyond this ratio of sizes, the smaller coefficients would vanish on a common scale.
 WIDE_RANGE = 20.0

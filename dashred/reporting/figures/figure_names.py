@@ -18,20 +18,20 @@ Captions = dict[str, dict[str, str]]
 
 OF_EQUATIONS: Captions = {
     WHERE: {
-        "Where the law acts, and at which sensors it shows": "where.png",
-        "What a free forcing would add, where and when": "forcing.png",
+        "Where the law acts, and at which sensors it reduces the misfit": "where.png",
+        "The free forcing, by place and time": "forcing.png",
     },
-    WHAT: {"What was left out, and how sure that is": "evidence.png"},
+    WHAT: {"The missing terms and their evidence": "evidence.png"},
     PROOF: {
-        "What the law is worth on data that no fit has seen": "verification.png",
-        "The episode that was held out whole, from a start fitted to its beginning": WHOLE,
+        "Errors with and without the law, on held-out data": "verification.png",
+        "The held-out episode, from a start fitted to its beginning": WHOLE,
         "The reconstructed field": "space_time.png",
         "The reconstructed field, at three times": "snapshots.png",
         SENSORS: "sensor_traces.png",
     },
-    FORECAST: {"The sensors, foretold with and without the law": "forecast.png"},
+    FORECAST: {"Forecasts of the sensors with and without the law": "forecast.png"},
     METHOD: {
-        "What latent SINDy proposes, by epoch": "coefficients.png",
+        "Proposals of latent SINDy by epoch": "coefficients.png",
         "Accuracy against sparsity: latent SINDy, and the law": "sparsity.png",
         "Learning": "learning.png",
     },
@@ -43,7 +43,7 @@ OF_SNAPSHOTS: Captions = {
         SENSORS: "sensor_traces.png",
     },
     METHOD: {
-        "What latent SINDy proposes, by epoch; nothing has tested it": "coefficients.png",
+        "Proposals of latent SINDy by epoch, untested": "coefficients.png",
         "Learning": "learning.png",
     },
 }
@@ -65,14 +65,14 @@ def sensors_of_episode(number: int) -> str:
 
 
 def is_figure(name: str) -> bool:
-    """Whether a file of this name is a figure of ours."""
+    """Whether a figure of dashred has this name."""
     captions = (*OF_EQUATIONS.values(), *OF_SNAPSHOTS.values())
     named = {file for drawn in captions for file in drawn.values()}
     return name in named or name in OF_THE_TRUTH or bool(OF_LATER_EPISODES.fullmatch(name))
 
 
 def drawn_by_us(path: Path) -> bool:
-    """Whether a file is a figure of ours by its name, and says so itself."""
+    """Whether a file is a figure of dashred, by its name and by its PNG text."""
     if not is_figure(path.name) or not path.is_file():
         return False
     with path.open("rb") as file:

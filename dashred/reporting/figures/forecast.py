@@ -1,4 +1,4 @@
-"""What the corrected simulator foretells beyond the recording, and the uncorrected one."""
+"""Forecasts beyond the recording, of the corrected and the uncorrected simulator."""
 
 from collections.abc import Mapping, Sequence
 

@@ -1,4 +1,4 @@
-"""The figures that one run has drawn, and no others that lie in its folder."""
+"""The figures of one run, without others in its folder."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dashred.reporting.figures.style import save_figure
 
 
 class Gallery:
-    """A folder to draw to, which remembers what was drawn.
+    """A folder of figures, and the list of those that were drawn.
 
     Attributes:
         drawn: the files, in the order in which they were drawn.

@@ -1,4 +1,4 @@
-"""What the law is worth where nothing was fitted: test sensors and held-out time."""
+"""Errors with and without the law at test sensors and in the held-out time."""
 
 from collections.abc import Mapping, Sequence
 
@@ -7,6 +7,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dashred.core.findings.methods import method_label
 from dashred.core.units import NO_UNITS, label_with_unit
 from dashred.reporting.figures.style import (
     COLOURS,
@@ -15,10 +16,9 @@ from dashred.reporting.figures.style import (
     style,
 )
 from dashred.reporting.figures.traces import draw_sensor
-from dashred.reporting.text.method_names import method_name
 
 MOST = 3
-COMPARED = ("before", "before_refit", "after")
+COMPARED = ("simulation_same_start", "simulation_refit", "corrected")
 WHERE = {
     "test_sensors": "test sensors",
     "heldout_time": "held-out time",
@@ -45,7 +45,7 @@ def verification_figure(
         times: the recording's clock.
         recorded: readings of the test sensors; NaN where missing.
         names: of the test sensors.
-        traces: what they would read in `before`, `before_refit` and `after`.
+        traces: what they would read by `simulation_same_start`, `simulation_refit`, `corrected`.
         time_end: end of the fitted time.
         errors: `test_sensors`, `heldout_time`, `heldout_restarted` and, if there is one,
             `heldout_episode` of the findings.
@@ -68,7 +68,7 @@ def verification_figure(
                 shade_held_out(axes, time_end, float(times[-1]), label=index == 0)
                 label = label_with_unit("reading", units.get(names[index]))
                 axes.set(ylabel=label, xlim=(times[0], times[-1]))
-            column[0].set_title("test sensors, never looked at before", loc="center", fontsize=9)
+            column[0].set_title("test sensors, not used in any fit", loc="center", fontsize=9)
             column[-1].set_xlabel(clock)
             handles, labels = column[0].get_legend_handles_labels()
             left.legend(handles, labels, loc="outside upper left", ncols=2)
@@ -102,7 +102,7 @@ def _draw_errors(axes: Axes, errors: Mapping[str, Mapping[str, float | None]]) -
             if value is None:
                 continue
             at = place + (slot - 1) * 0.27
-            label = None if place else method_name(method)
+            label = None if place else method_label(method)
             axes.bar(at, value, width=0.24, color=COLOURS[method], label=label)
             axes.text(at, value + 0.015 * largest, f"{value:.2g}", ha="center", fontsize=8)
         ticks.append(WHERE[group])

@@ -1,7 +1,7 @@
 """One look for all figures, and how they are saved.
 
-The colours are those of Okabe and Ito (2008), told apart by colour-blind readers; each method
-keeps its colour and its dash in every figure.
+The colours are those of Okabe and Ito (2008), which colour-blind readers can distinguish. Each
+method keeps its colour and its dash in every figure.
 """
 
 from collections.abc import Iterator
@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from dashred.core.files.atomic import atomic_file
+from dashred.core.findings.methods import SHRED_UNCHANGED
 from dashred.reporting.figures.figure_names import SOFTWARE
-from dashred.reporting.text.method_names import SHRED_UNCHANGED
 
 BLACK, GREY, LIGHT = "#1a1a1a", "#8a8a8a", "#d9d9d9"
 ORANGE, SKY, GREEN = "#e69f00", "#56b4e9", "#009e73"
@@ -27,7 +27,7 @@ CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK, GREY)
 COLOURS = {
     "truth": BLACK,
     "recorded": BLACK,
-    "snapshots": ORANGE,
+    "nearest_snapshots": ORANGE,
     "simulation": ORANGE,
     "simulation_same_start": BLUE,
     "simulation_refit": GREY,
@@ -41,9 +41,6 @@ COLOURS = {
     "dashred": VERMILION,
     "corrected": GREEN,
     "corrected_shred": GREEN,
-    "before": ORANGE,
-    "before_refit": GREY,
-    "after": GREEN,
 }
 # Assimilation often changes little: the line below must show beside the one above.
 # The closed form meets the corrected simulator where both are right, and lies above it.
@@ -51,7 +48,7 @@ WIDTHS = {"shred": 2.4, "closed_form": 1.0}
 # The truth lies above the lines that meet it, thin and broken, so that they show through.
 TRUTH = {"color": BLACK, "linewidth": 1.0, "linestyle": (0, (3, 3)), "zorder": 3}
 DASHES = {
-    "snapshots": "--",
+    "nearest_snapshots": "--",
     "simulation": "--",
     "simulation_same_start": "--",
     "simulation_refit": ":",
@@ -59,8 +56,6 @@ DASHES = {
     "filter_augmented": "--",
     "shred_plain": ":",
     "corrected_shred": "--",
-    "before": "--",
-    "before_refit": ":",
 }
 
 # The longest name in a key, with its line, in inches.

@@ -1,4 +1,4 @@
-"""Sensor traces: what was recorded, and what each method says the sensor should read."""
+"""Sensor traces: the recording, and the readings that each method predicts."""
 
 from collections.abc import Mapping, Sequence
 
@@ -7,6 +7,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dashred.core.findings.methods import method_label
 from dashred.core.units import NO_UNITS, label_with_unit
 from dashred.reporting.figures.style import (
     BLACK,
@@ -16,7 +17,6 @@ from dashred.reporting.figures.style import (
     shade_held_out,
     style,
 )
-from dashred.reporting.text.method_names import method_name
 
 MOST = 6
 DETAILED, DENSE = 2, 1000  # so few sensors with so many samples get a panel of detail each
@@ -97,7 +97,7 @@ def draw_sensor(
     thin = {} if len(times) < DENSE else {"linestyle": "-", "linewidth": 0.7}
     for index, (method, trace) in enumerate(estimates.items()):
         look = method_look(method, index) | thin
-        axes.plot(times, trace, label=method_name(method), **look)
+        axes.plot(times, trace, label=method_label(method), **look)
 
 
 def _choose(names: Sequence[str], roles: Mapping[str, str]) -> list[int]:

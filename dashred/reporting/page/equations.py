@@ -6,7 +6,7 @@ from typing import Any
 
 from dashred.core.formatting import MINUS, number, pretty, rounded
 from dashred.core.units import NO_UNITS, with_unit
-from dashred.reporting.text.verdict import bounds
+from dashred.reporting.text.regions import bounds
 
 
 def equations(findings: Mapping[str, Any]) -> dict[str, Any]:

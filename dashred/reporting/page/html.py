@@ -15,7 +15,7 @@ from dashred.reporting.page.method import provenance, set_up
 from dashred.reporting.page.views import figures as drawn
 from dashred.reporting.text import verdict
 from dashred.reporting.text.headline import headline
-from dashred.reporting.text.improvement import UNTESTED, reconstructed, worth
+from dashred.reporting.text.improvement import UNTESTED, assimilation_gains, improvements
 
 TEMPLATE = "reporting/page/templates/report.html.j2"
 
@@ -59,7 +59,7 @@ def page(
         verdict=findings["verdict"],
         untested=findings["verdict"] in UNTESTED,
         said=_said(findings),
-        places=verdict.places(findings["where"], units) if found else [],
+        location=verdict.location(findings["where"], units) if found else [],
         equations=equations(findings),
         consequences=verdict.consequences(findings),
         terms=sections.terms(found),
@@ -67,11 +67,11 @@ def page(
         certainty=verdict.certainty(findings),
         alternatives=sections.alternatives(findings["alternatives"] or []),
         errors=sections.proof(fit),
-        worth=[*worth(fit), *reconstructed(findings)],
+        improvements=[*improvements(fit), *assimilation_gains(findings)],
         heldout=fit["heldout_time"] or {},
         inputs=system.get("inputs"),
         unexplained=sections.unexplained(findings),
-        unknowable=verdict.unknowable(findings),
+        limits=verdict.limits(findings),
         splits=splits,
         until=with_unit(number(splits["time_end"]), units.get(TIME)) if splits else "",
         set_up=set_up(findings),

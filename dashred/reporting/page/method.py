@@ -13,7 +13,7 @@ def set_up(findings: Mapping[str, Any]) -> dict[str, str]:
     splits = source["splits"] or {}
     noise = (fit["noise_std"] or {}).items()
     rows = {
-        "sensors that feed SHRED": ", ".join(splits.get("inputs", ())),
+        "inputs of SHRED": ", ".join(splits.get("inputs", ())),
         "further fit sensors": ", ".join(splits.get("extra", ())),
         "validation sensors": ", ".join(splits.get("validate", ())),
         "test sensors": ", ".join(splits.get("test", ())),
@@ -21,9 +21,7 @@ def set_up(findings: Mapping[str, Any]) -> dict[str, str]:
             _episode(each, units.get(TIME)) for each in splits.get("episodes") or ()
         ),
         "library": _listed("{1} terms for {0}", (source["library_size"] or {}).items()),
-        "left out of it, for on the simulation": _listed(
-            "{} {}", (source.get("library_left_out") or {}).items()
-        ),
+        "left out of the library": _listed("{} {}", (source.get("library_left_out") or {}).items()),
         "noise of the sensors, std": _listed(
             "{} {}", ((name, number(float(f"{std:.2g}"))) for name, std in noise)
         ),
@@ -66,7 +64,7 @@ def _listed(form: str, pairs: Iterable[tuple[str, Any]]) -> str:
 def _episode(split: Mapping[str, Any], unit: str | None) -> str:
     end = with_unit(number(split["end"]), unit)
     span = f"{split['name']}, from {number(split['begin'])} to {end}"
-    until = f"its first part, to {number(split['time_end'])}, tells its start"
+    until = f"its first part, to {number(split['time_end'])}, determines its start"
     if split["held_out_whole"]:
-        return f"{span}: held out whole; {until}"
+        return f"{span}: held out; {until}"
     return f"{span}: fitted until {number(split['time_end'])}"

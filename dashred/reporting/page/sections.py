@@ -1,35 +1,35 @@
-"""What the sections of the report show, each from the findings alone."""
+"""The contents of the report's sections, from the findings alone."""
 
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from dashred.core.findings.methods import AT_SENSORS, method_label
 from dashred.core.formatting import number, percent, pretty, rounded
 from dashred.core.units import format_unit
 from dashred.reporting.page.views import Table
-from dashred.reporting.text.improvement import unresolved
-from dashred.reporting.text.method_names import AT_SENSORS, method_name
-from dashred.reporting.text.verdict import alternative_in_words, sentence
+from dashred.reporting.text.improvement import resolution_warning
+from dashred.reporting.text.verdict import alternative_text, sentence
 
 PROOFS = {
     "test_sensors": "test sensors",
     "heldout_time": "held-out time",
     "heldout_restarted": "held-out time, from a state fitted just before it",
-    "heldout_episode": "an episode held out whole",
+    "heldout_episode": "held-out episode",
 }
 CAUSES = {
     "missing-term": "a missing term",
     "nothing-missing": "nothing missing",
-    "parameter": "a changed parameter",
+    "parameter": "a wrong parameter",
     "initial-condition": "a start outside of its prior",
-    "sensor-fault": "a sensor at fault",
-    "outside-library": "something outside the library",
+    "sensor-fault": "a faulty sensor",
+    "outside-library": "an effect outside of the library",
 }
-# What is left that is larger than the noise by less than this factor is noise.
+# Residuals larger than the noise by less than this factor count as noise.
 SAME = 1.02
-# A correlation of what is left that is worth a sentence.
+# A smaller correlation of the residuals is not reported.
 CORRELATED = 0.1
-# A cause less probable than this is one of the others.
+# Less probable causes are listed together.
 RARE = 0.005
 
 
@@ -55,14 +55,19 @@ def alternatives(others: Sequence[Mapping[str, Any]]) -> Table:
     """The other explanations, and how they compare with the best one."""
     rows = [
         [
-            alternative_in_words(other),
+            alternative_text(other),
             number(float(f"{other['delta_bic']:.3g}")),
             "yes" if other["rival"] else "no",
             "yes" if other["same_as_best"] else "no",
         ]
         for other in others
     ]
-    heads = ["other explanation", "ΔBIC", "fits about as well", "same at these sensors"]
+    heads = [
+        "other explanation",
+        "ΔBIC",
+        "fits about as well",
+        "indistinguishable at these sensors",
+    ]
     return Table(heads, rows, numbers={1})
 
 
@@ -72,14 +77,14 @@ def weighed(causes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     for cause in causes:
         if cause["kind"] in CAUSES and cause["probability"] is not None:
             known.setdefault(cause["kind"], cause["probability"])
-    told = [f"{CAUSES[kind]} {percent(p)}" for kind, p in known.items() if p >= RARE]
-    if len(told) < len(known):
-        told.append("others less than 1 %")
-    return {"causes": told, "several": sum(known.values()) > 1 + RARE}
+    listed = [f"{CAUSES[kind]} {percent(p)}" for kind, p in known.items() if p >= RARE]
+    if len(listed) < len(known):
+        listed.append("others less than 1 %")
+    return {"causes": listed, "several": sum(known.values()) > 1 + RARE}
 
 
 def proof(fit: Mapping[str, Any]) -> Table:
-    """Errors before and after, where nothing was fitted."""
+    """The errors of all methods on held-out data."""
     kinds = {
         kind: name
         for kind, name in PROOFS.items()
@@ -87,7 +92,7 @@ def proof(fit: Mapping[str, Any]) -> Table:
     }
     known = {method: [fit[kind].get(method) for kind in kinds] for method in AT_SENSORS}
     rows = [
-        [method_name(method), *("–" if value is None else f"{value:.3g}" for value in values)]
+        [method_label(method), *("–" if value is None else f"{value:.3g}" for value in values)]
         for method, values in known.items()
         if any(value is not None for value in values)
     ]
@@ -96,7 +101,7 @@ def proof(fit: Mapping[str, Any]) -> Table:
 
 
 def unexplained(findings: Mapping[str, Any]) -> dict[str, Any]:
-    """What remains of the misfit when the best law is put in."""
+    """The residuals of the corrected simulation, compared with the noise."""
     fit = findings["fit"]
     share, correlation = fit["unexplained"], fit["noise_correlation"]
     times = None if share is None else 1 / math.sqrt(max(1 - share, 1e-12))
@@ -106,5 +111,8 @@ def unexplained(findings: Mapping[str, Any]) -> dict[str, Any]:
         "as_noise": times is not None and times < SAME,
         "times": None if times is None else number(float(f"{times:.2g}")),
         "correlation": number(float(f"{correlation:.2g}")) if correlated else None,
-        "others": [*unresolved(fit), *(sentence(c["says"]) for c in outside if "says" in c)],
+        "others": [
+            *resolution_warning(fit),
+            *(sentence(c["says"]) for c in outside if "says" in c),
+        ],
     }

@@ -1,71 +1,75 @@
-"""What a fit is worth, in plain sentences: errors before and after, on what no fit has seen."""
+"""The errors on held-out data with and without the law, in plain sentences."""
 
 from collections.abc import Mapping
 from typing import Any
 
 from dashred.core.formatting import number
 
-# Verdicts of a simulator that was given as snapshots: nothing has been fitted through it.
+# Verdicts for a simulator that is given as snapshots: no law was fitted through it.
 UNTESTED = ("mismatch", "no-mismatch-seen")
-PROOFS = {
+HELD_OUT = {
     "test_sensors": "At the test sensors",
     "heldout_time": "In the held-out time",
-    "heldout_restarted": "From a state fitted just before it",
-    "heldout_episode": "In an episode held out whole",
+    "heldout_restarted": "In the held-out time, from a state fitted just before it,",
+    "heldout_episode": "In the held-out episode",
 }
 
 
-def worth(fit: Mapping[str, Any]) -> list[str]:
-    """How much the fit improves, against both uncorrected simulations."""
+def improvements(fit: Mapping[str, Any]) -> list[str]:
+    """Return the errors with the law and without it, from both starts."""
     lines = []
-    for key, place in PROOFS.items():
+    for key, place in HELD_OUT.items():
         errors = fit.get(key, {})
-        before, refit, after = (errors.get(k) for k in ("before", "before_refit", "after"))
-        if refit is None or after is None:
+        names = ("simulation_same_start", "simulation_refit", "corrected")
+        same_start, refit, corrected = (errors.get(name) for name in names)
+        if refit is None or corrected is None:
             continue
-        path = [f"{refit:.3g} with the simulation's own best start", f"{after:.3g} after"]
-        if before is not None:
-            path.insert(0, f"{before:.3g} before")
-        lines.append(f"{place} the error is {', '.join(path)}: {_factor(refit, after)}.")
+        parts = [
+            f"{refit:.3g} for the simulation from its best start",
+            f"{corrected:.3g} for the corrected simulation",
+        ]
+        if same_start is not None:
+            parts.insert(0, f"{same_start:.3g} for the simulation")
+        lines.append(f"{place} the error is {', '.join(parts)}: {_factor(refit, corrected)}.")
     return lines
 
 
-def unresolved(fit: Mapping[str, Any]) -> list[str]:
-    """What to do where the simulator's own error is above the noise as the recording begins."""
+def resolution_warning(fit: Mapping[str, Any]) -> list[str]:
+    """Return what to do if the simulator's error exceeds the noise at the first samples."""
     error = fit["own_error"]
     if error is None or error <= 1:
         return []
     size = number(float(f"{error:.2g}"))
     return [
-        f"Where the recording begins, the simulation's own numerical error is {size} times the "
-        "sensors' noise, and what acts at such values alone may be that error: halve the time "
-        "step, or double the points, and run again."
+        "At the start of the recording, the simulation's numerical error is "
+        f"{size} times the noise of the sensors. A term that acts only there may express this "
+        "error. To check, halve the time step or double the points, and run again."
     ]
 
 
-def reconstructed(findings: Mapping[str, Any]) -> list[str]:
-    """What assimilation is worth, where the simulator is known by snapshots alone."""
+def assimilation_gains(findings: Mapping[str, Any]) -> list[str]:
+    """Return what assimilation improves, for a simulator that is given as snapshots."""
     if findings["verdict"] not in UNTESTED:
         return []
     lines = []
-    for key, place in PROOFS.items():
+    for key, place in HELD_OUT.items():
         errors = findings["fit"].get(key) or {}
-        before, after = errors.get("shred_plain"), errors.get("dashred")
-        if before is None or after is None:
+        shred, dashred = errors.get("shred_plain"), errors.get("dashred")
+        if shred is None or dashred is None:
             continue
-        nearest = errors.get("snapshots")
-        path = [f"{nearest:.3g} with the nearest snapshots"] if nearest is not None else []
-        path += [f"{before:.3g} with SHRED", f"{after:.3g} with DA-SHRED"]
-        gain = "DA-SHRED is SHRED, as its validation sensors confirmed no change"
-        if before != after:
-            gain = f"assimilation makes it {_factor(before, after)}"
-        lines.append(f"{place} the error is {', '.join(path)}: {gain}.")
+        nearest = errors.get("nearest_snapshots")
+        parts = [f"{nearest:.3g} with the nearest snapshots"] if nearest is not None else []
+        parts += [f"{shred:.3g} with SHRED", f"{dashred:.3g} with DA-SHRED"]
+        gain = "DA-SHRED equals SHRED, because its validation sensors confirmed no change"
+        if shred != dashred:
+            gain = f"assimilation makes it {_factor(shred, dashred)}"
+        lines.append(f"{place} the error is {', '.join(parts)}: {gain}.")
     return lines
 
 
 def _factor(before: float, after: float) -> str:
     if after <= 0 or before <= 0:
-        return "no factor can be given"
+        return "the factor is undefined"
     ratio = before / after
     if 0.95 < ratio < 1.05:
         return "no difference"

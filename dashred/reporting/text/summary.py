@@ -1,23 +1,17 @@
-"""The printed summary: what is left out, what was compared, how well it went, where it all is."""
+"""The printed summary: the verdict, the data, the errors, the proposals, and the files."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from dashred.core.findings.methods import AT_SENSORS, method_label
 from dashred.core.units import NO_UNITS, TIME, with_unit
-from dashred.reporting.text.method_names import AT_SENSORS, method_name
 from dashred.reporting.text.verdict import sentence, verdict_lines
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 # In the order in which a reader should meet them.
-METHODS = (
-    *AT_SENSORS,
-    "simulation_same_start",
-    "simulation_refit",
-    "corrected",
-    "corrected_shred",
-)
+METHODS = (*AT_SENSORS, "corrected_shred")
 ALGORITHMS = {"alg1": "Algorithm 1", "alg2": "Algorithm 2"}
 MOST_TERMS = 5
 
@@ -25,19 +19,21 @@ MOST_TERMS = 5
 def summary(
     findings: Mapping[str, Any], score: Mapping[str, Any] | None, paths: Mapping[str, Any]
 ) -> str:
-    """The run in plain words, from `findings.json`, `score.json` (twins only) and where files lie.
+    """Return the run as text, from `findings.json`, `score.json` (of twins), and paths.
 
-    Every error in it is an RMSE in units of the standard deviation of what is compared.
+    Errors are RMSEs in units of the standard deviation of what is compared.
     """
     fit = findings["fit"]
     blocks = [
         verdict_lines(findings),
         _compared(findings["input"], findings.get("units", NO_UNITS)),
-        _errors("Test sensors, which nothing looked at before", fit["test_sensors"]),
+        _errors("Test sensors, not used in any fit", fit["test_sensors"]),
         _errors("Held-out time, the end of the recording", fit["heldout_time"]),
         _errors("Held-out time, from a state fitted just before it", fit["heldout_restarted"]),
-        _errors("An episode held out whole", fit.get("heldout_episode") or {}),
-        _errors("Whole field against the hidden truth", (score or {}).get("field_rmse") or {}),
+        _errors("Held-out episode", fit.get("heldout_episode") or {}),
+        _errors(
+            "Whole field, compared with the hidden truth", (score or {}).get("field_rmse") or {}
+        ),
         _proposals(findings["latent"]),
         _paths(paths),
     ]
@@ -45,7 +41,7 @@ def summary(
 
 
 def print_summary(text: str, console: "Console | None" = None) -> None:
-    """Print the summary; nothing in it is taken for markup, and no path is broken over lines."""
+    """Print the summary without interpreting markup and without wrapping lines."""
     from rich.console import Console
     from rich.text import Text
 
@@ -56,32 +52,33 @@ def print_summary(text: str, console: "Console | None" = None) -> None:
 
 def _compared(source: Mapping[str, Any], units: Mapping[str, str]) -> list[str]:
     title = source["config"].get("system", {}).get("title", "The system")
-    lines = [f"{title}: the simulation against recorded sensors (seed {source['seed']})."]
+    lines = [f"{title}: the simulation compared with recorded sensors (seed {source['seed']})."]
     splits = source.get("splits")
     if not splits:
         return lines
     fitted = len(splits["inputs"]) + len(splits["extra"])
-    counts = [f"{_count(fitted, 'sensor')} to fit ({len(splits['inputs'])} feed SHRED)"]
-    for role, purpose in (("validate", "to say when to stop"), ("test", "kept for the test")):
+    inputs = _count(len(splits["inputs"]), "input")
+    counts = [f"{_count(fitted, 'sensor')} for the fit ({inputs} of SHRED)"]
+    for role, purpose in (("validate", "for validation"), ("test", "for the test")):
         if splits[role]:
             counts.append(f"{len(splits[role])} {purpose}")
     unit = units.get(TIME)
     until = with_unit(f"{splits['time_end']:.6g}", unit)
-    lines.append(f"{', '.join(counts)}; fitted up to time {until}.")
+    lines.append(f"{', '.join(counts)}; the fit ends at time {until}.")
     lines += [sentence(splits["note"])] if splits.get("note") else []
     return lines + [sentence(_episode(episode, unit)) for episode in splits.get("episodes", [])]
 
 
 def _episode(episode: Mapping[str, Any], unit: str | None) -> str:
     begin, end, until = (f"{episode[key]:.6g}" for key in ("begin", "end", "time_end"))
-    fitted = f"fitted up to {with_unit(until, unit)}"
+    fitted = f"fitted until {with_unit(until, unit)}"
     if episode["held_out_whole"]:
-        fitted = f"held out whole, its start {fitted}"
+        fitted = f"held out, its start {fitted}"
     return f"episode {episode['name']}, {begin} to {with_unit(end, unit)}: {fitted}"
 
 
 def _errors(title: str, errors: Mapping[str, float | None]) -> list[str]:
-    known = [(method_name(key), errors[key]) for key in METHODS if errors.get(key) is not None]
+    known = [(method_label(key), errors[key]) for key in METHODS if errors.get(key) is not None]
     if not known:
         return []
     width = max(len(name) for name, _ in known)
@@ -105,7 +102,7 @@ def _proposals(latent: Mapping[str, Any]) -> list[str]:
     known = {name: latent[key] for key, name in ALGORITHMS.items() if latent.get(key)}
     if not known:
         return []
-    lines = ["Latent SINDy proposes (a proposal to be tested, not a verdict):"]
+    lines = ["Proposals of latent SINDy (to be tested, not a verdict):"]
     for name, found in known.items():
         kept = [proposal for proposal in found["proposals"] if proposal["coefficient"] != 0]
         terms = sorted(kept, key=lambda proposal: proposal["rank"])

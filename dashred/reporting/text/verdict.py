@@ -1,85 +1,97 @@
-"""The findings in a few plain sentences: what is left out, how sure, where, and its worth."""
+"""The findings in a few sentences: the law, its certainty, its location, and its improvement."""
 
 from collections.abc import Mapping
 from typing import Any
 
 from dashred.core.formatting import number, percent, pretty, probability, rounded
-from dashred.core.units import NO_UNITS, with_unit
-from dashred.reporting.text.improvement import UNTESTED, reconstructed, unresolved, worth
+from dashred.core.units import NO_UNITS
+from dashred.reporting.text.improvement import (
+    UNTESTED,
+    assimilation_gains,
+    improvements,
+    resolution_warning,
+)
+from dashred.reporting.text.regions import bounds
 
 VERDICTS = {
     "missing-term": "a term is missing from the simulation",
     "nothing-missing": "nothing is missing from the simulation",
-    "parameter": "a parameter of the simulation has another value",
+    "parameter": "a parameter of the simulation has a wrong value",
     "initial-condition": "the simulation starts from the wrong state",
-    "sensor-fault": "a sensor is at fault, not the simulation",
-    "unresolved-numerics": "the simulation is not resolved, so nothing can be said of its physics",
-    "outside-library": "something is missing that the library of terms cannot express",
+    "sensor-fault": "a sensor is faulty, not the simulation",
+    "unresolved-numerics": "the simulation is not resolved, so its physics cannot be assessed",
+    "outside-library": "an effect is missing that the library of terms cannot express",
     "ambiguous": "several explanations fit about equally well",
     "not-converged": "the search did not converge",
-    "mismatch": "the recording is unlike the simulation, and snapshots alone cannot tell why",
-    "no-mismatch-seen": "the recording looks like the simulation's snapshots",
+    "mismatch": "the recording differs from the simulation, and snapshots alone cannot show why",
+    "no-mismatch-seen": "the recording agrees with the simulation's snapshots",
 }
-# A p below this is no chance event, whatever its size.
+# A smaller p is printed as a bound.
 CERTAIN = 1e-12
 PARTS = {
-    "H": "H, the energy itself",
-    "J": "J, how energy moves about",
-    "R": "R, what takes energy away",
-    "G": "G, what lets inputs in",
-    None: "no part of the structure by itself",
+    "H": "H, the energy",
+    "J": "J, the exchange of energy",
+    "R": "R, the dissipation",
+    "G": "G, the input",
+    None: "no single part of the structure",
 }
-# Of more terms than a few, the smallest law that explains nearly all is told of, too.
+# Of more terms than a few, the smallest law that explains nearly all is reported, too.
 FEW, NEARLY = 3, 0.95
-# A cause below this probability is not told of.
+# A less probable cause is not reported.
 LIKELY = 0.05
+LIMITS = "Limits of this analysis"
 
 
 def verdict_lines(findings: Mapping[str, Any]) -> list[str]:
-    """The verdict and what follows from it, a sentence or two a line; empty without a verdict."""
+    """Return the verdict and its details, one or two sentences a line; empty without a verdict."""
     verdict = findings["verdict"]
     if verdict is None:
         return []
     head = f"Verdict: {verdict}: {VERDICTS.get(verdict, 'see findings.json')}."
+    unknown = limits(findings)
     body = [
         *causes(findings),
         *law(findings),
         *certainty(findings),
-        *unresolved(findings["fit"]),
-        *places(findings["where"] if findings["terms"] else None, findings.get("units", NO_UNITS)),
+        *resolution_warning(findings["fit"]),
+        *location(
+            findings["where"] if findings["terms"] else None, findings.get("units", NO_UNITS)
+        ),
         *consequences(findings),
-        *worth(findings["fit"]),
-        *reconstructed(findings),
-        *unknowable(findings),
+        *improvements(findings["fit"]),
+        *assimilation_gains(findings),
+        *([f"{LIMITS}:"] if unknown else []),
+        *(f"- {text}" for text in unknown),
     ]
     return [head, *(f"  {line}" for line in body)]
 
 
 def causes(findings: Mapping[str, Any]) -> list[str]:
-    """What the causes worth a sentence say."""
-    return [sentence(cause["says"]) for cause in _told(findings) if "says" in cause]
+    """Return the texts of the reported causes."""
+    return [sentence(cause["says"]) for cause in _reported(findings) if "says" in cause]
 
 
-def _told(findings: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """The causes worth a sentence: the leading one, and where it is open, those that may be it."""
+def _reported(findings: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the leading cause; of an ambiguous verdict all that are probable enough."""
     known = findings["causes"] or []
     if findings["verdict"] != "ambiguous":
         return list(known[:1])
     return [cause for cause in known if cause["probability"] >= LIKELY]
 
 
-def alternative_in_words(alternative: Mapping[str, Any]) -> str:
-    """``u: 0.0249·u, −0.0251·u³``; ``nu +0.015``; ``nothing``."""
-    return ", ".join(_tried(term) for term in alternative["terms"]) or "nothing"
+def alternative_text(alternative: Mapping[str, Any]) -> str:
+    """Return the law of an alternative: ``u: 0.0249·u, u: −0.0251·u³``; ``nothing``."""
+    terms = (in_symbols(term, term["region"]) for term in alternative["terms"])
+    return ", ".join(terms) or "nothing"
 
 
 def sentence(text: str) -> str:
-    """The text with a capital and a full stop."""
+    """Return the text with a capital and a full stop."""
     return f"{text[:1].upper()}{text[1:].rstrip('.')}."
 
 
 def law(findings: Mapping[str, Any]) -> list[str]:
-    """What is left out and what is mis-stated, with sizes."""
+    """Return the missing terms and the wrong parameters, with their sizes."""
     terms = findings["terms"] or []
     rivals = any(other["rival"] for other in findings["alternatives"] or [])
     undecided = findings["verdict"] == "ambiguous" or rivals
@@ -87,152 +99,146 @@ def law(findings: Mapping[str, Any]) -> list[str]:
     added = [term for term in terms if term["equation"] is not None]
     missing = [term["says"] for term in added]
     if len(added) > FEW:
-        # Nobody reads a paragraph of so many.
+        # So many are listed in symbols.
         units = findings.get("units", NO_UNITS)
-        told = ", ".join(_in_symbols(term, units) for term in added)
-        missing = [f"{len(added)} terms: {told}"]
+        listed = ", ".join(_with_bounds(term, units) for term in added)
+        missing = [f"{len(added)} terms: {listed}"]
     changed = [term["says"] for term in terms if term["equation"] is None]
     lines = []
     if missing:
         lines.append(f"the simulation leaves out {'; and '.join(missing)}")
     if changed:
-        noun = "a parameter is" if len(changed) == 1 else "parameters are"
-        lines.append(f"{noun} mis-stated: {'; and '.join(changed)}")
+        noun = "a parameter has a wrong value" if len(changed) == 1 else "parameters are wrong"
+        lines.append(f"{noun}: {'; and '.join(changed)}")
     lines = [f"{guess if not index else ''}{line}" for index, line in enumerate(lines)]
-    return [sentence(line) for line in [*lines, *_gist(findings)]]
+    return [sentence(line) for line in [*lines, *_main_part(findings)]]
 
 
-def nearly_all(findings: Mapping[str, Any]) -> Mapping[str, Any] | None:
-    """Of more terms than a few, the smallest law that explains nearly all that they do."""
+def main_terms(findings: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """Return the smallest law that explains nearly all that many terms do; None of few terms."""
     if len(findings["terms"] or []) <= FEW:
         return None
     nearly = (law for law in findings["smaller"] or [] if law["explained"] >= NEARLY)
     return min(nearly, key=lambda law: len(law["terms"]), default=None)
 
 
-def _gist(findings: Mapping[str, Any]) -> list[str]:
-    """What the first few of many terms explain: the smallest law that says nearly all."""
-    few = nearly_all(findings)
+def _main_part(findings: Mapping[str, Any]) -> list[str]:
+    few = main_terms(findings)
     if few is None:
         return []
     left = f"{100 * (1 - few['explained']):.2g} %"
-    return [f"most of it is {alternative_in_words(few)}: alone it explains all but {left} of that"]
+    return [f"of this, {alternative_text(few)} alone explains all but {left}"]
 
 
 def certainty(findings: Mapping[str, Any]) -> list[str]:
-    """How sure: the chance that noise alone would do it, and what else fits."""
+    """Return the p-value of the law against noise alone, and the other laws that fit."""
     lines = []
     p = (findings["where"] or {}).get("significance")
     if findings["terms"] and p is not None:
-        lines.append(f"The chance that noise alone looks like this: p {_p(p)}.")
+        lines.append(f"Noise alone would improve the fit this much with probability p {_p(p)}.")
     others = findings["alternatives"] or []
     rivals = [other for other in others if other["rival"]]
     if rivals:
-        fits = "fits" if len(rivals) == 1 else "fit"
-        told = "; ".join(
-            f"{alternative_in_words(r)} (ΔBIC {_difference(r)}"
-            f"{', the same at these sensors' if r['same_as_best'] else ''})"
+        listed = "; ".join(
+            f"{alternative_text(r)} (ΔBIC {_difference(r)}"
+            f"{', indistinguishable at these sensors' if r['same_as_best'] else ''})"
             for r in rivals
         )
-        lines.append(f"The recording does not decide: {told} {fits} about as well.")
+        others_fit = "Another law fits" if len(rivals) == 1 else "Other laws fit"
+        lines.append(f"{others_fit} about as well: {listed}.")
     elif others:
         nearest = min(others, key=lambda other: other["delta_bic"])
         lines.append(
-            f"The next best explanation, {alternative_in_words(nearest)}, "
+            f"The next best explanation, {alternative_text(nearest)}, "
             f"is worse by ΔBIC {_difference(nearest)}."
         )
     return lines
 
 
-def places(where: Mapping[str, Any] | None, units: Mapping[str, str]) -> list[str]:
-    """In which equations, and where and when, the law acts."""
+def location(where: Mapping[str, Any] | None, units: Mapping[str, str]) -> list[str]:
+    """Return in which equations, and where and when, the law acts."""
     if where is None:
         return []
     shares = sorted(where["equation"].items(), key=lambda item: -item[1])
-    told = [f"{percent(share)} in the equation of {field}" for field, share in shares if share]
-    if len(shares) == 1:
-        told = [f"in the equation of {shares[0][0]}"]
-    return [f"It acts {', '.join(told)}; {acting(where, units)}."]
+    acting = [(field, share) for field, share in shares if share] or shares
+    equations = f"the equation of {acting[0][0]}"
+    if len(acting) > 1:
+        listed = [f"{field} ({percent(share)})" for field, share in acting]
+        equations = f"the equations of {', '.join(listed[:-1])} and {listed[-1]}"
+    return [f"It acts in {equations}, {extent(where, units)}."]
 
 
-def acting(where: Mapping[str, Any], units: Mapping[str, str] = NO_UNITS) -> str:
-    """``for 10.1 < x < 16.0 (± 0.1)``, ``where u > 1.76 (…)``, or ``everywhere``."""
+def extent(where: Mapping[str, Any], units: Mapping[str, str] = NO_UNITS) -> str:
+    """Return ``for 10.1 < x < 16.0 (± 0.1)``, ``where u > 1.76 (…)``, or ``everywhere``."""
     if where["region"]:
         [region] = where["region"]
         return f"for {bounds(region, units)}"
     return f"where {where['regime']}" if where["regime"] else "everywhere"
 
 
-def bounds(region: Mapping[str, Any], units: Mapping[str, str]) -> str:
-    """A region as it is told: ``10.1 < x < 16.0 m (± 0.1)``."""
-    of, std = region.get("axis") or region["field"], region["std"]
-    unit = units.get(of)
-    if "to" in region:
-        (begin, _), (end, error) = (rounded(region[key], std) for key in ("from", "to"))
-        return f"{begin} < {of} < {with_unit(end, unit)} (± {error})"
-    if "below" in region:
-        place, error = rounded(region["below"], std)
-        return f"{of} < {with_unit(place, unit)} (± {error})"
-    place, error = rounded(region["from"] if "from" in region else region["above"], std)
-    return f"{of} > {with_unit(place, unit)} (± {error})"
-
-
 def consequences(findings: Mapping[str, Any]) -> list[str]:
-    """What the law does to the system's energy, and to its structure."""
+    """Return what the law changes in the system's energy and in its structure."""
     return [*_energy(findings["energy"]), *_structure(findings["structure"])]
 
 
 def _energy(energy: Mapping[str, Any] | None) -> list[str]:
-    """How much energy the corrected system loses or gains a cycle."""
+    """Return how much energy the corrected system loses or gains per cycle."""
     if energy is None:
         return []
     first, last = (_share(energy[name]) for name in ("first", "last"))
     cycles = energy["cycles"]
-    return [f"Its energy {first} in the first cycle and {last} in the last of {cycles}."]
+    return [
+        f"The energy of the corrected system {first} in the first cycle and {last} in the last of "
+        f"{cycles} cycles."
+    ]
 
 
 def _structure(found: Mapping[str, Any] | None) -> list[str]:
-    """Which part of a port-Hamiltonian system the law changes, and whether it stays one."""
+    """Return the parts of a port-Hamiltonian system that change, and whether it remains one."""
     if found is None:
         return []
     kept = found["port_hamiltonian"]
-    stays = "stays" if kept else "does not stay"
-    told = "; ".join(f"{each['term']} changes {_part(each, kept)}" for each in found["changes"])
-    return [f"{told}: the corrected system {stays} port-Hamiltonian."]
+    remains = "remains" if kept else "is not"
+    changes = "; ".join(f"{each['term']} changes {_part(each, kept)}" for each in found["changes"])
+    return [f"{changes}. The corrected system {remains} port-Hamiltonian."]
 
 
 def _part(change: Mapping[str, Any], kept: bool) -> str:
     if change["part"] == "R" and not change["passive"]:
-        return "R, and less energy is taken away" if kept else "R, and gives energy"
+        return "R, and reduces the dissipation" if kept else "R, and adds energy"
     return PARTS[change["part"]]
 
 
 def _share(share: Mapping[str, Any]) -> str:
     value, std = rounded(100 * abs(share["lost"]), 100 * share["std"])
-    return f"{'falls' if share['lost'] >= 0 else 'grows'} by {value} ± {std} %"
+    return f"{'decreases' if share['lost'] >= 0 else 'increases'} by {value} ± {std} %"
 
 
-def unknowable(findings: Mapping[str, Any]) -> list[str]:
-    """What snapshots alone cannot tell."""
+def limits(findings: Mapping[str, Any]) -> list[str]:
+    """Return what an analysis of snapshots cannot determine."""
     if findings["verdict"] not in UNTESTED:
         return []
-    unknown = [sentence(text) for text in findings["causes"][0]["cannot_know"]]
-    return ["What this cannot know:", *(f"- {text}" for text in unknown)]
+    return [sentence(text) for text in findings["causes"][0]["cannot_know"]]
 
 
-def _in_symbols(term: Mapping[str, Any], units: Mapping[str, str]) -> str:
-    """A term that was found, as those that were tried are told: ``u: −0.0251·u³ for u > 0.4``."""
+def _with_bounds(term: Mapping[str, Any], units: Mapping[str, str]) -> str:
     region = term["region"]
-    return _tried({**term, "region": f"for {bounds(region[0], units)}" if region else None})
+    return in_symbols(term, f"for {bounds(region[0], units)}" if region else None)
 
 
-def _tried(term: Mapping[str, Any]) -> str:
+def in_symbols(term: Mapping[str, Any], where: str | None) -> str:
+    """Return a term in symbols: ``u: −0.0251·u³ for u > 0.4``, ``nu +0.015``.
+
+    Args:
+        term: found or tried.
+        where: the region in which it acts, as text; None everywhere.
+    """
     value = number(float(f"{term['coefficient']:.3g}"))
     if term["equation"] is None:
         sign = "+" if term["coefficient"] > 0 else ""
         return f"{term['term']} {sign}{value}"
-    where = f" {term['region']}" if term["region"] else ""
-    return f"{term['equation']}: {value}·{pretty(term['term'])}{where}"
+    region = f" {where}" if where else ""
+    return f"{term['equation']}: {value}·{pretty(term['term'])}{region}"
 
 
 def _difference(alternative: Mapping[str, Any]) -> str:

@@ -19,7 +19,8 @@ from dashred.core.findings.findings import (
     versions,
     write_json_atomic,
 )
-from dashred.core.findings.schema import Findings, Input, misfit, new_findings
+from dashred.core.findings.methods import current_names, with_deprecated
+from dashred.core.findings.schema import Findings, Input, errors_by_method, new_findings
 
 SOURCE = Input(
     config={"seed": 1},
@@ -95,16 +96,29 @@ def test_what_was_not_looked_for_is_null() -> None:
     found = new_findings(SOURCE)
     assert set(found) == set(Findings.__annotations__) - {"units"}
     assert {key for key, value in found.items() if value is not None} == {"fit", "latent", "input"}
-    assert found["fit"]["test_sensors"] == misfit()
-    assert set(misfit().values()) == {None}
+    assert found["fit"]["test_sensors"] == errors_by_method()
+    assert set(errors_by_method().values()) == {None}
     assert found["latent"] == {"alg1": None, "alg2": None}
 
 
-def test_a_misfit_keeps_what_is_known_and_refuses_unknown_methods() -> None:
-    assert misfit(shred=0.2)["shred"] == 0.2
-    assert misfit(shred=0.2)["dashred"] is None
+def test_errors_are_null_where_unknown_and_unknown_methods_are_refused() -> None:
+    assert errors_by_method(shred=0.2)["shred"] == 0.2
+    assert errors_by_method(shred=0.2)["dashred"] is None
     with pytest.raises(TypeError, match="shreed"):
-        misfit(shreed=0.2)
+        errors_by_method(shreed=0.2)
+    with pytest.raises(TypeError, match="after"):
+        errors_by_method(after=0.2)
+
+
+def test_the_deprecated_names_of_methods_repeat_the_values() -> None:
+    errors = errors_by_method(
+        simulation_same_start=0.4, simulation_refit=0.3, corrected=0.1, nearest_snapshots=0.5
+    )
+    assert (errors["before"], errors["before_refit"], errors["after"]) == (0.4, 0.3, 0.1)
+    assert errors["snapshots"] == 0.5 and "snapshots" not in errors_by_method()
+    old = {"before": 0.4, "before_refit": 0.3, "after": None, "shred": 0.2}
+    new = {"simulation_same_start": 0.4, "simulation_refit": 0.3, "corrected": None, "shred": 0.2}
+    assert current_names(old) == new == current_names(with_deprecated(new))
 
 
 @pytest.fixture
@@ -156,7 +170,8 @@ def test_versions_name_what_the_numbers_depend_on() -> None:
 
 def test_findings_and_tracking_import_neither_torch_nor_mlflow() -> None:
     code = (
-        "import sys, dashred.core.findings.findings, dashred.core.mlflow.tracker, dashred.reporting.text.summary;"
+        "import sys, dashred.core.findings.findings, dashred.core.mlflow.tracker;"
+        "import dashred.reporting.text.summary;"
         "sys.exit(bool({'torch', 'mlflow', 'lightning', 'matplotlib'} & sys.modules.keys()))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

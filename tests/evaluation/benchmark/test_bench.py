@@ -421,7 +421,7 @@ def record(twin: str = "a", **more: Any) -> dict[str, Any]:
         "exact_support": True,
         "coefficient_error": 0.01,
         "field_rmse": {"dashred": 0.2, "corrected": 0.03},
-        "forecast": {"after": 0.05},
+        "forecast": {"corrected": 0.05},
         "ratios": ratios,
         "seconds": {"in all": 50.0},
         "git_commit": "0123abc",

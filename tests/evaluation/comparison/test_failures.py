@@ -99,7 +99,7 @@ def test_a_true_law_among_the_rivals_of_ambiguous_findings_is_listed() -> None:
     )
     right = {"equation": "v", "term": "v**2", "coefficient": 0.031, "region": None}
     wrong = right | {"equation": "u"}
-    rival = {"terms": [right], "rival": True}
+    rival = {"terms": [right | {"window": None}], "rival": True}
     findings: dict[str, Any] = {
         "verdict": "ambiguous",
         "terms": [wrong],

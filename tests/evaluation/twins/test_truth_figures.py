@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from dashred.core.findings.methods import LABELS, SHRED_UNCHANGED
 from dashred.evaluation.comparison.ratios import FIELDS
 from dashred.evaluation.twins.truth_figures import joined
-from dashred.reporting.text.method_names import NAMES, SHRED_UNCHANGED
 
 
 def estimates(change: float) -> xr.Dataset:
@@ -26,4 +26,4 @@ def test_fields_that_are_equal_are_drawn_once() -> None:
 def test_figures_call_methods_what_the_tables_call_them() -> None:
     """One name leans on the row above it in a table, and stands alone in a key."""
     alone = {name: told for name, told in FIELDS.items() if name != "filter_augmented"}
-    assert alone.items() <= NAMES.items()
+    assert alone.items() <= LABELS.items()

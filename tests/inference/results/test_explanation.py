@@ -12,12 +12,15 @@ from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.law_block import localised
 from dashred.inference.hypotheses.result import BestOfSize
 from dashred.inference.results.corrected_system import correct
-from dashred.inference.results.explanation import alternatives, explain, law_in_words, smaller
+from dashred.inference.results.explanation import alternatives, explain, smaller, terms_of
 from dashred.inference.results.posterior_probabilities import posterior_probabilities
-from dashred.inference.wording.fault_wording import fault_in_words
+from dashred.inference.results.verdict import fault_found
 from dashred.physics.grids.grid import Axis
 from dashred.physics.system import System
 from dashred.physics.window import box, gate, onset
+from dashred.reporting.text.regions import region_text
+from dashred.reporting.text.sensor_faults import fault_text
+from dashred.reporting.wording.findings_text import add_term_text, law_text
 from tests import laws
 
 
@@ -29,10 +32,12 @@ def flow(tmp_path_factory: pytest.TempPathFactory) -> System:
 def test_a_term_carries_its_interval_and_its_words(flow: System) -> None:
     best = laws.law([laws.term(flow, "u", "u")], [-0.04], std=0.002)
     [found] = explain(flow, laws.discovery(best))
+    add_term_text(found, flow)
     told: dict[str, Any] = dict(found)
     assert (told["equation"], told["term"], told["region"]) == ("u", "u", None)
     assert told["coefficient"] == pytest.approx(-0.04) and told["std"] == pytest.approx(0.002)
     assert told["ci95"] == pytest.approx([-0.04392, -0.03608], rel=1e-3)
+    assert told["effect"] == "linear damping of internal energy"
     assert told["says"] == "linear damping of internal energy, −0.040 ± 0.002 per unit time"
 
 
@@ -54,12 +59,15 @@ def test_a_term_in_a_window_says_where_it_acts(flow: System, shape, values, regi
     [candidate] = localised([laws.term(flow, "u", "u")], shape.at(values))
     best = laws.law([candidate], [-0.04], std=0.002, edges=(0.03, 0.04, 1.0)[: len(values)])
     [found] = explain(flow, laws.discovery(best))
+    add_term_text(found, flow)
     told: dict[str, Any] = dict(found)
     assert (told["term"], told["region"]) == ("u", [region])
     damping = "linear damping of internal energy, −0.040 ± 0.002 per unit time"
     assert told["says"] == f"{damping}, {words}"
     [other] = alternatives(laws.discovery(laws.law(), dataclasses.replace(best, score=3.0)), flow)
-    assert other["terms"][0]["region"] == words
+    window = other["terms"][0]["window"]
+    assert window == {key: value for key, value in region.items() if key != "std"}
+    assert window is not None and region_text(window) == words
     # The corrected system has the window in its equations.
     assert "tanh" in correct(flow, best).config.equations["u"]
     everywhere = laws.law([laws.term(flow, "u", "u")], [1.0])
@@ -69,41 +77,46 @@ def test_a_term_in_a_window_says_where_it_acts(flow: System, shape, values, regi
 @pytest.mark.parametrize(
     ("fault", "words"),
     [
-        (SensorFault("bias", "s1", 0.1234, 0.011, None), "sensor s1 reads 0.123 ± 0.011 too much"),
+        (SensorFault("bias", "s1", 0.1234, 0.011, None), "sensor s1 has a bias of 0.123 ± 0.011"),
         (SensorFault("stuck", "s1", 1.5, None, 12.3), "sensor s1 is stuck at 1.5 from t = 12.3 on"),
         (
             SensorFault("spikes", "s1", 3.0, None, None),
-            "sensor s1 has 3 samples that are no readings",
+            "sensor s1 has 3 spikes",
         ),
         (
             SensorFault("spikes", "s1", 1.0, None, None),
-            "sensor s1 has 1 sample that is no reading",
+            "sensor s1 has 1 spike",
         ),
         (
             SensorFault("misplaced", "s1", -0.12, 0.02, None),
-            "sensor s1 stands −0.12 ± 0.02 from where it is said to",
+            "sensor s1 is −0.12 ± 0.02 away from its stated position",
         ),
     ],
 )
-def test_a_fault_in_words(fault: SensorFault, words: str) -> None:
-    assert fault_in_words(fault) == words
+def test_a_fault_as_text(fault: SensorFault, words: str) -> None:
+    assert fault_text(fault_found(fault)) == words
 
 
 def test_a_parameter_is_given_by_its_new_value(flow: System) -> None:
     best = laws.law([laws.parameter(flow, "nu", aliases=("mu", "kappa"))], [-0.04], std=0.003)
-    told: dict[str, Any] = dict(explain(flow, laws.discovery(best))[0])
+    [found] = explain(flow, laws.discovery(best))
+    add_term_text(found, flow)
+    told: dict[str, Any] = dict(found)
     assert (told["equation"], told["parameter"], told["term"]) == (None, "nu", "nu")
     assert (told["from"], told["to"]) == (0.1, pytest.approx(0.06))
     assert told["coefficient"] == pytest.approx(-0.04)
     assert told["ci95"] == pytest.approx([0.06 - 0.00588, 0.06 + 0.00588], rel=1e-3)
     assert told["says"] == (
-        "nu is 0.060, not 0.1 (± 0.003); a change of mu or kappa would do the same"
+        "nu is 0.060 ± 0.003, not 0.1; a change of mu or kappa has the same effect"
     )
 
 
 def test_a_parameter_that_does_not_enter_linearly_is_said_to_be_approximate(flow: System) -> None:
     best = laws.law([laws.parameter(flow, "alpha")], [0.03], std=0.002)
-    assert "to first order" in str(explain(flow, laws.discovery(best))[0]["says"])
+    [found] = explain(flow, laws.discovery(best))
+    add_term_text(found, flow)
+    assert found["equation"] is None and not found["exact"]
+    assert "to first order" in found["says"]
 
 
 def test_inclusion_sums_over_all_laws_that_hold_the_term(flow: System) -> None:
@@ -139,7 +152,7 @@ def test_alternatives_are_rivals_first_and_three_at_most(flow: System) -> None:
     assert [other["delta_bic"] for other in found] == [3.0, 4.0, 1.0]
     assert [other["rival"] for other in found] == [True, True, False]
     assert found[0]["terms"] == [
-        {"equation": "u", "term": "lam", "coefficient": 0.2, "region": None}
+        {"equation": "u", "term": "lam", "coefficient": 0.2, "window": None}
     ]
 
 
@@ -166,12 +179,12 @@ def test_laws_read_the_same_if_their_readings_differ_by_less_than_six(flow: Syst
         assert other["same_as_best"] is same
 
 
-def test_a_law_in_words_tells_terms_from_parameters(flow: System) -> None:
+def test_the_text_of_a_law_tells_terms_from_parameters(flow: System) -> None:
     law = laws.law([laws.term(flow, "u", "u"), laws.parameter(flow, "nu")], [-0.04, 0.01])
-    text = law_in_words(law, flow)
+    text = law_text(terms_of(flow, law), flow)
     assert text.startswith("The simulation leaves out linear damping of internal energy, −0.0400")
-    assert text.endswith("A parameter is mis-stated: nu is 0.1100, not 0.1 (± 0.0010).")
-    assert "nothing" in law_in_words(laws.law(), flow)
+    assert text.endswith("A parameter has a wrong value: nu is 0.1100 ± 0.0010, not 0.1.")
+    assert "no missing term" in law_text(terms_of(flow, laws.law()), flow)
 
 
 def test_smaller_laws_say_how_much_of_the_best_they_explain(flow: System) -> None:
@@ -183,7 +196,7 @@ def test_smaller_laws_say_how_much_of_the_best_they_explain(flow: System) -> Non
         BestOfSize((u, cubed, squared), (-0.1, 0.02, 0.0), 108.0, 0.99),
     ]
     [only] = smaller(laws.discovery(laws.law([u, cubed], [-0.1, 0.02]), path=path), flow)
-    assert only["terms"] == [{"equation": "u", "term": "u", "coefficient": -0.1, "region": None}]
+    assert only["terms"] == [{"equation": "u", "term": "u", "coefficient": -0.1, "window": None}]
     assert only["explained"] == pytest.approx((9 - 2.25) / (9 - 1))
     assert smaller(laws.discovery(laws.law([u], [-0.1]), path=path), flow) == []
     assert smaller(laws.discovery(laws.law(), path=path), flow) == []

@@ -12,9 +12,10 @@ from dashred.core.findings.law_schema import Where
 from dashred.inference.fit.law import Law
 from dashred.inference.hypotheses.result import Discovery
 from dashred.inference.results.location import law_tendency, locate
-from dashred.inference.results.regime import regime
+from dashred.inference.results.regime import active_states
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
+from dashred.reporting.text.regions import states_text
 from tests import laws
 
 TIMES = 0.1 * torch.arange(laws.SAMPLES, dtype=torch.float64)
@@ -74,16 +75,19 @@ def test_a_regime_is_named_only_where_the_law_does_not_act_everywhere(
     flow: System, term: str, acts: str | None
 ) -> None:
     where = found(flow, laws.discovery(laws.law([laws.term(flow, "u", term)], [0.1])))
+    states = where["states"]
     if acts is None:
-        assert where["regime"] is None
+        assert states is None
         return
-    assert where["regime"] is not None and where["regime"].startswith(acts)
-    threshold = float(where["regime"].split()[2])
+    assert states is not None and not states["magnitude"]
+    text = states_text(states, {}, in_space=True)
+    assert text.startswith(acts)
+    threshold = states["above"]
     power = (bump(flow)[:, 0] - 1) ** 6
     inside = bump(flow)[:, 0] >= threshold
     assert float(power[inside].sum() / power.sum()) == pytest.approx(0.8, abs=0.05)
     share = float(inside.double().mean())
-    assert f"({share:.0%} of space and time".replace("%", " %") in where["regime"]
+    assert f"({share:.0%} of space and time".replace("%", " %") in text
 
 
 def test_a_regime_of_either_sign_is_a_regime_of_the_size(
@@ -92,12 +96,15 @@ def test_a_regime_of_either_sign_is_a_regime_of_the_size(
     system = laws.declared(tmp_path_factory.mktemp("pendulum"), laws.PENDULUM)
     phase = torch.linspace(0, 20, 400, dtype=torch.float64)
     states = torch.stack([torch.sin(phase), torch.cos(phase)], dim=1)
-    told = regime(system, states, torch.cos(phase) ** 10, ["omega"])
-    assert told is not None and told.startswith("|omega| > ") and "of the time" in told
+    found = active_states(system, states, torch.cos(phase) ** 10, ["omega"])
+    assert found is not None
+    text = states_text(found, {}, in_space=False)
+    assert text.startswith("|omega| > ") and "of the time" in text
     # The same moments, by the field that the law reads.
-    told = regime(system, states, torch.cos(phase) ** 10, ["theta"])
-    assert told is not None and told.startswith("|theta| < ")
-    assert regime(system, states, torch.zeros(400), []) is None
+    found = active_states(system, states, torch.cos(phase) ** 10, ["theta"])
+    assert found is not None
+    assert states_text(found, {}, in_space=False).startswith("|theta| < ")
+    assert active_states(system, states, torch.zeros(400), []) is None
 
 
 def seen_at(first: float, then: float) -> Law:
@@ -150,5 +157,5 @@ def test_samples_that_a_law_leaves_out_say_nothing_of_its_significance(flow: Sys
 def test_an_empty_law_acts_nowhere(flow: System) -> None:
     where = found(flow, laws.discovery(laws.law(), nothing=laws.law()))
     assert where["equation"] == {"u": 0.0, "lam": 0.0}
-    assert where["regime"] is None and where["significance"] is None
+    assert where["states"] is None and where["significance"] is None
     assert where["time"] == pytest.approx([0.0, 3.9])

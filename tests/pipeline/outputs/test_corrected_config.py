@@ -113,7 +113,7 @@ def test_the_header_says_what_was_added_and_from_what(mine: Path, tmp_path: Path
     lines = path.read_text().splitlines()
     header = " ".join(line.removeprefix("# ") for line in lines if line.startswith("#"))
     assert "cubic damping of internal energy (saturation), (−0.0251 ± 0.0010)·u³" in header
-    assert "nu is 0.1152, not 0.1 (± 0.0010)" in header
+    assert "nu is 0.1152 ± 0.0010, not 0.1" in header
     assert "0123456789abcdef… " not in header and "0123456789abcdef…, seed 4" in header
     assert "estimates.nc" in header
     assert max(map(len, lines)) <= 100

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from dashred.core.findings.schema import misfit, new_findings
-from dashred.pipeline.run.run_tags import found_in_short, headline, note
+from dashred.core.findings.schema import errors_by_method, new_findings
+from dashred.pipeline.run.run_tags import headline, note, short_verdict
 
 
 def findings(**known: Any) -> dict[str, Any]:
@@ -20,18 +20,18 @@ def law(*terms: str) -> list[dict[str, Any]]:
 
 def test_a_run_is_named_by_its_verdict_and_the_first_of_its_terms() -> None:
     found = findings(verdict="missing-term", terms=law("u", "u**3"))
-    assert found_in_short(found) == "missing-term: u, u**3"
+    assert short_verdict(found) == "missing-term: u, u**3"
     found = findings(verdict="missing-term", terms=law("u", "u**2", "u**3", "u**4"))
-    assert found_in_short(found) == "missing-term: u, u**2, u**3, …"
-    assert found_in_short(findings(verdict="nothing-missing", terms=[])) == "nothing-missing"
+    assert short_verdict(found) == "missing-term: u, u**2, u**3, …"
+    assert short_verdict(findings(verdict="nothing-missing", terms=[])) == "nothing-missing"
 
 
 def test_the_headline_has_coefficients_errors_and_gains() -> None:
     found = findings(terms=law("u**3"))
-    found["fit"]["test_sensors"] = misfit(before_refit=0.6, after=0.2)
+    found["fit"]["test_sensors"] = errors_by_method(simulation_refit=0.6, corrected=0.2)
     numbers = headline(found)
     assert numbers["coef/u/u.pow3"] == -0.5
-    assert numbers["test_sensors/after"] == 0.2
+    assert numbers["test_sensors/corrected"] == 0.2
     assert round(numbers["gain/test_sensors"], 12) == 3
     assert not any(name.startswith("heldout_time") for name in numbers)
 

@@ -108,23 +108,24 @@ def test_assimilation_corrects_the_field_of_a_simulator_without_equations(found)
     assert changes["error"] > max(changes["usual"])
     fit = findings["fit"]
     assert fit["test_sensors"]["dashred"] < 0.8 * fit["test_sensors"]["shred_plain"]
-    assert fit["test_sensors"]["dashred"] < fit["test_sensors"]["snapshots"]
+    assert fit["test_sensors"]["dashred"] < fit["test_sensors"]["nearest_snapshots"]
     assert fit["heldout_time"]["dashred"] < fit["heldout_time"]["shred_plain"]
     # What would need a simulator that runs is not there, and the report says so.
     assert findings["terms"] is None and findings["corrected"] is None
-    assert fit["test_sensors"]["after"] is None and fit["chi2"] is None
+    assert fit["test_sensors"]["corrected"] is None and fit["chi2"] is None
     assert not (ended.output / "corrected.yaml").exists()
     first = findings["latent"]["alg1"]["proposals"][0]
     assert first["term"] == "u" and first["coefficient"] == pytest.approx(-0.2, rel=0.5)
     assert findings["latent"]["alg2"]["proposals"]
-    assert "What this cannot know:" in ended.out
-    assert "guesses that nothing has tested" in ended.out
+    assert "Limits of this analysis:" in ended.out
+    assert "are untested, and have no intervals" in ended.out
     assert "times smaller" in ended.out
     assert "  nearest snapshots  " in ended.out and "  SHRED, plain  " in ended.out
     assert len(findings["input"]["snapshots_sha256"]) == 64
     assert findings["input"]["config"]["system"]["snapshots"] == "runs.nc"
     with xr.open_dataset(ended.output / "estimates.nc", engine="h5netcdf") as estimates:
-        assert list(estimates["method"].values) == ["snapshots", "shred_plain", "dashred"]
+        names = ["nearest_snapshots", "shred_plain", "dashred"]
+        assert list(estimates["method"].values) == names
         assert estimates.sizes["time"] == len(TIMES)
 
 
@@ -132,7 +133,7 @@ def test_assimilation_corrects_the_field_of_a_simulator_without_equations(found)
 def test_a_recording_of_the_simulation_itself_shows_no_mismatch(found, given) -> None:
     findings, ended = found(f"recording.path={given / 'same.csv'}")
     assert findings["verdict"] == "no-mismatch-seen"
-    assert "something may be missing all the same" in ended.out
+    assert "may still be missing" in ended.out
 
 
 def test_what_was_cut_short_goes_on_without_training_again(given, train, monkeypatch) -> None:
@@ -162,7 +163,8 @@ def test_the_report_is_drawn_and_says_what_it_cannot_know(given, train) -> None:
     ended = train(f"conf={given / 'box.yaml'}", "shred.epochs=2", "assimilation.epochs=2")
     assert ended.code == 0, ended.err
     page = ended.read("report.html").decode()
-    assert "What this cannot know" in page and "fitted through it to the sensors" in page
+    assert "Limits of this analysis" in page
+    assert "no law could be fitted to the sensors through it" in page
     assert page.count("<figure") == 4
 
 

@@ -66,7 +66,7 @@ def test_with_the_law_it_is_right_and_without_it_drifts(tmp_path: Path) -> None:
     assert {run.shape for run in runs.values()} == {(len(TIMES) - fit, 2)}
     before, after = (
         float((runs[name] - states[fit:]).square().mean().sqrt())
-        for name in ("before_refit", "after")
+        for name in ("simulation_refit", "corrected")
     )
     assert after < 2 * SIGMA and before > 20 * after
 
@@ -92,7 +92,7 @@ def test_only_the_last_samples_are_fitted(tmp_path: Path) -> None:
     problem.split.fit.values[: fit - SAMPLES] += 3.0
     again = restart(problem, found, states[:fit])
     # σ keeps its floor in the traces' std, which has grown: it weighs all samples alike.
-    torch.testing.assert_close(again["after"], runs["after"], rtol=1e-4, atol=1e-4)
+    torch.testing.assert_close(again["corrected"], runs["corrected"], rtol=1e-4, atol=1e-4)
 
 
 def test_a_sensor_at_fault_has_no_part_in_it(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ def test_a_refusal_names_the_points_that_would_do(posed) -> None:
     assert found["verdict"] == "unresolved-numerics" and found["causes"] is not None
     [cause] = found["causes"]
     assert cause["enough"] == {"x": 64}
-    for part in ("3.4%", "1.0%", "64", "would do"):
+    for part in ("3.4 %", "1.0 %", "64", "would be enough"):
         assert part in cause["says"]
     assert found["terms"] is None and found["latent"]["alg1"] is None
 
@@ -35,7 +35,7 @@ def test_a_refusal_says_so_when_twice_the_points_are_not_enough(posed) -> None:
     found = verification.refuse_unresolved(posed, Resolution(0.5, 0.01, None))
     assert found["causes"] is not None
     assert found["causes"][0]["enough"] is None
-    assert "even doubling it twice would not do" in found["causes"][0]["says"]
+    assert "doubling it twice is not enough" in found["causes"][0]["says"]
 
 
 def test_errors_count_in_stds_of_each_trace_and_pass_over_missing_samples() -> None:

@@ -34,9 +34,13 @@ TERMS: list[dict[str, Any]] = [
 ]
 PATH = [(2, 0.0), (0, 5400.0), (1, 800.0), (3, 11.0)]
 ERRORS: dict[str, dict[str, float | None]] = {
-    "test_sensors": {"before": 0.61, "before_refit": 0.4, "after": 0.052},
-    "heldout_time": {"before": None, "before_refit": 0.71, "after": 0.081},
-    "heldout_restarted": {"before": None, "before_refit": 0.15, "after": 0.03},
+    "test_sensors": {"simulation_same_start": 0.61, "simulation_refit": 0.4, "corrected": 0.052},
+    "heldout_time": {"simulation_same_start": None, "simulation_refit": 0.71, "corrected": 0.081},
+    "heldout_restarted": {
+        "simulation_same_start": None,
+        "simulation_refit": 0.15,
+        "corrected": 0.03,
+    },
 }
 
 
@@ -73,7 +77,12 @@ def bars(axes: Axes) -> list[Rectangle]:
 def verified(sensors: int = 5) -> Figure:
     recorded = np.sin(TIMES[:, None] + np.arange(sensors))
     traces = {
-        name: recorded * f for name, f in (("before", 50.0), ("before_refit", 0.5), ("after", 1.0))
+        name: recorded * f
+        for name, f in (
+            ("simulation_same_start", 50.0),
+            ("simulation_refit", 0.5),
+            ("corrected", 1.0),
+        )
     }
     names = [f"t{i}" for i in range(sensors)]
     return verification_figure(TIMES, recorded, names, traces, 6.0, ERRORS)

@@ -260,9 +260,9 @@ def test_axes_carry_the_units_of_what_they_show() -> None:
     figures = [
         sensor_traces(TIMES, values, ["a"], {}, {}, 8.0, {"a": "rad"}, "time [s]"),
         verification_figure(
-            TIMES, values, ["a"], {"after": values}, 8.0, NO_ERRORS, {"a": "rad"}, "time [s]"
+            TIMES, values, ["a"], {"corrected": values}, 8.0, NO_ERRORS, {"a": "rad"}, "time [s]"
         ),
-        forecast_figure(TIMES, values[:20], ["a"], {"after": values}, {"a": "rad"}, "time [s]"),
+        forecast_figure(TIMES, values[:20], ["a"], {"corrected": values}, {"a": "rad"}, "time [s]"),
     ]
     for figure in figures:
         labels = {axes.get_xlabel() for axes in figure.findobj(Axes)}
@@ -288,6 +288,8 @@ def test_a_forecast_shows_the_end_of_the_recording_and_all_beyond_it() -> None:
 def test_a_forecast_is_framed_by_the_whole_recording_and_not_by_a_run_that_is_lost() -> None:
     values = np.sin(TIMES)[:, None]
     lost = 1e6 * np.ones_like(values)
-    figure = forecast_figure(TIMES, values[:30], ["a"], {"before_refit": lost, "after": values})
+    figure = forecast_figure(
+        TIMES, values[:30], ["a"], {"simulation_refit": lost, "corrected": values}
+    )
     low, high = figure.axes[0].get_ylim()
     assert -4 < low < values[:30].min() and values[:30].max() < high < 4

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from dashred.core.findings.schema import Fit, Input, misfit, new_findings
+from dashred.core.findings.cause_schema import Cause
+from dashred.core.findings.schema import Fit, Input, errors_by_method, new_findings
 from dashred.reporting.page import html
 from dashred.reporting.page.html import write_html
 from dashred.reporting.text.headline import headline
@@ -37,6 +38,7 @@ TERM: Any = {
     "ci95": [-0.0259, -0.0243],
     "inclusion": 0.98,
     "region": None,
+    "effect": "cubic damping of internal energy (saturation)",
     "says": "cubic damping of internal energy (saturation), (−0.0251 ± 0.0004)·u³ per unit time",
 }
 CHANGE: Any = {
@@ -51,13 +53,14 @@ CHANGE: Any = {
     "aliases": [],
     "inclusion": 1.0,
     "region": None,
-    "says": "nu is 0.0500, not 0.035 (± 0.0004)",
+    "exact": True,
+    "says": "nu is 0.0500 ± 0.0004, not 0.035",
 }
 WHERE: Any = {
     "equation": {"u": 0.97, "lam": 0.03},
     "region": None,
     "time": [0, 8],
-    "regime": "u > 1.2 (39 % of space and time carries 80 % of it)",
+    "regime": "u > 1.2 (39 % of space and time, 80 % of the effect)",
     "sensors": [],
     "significance": 1e-40,
     "profile": {"times": [], "before": [], "after": []},
@@ -78,9 +81,11 @@ def found(**changed: Any) -> Any:
         own_error=None,
         chi2=1.02,
         unexplained=0.04,
-        test_sensors=misfit(before=0.61, before_refit=0.4, after=0.05, shred=0.3),
-        heldout_time=misfit(before_refit=0.2, after=0.3),
-        heldout_restarted=misfit(before_refit=0.5, after=0.1),
+        test_sensors=errors_by_method(
+            simulation_same_start=0.61, simulation_refit=0.4, corrected=0.05, shred=0.3
+        ),
+        heldout_time=errors_by_method(simulation_refit=0.2, corrected=0.3),
+        heldout_restarted=errors_by_method(simulation_refit=0.5, corrected=0.1),
     )
     given = {
         "fit": fit,
@@ -99,21 +104,22 @@ def test_the_summary_begins_with_what_matters_most() -> None:
     assert lines[:6] == [
         "Verdict: missing-term: a term is missing from the simulation.",
         f"  The simulation leaves out {TERM['says']}.",
-        "  A parameter is mis-stated: nu is 0.0500, not 0.035 (± 0.0004).",
-        "  The chance that noise alone looks like this: p < 1e−12.",
+        "  A parameter has a wrong value: nu is 0.0500 ± 0.0004, not 0.035.",
+        "  Noise alone would improve the fit this much with probability p < 1e−12.",
         "  The next best explanation, u: −0.0312·u², is worse by ΔBIC 34.",
-        "  It acts 97 % in the equation of u, 3 % in the equation of lam; where u > 1.2 "
-        "(39 % of space and time carries 80 % of it).",
+        "  It acts in the equations of u (97 %) and lam (3 %), where u > 1.2 "
+        "(39 % of space and time, 80 % of the effect).",
     ]
-    assert (
-        "At the test sensors the error is 0.61 before, 0.4 with the simulation's own best"
-        in (lines[6])
+    assert lines[6] == (
+        "  At the test sensors the error is 0.61 for the simulation, 0.4 for the simulation from "
+        "its best start, 0.05 for the corrected simulation: 8 times smaller."
     )
-    assert lines[6].endswith("0.05 after: 8 times smaller.")
-    assert lines[7].endswith("0.3 after: 1.5 times larger.")
-    assert lines[8].startswith("  From a state fitted just before it the error is 0.5 with")
-    assert lines[8].endswith("0.1 after: 5 times smaller.")
-    assert lines[10].startswith("Front <in> a ring & more: the simulation against")
+    assert lines[7].endswith("0.3 for the corrected simulation: 1.5 times larger.")
+    assert lines[8] == (
+        "  In the held-out time, from a state fitted just before it, the error is 0.5 for the "
+        "simulation from its best start, 0.1 for the corrected simulation: 5 times smaller."
+    )
+    assert lines[10].startswith("Front <in> a ring & more: the simulation compared with")
 
 
 def test_the_energy_lost_is_told_cycle_by_cycle() -> None:
@@ -125,10 +131,10 @@ def test_the_energy_lost_is_told_cycle_by_cycle() -> None:
     }
     text = "\n".join(verdict_lines(found(energy=energy)))
     assert (
-        "Its energy falls by 4.12 ± 0.12 % in the first cycle "
-        "and grows by 0.21 ± 0.04 % in the last of 56." in text
+        "The energy of the corrected system decreases by 4.12 ± 0.12 % in the first cycle "
+        "and increases by 0.21 ± 0.04 % in the last of 56 cycles." in text
     )
-    assert "Its energy" not in "\n".join(verdict_lines(found()))
+    assert "The energy" not in "\n".join(verdict_lines(found()))
 
 
 def test_of_many_terms_the_few_that_explain_nearly_all_are_told() -> None:
@@ -140,7 +146,7 @@ def test_of_many_terms_the_few_that_explain_nearly_all_are_told() -> None:
         {"terms": [tried] * 3, "explained": 0.9999},
     ]
     text = "\n".join(verdict_lines(found(terms=terms, smaller=few)))
-    assert "Most of it is u: −0.0312·u, u: −0.0312·u²: alone it explains all but 0.13 %" in text
+    assert "Of this, u: −0.0312·u, u: −0.0312·u² alone explains all but 0.13 %." in text
     # So many are told in symbols: nobody reads a paragraph of words.
     told = "leaves out 4 terms: u: −0.0251·u, u: −0.0251·u², u: −0.0251·u³, u: −0.0251·u⁴."
     assert told in text
@@ -148,15 +154,16 @@ def test_of_many_terms_the_few_that_explain_nearly_all_are_told() -> None:
     text = "\n".join(verdict_lines(found(terms=[*terms[:3], TERM | {"region": box}])))
     assert "u: −0.0251·u³ for 10.10 < x < 16.00 (± 0.10)." in text
     assert "cubic damping" in "\n".join(verdict_lines(found(terms=terms[:3])))
-    assert "Most of it" not in "\n".join(verdict_lines(found(terms=terms[:3], smaller=few)))
-    assert "Most of it" not in "\n".join(verdict_lines(found(terms=terms, smaller=few[:1])))
+    assert "Of this" not in "\n".join(verdict_lines(found(terms=terms[:3], smaller=few)))
+    assert "Of this" not in "\n".join(verdict_lines(found(terms=terms, smaller=few[:1])))
 
 
 def test_an_ambiguous_verdict_names_the_rivals_and_calls_the_best_a_guess() -> None:
     same = NEXT | {"rival": True, "same_as_best": True, "delta_bic": 1.23}
     text = "\n".join(verdict_lines(found(verdict="ambiguous", alternatives=[same])))
     assert "As the best guess, the simulation leaves out cubic damping" in text
-    assert "u: −0.0312·u² (ΔBIC 1.2, the same at these sensors) fits about as well." in text
+    fits = "Another law fits about as well: u: −0.0312·u² (ΔBIC 1.2, indistinguishable at these"
+    assert fits in text
     assert "next best" not in text
 
 
@@ -266,10 +273,10 @@ def test_nothing_in_findings_becomes_markup(tmp_path: Path) -> None:
 
 def test_the_page_tells_the_law_its_rivals_the_proof_and_where_it_comes_from(page: Page) -> None:
     words = page.words
-    assert "Front <in> a ring & more: the simulation against the recording" in words
+    assert "Front <in> a ring & more: the simulation compared with the recording" in words
     first = words.index("Verdict: missing-term: a term is missing from the simulation.")
-    titles = ["Where", "What", "How sure", "Before and after, on data that no fit has seen"]
-    titles += ["What stays unexplained", "How it was done", "Provenance", "The printed summary"]
+    titles = ["Where", "What", "How sure", "Errors with and without the law, on held-out data"]
+    titles += ["Unexplained misfit", "How it was done", "Provenance", "The printed summary"]
     places = [first, *map(words.index, titles)]
     assert places == sorted(places)
     for told in ("u³", "−0.0251", "−0.0259 … −0.0243", "98 %", "0.035 → 0.0500"):
@@ -282,7 +289,7 @@ def test_the_page_tells_the_law_its_rivals_the_proof_and_where_it_comes_from(pag
         "c0ffee",
         "facade",
         "29 terms for u",
-        "Of the causes that were weighed: a missing term 98 %.",
+        "Probabilities of the causes: a missing term 98 %.",
     ):
         assert told in words, told
     assert "printed <text>" in words and "None" not in " ".join(words)
@@ -306,30 +313,25 @@ def test_the_equations_show_what_is_put_into_them() -> None:
     [
         (
             {},
-            "The simulation leaves out cubic damping of internal energy (saturation), and a number "
-            "in it is wrong: nu is 0.0500, not 0.035. With that put in, the error at sensors that "
-            "no fit has seen is 8 times smaller.",
+            "The simulation leaves out cubic damping of internal energy (saturation), and it has a "
+            "wrong parameter: nu is 0.0500, not 0.035. With this correction, the error at sensors "
+            "not used in any fit is 8 times smaller.",
         ),
         (
-            {"terms": [TERM | {"says": "a change of u by (−0.1 ± 0.2)·exp(u) per unit time"}]},
+            {"terms": [TERM | {"effect": "a further change of u"}]},
             "The simulation leaves out a further change of u. With",
         ),
         (
-            {
-                "terms": [
-                    TERM | {"says": f"a change of u by (0.1 ± 0.2)·{wave}(u) per unit time"}
-                    for wave in ("sin", "cos")
-                ]
-            },
+            {"terms": [TERM | {"term": t, "effect": "a further change of u"} for t in "st"]},
             "The simulation leaves out a further change of u. With",
         ),
         (
-            {"terms": [TERM | {"says": "transport of u, forward in x, with velocity 0.04 m/s"}]},
+            {"terms": [TERM | {"effect": "transport of u, forward in x"}]},
             "The simulation leaves out transport of u, forward in x. With",
         ),
         (
             {"verdict": "parameter", "terms": [CHANGE]},
-            "The simulation has a wrong number in it: nu is 0.0500, not 0.035. With",
+            "The simulation has a wrong parameter: nu is 0.0500, not 0.035. With",
         ),
         (
             {"verdict": "ambiguous", "terms": [TERM]},
@@ -339,11 +341,11 @@ def test_the_equations_show_what_is_put_into_them() -> None:
         (
             {
                 "verdict": "outside-library",
-                "terms": [TERM | {"says": "a change of u by (0.1 ± 0.2)·sin(u) per unit time"}],
+                "terms": [TERM | {"effect": "a further change of u"}],
                 "causes": [{"kind": "outside-library", "probability": 1.0, "terms": ["u: sin(u)"]}],
             },
-            "The simulation leaves out a further change of u, of a form that its library of terms "
-            "lacks. With",
+            "The simulation leaves out a further change of u, in a form that is not in its "
+            "library. With",
         ),
         ({"verdict": "nothing-missing", "terms": []}, "The simulation agrees with the recording"),
     ],
@@ -354,8 +356,8 @@ def test_the_headline_is_one_plain_sentence(changed: dict[str, Any], told: str) 
 
 def test_of_many_terms_the_headline_names_the_few_that_say_nearly_all() -> None:
     many = found(verdict="outside-library", terms=[TERM] * 5)
-    told = headline(many, ["viscous damping of angular velocity, −0.0533 per s"])
-    assert "nearest is mostly viscous damping of angular velocity (5 terms in all)." in told
+    told = headline(many, ["viscous damping of angular velocity"])
+    assert "nearest law is mostly viscous damping of angular velocity (5 terms in all)." in told
 
 
 def test_causes_are_told_with_their_probabilities(tmp_path: Path) -> None:
@@ -363,13 +365,15 @@ def test_causes_are_told_with_their_probabilities(tmp_path: Path) -> None:
     causes = [{"kind": kind, "probability": p} for kind, p in weighed]
     write_html(tmp_path / "report.html", found(causes=causes), {}, "")
     page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
-    told = "something outside the library 100 %, a missing term 97 %, others less than 1 %; more "
+    told = (
+        "an effect outside of the library 100 %, a missing term 97 %, others less than 1 %; more "
+    )
     assert any(told in line for line in page.words)
 
 
 @pytest.mark.parametrize(
     ("share", "told"),
-    [(0.01, "misses is no larger than"), (0.75, "is 2 times as large")],
+    [(0.01, "are no larger than"), (0.75, "are 2 times as large")],
 )
 def test_what_stays_unexplained_is_held_against_the_noise(share: float, told: str) -> None:
     left = found()
@@ -379,14 +383,14 @@ def test_what_stays_unexplained_is_held_against_the_noise(share: float, told: st
 
 def test_the_headline_does_not_claim_a_gain_that_there_is_none_of() -> None:
     worse = found()
-    worse["fit"]["test_sensors"] = misfit(before_refit=0.2, after=0.4)
-    assert "is 2 times larger: beware." in headline(worse)
-    worse["fit"]["test_sensors"] = misfit()
-    worse["fit"]["heldout_episode"] = misfit(before_refit=0.4, after=0.1)
-    assert "in an episode that no fit has seen is 4 times smaller." in headline(worse)
-    worse["fit"]["test_sensors"] = misfit(before_refit=0.2, after=0.199)
-    assert "is the same as before." in headline(worse)
-    assert "no fit" not in headline(found(verdict="nothing-missing", terms=[]))
+    worse["fit"]["test_sensors"] = errors_by_method(simulation_refit=0.2, corrected=0.4)
+    assert "is 2 times larger." in headline(worse)
+    worse["fit"]["test_sensors"] = errors_by_method()
+    worse["fit"]["heldout_episode"] = errors_by_method(simulation_refit=0.4, corrected=0.1)
+    assert "in an episode not used in any fit is 4 times smaller." in headline(worse)
+    worse["fit"]["test_sensors"] = errors_by_method(simulation_refit=0.2, corrected=0.199)
+    assert "is unchanged." in headline(worse)
+    assert "correction" not in headline(found(verdict="nothing-missing", terms=[]))
 
 
 def test_units_stand_with_the_numbers_of_the_page(tmp_path: Path) -> None:
@@ -412,20 +416,20 @@ def test_a_forecast_says_what_becomes_of_inputs(tmp_path: Path) -> None:
     image = tmp_path / "forecast.png"
     image.write_bytes(b"\x89PNG")
     figures = {"forecast": {"The forecast": image}}
-    assert "runs on freely" not in text_of(found())
-    assert "runs on freely" in text_of(found(), figures)
-    assert "the last value is held" not in text_of(found(), figures)
+    assert "runs beyond the end" not in text_of(found())
+    assert "runs beyond the end" in text_of(found(), figures)
+    assert "keep their last value" not in text_of(found(), figures)
     driven = {**SYSTEM, "inputs": {"e": "voltage", "f": "force"}}
     source = {**SOURCE, "config": {"system": driven}}
     told = text_of({**found(), "input": source}, figures)
-    assert "Where inputs (e, f) were not measured that far, the last value is held." in told
+    assert "Inputs (e, f) keep their last value where they were not measured." in told
 
 
 def test_the_page_of_an_unresolved_simulator_claims_no_fit(tmp_path: Path) -> None:
     splits: Any = {"inputs": ["p0"], "extra": [], "validate": ["p1"], "test": ["p2"]}
     splits |= {"time_end": 3.2, "note": "Sensors at random."}
     says = "doubling the resolution moves a sensor trace by 5.0%; 48 points would do"
-    cause = {"kind": "unresolved-numerics", "says": says, "probability": 1.0}
+    cause: Cause = {"kind": "unresolved-numerics", "says": says, "probability": 1.0}
     unresolved = new_findings(
         SOURCE | {"splits": splits}, verdict="unresolved-numerics", causes=[cause]
     )
@@ -450,7 +454,7 @@ def test_provenance_names_files_and_commit_and_takes_no_value_for_a_files_hash()
         "dashred, git commit": "ab12+",
     }.items():
         assert rows.count(what) == 1 and rows[rows.index(what) + 1] == value
-    assert any("sha256sum of a file is another number" in row for row in rows)
+    assert any("not of the files" in row for row in rows)
     assert "dashred, git commit" not in text_of(found())
 
 
@@ -466,9 +470,9 @@ def test_the_part_of_the_structure_that_changes_is_told() -> None:
         structure = {"changes": changes, "port_hamiltonian": kept}
         return "\n".join(verdict_lines(found(structure=structure)))
 
-    assert "p: p changes R, what takes energy away: the corrected system stays" in told(True, True)
-    assert "R, and less energy is taken away: the corrected system stays" in told(False, True)
-    assert "R, and gives energy: the corrected system does not stay" in told(False, False)
+    assert "p: p changes R, the dissipation. The corrected system remains" in told(True, True)
+    assert "R, and reduces the dissipation. The corrected system remains" in told(False, True)
+    assert "R, and adds energy. The corrected system is not" in told(False, False)
     assert "port-Hamiltonian" not in "\n".join(verdict_lines(found()))
 
 
@@ -481,4 +485,4 @@ def test_every_episode_stands_on_the_page(tmp_path: Path) -> None:
     write_html(tmp_path / "report.html", told, {}, "")
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "a, from 0 to 10 s: fitted until 8" in text
-    assert "b, from 20 to 30 s: held out whole; its first part, to 21, tells its start" in text
+    assert "b, from 20 to 30 s: held out; its first part, to 21, determines its start" in text

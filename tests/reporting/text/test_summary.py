@@ -5,13 +5,14 @@ from typing import Any
 
 from rich.console import Console
 
+from dashred.core.findings.cause_schema import Cause
 from dashred.core.findings.schema import (
     Fit,
     Input,
     Latent,
     LatentSindy,
     Splits,
-    misfit,
+    errors_by_method,
     new_findings,
 )
 from dashred.reporting.page.html import page
@@ -43,9 +44,9 @@ def findings_with(latent: Latent | None = None, **errors: float) -> Any:
         own_error=None,
         chi2=None,
         unexplained=None,
-        test_sensors=misfit(**errors),
-        heldout_time=misfit(),
-        heldout_restarted=misfit(),
+        test_sensors=errors_by_method(**errors),
+        heldout_time=errors_by_method(),
+        heldout_restarted=errors_by_method(),
     )
     return new_findings(SOURCE, fit=fit, latent=latent)
 
@@ -54,8 +55,8 @@ def test_what_was_compared_comes_first() -> None:
     lines = summary(findings_with(), None, {}).splitlines()
     assert lines[0].startswith("Rotating detonation engine:")
     assert "seed 7" in lines[0]
-    assert "4 sensors to fit (3 feed SHRED), 1 to say when to stop, 2 kept for the test" in lines[1]
-    assert "fitted up to time 8." in lines[1]
+    assert "4 sensors for the fit (3 inputs of SHRED), 1 for validation, 2 for the test" in lines[1]
+    assert "the fit ends at time 8." in lines[1]
     assert lines[2] == "Roles are drawn from the seed."
 
 
@@ -85,7 +86,7 @@ def test_proposals_are_ranked_and_called_proposals() -> None:
     alg1 = LatentSindy(proposals=terms, rmse_path=[])
     alg2 = LatentSindy(proposals=[], rmse_path=[])
     text = summary(findings_with(Latent(alg1=alg1, alg2=alg2)), None, {})
-    assert "a proposal to be tested, not a verdict" in text
+    assert "to be tested, not a verdict" in text
     assert text.index("1. +0.1 · u**1") < text.index("2. +0.2 · u**2")
     assert "in the equation of u, in 90 % of the resamples" in text
     assert "u**6" not in text
@@ -94,7 +95,8 @@ def test_proposals_are_ranked_and_called_proposals() -> None:
 
 
 def test_a_verdict_is_put_in_words() -> None:
-    cause = {"kind": "unresolved-numerics", "says": "doubling changes the traces by 3 %"}
+    text = "doubling changes the traces by 3 %"
+    cause: Cause = {"kind": "unresolved-numerics", "probability": 1.0, "says": text}
     found = new_findings(SOURCE | {"splits": None}, verdict="unresolved-numerics", causes=[cause])
     text = summary(found, None, {})
     assert "Verdict: unresolved-numerics: the simulation is not resolved" in text
@@ -117,7 +119,7 @@ def test_brackets_in_names_are_printed_as_they_are() -> None:
 def test_a_simulation_less_exact_than_its_sensors_says_what_to_do() -> None:
     told = [summary(doubtful(error), None, {}) for error in (None, 0.9, 2.44)]
     assert ["halve the time step" in text for text in told] == [False, False, True]
-    assert "own numerical error is 2.4 times the sensors' noise" in told[2]
+    assert "numerical error is 2.4 times the noise of the sensors" in told[2]
     assert "halve the time step" in page(doubtful(2.44), {}, "")
 
 

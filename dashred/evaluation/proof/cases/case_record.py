@@ -95,7 +95,7 @@ class Oracle(TypedDict):
 
 
 class Gains(TypedDict):
-    """Errors against the truth without noise, over that of `after`; null if that one blows up.
+    """Errors against the truth without noise, over that of `corrected`; null if that one blows up.
 
     Attributes:
         test_sensors: error of `before_refit`, the simulation with its own best start.

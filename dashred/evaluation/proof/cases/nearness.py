@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -17,7 +17,7 @@ from dashred.evaluation.proof.cases.case_record import Coefficient, Gains, Regio
 from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.proof.cases.effect_size import Concealed
 from dashred.evaluation.twins.scoring import law_of_findings, law_of_truth
-from dashred.evaluation.twins.window_kinds import kind_of
+from dashred.evaluation.twins.window_kinds import WindowKind, kind_of
 
 # Times that differ by less are the same.
 CLOCK = 1e-9
@@ -91,16 +91,18 @@ def coefficients_found(findings: Mapping[str, Any], concealed: Concealed) -> lis
                     "found": entry["coefficient"],
                     "std": entry["std"],
                     "covered": low is not None and low <= known + true <= high,
-                    "window": _sort_of(kind_of(window)),
+                    "window": _window_name(kind_of(window)),
                 }
             )
     return found
 
 
-def _sort_of(kind: str | None) -> Any:
+def _window_name(kind: WindowKind | None) -> Literal["box", "gate", "onset"] | None:
     if kind is None:
         return None
-    return {"t": "onset"}.get(kind, "gate" if " " in kind else "box")
+    if kind.side is not None:
+        return "gate"
+    return "onset" if kind.of == "t" else "box"
 
 
 def gains(
@@ -129,16 +131,16 @@ def gains(
     beyond, after = score["forecast"], errors["corrected"]
     return {
         "test_sensors": ratio_of(errors["simulation_refit"], after),
-        "forecast": ratio_of(beyond["before_refit"], beyond["after"]),
+        "forecast": ratio_of(beyond["simulation_refit"], beyond["corrected"]),
         "test_sensors_before": ratio_of(errors["simulation_same_start"], after),
-        "forecast_before": ratio_of(beyond["before"], beyond["after"]),
+        "forecast_before": ratio_of(beyond["simulation_same_start"], beyond["corrected"]),
     }
 
 
 def noisy_test(findings: Mapping[str, Any]) -> float | None:
     """Return by what share the corrected simulation is worse on the noisy data held out."""
     known = findings["fit"]["test_sensors"] if findings["fit"] else {}
-    before, after = known.get("before_refit"), known.get("after")
+    before, after = known.get("simulation_refit"), known.get("corrected")
     if before is not None and after is None and findings["terms"]:
         return ENDLESS
     ratio = ratio_of(after, before)

@@ -7,7 +7,6 @@ search has failed.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -22,8 +21,9 @@ from dashred.config import load_config
 from dashred.evaluation.proof.cases.case_record import Oracle
 from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.proof.cases.effect_size import Concealed
+from dashred.evaluation.twins.kept_findings import read_findings
 from dashred.evaluation.twins.recorder import expression_of
-from dashred.evaluation.twins.window_kinds import kind_found, kind_in_text, kind_of
+from dashred.evaluation.twins.window_kinds import WindowKind, kind_found, kind_of, kind_of_region
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 from dashred.inference.fit.noise_model import NoiseModel
@@ -32,7 +32,7 @@ from dashred.inference.hypotheses.windows.windowed_hypothesis import Guess, Hypo
 from dashred.inference.initial_state.start_models import StartModel, nearest
 from dashred.physics.library import resolve
 from dashred.physics.system import Term
-from dashred.physics.window import Shape, window_shapes
+from dashred.physics.window import window_shapes
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
 from dashred.pipeline.discovery.objectives import build_least_squares, exact_simulator
 from dashred.pipeline.problem import Problem, build_problem
@@ -64,7 +64,7 @@ def consult(case: Case, concealed: Concealed, folder: Path, *, exact: bool) -> O
     lawful = bool(truth.terms or truth.concealed.parameters)
     if not lawful or truth.concealed.faults:
         return None
-    findings = json.loads((folder / "findings.json").read_text(encoding="utf-8"))
+    findings = read_findings(folder)
     words = (*case.analysis_words, f"recording.path={folder / 'recording.nc'}")
     simulator = build_problem(load_config([f"conf={case.system}", *words], entry="train"))
     start, library = known(case.system, simulator)
@@ -154,24 +154,20 @@ def _coefficients(concealed: Concealed) -> list[float]:
     return [*(term.coefficient for term in truth.terms), *changes]
 
 
-def _penalty(kinds: Sequence[str | None], noise: NoiseModel, p: int, problem: Problem) -> float:
+def _penalty(
+    kinds: Sequence[WindowKind | None], noise: NoiseModel, p: int, problem: Problem
+) -> float:
     """Return what a law's freedom costs, by the windows of its terms."""
     everywhere = tuple(range(kinds.count(None)))
     inside = tuple(range(len(kinds) - len(everywhere)))
     guess = None
     if inside:
         kind = next(kind for kind in kinds if kind is not None)
-        shape = next(s for s in window_shapes(problem.system) if kind == _name(s))
+        shape = next(s for s in window_shapes(problem.system) if kind == (s.of, s.side))
         places = (0.0,) * len(shape.names)
         guess = Guess(shape, places, places)
     hypothesis = Hypothesis(everywhere, inside, guess)
     return hypothesis.penalty(noise.effective_count, p, len(window_shapes(problem.system)))
-
-
-def _name(shape: Shape) -> str:
-    """Return what the kind of a window is called where windows are compared."""
-    gated = shape.kind.startswith("gate")
-    return f"{shape.of} {shape.kind.removeprefix('gate ')}" if gated else shape.of
 
 
 def _nearest_rival(findings: Mapping[str, Any]) -> float | None:
@@ -183,7 +179,7 @@ def _nearest_rival(findings: Mapping[str, Any]) -> float | None:
     window = {kind_found(e["region"]) for e in findings["terms"]} - {None}
 
     def holds(terms: Sequence[Mapping[str, Any]]) -> bool:
-        windows = {kind_in_text(t["region"]) for t in terms} - {None}
+        windows = {kind_of_region(t["window"]) for t in terms} - {None}
         return mine <= {(t["equation"], t["term"]) for t in terms} and window <= windows
 
     laws = [(a["delta_bic"], a["terms"]) for a in findings["alternatives"]]

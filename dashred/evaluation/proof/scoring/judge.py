@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -23,6 +22,7 @@ from dashred.evaluation.proof.cases.nearness import (
 from dashred.evaluation.proof.cases.oracle import consult
 from dashred.evaluation.twins.candidate_laws import LISTED, listed_laws
 from dashred.evaluation.twins.cause_scoring import score_cause
+from dashred.evaluation.twins.kept_findings import read_findings
 from dashred.evaluation.twins.scoring import law_of_findings, law_of_truth, score_law
 
 # Verdicts that themselves say that they may be wrong.
@@ -38,7 +38,7 @@ def judge(
     seconds: float | None,
 ) -> CaseRecord:
     """Return the record of a case whose findings are frozen and whose seal is open."""
-    findings = json.loads((folder / "findings.json").read_text(encoding="utf-8"))
+    findings = read_findings(folder)
     verdict = findings["verdict"]
     right = is_right(case, findings, concealed)
     exact = score["exact_support"]

@@ -29,10 +29,10 @@ LAWLESS: tuple[Kind, ...] = ("start", "fault", "numerics")
 # Classes of fewer cases than this are judged together.
 FEW = 30
 POOLS: dict[str, tuple[Kind, ...]] = {
-    "pooled: start, numerics, sensor": ("start", "numerics", "fault"),
-    "pooled: parameter, terms, hidden field": ("parameter", "terms", "hidden"),
-    "pooled: region, state, onset": ("box", "gate", "onset"),
-    "pooled: outside, masked": ("outside", "masked"),
+    "start, numerics, sensor": ("start", "numerics", "fault"),
+    "parameter, terms, hidden field": ("parameter", "terms", "hidden"),
+    "region, state, onset": ("box", "gate", "onset"),
+    "outside, masked": ("outside", "masked"),
 }
 REGION_OF: dict[Kind, Literal["overlap", "onset", "threshold"]] = {
     "box": "overlap",
@@ -153,9 +153,7 @@ def _worst_undecidable(records: Records) -> Measured:
     if not counted:
         return Measured(None, 0)
     worst = max(counted, key=lambda name: rates[name].share)
-    return Measured(
-        rates[worst], rates[worst].n, f"the worst class: {worst.removeprefix('pooled: ')}"
-    )
+    return Measured(rates[worst], rates[worst].n, f"the worst class: {worst}")
 
 
 def _classes(records: Records) -> dict[str, tuple[Kind, ...]]:

@@ -1,4 +1,4 @@
-"""The map of a free forcing: what would have to be added where and when, and how sure that is."""
+"""The map of a free forcing: its amplitude by place and time, and its uncertainty."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,14 +12,14 @@ from matplotlib.image import AxesImage
 from dashred.reporting.figures.fields.space_time import mark_sensors
 from dashred.reporting.figures.style import BLUE, VERMILION, new_figure, style
 
-# What lies within so many standard deviations of nothing is dotted.
+# Cells within so many standard deviations of zero are dotted.
 SURE = 2.0
 SIGNED = LinearSegmentedColormap.from_list(
     "signed", ["#08306b", BLUE, "#ffffff", VERMILION, "#4a1500"]
 )
 TITLE = "What a free forcing adds to the simulation"
 EXPLAINED = (
-    f"dotted: within {SURE:g} standard deviations of nothing. Which equation, laws tell better."
+    f"dotted: within {SURE:g} standard deviations of zero; the laws identify the equation better"
 )
 
 
@@ -83,7 +83,7 @@ def _draw(
 
 
 def _dot(axes: Axes, times: np.ndarray, length: float, unsure: np.ndarray) -> None:
-    """Mark the cells whose forcing may as well be nothing."""
+    """Mark the cells whose forcing is not significant."""
     cells, knots = np.nonzero(unsure)
     places = (cells + 0.5) * length / len(unsure)
     axes.plot(times[knots], places, ".", color="#7a7a7a", markersize=2.5, linewidth=0)

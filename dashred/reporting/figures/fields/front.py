@@ -6,10 +6,10 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
+from dashred.core.findings.methods import method_label
 from dashred.core.units import NO_UNITS, label_with_unit, time_label
 from dashred.reporting.figures.fields.front_position import follow_front
 from dashred.reporting.figures.style import legend_above, method_look, new_figure, style
-from dashred.reporting.text.method_names import method_name
 
 Field = Float[np.ndarray, "time x"]
 
@@ -36,7 +36,7 @@ def front_figure(
         for index, (method, values) in enumerate(kinds.items()):
             place, width = follow_front(values, length)
             look = method_look(method, index)
-            left.plot(times, place, label=method_name(method), **look)
+            left.plot(times, place, label=method_label(method), **look)
             right.plot(times, width, **look)
         clock, unit = time_label(units), units.get(axis_name)
         place_label = label_with_unit(f"place of the front, {axis_name} counted on", unit)

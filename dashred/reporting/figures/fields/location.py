@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from dashred.core.formatting import percent
-from dashred.core.units import NO_UNITS, label_with_unit, time_label
+from dashred.core.units import NO_UNITS, time_label
 from dashred.reporting.figures.fields.cells import cells_about, frame_points
 from dashred.reporting.figures.fields.space_time import mark_sensors
 from dashred.reporting.figures.style import (
@@ -25,7 +25,7 @@ from dashred.reporting.figures.style import (
     new_figure,
     style,
 )
-from dashred.reporting.text.verdict import acting
+from dashred.reporting.text.verdict import extent
 
 MOST_SENSORS = 18
 WITHOUT, WITH = "without the law", "with the law"
@@ -106,7 +106,7 @@ def _draw_map(
     label = "law / rms of the simulation's\nown tendency"
     figure.colorbar(image, ax=axes, label=label, pad=0.015, aspect=16)
     axes.set_ylabel(label_with_unit(law.axis, units.get(law.axis)))
-    axes.set_title(f"it acts {acting(where, units)}", fontsize=9)
+    axes.set_title(f"it acts {extent(where, units)}", fontsize=9)
 
 
 def _draw_profile(axes: Axes, profile: Mapping[str, Sequence[float | None]], clock: str) -> None:

@@ -7,10 +7,10 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dashred.core.findings.methods import method_label
 from dashred.core.units import NO_UNITS, TIME, label_with_unit, with_unit
 from dashred.reporting.figures.fields.cells import Extent, cells_about, frame_points
 from dashred.reporting.figures.style import new_figure, style
-from dashred.reporting.text.method_names import method_name
 
 Field = Float[np.ndarray, "time x y"]
 
@@ -49,7 +49,7 @@ def snapshot_panels(
         frame_points(grid[0, 0], x, y)
         for axes, method in zip(grid[0], columns, strict=True):
             below = axes.get_title(loc="left")
-            axes.set_title("\n".join(filter(None, [method_name(method), below])), fontsize=9)
+            axes.set_title("\n".join(filter(None, [method_label(method), below])), fontsize=9)
         for axes in grid[-1]:
             axes.set_xlabel(label_with_unit(x_name, units.get(x_name)))
     return figure

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
+from dashred.core.findings.methods import method_label
 from dashred.reporting.figures.fields.cells import Extent, cells_about, frame_points
 from dashred.reporting.figures.style import GREY, new_figure, style
-from dashred.reporting.text.method_names import method_name
 
 Field = Float[np.ndarray, "time x"]
 
@@ -60,7 +60,7 @@ def space_time_panels(
                 _mark_end(axes, time_end, GREY)
         frame_points(grid[0, 0], times, x)
         for axes, method in zip(grid[0], columns, strict=True):
-            axes.set_title(method_name(method))
+            axes.set_title(method_label(method))
         if with_error and columns[0] == "truth":
             cell = grid[1, 0]
             cell.text(0.5, 0.5, EXPLAINED, transform=cell.transAxes, ha="center", **NOTE)

@@ -6,11 +6,11 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
+from dashred.core.findings.methods import method_label
 from dashred.core.units import NO_UNITS, label_with_unit, time_label
 from dashred.reporting.figures.style import legend_above, method_look, new_figure, style
-from dashred.reporting.text.method_names import method_name
 
-# Errors below this share of the truth's std are not told apart.
+# The error axis begins at this share of the truth's standard deviation.
 SMALLEST = 1e-5
 
 Trace = Float[np.ndarray, " time"]
@@ -36,7 +36,7 @@ def state_traces(
             values, errors = grid[2 * index], grid[2 * index + 1]
             for place, (method, trace) in enumerate(kinds.items()):
                 look = method_look(method, place)
-                values.plot(times, trace, label=method_name(method), **look)
+                values.plot(times, trace, label=method_label(method), **look)
                 if method != "truth":
                     errors.semilogy(times, np.abs(trace - kinds["truth"]), **look)
             errors.set_ylim(bottom=SMALLEST * (np.std(kinds["truth"]) or 1.0))

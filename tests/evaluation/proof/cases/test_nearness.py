@@ -41,7 +41,7 @@ def concealed(*terms: SealedTerm, **more: Any) -> Concealed:
 
 def scored(**region: float | None) -> Score:
     whole = {"overlap": None, "onset": None, "threshold": None} | region
-    forecast = {"before": 2.0, "before_refit": 0.5, "after": 0.1}
+    forecast = {"simulation_same_start": 2.0, "simulation_refit": 0.5, "corrected": 0.1}
     return cast(Score, {"region": whole, "forecast": forecast, "exact_support": True})
 
 
@@ -124,9 +124,9 @@ def test_gains_are_against_the_truth_without_noise(tmp_path) -> None:
 
 
 def test_on_noisy_data_worse_is_above_nothing() -> None:
-    told: dict[str, Any] = {"fit": {"test_sensors": {"before_refit": 0.5, "after": 0.6}}}
+    told: dict[str, Any] = {"fit": {"test_sensors": {"simulation_refit": 0.5, "corrected": 0.6}}}
     assert noisy_test(told) == pytest.approx(0.2)
     assert noisy_test({"fit": None}) is None
     # A corrected simulation that blows up has no error, and is no better for it.
-    endless = {"fit": {"test_sensors": {"before_refit": 0.5, "after": None}}, "terms": [V2]}
+    endless = {"fit": {"test_sensors": {"simulation_refit": 0.5, "corrected": None}}, "terms": [V2]}
     assert noisy_test(endless) == 1e6

@@ -49,7 +49,7 @@ def told(
 
 
 def alternative(term: dict[str, Any], delta: float) -> dict[str, Any]:
-    return {"terms": [term | {"region": None}], "delta_bic": delta, "rival": delta < 6}
+    return {"terms": [term | {"window": None}], "delta_bic": delta, "rival": delta < 6}
 
 
 def test_a_law_that_was_found_loses_nothing_and_its_rivals_decide(recorded) -> None:
@@ -68,10 +68,10 @@ def test_a_law_that_was_found_loses_nothing_and_its_rivals_decide(recorded) -> N
 
 
 def test_a_law_that_holds_the_best_one_is_no_rival_of_it() -> None:
-    best = {"equation": "v", "term": "v**2", "region": None}
-    more = [best, {"equation": "u", "term": "u", "region": None}]
-    later = [best | {"region": "for t > -0.2"}]
-    other = [{"equation": "u", "term": "u", "region": None}]
+    best = {"equation": "v", "term": "v**2", "region": None, "window": None}
+    more = [best, {"equation": "u", "term": "u", "window": None}]
+    later = [best | {"window": {"axis": "t", "from": -0.2}}]
+    other = [{"equation": "u", "term": "u", "window": None}]
 
     def nearest(*laws: list[dict[str, Any]], best: dict[str, Any] = best) -> float | None:
         alternatives = [{"terms": law, "delta_bic": float(j)} for j, law in enumerate(laws)]

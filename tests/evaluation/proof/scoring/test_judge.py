@@ -114,7 +114,7 @@ def test_a_fault_told_beside_a_law_has_to_be_a_true_one() -> None:
     assert not is_right(case_of("masked"), told, concealed(V2))
     assert not is_right(case_of("terms"), told, concealed(V2))
     assert not is_listed(case_of("terms"), told, concealed(V2))
-    rival = [{**term("v", "v**2"), "region": None}]
+    rival = [{**term("v", "v**2"), "window": None}]
     listed = findings("ambiguous", term("v", "v**2"), causes=(law, fault), rivals=(rival,))
     assert is_listed(case_of("terms"), listed, concealed(V2))
     beyond = {"kind": "outside-library", "probability": 1.0}
@@ -147,8 +147,8 @@ def test_outside_of_the_library_is_right_if_it_is_said() -> None:
 
 def test_a_law_is_listed_among_the_first_three_alone() -> None:
     case, truth = case_of("box"), concealed(SealedTerm("v", "v**2", 0.03, BOX))
-    true = [{**term("v", "v**2"), "region": "for 3.1 < x < 7.9"}]
-    other = [term("u", "u") | {"region": "for u > 0.1"}]
+    true = [{**term("v", "v**2"), "window": {"axis": "x", "from": 3.1, "to": 7.9}}]
+    other = [term("u", "u") | {"window": {"field": "u", "above": 0.1}}]
     best = term("u", "v")
     assert is_listed(case, findings("ambiguous", best, rivals=(other, true)), truth)
     assert not is_listed(case, findings("ambiguous", best, rivals=(other, other, true)), truth)

@@ -1,6 +1,8 @@
-"""One term taken apart, and its size with unit and error: what every wording is made of."""
+"""A term with its factors, its coefficient, error and unit; and the description of a term."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 from dashred.core.formatting import MINUS, pretty, with_error
 from dashred.core.units import TIME, format_unit, with_unit
@@ -11,8 +13,28 @@ from dashred.physics.term_units import coefficient_unit
 
 
 def meaning(system: System, field: str) -> str:
-    """Return what a field means, its unit left out: ``angular velocity``."""
+    """Return what a field stands for, without its unit: ``angular velocity``."""
     return system.config.fields[field].split("(")[0].strip() or field
+
+
+@dataclass(frozen=True)
+class Description:
+    """What a term does, and how large it is.
+
+    Attributes:
+        effect: the physical effect: ``viscous damping of angular velocity``.
+        size: coefficient, error and unit: ``−0.0251 ± 0.0004 per s``.
+        joint: what stands between the two in a sentence.
+    """
+
+    effect: str
+    size: str
+    joint: str = ", "
+
+    @property
+    def text(self) -> str:
+        """Effect and size."""
+        return f"{self.effect}{self.joint}{self.size}"
 
 
 class SizedTerm:
@@ -40,7 +62,7 @@ class SizedTerm:
 
     @property
     def rate(self) -> str:
-        """What a rate of change is per."""
+        """The unit of time of a rate of change: ``per s``."""
         unit = self.system.units.get(TIME)
         return f"per {format_unit(unit) if unit else 'unit time'}"
 

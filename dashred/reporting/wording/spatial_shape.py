@@ -1,4 +1,4 @@
-"""The shape of a term in space: what it derives, to which order, along which axis."""
+"""Derivatives in space in a term: of what, of which order, along which axis."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dashred.physics.expressions.algebra import Call, Derivative, Expr, Flux
 
 
 def read_derivative(spatial: Expr) -> tuple[Expr, int, str] | None:
-    """Return what is derived, to which order, along which axis; None for mixed axes.
+    """Return the operand, the order and the axis of a derivative; None for mixed axes.
 
-    A Laplacian is along none: its axis is the empty text.
+    The axis of a Laplacian is the empty text.
     """
     order, along = 0, set[str]()
     while True:
@@ -25,7 +25,7 @@ def read_derivative(spatial: Expr) -> tuple[Expr, int, str] | None:
 
 
 def is_spatial(expr: Expr) -> bool:
-    """Return whether the expression derives or integrates anything in space."""
+    """Return whether the expression has a derivative or an integral in space."""
     if isinstance(expr, Derivative | Flux):
         return True
     if isinstance(expr, Call) and expr.function in ("lap", "inv_lap", "grad2"):

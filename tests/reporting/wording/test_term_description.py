@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import pytest
 
-from dashred.inference.wording.wording import words
 from dashred.physics.expressions import algebra
 from dashred.physics.library import default_terms
 from dashred.physics.system import System
+from dashred.reporting.wording.term_description import describe_term
 from tests import laws
 
 LINE = "{x: {length: 2*pi, points: 32}}"
 PLANE = laws.TEXT.replace(LINE, "{x: {length: 1, points: 8}, y: {length: 1, points: 8}}")
 
 
-def says(system: System, equation: str, text: str, value: float, std: float = 0.0003) -> str:
+def text_of(system: System, equation: str, text: str, value: float, std: float = 0.0003) -> str:
     expr = system.parse(text, "library", equation=equation)
     inside, rest = algebra.split_coefficient(expr)
-    return words(system, equation, rest, inside * value, std)
+    return describe_term(system, equation, rest, inside * value, std).text
 
 
 @pytest.fixture(scope="module")
@@ -44,8 +44,8 @@ AMOUNT = "(−0.0400 ± 0.0003)"
         ("u", "1", -0.04, "constant sink of internal energy, −0.0400 ± 0.0003 per unit time"),
         ("u", "u", -0.04, "linear damping of internal energy, −0.0400 ± 0.0003 per unit time"),
         ("u", "u", 0.04, "linear growth of internal energy, 0.0400 ± 0.0003 per unit time"),
-        ("u", "sin(2*t)", -0.04, "periodic drive of internal energy, with a period of 3.14: (−0"),
-        ("u", "cos(0.5*t)", 0.04, "periodic drive of internal energy, with a period of 12.6: (0."),
+        ("u", "sin(2*t)", -0.04, "periodic forcing of internal energy with a period of 3.14: (−0"),
+        ("u", "cos(0.5*t)", 0.04, "periodic forcing of internal energy with a period of 12.6: (0."),
         ("u", "u**2", -0.04, f"quadratic damping of internal energy where u > 0, {AMOUNT}·u²"),
         ("u", "u**3", -0.04, f"cubic damping of internal energy (saturation), {AMOUNT}·u³"),
         ("u", "d(u, x)", -0.04, "transport of internal energy, forward in x, with velocity 0.04"),
@@ -86,15 +86,40 @@ AMOUNT = "(−0.0400 ± 0.0003)"
             "u",
             "exp(-u**2)",
             -0.04,
-            f"a change of internal energy by {AMOUNT}·exp(−u²) per unit time",
+            f"a further change of internal energy by {AMOUNT}·exp(−u²) per unit time",
         ),
-        ("u", "u*sin(x)", -0.04, f"a change of internal energy by {AMOUNT}·u·sin(x) per unit time"),
+        (
+            "u",
+            "u*sin(x)",
+            -0.04,
+            f"a further change of internal energy by {AMOUNT}·u·sin(x) per unit time",
+        ),
     ],
 )
 def test_words_follow_from_the_shape_and_the_sign(
     flow: System, equation: str, term: str, value: float, expected: str
 ) -> None:
-    assert says(flow, equation, term, value).startswith(expected)
+    assert text_of(flow, equation, term, value).startswith(expected)
+
+
+@pytest.mark.parametrize(
+    ("equation", "term", "effect"),
+    [
+        ("u", "sin(2*t)", "periodic forcing of internal energy with a period of 3.14"),
+        ("u", "lam*lap(u)", "diffusion of internal energy"),
+        ("u", "d(u, x)", "transport of internal energy, backward in x"),
+        ("u", "d(u, x, 6)", "smoothing of order 6 of internal energy"),
+        ("u", "u**3", "cubic growth of internal energy"),
+        ("u", "exp(-u**2)", "a further change of internal energy"),
+    ],
+)
+def test_the_effect_of_a_term_has_no_size(
+    flow: System, equation: str, term: str, effect: str
+) -> None:
+    expr = flow.parse(term, "library", equation=equation)
+    found = describe_term(flow, equation, expr, 0.04, 0.0003)
+    assert found.effect == effect
+    assert found.text == f"{effect}{found.joint}{found.size}" and "0.0400 ± 0.0003" in found.size
 
 
 @pytest.mark.parametrize(
@@ -111,18 +136,20 @@ def test_words_follow_from_the_shape_and_the_sign(
 def test_a_velocity_is_known_by_its_equation(
     pendulum: System, term: str, value: float, expected: str
 ) -> None:
-    assert says(pendulum, "omega", term, value).startswith(expected)
-    assert "friction" not in says(pendulum, "theta", "sign(theta)", value)
+    assert text_of(pendulum, "omega", term, value).startswith(expected)
+    assert "friction" not in text_of(pendulum, "theta", "sign(theta)", value)
 
 
 def test_in_the_plane_an_axis_is_named_and_mixed_derivatives_are_no_diffusion(
     plane: System,
 ) -> None:
-    assert "diffusion of internal energy along y, " in says(plane, "u", "d(u, y, 2)", 0.1)
-    assert "transport of internal energy along x, " in says(plane, "u", "lam*d(u, x)", 0.1)
-    assert says(plane, "u", "lap(u)", 0.1).startswith("diffusion of internal energy, coefficient")
-    assert "diffusion" not in says(plane, "u", "d(d(u, x), y)", 0.1)
-    assert says(plane, "u", "lap(lap(u))", -0.1).startswith("hyperviscosity")
+    assert "diffusion of internal energy along y, " in text_of(plane, "u", "d(u, y, 2)", 0.1)
+    assert "transport of internal energy along x, " in text_of(plane, "u", "lam*d(u, x)", 0.1)
+    assert text_of(plane, "u", "lap(u)", 0.1).startswith(
+        "diffusion of internal energy, coefficient"
+    )
+    assert "diffusion" not in text_of(plane, "u", "d(d(u, x), y)", 0.1)
+    assert text_of(plane, "u", "lap(lap(u))", -0.1).startswith("hyperviscosity")
 
 
 @pytest.mark.parametrize("name", ["flow", "plane", "pendulum"])
@@ -132,7 +159,7 @@ def test_every_term_of_every_library_can_be_told_with_its_size(
     system: System = request.getfixturevalue(name)
     for equation in system.fields:
         told = [
-            says(system, equation, text, value)
+            text_of(system, equation, text, value)
             for text in default_terms(system)
             for value in (0.04, -0.04)
         ]
@@ -169,19 +196,19 @@ IN_SPACE = "units: {t: s, x: m, u: J}\n  integrator"
         (
             "theta",
             "omega*abs(omega)",
-            "a change of angle by (−0.0400 ± 0.0003 s/rad)·omega·abs(omega)",
+            "a further change of angle by (−0.0400 ± 0.0003 s/rad)·omega·abs(omega)",
         ),
         (
             "omega",
             "sin(2*t)",
-            "periodic drive of angular velocity, with a period of 3.14 s: "
+            "periodic forcing of angular velocity with a period of 3.14 s: "
             "(−0.0400 ± 0.0003 rad/s²)·sin(2·t)",
         ),
     ],
 )
 def test_coefficients_of_a_pendulum_have_units(tmp_path, equation, term, expected) -> None:
     system = laws.declared(tmp_path, laws.PENDULUM.replace("integrator", UNITS))
-    assert says(system, equation, term, -0.04) == expected
+    assert text_of(system, equation, term, -0.04) == expected
 
 
 @pytest.mark.parametrize(
@@ -200,4 +227,4 @@ def test_coefficients_of_a_pendulum_have_units(tmp_path, equation, term, expecte
 )
 def test_units_that_are_not_stated_are_not_made_up(tmp_path, equation, term, expected) -> None:
     system = laws.declared(tmp_path, laws.TEXT.replace("integrator", IN_SPACE))
-    assert expected in says(system, equation, term, -0.04)
+    assert expected in text_of(system, equation, term, -0.04)

@@ -1,0 +1,83 @@
+"""The schema of the verdict and of its causes in the findings."""
+
+from typing import Any, Literal, Required, TypedDict
+
+Verdict = Literal[
+    "missing-term",
+    "nothing-missing",
+    "parameter",
+    "initial-condition",
+    "sensor-fault",
+    "unresolved-numerics",
+    "outside-library",
+    "ambiguous",
+    "not-converged",
+    "mismatch",
+    "no-mismatch-seen",
+]
+
+NotConverged = Literal["window-not-reached", "law-not-fitted", "misfit-unexplained"]
+
+# `from` is a keyword of Python, so this cannot be written as a class.
+SensorFaultFound = TypedDict(
+    "SensorFaultFound",
+    {
+        "sensor": str,
+        "fault": str,
+        "value": float,
+        "std": float | None,
+        "from": float | None,
+        "reads": str | None,
+        "axis": str | None,
+        "episode": str | None,
+    },
+)
+"""A faulty sensor. `value` is the bias, the drift per unit time, the value at which it is stuck
+from the time `from` on, the number of spikes, or the distance from its stated place along `axis`.
+`reads` is the field that it reads. `episode` is null for a fault in all of them."""
+
+Cause = TypedDict(
+    "Cause",
+    {
+        "kind": Required[Verdict],
+        "probability": Required[float | None],
+        "where": dict[str, list[str]] | None,
+        "says": str,
+        # A law.
+        "terms": list[str],
+        "parameter": list[str],
+        "extended": bool,
+        # The start lies outside of its prior, by this factor of its spread.
+        "start": float,
+        # A faulty sensor, as in SensorFaultFound.
+        "sensor": str,
+        "fault": str,
+        "value": float,
+        "std": float | None,
+        "from": float | None,
+        "reads": str | None,
+        "axis": str | None,
+        "episode": str | None,
+        # Outside of the library: the evidence for a free forcing.
+        "gain": float,
+        # Not converged.
+        "reason": NotConverged,
+        "samples": int,
+        "samples_in_all": int,
+        "misfit": float,
+        "misfit_of_all": float,
+        "unexplained": float,
+        # Unresolved numerics.
+        "doubling_error": float,
+        "limit": float,
+        "points": dict[str, int],
+        "enough": dict[str, int] | None,
+        # Snapshots: errors of SHRED on the recording and on unseen snapshots.
+        "states": dict[str, Any],
+        "changes": dict[str, Any],
+        "increments_error": dict[str, float],
+        "cannot_know": list[str],
+    },
+    total=False,
+)
+"""One explanation and its probability, with the keys of its kind. `says` is the cause as text."""

@@ -1,1 +1,0 @@
-"""Terms and faults in words."""

@@ -1,0 +1,120 @@
+"""A cause of the verdict, as text."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from dashred.core.findings.cause_schema import Cause
+from dashred.core.formatting import percent
+from dashred.core.units import NO_UNITS
+from dashred.reporting.text.sensor_faults import fault_text
+
+EXTENDED = (
+    "no law of the library explains the recording; a law of the extended library, with functions, "
+    "higher powers and waves in space or time, does"
+)
+LIMITS_OF_SNAPSHOTS = (
+    "The simulator is known by its snapshots alone, so no law could be fitted to the sensors "
+    "through it. The terms that latent SINDy proposes are untested, and have no intervals",
+    "A missing term, a wrong parameter, a start outside of its prior and a faulty sensor cannot be "
+    "distinguished",
+    "The resolution of the simulation could not be checked. Its numerical error may be part of "
+    "what is seen",
+    "SHRED was trained on the snapshots as they are, not on simulations with random "
+    "discrepancies, so it can hardly represent what no snapshot contains",
+    "There is no simulator to run, so there is no corrected simulation and no forecast. In the "
+    "held-out time the field is estimated from the readings of SHRED's sensors at that time",
+)
+
+
+def cause_text(cause: Cause, units: Mapping[str, str] = NO_UNITS) -> str | None:
+    """Return the cause in one sentence; None where its terms or parameters describe it.
+
+    Args:
+        cause: of the findings.
+        units: by name.
+    """
+    match cause["kind"]:
+        case "sensor-fault":
+            return fault_text(cause, units)
+        case "initial-condition":
+            factor = f"{cause['start']:g}"
+            return f"the start lies outside of its prior, at about {factor} times its spread"
+        case "not-converged":
+            return _not_converged(cause)
+        case "unresolved-numerics":
+            return _unresolved(cause)
+        case "mismatch" | "no-mismatch-seen":
+            return _mismatch(cause)
+        case "outside-library" if "gain" in cause:
+            return (
+                f"a free forcing added to the best law gains {cause['gain']:.3g} in evidence; no "
+                "law of the library expresses what is missing, and the given terms are the nearest"
+            )
+        case "outside-library":
+            return EXTENDED
+    return None
+
+
+def limits_of_snapshots(increments_error: Mapping[str, float]) -> list[str]:
+    """Return what an analysis of snapshots cannot determine.
+
+    Args:
+        increments_error: of the learned steps on unseen snapshots, by number of samples.
+    """
+    errors = ", ".join(f"{100 * e:.1f} % over {n} samples" for n, e in increments_error.items())
+    learned = (
+        "The simulator's steps were learned from the increments of the snapshots. On unseen "
+        f"snapshots their error is {errors}"
+    )
+    return [*LIMITS_OF_SNAPSHOTS, learned]
+
+
+def _not_converged(cause: Cause) -> str:
+    match cause["reason"]:
+        case "window-not-reached":
+            return (
+                f"the simulation could be fitted only to the first {cause['samples']} of "
+                f"{cause['samples_in_all']} samples (misfit {cause['misfit']:.3g})"
+            )
+        case "law-not-fitted":
+            return (
+                f"the misfit of the best law is {cause['misfit']:.3g}, but all candidates together "
+                f"reach {cause['misfit_of_all']:.3g}: no sparse law was fitted to convergence"
+            )
+    return (
+        f"no tested cause explains the recording: {percent(cause['unexplained'])} of the misfit "
+        "is neither the stated noise nor noise that is visible in the traces"
+    )
+
+
+def _unresolved(cause: Cause) -> str:
+    advice = "doubling it twice is not enough"
+    if cause["enough"] is not None:
+        points = " and ".join(f"{n} points along {axis}" for axis, n in cause["enough"].items())
+        advice = " with ".join(filter(None, [points, "half the time step"])) + " would be enough"
+    return (
+        f"doubling the resolution changes a sensor trace by {100 * cause['doubling_error']:.1f} % "
+        f"of its standard deviation, above the limit of {100 * cause['limit']:.1f} %; {advice}"
+    )
+
+
+def _mismatch(cause: Cause) -> str:
+    text = (
+        "SHRED, trained on the snapshots alone, misses the sensors of the recording by "
+        f"{_missed(cause['states'])}. It misses their change over {cause['changes']['samples']} "
+        f"samples by {_missed(cause['changes'])}"
+    )
+    if cause["kind"] == "no-mismatch-seen":
+        text += (
+            ". The recording is within the range of the snapshots. Something that the snapshots do "
+            "not show may still be missing"
+        )
+    return text
+
+
+def _missed(errors: Mapping[str, Any]) -> str:
+    usual = errors["usual"]
+    return (
+        f"{errors['error']:.3g} standard deviations, compared with {min(usual):.3g} to "
+        f"{max(usual):.3g} in {len(usual)} unseen stretches of the snapshots"
+    )

@@ -1,0 +1,45 @@
+"""Where a law acts, as text: ``for 10.1 < x < 16.0 m``, ``u > 1.76 (…)``."""
+
+from collections.abc import Mapping
+
+from dashred.core.findings.law_schema import ActiveStates, Region
+from dashred.core.formatting import percent, rounded
+from dashred.core.units import NO_UNITS, with_unit
+
+
+def region_text(region: Region, units: Mapping[str, str] = NO_UNITS) -> str:
+    """Return a region without the errors of its edges: ``for t > 11 s``."""
+    of = region.get("axis") or region["field"]
+    unit = units.get(of)
+    if "to" in region:
+        end = with_unit(f"{region['to']:.3g}", unit)
+        return f"for {region['from']:.3g} < {of} < {end}"
+    below = "below" in region
+    edge = region["below"] if below else region["from"] if "from" in region else region["above"]
+    return f"for {of} {'<' if below else '>'} {with_unit(f'{edge:.3g}', unit)}"
+
+
+def bounds(region: Region, units: Mapping[str, str]) -> str:
+    """Return a region with the errors of its edges: ``10.1 < x < 16.0 m (± 0.1)``."""
+    of, std = region.get("axis") or region["field"], region["std"]
+    unit = units.get(of)
+    if "to" in region:
+        begin, _ = rounded(region["from"], std)
+        end, error = rounded(region["to"], std)
+        return f"{begin} < {of} < {with_unit(end, unit)} (± {error})"
+    if "below" in region:
+        place, error = rounded(region["below"], std)
+        return f"{of} < {with_unit(place, unit)} (± {error})"
+    place, error = rounded(region["from"] if "from" in region else region["above"], std)
+    return f"{of} > {with_unit(place, unit)} (± {error})"
+
+
+def states_text(states: ActiveStates, units: Mapping[str, str], *, in_space: bool) -> str:
+    """Return the states in which a law acts: ``u > 1.76 (3 % of space and time, …)``."""
+    field = states["field"]
+    label = f"|{field}|" if states["magnitude"] else field
+    sign, threshold = (">", states["above"]) if "above" in states else ("<", states["below"])
+    value, _ = rounded(threshold, states["precision"])
+    domain = "of space and time" if in_space else "of the time"
+    carries = f"({percent(states['share'])} {domain}, {percent(states['carried'])} of the effect)"
+    return f"{label} {sign} {with_unit(value, units.get(field))} {carries}"

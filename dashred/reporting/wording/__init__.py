@@ -1,0 +1,1 @@
+"""The physical effect of terms, and the texts in the findings."""

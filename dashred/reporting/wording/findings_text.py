@@ -1,0 +1,74 @@
+"""The texts in the findings, rendered from their numbers, names and kinds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from dashred.core.findings.law_schema import ParameterChange, TermFound, TermTried
+from dashred.core.findings.schema import Findings
+from dashred.physics.system import System
+from dashred.reporting.text.causes import cause_text
+from dashred.reporting.text.parameters import parameter_text
+from dashred.reporting.text.regions import region_text, states_text
+from dashred.reporting.wording.sized_term import Description
+from dashred.reporting.wording.term_description import describe_term
+
+
+def add_text(findings: Findings, system: System) -> Findings:
+    """Add the texts to the findings, in place, and return them.
+
+    Args:
+        findings: complete but for the texts.
+        system: the simulator; it defines the meanings of fields, and the units.
+    """
+    for cause in findings["causes"] or []:
+        if text := cause_text(cause, system.units):
+            cause["says"] = text
+    for term in findings["terms"] or []:
+        add_term_text(term, system)
+    for law in (*(findings["alternatives"] or []), *(findings["smaller"] or [])):
+        for tried in law["terms"]:
+            window = tried["window"]
+            tried["region"] = None if window is None else region_text(window, system.units)
+    where = findings["where"]
+    if where is not None:
+        states, in_space = where["states"], bool(system.axes)
+        where["regime"] = (
+            None if states is None else states_text(states, system.units, in_space=in_space)
+        )
+    return findings
+
+
+def add_term_text(term: TermFound | ParameterChange, system: System) -> None:
+    """Add the effect of a term and its text, or the text of a parameter."""
+    if term["equation"] is None:
+        term["says"] = parameter_text(term)
+        return
+    found = describe(term, system, term["std"])
+    term["effect"] = found.effect
+    region = term["region"]
+    where = f", {region_text(region[0], system.units)}" if region else ""
+    term["says"] = f"{found.text}{where}"
+
+
+def describe(term: TermFound | TermTried, system: System, std: float = 0.0) -> Description:
+    """Describe a term of a law; `std` is that of its coefficient, of a tried term unknown."""
+    equation = term["equation"]
+    assert equation is not None
+    expr = system.parse(term["term"], f"library.{equation}", equation=equation)
+    return describe_term(system, equation, expr, term["coefficient"], std)
+
+
+def law_text(terms: Sequence[TermFound | ParameterChange], system: System) -> str:
+    """Return a law in one sentence for the missing terms and one for the wrong parameters."""
+    for term in terms:
+        add_term_text(term, system)
+    missing = [term["says"] for term in terms if term["equation"] is not None]
+    changed = [term["says"] for term in terms if term["equation"] is None]
+    sentences = []
+    if missing:
+        sentences.append(f"The simulation leaves out {'; and '.join(missing)}.")
+    if changed:
+        noun = "A parameter has a wrong value" if len(changed) == 1 else "Parameters are wrong"
+        sentences.append(f"{noun}: {'; and '.join(changed)}.")
+    return " ".join(sentences) or "The recording shows no missing term and no wrong parameter."
