@@ -19,7 +19,7 @@ RIGHTS = "give yourself the right to write there, or write elsewhere: output=DIR
 READING = "give yourself the right to read it"
 MEMORY = "close other programs, or ask for less: axes' points, simulation.members, threads"
 LOCKED = "end what else is using the MLflow store, or choose another: tracking.root=DIR"
-INSTALL = "`make setup` installs what is needed; run it as .venv/bin/python -m dashred.train"
+INSTALL = "`make setup` installs what is needed in a checkout; elsewhere: pip install dashred"
 HINTS = {
     errno.ENOSPC: SPACE,
     errno.EDQUOT: SPACE,

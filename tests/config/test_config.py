@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dashred.config import Config, Settings, config_sha256, frozen_input, load_config, usage
-from dashred.config.commandline import BASE, CONF, bundled
+from dashred.config.bundled import BASE, CONF, bundled
 from dashred.core.errors import InputError
 
 SYSTEM = """\
@@ -410,10 +410,7 @@ def test_a_recording_is_no_system_and_init_makes_one(
     Path("swing.csv").touch()
     with pytest.raises(InputError, match=r"swing\.csv is a recording, no configuration") as caught:
         load_config(["conf=swing.csv"], entry="train")
-    assert (
-        caught.value.hint
-        == "python -m dashred.pipeline.init.command path=swing.csv writes a first one for it"
-    )
+    assert caught.value.hint == "dashred init path=swing.csv writes a first one for it"
 
 
 def test_an_unknown_system_gets_the_nearest_and_the_list() -> None:
@@ -491,7 +488,7 @@ def test_help_shows_every_default(capsys: pytest.CaptureFixture[str]) -> None:
         load_config(["conf=rde", "--help"], entry="train")
     assert caught.value.code == 0
     assert capsys.readouterr().out == usage("train") + "\n"
-    assert "python -m dashred.train" in usage("train")
+    assert "dashred train" in usage("train")
     assert BASE.read_text() in usage("train")
 
 

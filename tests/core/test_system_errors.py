@@ -84,7 +84,7 @@ def test_a_failure_of_ours_is_none_of_the_machines(error) -> None:
 @pytest.mark.parametrize("entry", ["train", "record", "bench"])
 def test_a_python_without_the_packages_is_told_what_to_do(entry) -> None:
     """``-S`` leaves the installed packages out."""
-    command = [sys.executable, "-S", "-m", f"dashred.{entry}", "conf=rde"]
+    command = [sys.executable, "-S", "-m", "dashred", entry, "conf=rde"]
     ended = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True)
     assert ended.returncode == 1
     assert ended.stderr.startswith("error: the package omegaconf cannot be imported")

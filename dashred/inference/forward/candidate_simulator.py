@@ -109,7 +109,7 @@ class Simulator:
             everywhere: their coefficients, ``(batch, candidate)``.
             inside: what is added to these within the window.
             windows: of each row.
-            drive: a free forcing of each row.
+            sampled_forcing: a free forcing of each row.
         """
         plain = self._by_term(candidates, everywhere)
         local = self._by_term(candidates, inside)

@@ -114,7 +114,7 @@ def fit_free_forcing(
     Args:
         objective: F of a law, or of none, over the whole record.
         phi: a fit of start and law, ``(unknown,)``.
-        pulses: the forcing.
+        forcing_basis: of the forcing.
         size: rms of each equation's own tendency, ``(equation,)``.
         equations: those that are forced; of the others the forcing is none.
 

@@ -16,8 +16,8 @@ def correct(system: System, law: Law) -> System:
     """Return the system that the law says is real.
 
     Its tendency is ``N + Σ ξ θ`` exactly: a parameter has the value that does what the law says,
-    where there is one (:mod:`dashred.inference.results.parameter_change`); of the others (``alpha`` in
-    ``exp(u/alpha)``) the law is the tangent, which is added as a term.
+    where there is one (:mod:`dashred.inference.results.parameter_change`); of the others (``alpha``
+    in ``exp(u/alpha)``) the law is the tangent, which is added as a term.
     """
     changed: dict[str, float] = {}
     terms: list[tuple[Term, float]] = []

@@ -17,7 +17,8 @@ class Axis:
     """One spatial axis: points at ``j·length/points`` from 0 on.
 
     A periodic axis is a ring itself. One with ends is half of a ring, of which the other half is
-    its mirror image (:mod:`dashred.physics.expressions.reflection`): point ``2·points - j`` that of point j.
+    its mirror image (:mod:`dashred.physics.expressions.reflection`): point ``2·points - j`` that of
+    point j.
 
     Attributes:
         name: its coordinate.

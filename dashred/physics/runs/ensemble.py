@@ -22,7 +22,10 @@ TELLING_ROUNDS, TELLING_SHARE = 3, 0.1
 
 
 class Starts(Protocol):
-    """Where members start, at random; :class:`dashred.physics.runs.initial_state_prior.StartPrior` is one."""
+    """Where members start, at random.
+
+    :class:`dashred.physics.runs.initial_state_prior.StartPrior` is one.
+    """
 
     def draw(self, count: int, rng: np.random.Generator) -> Tensor:
         """Return ``count`` random starts, ``(count, field, *grid)``."""

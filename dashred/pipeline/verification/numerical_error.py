@@ -1,8 +1,9 @@
 """Is the simulator resolved where the recording begins, too?
 
 Before anything is fitted, the resolution is checked from the simulator's own start
-(:mod:`dashred.physics.runs.resolution`). A recording may begin far from that, where the same step is too
-long: what the simulator gets wrong there could pass for physics that acts at large values alone.
+(:mod:`dashred.physics.runs.resolution`). A recording may begin far from that, where the same step
+is too long: what the simulator gets wrong there could pass for physics that acts at large values
+alone.
 """
 
 from __future__ import annotations

@@ -224,8 +224,8 @@ def test_an_empty_word_beside_resume_is_refused(word) -> None:
 def test_home_and_relative_folders_are_those_of_any_other_command(tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     monkeypatch.chdir(tmp_path)
-    assert named_folder({"output": "~/found"}) == str(tmp_path / "home" / "found")
-    assert named_folder({"output": "found"}) == str(tmp_path / "found")
+    assert named_folder("~/found") == str(tmp_path / "home" / "found")
+    assert named_folder("found") == str(tmp_path / "found")
 
 
 class Runs:

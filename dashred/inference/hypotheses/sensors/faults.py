@@ -165,7 +165,7 @@ def _sought(
     """Return how far from its stated place a sensor would read about what it has read, ``(axis,)``.
 
     Args:
-        shooting: of which sensor.
+        forward_model: of which sensor.
         trace: what it has read, ``(time, column)``; NaN is missing.
         sigma: its noise.
         states: ``(time, field, *grid)``.
