@@ -7,7 +7,7 @@ from pathlib import Path
 
 from dashred.core.errors import InputError
 
-PACKAGE = Path(str(files("dashred")))
+PACKAGE = Path(str(files("dashred"))).resolve()
 # The build puts conf/ into the package; in a checkout it stands beside it.
 INSTALLED = (PACKAGE / "conf").is_dir()
 CONF = PACKAGE / "conf" if INSTALLED else PACKAGE.parent / "conf"

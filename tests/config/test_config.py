@@ -143,6 +143,9 @@ def test_paths_count_from_the_place_that_wrote_them(write: Any, tmp_path: Path) 
     assert config.recording.path == str(tmp_path / "sub" / "my.csv")
     assert config.output == str(tmp_path / "out")
     assert config.tracking.root == str(CONF.parent / "mlruns")
+    monkeypatch.setattr("dashred.config.bundled.INSTALLED", True)
+    config = load_config(["conf=sub/own.yaml", "output=out"], entry="train")
+    assert config.tracking.root == str(tmp_path / "mlruns")
 
 
 def test_sensors_read_every_field_unless_said_otherwise(write: Any) -> None:

@@ -51,6 +51,8 @@ def git_commit() -> str:
 
     An installed package, or a copy that lies in another repository, has no commit.
     """
+    if INSTALLED:
+        return "unknown"
     root = PACKAGE.parent
     commands = (
         ["git", "rev-parse", "--show-toplevel", "HEAD"],
@@ -67,9 +69,7 @@ def git_commit() -> str:
     except (OSError, subprocess.SubprocessError):
         return "unknown"
     place, commit = answer.rsplit("\n", 1)
-    if INSTALLED or Path(place) != root:
-        return "unknown"
-    return commit + ("+" if changes else "")
+    return commit + ("+" if changes else "") if Path(place) == root else "unknown"
 
 
 def finish(

@@ -214,10 +214,18 @@ def test_a_stored_word_that_only_the_user_says_is_refused(word, tmp_path) -> Non
     assert words_of(tmp_path) is None
 
 
-@pytest.mark.parametrize("word", ["output=", "output", "tracking.root=", "trust="])
-def test_an_empty_word_beside_resume_is_refused(word) -> None:
+@pytest.mark.parametrize(
+    ("word", "says"),
+    [
+        *(("output=", "is empty"), ("tracking.root=", "is empty"), ("trust=", "is empty")),
+        ("output", "expected key=value"),
+        ("seed=1", "resume= does not go with seed="),
+        ("resume=4567", "given twice"),
+    ],
+)
+def test_a_wrong_word_beside_resume_is_refused(word, says) -> None:
     """An empty `output=` would be the folder one is in."""
-    with pytest.raises(InputError, match="is empty"):
+    with pytest.raises(InputError, match=says):
         read_words(["resume=0123", word])
 
 
