@@ -43,7 +43,6 @@ def test_every_command_says_how_it_is_used(name: str, capsys: pytest.CaptureFixt
         ("trian", "did you mean train?"),
         ("conf=rde", "dashred train conf=rde"),
         ("--seed", "one of: init, check, train"),
-        ("evaluation.bench", "did you mean"),
     ],
 )
 def test_an_unknown_command_is_refused_with_the_nearest(word: str, hint: str) -> None:

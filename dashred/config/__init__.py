@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from dashred.config.bundled import BASE, bundled, results_root
+from dashred.config.bundled_systems import BASE, bundled, results_root
 from dashred.config.checks.checks import check
 from dashred.config.checks.expressions import check_expressions
 from dashred.config.checks.system_units import settle_units

@@ -6,7 +6,7 @@ import difflib
 from pathlib import Path
 from typing import Any
 
-from dashred.config.bundled import BASE, CONF, bundled
+from dashred.config.bundled_systems import BASE, CONF, bundled
 from dashred.config.schema.types import kind_at, optional, required
 from dashred.config.source import Source, plain, read_text
 from dashred.core.arguments import PLACE, pairs

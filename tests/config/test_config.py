@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dashred.config import Config, Settings, config_sha256, frozen_input, load_config, usage
-from dashred.config.bundled import BASE, CONF, bundled
+from dashred.config.bundled_systems import BASE, CONF, bundled
 from dashred.core.errors import InputError
 
 SYSTEM = """\
@@ -135,7 +135,9 @@ def test_both_recordings_in_one_layer_are_refused(write: Any) -> None:
     assert error.where == "wave.yaml:15"
 
 
-def test_paths_count_from_the_place_that_wrote_them(write: Any, tmp_path: Path) -> None:
+def test_paths_count_from_the_place_that_wrote_them(
+    write: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "sub").mkdir()
     text = swapped("twin: a", "path: my.csv")
     (tmp_path / "sub" / "own.yaml").write_text(text)
@@ -143,7 +145,7 @@ def test_paths_count_from_the_place_that_wrote_them(write: Any, tmp_path: Path) 
     assert config.recording.path == str(tmp_path / "sub" / "my.csv")
     assert config.output == str(tmp_path / "out")
     assert config.tracking.root == str(CONF.parent / "mlruns")
-    monkeypatch.setattr("dashred.config.bundled.INSTALLED", True)
+    monkeypatch.setattr("dashred.config.bundled_systems.INSTALLED", True)
     config = load_config(["conf=sub/own.yaml", "output=out"], entry="train")
     assert config.tracking.root == str(tmp_path / "mlruns")
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dashred.config.bundled import BASE
+from dashred.config.bundled_systems import BASE
 from dashred.config.reference import keys, page, unit
 from dashred.config.reference_command import main
 from dashred.config.schema.types import kind_at

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from dashred.config import Settings, bundled
-from dashred.config.bundled import results_root
+from dashred.config.bundled_systems import results_root
 from dashred.core.argument_types import list_of, ranges, read_absolute, read_number, whole
 from dashred.core.arguments import HELP, PLACE, Command, word
 from dashred.core.errors import InputError

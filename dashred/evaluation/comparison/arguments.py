@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from dashred.config.bundled import results_root
+from dashred.config.bundled_systems import results_root
 from dashred.core.argument_types import read_absolute
 from dashred.core.arguments import Command, word
 from dashred.evaluation.benchmark import arguments as bench

@@ -7,7 +7,7 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
-from dashred.config.bundled import check_checkout, results_root
+from dashred.config.bundled_systems import check_checkout, results_root
 from dashred.core.argument_types import read_absolute, whole
 from dashred.core.arguments import PLACE, Command, pairs, word
 from dashred.core.errors import InputError

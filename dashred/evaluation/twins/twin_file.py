@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dashred.config import Config, read_file
-from dashred.config.bundled import CONF, check_checkout
+from dashred.config.bundled_systems import CONF, check_checkout
 from dashred.core.errors import InputError
 from dashred.physics.expressions.parser import number
 

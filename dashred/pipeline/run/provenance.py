@@ -13,7 +13,7 @@ import torch
 from threadpoolctl import threadpool_limits
 
 from dashred.config import Config
-from dashred.config.bundled import INSTALLED, PACKAGE
+from dashred.config.bundled_systems import INSTALLED, PACKAGE
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.findings import sha256_of, write_json_atomic
 from dashred.core.findings.schema import Findings

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from dashred.config.bundled import BASE, results_root
+from dashred.config.bundled_systems import BASE, results_root
 from dashred.config.layers import absolute, store_root
 from dashred.config.source import read_file
 from dashred.core.arguments import PLACE, Command, declared, pairs, word

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from dashred.config import Config, config_sha256, read_file
-from dashred.config.bundled import PACKAGE
+from dashred.config.bundled_systems import PACKAGE
 from dashred.config.frozen import ELSEWHERE, RECORDING_A_TWIN
 from dashred.config.layers import PATHS
 from dashred.config.schema.settings import Settings

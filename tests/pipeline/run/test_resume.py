@@ -157,7 +157,7 @@ def test_nothing_of_a_twin_lies_where_the_analysis_or_the_store_shows_it(
     [
         (("resume=0123",), "there is no run '0123'"),
         (("resume=",), "resume= is empty"),
-        (("resume=0123", "seed=1"), "resume= does not go with 'seed=1'"),
+        (("resume=0123", "seed=1"), "resume= does not go with seed="),
     ],
 )
 def test_what_cannot_be_gone_on_with_is_refused(twin_run, capsys, monkeypatch, words, says) -> None:
