@@ -1,33 +1,70 @@
-"""What there is to run: ``python -m dashred``."""
+"""All commands: ``dashred COMMAND key=value ...``, or ``python -m dashred COMMAND ...``."""
 
 from __future__ import annotations
 
 import sys
+from importlib import import_module
+from typing import NamedTuple
 
-from dashred.core.errors import DONE, WRONG_INPUT
-
-COMMANDS = """\
-usage: python -m dashred.COMMAND [key=value ...]; each has --help
-
-for a recording of your own
-  init       write a first configuration for a CSV
-  check      say within seconds what is wrong or doubtful before a run
-  train      find what a simulation leaves out; resume=RUN_ID goes on with a run
-  fetch      fetch the recording of a real pendulum
-  reference  print every configuration key, with its meaning and default
-
-for the evidence
-  bench      twin experiments by system, twin, noise, sensors and seed
-  compare    the same, beside other methods
-  prove      concealed cases, whose truth is on no disk while they are analysed
-"""
+from dashred.core.errors import DONE, WRONG_INPUT, InputError, nearest, run_entry
 
 
-def main() -> int:
-    """Print the commands."""
-    print(COMMANDS, end="")
-    return DONE if {"--help", "-h"} & set(sys.argv) else WRONG_INPUT
+class Entry(NamedTuple):
+    """One command: the module whose ``main`` takes its words, and what it does."""
+
+    module: str
+    help: str
+
+
+ANALYSIS = {
+    "init": Entry("dashred.pipeline.init.command", "write a first configuration for a recording"),
+    "check": Entry("dashred.pipeline.check.command", "find mistakes before a run, within seconds"),
+    "train": Entry("dashred.train", "find what a simulation leaves out; resume=RUN_ID resumes"),
+    "fetch": Entry("dashred.data.io.fetch", "fetch the recording of a real pendulum"),
+    "reference": Entry("dashred.config.reference_command", "print every configuration key"),
+}
+EVIDENCE = {
+    "bench": Entry("dashred.evaluation.bench", "run many twin experiments and tabulate them"),
+    "compare": Entry("dashred.evaluation.compare", "run a bench, and other methods beside it"),
+    "prove": Entry("dashred.evaluation.prove", "analyse drawn cases whose truth is concealed"),
+    "publish": Entry("dashred.evaluation.publish", "publish cases without their truths"),
+    "record": Entry("dashred.evaluation.twins.record_command", "record a twin with a hidden truth"),
+    "score": Entry("dashred.evaluation.twins.score_command", "score findings against the truth"),
+}
+COMMANDS = ANALYSIS | EVIDENCE
+
+
+def usage() -> str:
+    """Return what ``dashred --help`` prints."""
+    groups = {"Analyse a recording": ANALYSIS, "Evaluate the method, in a checkout": EVIDENCE}
+    lines = ["usage: dashred COMMAND [key=value ...]", "       dashred COMMAND --help"]
+    lines.append("       dashred --version")
+    for title, group in groups.items():
+        lines += ["", f"{title}:", *(f"  {name:<10} {one.help}" for name, one in group.items())]
+    return "\n".join(lines) + "\n"
+
+
+def main(argv: list[str]) -> int:
+    """Run the command that the first word names, on the other words."""
+    if not argv or argv[0] in ("--help", "-h"):
+        print(usage(), end="")
+        return DONE if argv else WRONG_INPUT
+    name, *words = argv
+    if name == "--version":
+        from importlib.metadata import version
+
+        print(version("dashred"))
+        return DONE
+    if name not in COMMANDS:
+        hint = f"dashred train {name}" if "=" in name else nearest(name, COMMANDS)
+        raise InputError(f"there is no command {name!r}", where="command line", hint=hint)
+    return int(import_module(COMMANDS[name].module).main(words))
+
+
+def run() -> int:
+    """Run the command line of this process; return its exit code."""
+    return run_entry(main)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run())

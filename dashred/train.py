@@ -1,9 +1,10 @@
-"""Find what physics a simulation leaves out: ``python -m dashred.train conf=rde``.
+"""Find what physics a simulation leaves out: ``dashred train conf=rde``.
 
 The command analyses a recording (``recording.path=FILE``), runs a twin experiment
-(``recording.twin=NAME``) or resumes a run (``resume=RUN_ID``). A twin experiment consists of three
-processes: a recorder that knows the hidden truth, an analysis that gets only the recording, and a
-scorer that reads the truth after the findings are frozen.
+(``recording.twin=NAME``) or resumes a run (``resume=RUN_ID``). ``python -m dashred.train`` is the
+same command. A twin experiment is three processes: a recorder that knows the hidden truth, an
+analysis that gets the recording alone, and a scorer that reads the truth when the findings are
+frozen.
 """
 
 from __future__ import annotations

@@ -9,12 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from dashred.config.bundled_systems import BASE, bundled, results_root
 from dashred.config.checks.checks import check
 from dashred.config.checks.expressions import check_expressions
 from dashred.config.checks.system_units import collect_units
 from dashred.config.commandline import (
-    BASE,
-    bundled,
     check_overrides,
     check_places,
     find_system,
@@ -95,7 +94,8 @@ def load_config(argv: list[str], *, entry: str) -> Config:
     words, trusted = split_trust(argv)
     word, overrides = split_words(words, entry=entry)
     path, label = find_system(word)
-    defaults, system = _file(BASE, "conf/base.yaml"), _file(path, label)
+    defaults = prepare(read_file(BASE, label="conf/base.yaml"), folder=results_root())
+    system = prepare(read_file(path, label=label), folder=path.resolve().parent)
     check_places(system)
     overrides = prepare(overrides, folder=Path.cwd())
     check_overrides(overrides, system)
@@ -109,7 +109,3 @@ def load_config(argv: list[str], *, entry: str) -> Config:
     check(settings, where)
     check_expressions(settings, where)
     return Config(**vars(settings), name=path.stem, source=path.resolve(), lines=lines)
-
-
-def _file(path: Path, label: str) -> Source:
-    return prepare(read_file(path, label=label), folder=path.resolve().parent)

@@ -6,20 +6,19 @@ import difflib
 from pathlib import Path
 from typing import Any
 
+from dashred.config.bundled_systems import BASE, CONF, bundled
 from dashred.config.schema.types import kind_at, optional, required
 from dashred.config.source import Source, check_text, read_text
+from dashred.core.arguments import PLACE, pairs
 from dashred.core.errors import InputError, nearest
 from dashred.core.files.user_path import user_path
 
-CONF = Path(__file__).resolve().parents[2] / "conf"
-BASE = CONF / "base.yaml"
-PLACE = "command line"
 # A stranger's file that held them would choose what is written over on this disk, and to whom the
 # results and MLflow's password are sent.
 OF_THE_USER_ALONE = ("output", "tracking.root", "tracking.run", "tracking.parent")
 
 USAGE = """\
-usage: python -m dashred.{entry} conf=SYSTEM [key=value ...]
+usage: dashred {entry} conf=SYSTEM [key=value ...]
 
   conf=SYSTEM   a bundled system ({bundled}), or the path of a YAML file
   key=value     overrides one value: seed=1 recording.noise=0.01 shred.lags=30
@@ -28,21 +27,18 @@ usage: python -m dashred.{entry} conf=SYSTEM [key=value ...]
 A twin experiment, whose truth is hidden:  recording.twin=NAME
 Your own recording:                        recording.path=FILE [recording.sensors=TABLE.csv]
 Run the code of a system's Python class:   trust=MODULE.CLASS
-Go on with a run that was cut short:       python -m dashred.train resume=RUN_ID
-Every key with its meaning, a system's own among them: python -m dashred.reference. The defaults:
+Resume a run that was interrupted:         dashred train resume=RUN_ID
+Every key with its meaning:                dashred reference
+
+The defaults:
 
 {defaults}"""
 
 
 def usage(entry: str) -> str:
-    """What ``python -m dashred.ENTRY --help`` prints: the words it takes, and every default."""
+    """What ``dashred ENTRY --help`` prints: the words it takes, and every default."""
     defaults = BASE.read_text(encoding="utf-8")
     return USAGE.format(entry=entry, bundled=", ".join(bundled()), defaults=defaults)
-
-
-def bundled() -> list[str]:
-    """Names of the systems that come with dashred."""
-    return sorted(path.stem for path in CONF.glob("*.yaml") if path != BASE)
 
 
 def find_system(word: str) -> tuple[Path, str]:
@@ -59,7 +55,7 @@ def find_system(word: str) -> tuple[Path, str]:
         hint = _systems(word)
         if path.suffix == ".csv" and path.is_file():
             what = f"{word} is a recording, no configuration"
-            hint = f"python -m dashred.pipeline.init.command path={word} writes a first one for it"
+            hint = f"dashred init path={word} writes a first one for it"
         raise InputError(what, where=PLACE, hint=hint)
     if not path.is_file():
         raise InputError("there is no such file", where=word, hint=_systems(path.stem))
@@ -79,11 +75,7 @@ def split_words(words: list[str], *, entry: str) -> tuple[str, Source]:
     chosen: list[str] = []
     values: dict[str, Any] = {}
     lines = {"": PLACE}
-    for word in words:
-        key, sign, text = word.partition("=")
-        if not sign or not key or key.startswith("-"):
-            hint = f"write {word.lstrip('-')}" if sign and key.strip("-") else "see --help"
-            raise InputError(f"expected key=value, got {word!r}", where=PLACE, hint=hint)
+    for key, text in pairs(words):
         if key == "conf":
             chosen.append(text)
             continue

@@ -10,7 +10,7 @@ from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from itertools import pairwise
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
-from dashred.config.commandline import BASE
+from dashred.config.bundled_systems import BASE
 from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import optional, required
 from dashred.config.source import read_file

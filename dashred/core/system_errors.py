@@ -18,7 +18,7 @@ WRITE_PERMISSION = "grant write permission there, or write elsewhere: output=DIR
 READ_PERMISSION = "grant read permission"
 MEMORY = "close other programs, or reduce the axes' points, simulation.members or threads"
 LOCKED = "end the process that uses the MLflow store, or choose another: tracking.root=DIR"
-INSTALL = "`make setup` installs what is needed; run it as .venv/bin/python -m dashred.train"
+INSTALL = "`make setup` installs what is needed in a checkout; elsewhere: pip install dashred"
 HINTS = {
     errno.ENOSPC: FREE_SPACE,
     errno.EDQUOT: FREE_SPACE,

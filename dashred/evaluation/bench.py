@@ -1,14 +1,10 @@
-"""Run many twin experiments and tell how they went: ``python -m dashred.evaluation.bench systems=rde``.
+"""Run many twin experiments and tabulate them: ``dashred bench systems=rde``.
 
 Each row is one experiment: a system, a twin, a seed, a noise. Rows that are done are not run
 again, so that a bench which was cut short goes on where it stopped.
 """
 
 from __future__ import annotations
-
-import sys
-
-from dashred.core.errors import run_entry
 
 
 def main(argv: list[str]) -> int:
@@ -23,7 +19,3 @@ def main(argv: list[str]) -> int:
     from dashred.evaluation.benchmark.run import run_bench
 
     return run_bench(request, rows)
-
-
-if __name__ == "__main__":
-    sys.exit(run_entry(main))

@@ -1,4 +1,4 @@
-"""Prove it on cases whose truth is concealed: ``python -m dashred.evaluation.prove cases=120 nulls=100``.
+"""Prove it on cases whose truth is concealed: ``dashred prove cases=120 nulls=100``.
 
 Each case is drawn and recorded, analysed by a process that has no way to the truth, frozen,
 opened and scored; the last step writes all of it down.
@@ -6,9 +6,7 @@ opened and scored; the last step writes all of it down.
 
 from __future__ import annotations
 
-import sys
-
-from dashred.core.errors import DONE, OUR_FAILURE, run_entry
+from dashred.core.errors import DONE, OUR_FAILURE
 
 
 def main(argv: list[str]) -> int:
@@ -25,7 +23,3 @@ def main(argv: list[str]) -> int:
     kept = run_proof(request) if request.scored_by is None else rescore(request)
     conclude(request, kept)
     return OUR_FAILURE if any(one.record["problem"] for one in kept) else DONE
-
-
-if __name__ == "__main__":
-    sys.exit(run_entry(main))

@@ -1,4 +1,4 @@
-"""Publish cases without their truths: ``python -m dashred.evaluation.publish draw=SECRET output=conf/proof``.
+"""Publish cases without their truths: ``dashred publish draw=SECRET output=DIR truths=FILE``.
 
 ``truths=FILE`` takes what was hidden, with a salt; the repository gets its hashes alone.
 ``check=FILE`` says which claimed truths, in the form of that file, are the right ones.
@@ -6,38 +6,47 @@
 
 from __future__ import annotations
 
-import sys
+from dataclasses import dataclass
 from pathlib import Path
 
-from dashred.core.errors import DONE, InputError, run_entry
+from dashred.core.argument_types import read_path, whole
+from dashred.core.arguments import PLACE, Command, word
+from dashred.core.errors import DONE, InputError
 
-KEYS = ("draw", "cases", "output", "truths", "check")
+
+@dataclass(frozen=True, kw_only=True)
+class Words:
+    """The words of the command."""
+
+    output: Path = word(read_path, "DIR", "folder of the published cases, such as conf/proof")
+    draw: str | None = word(str, "SECRET", "what the draw is seeded by", default=None)
+    truths: Path | None = word(read_path, "FILE", "where the truths are kept", default=None)
+    cases: int = word(whole(at_most=100_000), "8", "how many", default="8")
+    check: Path | None = word(
+        read_path, "FILE", "claimed truths, instead of draw= and truths=", default=None
+    )
+
+
+COMMAND = Command(
+    "dashred publish",
+    Words,
+    "Publishes drawn cases: recordings, configurations, and hashes of what they conceal.",
+)
 
 
 def main(argv: list[str]) -> int:
     """Publish, or check what was claimed."""
-    words = dict(word.partition("=")[::2] for word in argv)
-    publishing = {"draw", "output", "truths"} <= words.keys()
-    if not words.keys() <= set(KEYS) or not (publishing or {"output", "check"} <= words.keys()):
-        raise InputError(
-            "draw=SECRET, output=DIR and truths=FILE are needed, or output=DIR and check=FILE",
-            where="command line",
-            hint=f"known words: {', '.join(KEYS)}",
-        )
-    cases = words.get("cases", "8")
-    if not cases.isdecimal():
-        raise InputError(f"cases must be a whole number, not {cases!r}", where="command line")
+    words = COMMAND.read(argv)
+    if words.check is not None:
+        from dashred.evaluation.proof.cases.public import check
 
-    from dashred.evaluation.proof.cases.public import check, choose, publish
-
-    folder = Path(words["output"])
-    if "check" in words:
-        for name, right in check(folder, Path(words["check"])).items():
+        for name, right in check(words.output, words.check).items():
             print(f"{name}: {'the truth' if right else 'not the truth'}")
         return DONE
-    publish(choose(words["draw"], int(cases)), folder, Path(words["truths"]))
+    if words.draw is None or words.truths is None:
+        what = "draw=SECRET and truths=FILE are needed, or check=FILE"
+        raise InputError(what, where=PLACE, hint="see dashred publish --help")
+    from dashred.evaluation.proof.cases.public import choose, publish
+
+    publish(choose(words.draw, words.cases), words.output, words.truths)
     return DONE
-
-
-if __name__ == "__main__":
-    sys.exit(run_entry(main))

@@ -1,13 +1,12 @@
-"""The analysis of one recording: ``python -m dashred.pipeline.analyse conf=SYSTEM ...``."""
+"""The analysis of one recording, from the words ``conf=SYSTEM ...`` or from a configuration."""
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 from dashred.config import Config, load_config
 from dashred.config.checks.placeholders import refuse_unfinished_lines
-from dashred.core.errors import DONE, InputError, run_entry
+from dashred.core.errors import DONE, InputError
 from dashred.core.mlflow.server import check_server
 
 
@@ -40,7 +39,3 @@ def analyse(config: Config) -> Path:
     from dashred.pipeline.equations import analyse_equations
 
     return analyse_equations(config)
-
-
-if __name__ == "__main__":
-    sys.exit(run_entry(main))

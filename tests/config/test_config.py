@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dashred.config import Config, Settings, config_sha256, frozen_input, load_config, usage
-from dashred.config.commandline import BASE, CONF, bundled
+from dashred.config.bundled_systems import BASE, CONF, bundled
 from dashred.core.errors import InputError
 
 SYSTEM = """\
@@ -135,7 +135,9 @@ def test_both_recordings_in_one_layer_are_refused(write: Any) -> None:
     assert error.where == "wave.yaml:15"
 
 
-def test_paths_count_from_the_place_that_wrote_them(write: Any, tmp_path: Path) -> None:
+def test_paths_count_from_the_place_that_wrote_them(
+    write: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "sub").mkdir()
     text = swapped("twin: a", "path: my.csv")
     (tmp_path / "sub" / "own.yaml").write_text(text)
@@ -143,6 +145,9 @@ def test_paths_count_from_the_place_that_wrote_them(write: Any, tmp_path: Path) 
     assert config.recording.path == str(tmp_path / "sub" / "my.csv")
     assert config.output == str(tmp_path / "out")
     assert config.tracking.root == str(CONF.parent / "mlruns")
+    monkeypatch.setattr("dashred.config.bundled_systems.INSTALLED", True)
+    config = load_config(["conf=sub/own.yaml", "output=out"], entry="train")
+    assert config.tracking.root == str(tmp_path / "mlruns")
 
 
 def test_sensors_read_every_field_unless_said_otherwise(write: Any) -> None:
@@ -410,10 +415,7 @@ def test_a_recording_is_no_system_and_init_makes_one(
     Path("swing.csv").touch()
     with pytest.raises(InputError, match=r"swing\.csv is a recording, no configuration") as caught:
         load_config(["conf=swing.csv"], entry="train")
-    assert (
-        caught.value.hint
-        == "python -m dashred.pipeline.init.command path=swing.csv writes a first one for it"
-    )
+    assert caught.value.hint == "dashred init path=swing.csv writes a first one for it"
 
 
 def test_an_unknown_system_gets_the_nearest_and_the_list() -> None:
@@ -491,7 +493,7 @@ def test_help_shows_every_default(capsys: pytest.CaptureFixture[str]) -> None:
         load_config(["conf=rde", "--help"], entry="train")
     assert caught.value.code == 0
     assert capsys.readouterr().out == usage("train") + "\n"
-    assert "python -m dashred.train" in usage("train")
+    assert "dashred train" in usage("train")
     assert BASE.read_text() in usage("train")
 
 

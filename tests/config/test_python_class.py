@@ -93,7 +93,7 @@ def test_no_line_of_a_class_runs_without_trust(folder: Path) -> None:
 def test_a_command_finds_it_in_the_folder_that_the_user_is_in(folder: Path) -> None:
     words = ["conf=mine.yaml", "recording.path=none.csv", f"trust={NAME}"]
     subprocess.run(
-        [sys.executable, "-m", "dashred.pipeline.check.command", *words],
+        [sys.executable, "-m", "dashred", "check", *words],
         cwd=folder,
         env=os.environ | {"PYTHONPATH": str(CHECKOUT)},
         capture_output=True,

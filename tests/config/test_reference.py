@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from dashred.config.commandline import BASE
+from dashred.config.bundled_systems import BASE
 from dashred.config.reference import keys, page, unit
+from dashred.config.reference_command import main
 from dashred.config.schema.types import kind_at
 from dashred.config.source import read_file
 from dashred.core.errors import InputError
-from dashred.reference import main
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 KEYS = {key.name: key for key in keys()}
@@ -19,7 +19,7 @@ KEYS = {key.name: key for key in keys()}
 
 def test_the_committed_page_is_the_one_that_is_made() -> None:
     committed = (DOCS / "config.md").read_text(encoding="utf-8")
-    assert committed == page(), "run: python -m dashred.reference path=docs/config.md"
+    assert committed == page(), "run: dashred reference path=docs/config.md"
 
 
 def test_every_default_is_on_the_page() -> None:

@@ -84,7 +84,7 @@ def test_a_bug_is_not_described_as_a_system_error(error) -> None:
 @pytest.mark.parametrize("entry", ["train", "record", "bench"])
 def test_missing_packages_are_reported_with_a_hint(entry) -> None:
     """``-S`` leaves the installed packages out."""
-    command = [sys.executable, "-S", "-m", f"dashred.{entry}", "conf=rde"]
+    command = [sys.executable, "-S", "-m", "dashred", entry, "conf=rde"]
     ended = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True)
     assert ended.returncode == 1
     assert ended.stderr.startswith("error: the package omegaconf cannot be imported")

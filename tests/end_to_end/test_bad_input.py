@@ -280,7 +280,7 @@ def command(*words: str) -> tuple[subprocess.CompletedProcess[str], float]:
 @pytest.mark.parametrize(
     ("words", "code", "says"),
     [
-        (["--help"], 0, "usage: python -m dashred.train conf=SYSTEM"),
+        (["--help"], 0, "usage: dashred train conf=SYSTEM"),
         (["resume=abc", "--help"], 0, "resume=RUN_ID"),
         (["conf=rde", "shred.lag=3"], 2, "shred.lags"),
         (["conf=rdee"], 2, "conf=rde"),

@@ -92,8 +92,8 @@ def test_tangents_are_the_derivative_of_driven_runs(wave: System) -> None:
     sampled_forcing = forcing_basis.sampled_forcing(amplitudes)
     states, tangents = zip(
         *tangent_linear(
-            wave, start[0], start.new_zeros((0, 2, 32)), TIMES, None, [terms], sampled_forcing=sampled_forcing,
-            forcing_basis=forcing_basis,
+            wave, start[0], start.new_zeros((0, 2, 32)), TIMES, None, [terms],
+            sampled_forcing=sampled_forcing, forcing_basis=forcing_basis,
         ),
         strict=True,
     )  # fmt: skip

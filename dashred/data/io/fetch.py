@@ -1,56 +1,62 @@
-"""Download the real pendulum's recording: ``python -m dashred.data.io.fetch path=pendulum.csv``.
+"""Fetch the recording of a real pendulum: ``dashred fetch path=pendulum.csv``.
 
-The recording comes from its authors' public repository and is verified against a known hash. An
-existing file is never overwritten, and an incomplete download is never kept.
+It comes from its authors' public repository and is compared with a known hash. A file that is
+already there is left as it is, and nothing half-fetched is ever kept.
 """
 
 from __future__ import annotations
 
-import sys
+from dataclasses import dataclass
 from pathlib import Path
 
-from dashred.core.arguments import read_path_words
-from dashred.core.errors import DONE, InputError, run_entry
+from dashred.core.argument_types import read_path
+from dashred.core.arguments import Command, word
+from dashred.core.errors import DONE, InputError
 from dashred.core.files.atomic import write_text_atomic
-from dashred.core.files.user_path import user_path
 from dashred.core.findings.findings import sha256_of
 from dashred.data.io.published_recording import PENDULUM, fetch_csv
 
-EXAMPLE = "python -m dashred.data.io.fetch path=pendulum.csv"
-KEYS = ("path", "source")
-USAGE = f"""\
-usage: python -m dashred.data.io.fetch path=FILE.csv [source=URL|FILE]
 
-Downloads the recording of a real pendulum that the tutorial (docs/tutorial.md) analyses:
-{PENDULUM.contents}.
+@dataclass(frozen=True, kw_only=True)
+class Words:
+    """The words of the command."""
 
-  path=FILE.csv   output file; an existing file is verified and not overwritten
-  source=URL      another URL, or a file that you have downloaded; default:
-                  {PENDULUM.repository} at commit {PENDULUM.commit[:7]},
-                  {PENDULUM.file}
+    path: Path = word(
+        read_path,
+        "FILE.csv",
+        "where to put it; a file that is there already is checked, and left as it is",
+    )
+    source: str = word(
+        str,
+        "URL|FILE",
+        "another place to fetch it from, or a file that you have downloaded",
+        default=PENDULUM.url,
+    )
 
-Source:  {PENDULUM.citation}
-Licence: {PENDULUM.licence}
-"""
+
+COMMAND = Command(
+    "dashred fetch",
+    Words,
+    f"""\
+Fetches the recording of a real pendulum that the tutorial (docs/tutorial.md) analyses:
+{PENDULUM.contents}.""",
+    after=f"Source:  {PENDULUM.citation}\nLicence: {PENDULUM.licence}",
+)
 
 
 def main(argv: list[str]) -> int:
-    """Download the recording unless the file already exists."""
-    if {"--help", "-h"} & set(argv):
-        print(USAGE)
-        return DONE
-    words = read_path_words(argv, KEYS, "the output file is missing", EXAMPLE)
-    path = user_path(words["path"], "path=")
+    """Fetch the recording, unless it is there."""
+    words = COMMAND.read(argv)
+    path = words.path
     if _already_exists(path):
-        print(f"already exists: {path} (sha256 {PENDULUM.sha256[:12]}… verified)")
+        print(f"already there: {path} (sha256 {PENDULUM.sha256[:12]}… as it should be)")
         return DONE
-    source = words.get("source", PENDULUM.url)
-    print(f"downloading {source}", flush=True)
-    _write(path, fetch_csv(PENDULUM, source))
-    print(f"{path}: {PENDULUM.contents}; sha256 {PENDULUM.sha256[:12]}… verified")
+    print(f"fetching {words.source}", flush=True)
+    _write(path, fetch_csv(PENDULUM, words.source))
+    print(f"{path}: {PENDULUM.contents}; sha256 {PENDULUM.sha256[:12]}… as it should be")
     print(f"source:  {PENDULUM.citation}")
     print(f"licence: {PENDULUM.licence}")
-    print(f"next:    python -m dashred.train conf=pendulum recording.path={path}")
+    print(f"next:    dashred train conf=pendulum recording.path={path}")
     return DONE
 
 
@@ -81,7 +87,3 @@ def _write(path: Path, text: str) -> None:
     except OSError as error:
         what, hint = f"cannot be written: {error.strerror}", "give another file with path="
         raise InputError(what, where=str(path), hint=hint) from None
-
-
-if __name__ == "__main__":
-    sys.exit(run_entry(main))

@@ -1,4 +1,4 @@
-"""Run the other methods on one recording: ``python -m dashred.evaluation.baselines.analyse conf=…``.
+"""Run the other methods on one recording, in a process of its own.
 
 Like the analysis it is handed the recording alone. It writes ``baselines.nc``, the fields by
 method, and ``baselines.json``: laws, settings, seconds, failures, and the hash that freezes the

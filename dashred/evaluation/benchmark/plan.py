@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from dashred.config import Config, config_sha256, load_config
+from dashred.core.arguments import PLACE
 from dashred.core.errors import InputError
-from dashred.evaluation.benchmark.arguments import PLACE, Request
+from dashred.evaluation.benchmark.arguments import Request
 from dashred.evaluation.twins.twin_file import basic, entry_of, hides_law, hides_nothing
 
 EXPERIMENT = "bench"

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from dashred.core.arguments import pairs
 from dashred.core.errors import InputError
 from dashred.evaluation.benchmark.arguments import Request
 from dashred.evaluation.benchmark.plan import Row, plan
@@ -52,10 +53,9 @@ def _request(record: dict[str, Any], request: Request) -> Request:
         KeyError: it is no record of a row.
     """
     twin, noise, seed, sensors, extra, words = (record[key] for key in OF_A_ROW)
-    [conf] = [word.partition("=")[2] for word in words if word.startswith("conf=")]
     return replace(
         request,
-        systems=(conf,),
+        systems=(dict(pairs(words))["conf"],),
         twins=(twin,),
         seeds=(seed,),
         noise=(noise,),

@@ -1,6 +1,4 @@
-"""Compare all methods with the hidden truth.
-
-``python -m dashred.evaluation.comparison.method_scores folder=DIR noise=0.01 seed=0``
+"""Score all methods against the hidden truth, in a process of its own.
 
 Everything that read the recording is frozen by here: the findings of the analysis by their own
 freeze, the fields of the other methods by the hash that was kept with them.
@@ -12,9 +10,12 @@ import json
 import math
 import sys
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dashred.core.argument_types import read_number, read_path, whole
+from dashred.core.arguments import Command, word
 from dashred.core.errors import DONE, InputError, run_entry
 from dashred.core.findings.findings import check_freeze, sha256_of, write_json_atomic
 from dashred.evaluation.baselines.analyse import FIELDS, LAWS, METHODS, NOT_FOR_SYSTEM, OF_LAWS
@@ -32,8 +33,6 @@ if TYPE_CHECKING:
     from dashred.evaluation.twins.scoring import Law
     from dashred.evaluation.twins.sealing import Truth
 
-
-KEYS = ("folder", "noise", "seed")
 ESTIMATES = "estimates.nc"
 # Parts of an analysis that answer for its methods' seconds.
 TRAINED = ("simulate the ensemble", "train SHRED")
@@ -49,16 +48,26 @@ STAGES = {
 LOOKING = ("corrected", "pde_find", *OF_LAWS)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Words:
+    """The words of this process."""
+
+    folder: Path = word(read_path, "DIR", "folder of the row")
+    noise: float = word(read_number, "0.05", "of the field that PDE-FIND gets")
+    seed: int = word(whole(), "0", "of that noise")
+
+
+COMMAND = Command(
+    "python -m dashred.evaluation.comparison.method_scores", Words, "Scores the methods of a row."
+)
+
+
 def main(argv: list[str]) -> int:
     """Write ``compared.json`` and a figure of every method's error beside the findings."""
-    words = dict(word.partition("=")[::2] for word in argv)
-    if words.keys() != set(KEYS):
-        hint = " ".join(f"{key}=…" for key in KEYS)
-        raise InputError("what to score is missing", where="command line", hint=hint)
-    folder = Path(words["folder"])
-    check_freeze(folder)
-    comparison = compare(folder, float(words["noise"]), int(words["seed"]))
-    write_json_atomic(folder / COMPARED, comparison)
+    words = COMMAND.read(argv)
+    check_freeze(words.folder)
+    comparison = compare(words.folder, words.noise, words.seed)
+    write_json_atomic(words.folder / COMPARED, comparison)
     return DONE
 
 

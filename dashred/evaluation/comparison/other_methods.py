@@ -1,7 +1,5 @@
 """The other methods on a twin's recording, then the seal.
 
-``python -m dashred.evaluation.comparison.other_methods folder=DIR noise=0.01 conf=heat …``: one row.
-
 Two processes: the first is handed the recording in a folder of its own, where no seal lies, the
 second opens the seal when the first has written what it found.
 """
@@ -12,12 +10,31 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 
+from dashred.core.argument_types import read_number, read_path
+from dashred.core.arguments import Command, declared, word
 from dashred.core.errors import DONE, run_entry
 from dashred.evaluation.baselines.analyse import FIELDS, LAWS
 from dashred.evaluation.comparison.method_scores import ESTIMATES
 from dashred.evaluation.twins.twin_experiment import words_of_analysis
+
+
+@dataclass(frozen=True, kw_only=True)
+class Words:
+    """The words of this process; all others are those of the row's analysis."""
+
+    folder: Path = word(read_path, "DIR", "folder of the row")
+    noise: float = word(read_number, "0.05", "of the row")
+
+
+COMMAND = Command(
+    "python -m dashred.evaluation.comparison.other_methods",
+    Words,
+    "Runs the other methods on the recording of a row, and scores all of them.",
+    rest="the words of the row's analysis",
+)
 
 
 def main(argv: list[str]) -> int:
@@ -26,17 +43,18 @@ def main(argv: list[str]) -> int:
     Where the other methods fail as a whole, the analysis is scored all the same; where it has no
     field, there is nothing to hold them against, and they are not run.
     """
-    own = dict(word.partition("=")[::2] for word in argv if word.startswith(("folder=", "noise=")))
-    words = [word for word in argv if not word.startswith(("folder=", "noise="))]
-    folder = Path(own["folder"])
-    seed = next((word for word in words if word.startswith("seed=")), "seed=0")
+    own = {one.name for one in declared(Words)}
+    row = COMMAND.read([text for text in argv if text.partition("=")[0] in own])
+    words = [text for text in argv if text.partition("=")[0] not in own]
+    folder = row.folder
+    seed = next((text for text in words if text.startswith("seed=")), "seed=0")
     # What is left of an earlier attempt is not of these findings.
     for name in (FIELDS, LAWS):
         (folder / name).unlink(missing_ok=True)
     code = _analyse(folder, words) if (folder / ESTIMATES).is_file() else DONE
     scored = _run(
         "dashred.evaluation.comparison.method_scores",
-        [f"folder={folder}", f"noise={own['noise']}", seed],
+        [f"folder={folder}", f"noise={row.noise:.12g}", seed],
     )
     return scored or code
 

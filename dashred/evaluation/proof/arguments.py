@@ -4,40 +4,86 @@ from __future__ import annotations
 
 import re
 import subprocess
+from dataclasses import dataclass
 from pathlib import Path
 
-from dashred.core.errors import InputError, nearest
+from dashred.config.bundled_systems import check_checkout, results_root
+from dashred.core.argument_types import read_absolute, whole
+from dashred.core.arguments import PLACE, Command, pairs, word
+from dashred.core.errors import InputError
 from dashred.evaluation.proof.cases.kept_draw import read_draw
 from dashred.evaluation.proof.isolation import CHECKOUT
 from dashred.evaluation.proof.request import Request
 
-PLACE = "command line"
-KNOWN = ("cases", "nulls", "jobs", "output", "draw", "document", "pendulum", "score")
 OF_A_DRAW = ("cases", "nulls", "jobs", "output", "draw")
 MOST = 100_000
 
-USAGE = """\
-usage: python -m dashred.evaluation.prove cases=120 nulls=100 [key=value ...]
-       python -m dashred.evaluation.prove score=DIR [document=FILE] [pendulum=FILE]
 
+@dataclass(frozen=True, kw_only=True)
+class Words:
+    """The words of the command."""
+
+    cases: int = word(
+        whole(at_most=MOST),
+        "120",
+        "how many cases hide something (or, some of them, nothing)",
+        default="12",
+    )
+    nulls: int = word(
+        whole(at_most=MOST),
+        "100",
+        "how many more hide nothing, a third of them with other troubles",
+        default="0",
+    )
+    jobs: int = word(
+        whole(at_least=1, at_most=MOST), "2", "cases at once, each on one core", default="1"
+    )
+    output: Path | None = word(
+        read_absolute,
+        "DIR",
+        f"default: {results_root() / 'proof'}/COMMIT (not tracked by git)",
+        default=None,
+    )
+    document: Path | None = word(
+        read_absolute,
+        "FILE",
+        "writes the result as Markdown, its figures beside it; default: DIR/proof.md",
+        default=None,
+    )
+    pendulum: Path | None = word(
+        read_absolute,
+        "FILE",
+        "the recording of a real pendulum, for the document's appendix",
+        default=None,
+    )
+    score: Path | None = word(
+        read_absolute,
+        "DIR",
+        "scores a finished draw again, with this commit's scorer: its analyses stay as they were "
+        "frozen, and the document names both commits",
+        default=None,
+    )
+    draw: str | None = word(
+        str,
+        "TEXT",
+        "draws other cases, for practice: the document says so. By default the hash of the commit "
+        "under test gives the draw, so that nothing can have been tuned to it",
+        default=None,
+    )
+
+
+COMMAND = Command(
+    "dashred prove",
+    Words,
+    """\
 Draws sealed cases, lets them be analysed by processes that have no way to the truth, freezes the
 findings, opens the seals and scores. Cases that are done are not run again: after an interruption,
-give the same command again.
-
-  cases=120       how many cases hide something (or, some of them, nothing); default: 12
-  nulls=100       how many more hide nothing, a third of them with other troubles; default: 0
-  jobs=2          cases at once, each on one core; default: 1
-  output=DIR      default: {output}/COMMIT (not tracked by git)
-  document=FILE   writes the result as Markdown, its figures beside it; default: DIR/proof.md
-  pendulum=FILE   the recording of a real pendulum, for the document's appendix
-  score=DIR       scores a finished draw again, with this commit's scorer: its analyses stay as they
-                  were frozen, and the document names both commits
-  draw=TEXT       draws other cases, for practice: the document says so. By default the hash of the
-                  commit under test gives the draw, so that nothing can have been tuned to it
-
+give the same command again.""",
+    after="""\
 DIR holds a folder a case, with its recording, its frozen findings, the seal that was opened after
 that, and `case.json`; beside these, `draw.json` says what was drawn.
-"""
+""",
+)
 
 
 def read_words(argv: list[str]) -> Request:
@@ -46,47 +92,37 @@ def read_words(argv: list[str]) -> Request:
     Raises:
         InputError: an unknown word, a value that cannot be read, or a checkout with changes.
     """
-    default = CHECKOUT / "proof"
-    if {"--help", "-h"} & set(argv):
-        print(USAGE.format(output=default), end="")
-        raise SystemExit(0)
-    given: dict[str, str] = {}
-    for word in argv:
-        key, equals, value = word.partition("=")
-        if not equals or key not in KNOWN:
-            raise InputError(f"unknown word {word!r}", where=PLACE, hint=nearest(key, KNOWN))
-        given[key] = value
-    if "score" in given:
-        return _again(given)
-    practice = "draw" in given
-    draw = given["draw"] if practice else commit_under_test()
-    folder = re.sub(r"[^\w.-]", "_", draw)[:12] or "draw"
-    output = Path(given["output"]) if given.get("output") else default / folder
-    document = Path(given["document"]) if given.get("document") else output / "proof.md"
+    words = COMMAND.read(argv)
+    check_checkout("the proof is run")
+    if words.pendulum is not None and not words.pendulum.is_file():
+        raise InputError("there is no such recording", where=str(words.pendulum))
+    if words.score is not None:
+        return _again(words, words.score, argv)
+    draw = words.draw or commit_under_test()
+    folder = re.sub(r"[^\w.-]", "_", draw)[:12]
+    output = words.output or results_root() / "proof" / folder
     return Request(
-        cases=_count("cases", given.get("cases", "12")),
-        nulls=_count("nulls", given.get("nulls", "0")),
-        jobs=max(1, _count("jobs", given.get("jobs", "1"))),
-        output=output.absolute(),
-        document=document.absolute(),
-        pendulum=_recording(given.get("pendulum")),
+        cases=words.cases,
+        nulls=words.nulls,
+        jobs=words.jobs,
+        output=output,
+        document=words.document or output / "proof.md",
+        pendulum=words.pendulum,
         draw=draw,
-        practice=practice,
+        practice=words.draw is not None,
     )
 
 
-def _again(given: dict[str, str]) -> Request:
-    """Read the words that score a kept draw again."""
-    if excess := [key for key in OF_A_DRAW if key in given]:
+def _again(words: Words, output: Path, argv: list[str]) -> Request:
+    """Return what scores a kept draw again."""
+    if excess := [key for key, _ in pairs(argv) if key in OF_A_DRAW]:
         hint = "the draw itself says how it was made"
         raise InputError(f"score= goes without {excess[0]}=", where=PLACE, hint=hint)
-    output = Path(given["score"]).absolute()
-    document = Path(given["document"]) if given.get("document") else output / "proof.md"
     return Request(
         **read_draw(output),
         output=output,
-        document=document.absolute(),
-        pendulum=_recording(given.get("pendulum")),
+        document=words.document or output / "proof.md",
+        pendulum=words.pendulum,
         scored_by=commit_under_test(),
     )
 
@@ -114,18 +150,3 @@ def commit_under_test() -> str:
             hint=hint,
         )
     return commit
-
-
-def _recording(text: str | None) -> Path | None:
-    if text is None:
-        return None
-    path = Path(text)
-    if not path.is_file():
-        raise InputError("there is no such recording", where=text)
-    return path.absolute()
-
-
-def _count(key: str, text: str) -> int:
-    if not re.fullmatch(r"\d{1,6}", text) or int(text) > MOST:
-        raise InputError(f"{key} must be a whole number, not {text!r}", where=PLACE)
-    return int(text)

@@ -1,4 +1,4 @@
-"""Let a hidden truth make a recording: ``python -m dashred.evaluation.twins.record_command conf=rde twin=a output=DIR``.
+"""Let a hidden truth make a recording: ``dashred record conf=rde twin=a output=DIR``.
 
 Writes ``recording.nc`` (sensor values alone) and ``sealed.nc`` (the truth) into DIR. The truth
 runs at doubled resolution and half the step, from a start drawn from the prior; its random
@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dashred.config import Config, load_config
-from dashred.core.errors import InputError, run_entry
+from dashred.core.errors import InputError
 
 if TYPE_CHECKING:
     from dashred.evaluation.twins.twin_file import Twin
@@ -81,7 +80,3 @@ def _key(twin: Twin, seed: int) -> int:
         del plain["concealed"]
     text = json.dumps({"twin": plain, "seed": seed}, sort_keys=True)
     return int.from_bytes(hashlib.sha256(text.encode()).digest())
-
-
-if __name__ == "__main__":
-    sys.exit(run_entry(main))

@@ -1,6 +1,4 @@
-"""Open the seal and score frozen findings.
-
-``python -m dashred.evaluation.twins.score_command findings=DIR sealed=FILE``
+"""Open the seal and score frozen findings: ``dashred score findings=DIR sealed=FILE``.
 
 The only code that can read a hidden truth. It refuses findings that are not frozen, or were
 touched since.
@@ -9,12 +7,14 @@ touched since.
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dashred.core.errors import InputError, run_entry
+from dashred.core.argument_types import read_path
+from dashred.core.arguments import PLACE, Command, word
+from dashred.core.errors import DONE, InputError
 from dashred.core.findings.findings import check_freeze, write_json_atomic
 from dashred.core.findings.methods import DEPRECATED, current_names, with_deprecated
 
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from dashred.core.findings.schema import Score
     from dashred.evaluation.twins.sealing import Truth
 
-KEYS = ("findings", "sealed", "root", "experiment", "run")
 REGIONS = {
     "overlap": "The region found and the true one: intersection over union",
     "onset": "Its onset is off by",
@@ -35,23 +34,45 @@ REGIONS = {
 CLOCK = 1e-9
 
 
+@dataclass(frozen=True, kw_only=True)
+class Words:
+    """The words of the command."""
+
+    findings: Path = word(read_path, "DIR", "folder of the frozen findings")
+    sealed: Path = word(read_path, "FILE", "the truth, sealed.nc")
+    root: str | None = word(str, "DIR", "of the MLflow store, with run=", default=None)
+    experiment: str | None = word(str, "NAME", "of the run, with run=", default=None)
+    run: str | None = word(str, "RUN_ID", "the MLflow run that gets the score", default=None)
+
+
+COMMAND = Command("dashred score", Words, "Compares frozen findings with the hidden truth.")
+
+
 def main(argv: list[str]) -> int:
     """Score one run; with ``root``, ``experiment`` and ``run``, log it to MLflow too."""
-    words = dict(word.partition("=")[::2] for word in argv)
-    if not {"findings", "sealed"} <= words.keys() <= set(KEYS):
-        raise InputError(
-            "findings=DIR and sealed=FILE are needed",
-            where="command line",
-            hint=f"known words: {', '.join(KEYS)}",
-        )
-    output = Path(words["findings"])
+    words = COMMAND.read(argv)
+    output, run = words.findings, _run_of(words)
     check_freeze(output)
-    score, truth, figures = score_findings(output, Path(words["sealed"]))
+    score, truth, figures = score_findings(output, words.sealed)
     write_json_atomic(output / "score.json", score)
     _print(score)
-    if "run" in words:
-        _log(words, score, truth, [output / "score.json", output / "recording.nc", *figures])
-    return 0
+    if run is not None:
+        _log(*run, score, truth, [output / "score.json", output / "recording.nc", *figures])
+    return DONE
+
+
+def _run_of(words: Words) -> tuple[str, str, str] | None:
+    """Return the store, the experiment and the id of the run that gets the score, if there is one.
+
+    Raises:
+        InputError: one of them is missing.
+    """
+    root, experiment, run = words.root, words.experiment, words.run
+    if root is None and experiment is None and run is None:
+        return None
+    if root is None or experiment is None or run is None:
+        raise InputError("root=, experiment= and run= go together", where=PLACE)
+    return root, experiment, run
 
 
 def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth, list[Path]]:
@@ -199,14 +220,12 @@ def metrics(score: Score) -> dict[str, float]:
     return {f"score/{key}": float(v) for key, v in found.items() if v is not None}
 
 
-def _log(words: dict[str, str], score: Score, truth: Truth, files: list[Path]) -> None:
+def _log(
+    root: str, experiment: str, run_id: str, score: Score, truth: Truth, files: list[Path]
+) -> None:
     from dashred.core.mlflow.tracker import Tracker
 
-    with Tracker.open(words["root"], words["experiment"], "", words["run"]) as run:
+    with Tracker.open(root, experiment, "", run_id) as run:
         run.log_metrics(metrics(score), 0)
         run.set_tags({"twin": truth.twin})
         run.log_files(path for path in files if path.is_file())
-
-
-if __name__ == "__main__":
-    sys.exit(run_entry(main))

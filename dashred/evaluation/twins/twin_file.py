@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dashred.config import Config, read_file
+from dashred.config.bundled_systems import CONF, check_checkout
 from dashred.core.errors import InputError
 from dashred.physics.expressions.parser import number
 
@@ -36,6 +37,8 @@ def entries(config: Config) -> dict[str, Any]:
         InputError: there is no such file, or it is no mapping.
     """
     path, label = _place(config)
+    if config.source.parent == CONF:
+        check_checkout("the hidden truths of the bundled systems are")
     if not path.is_file():
         raise InputError(
             f"{config.name} has no twins",

@@ -27,7 +27,7 @@ Progress = Callable[[float], None]
 
 
 class CompiledMarch:
-    """The same trajectories as :func:`dashred.physics.solvers.simulate.simulate`, several times as fast.
+    """Compiled simulation: trajectories as :func:`simulate` returns them, several times as fast.
 
     Worth its seconds of compilation where many runs are made of one system.
 
@@ -67,7 +67,7 @@ class CompiledMarch:
             times: output times, ``(time,)``.
             weights: coefficient of every term, ``(batch, term)``; with windows, as
                 :class:`dashred.physics.solvers.batch_coefficients.Columns` lays them out.
-            drive: a free forcing of every trajectory.
+            sampled_forcing: a free forcing of every trajectory.
             progress: called with the fraction done.
         """
         batch = self.tendency.of(weights.numpy(), sampled_forcing)

@@ -32,7 +32,9 @@ CPU = torch.device("cpu")
 
 
 class CompiledTendency:
-    """``û' = Lû + N(û, t)``, separated (:mod:`dashred.physics.expressions.semilinear`) and compiled once.
+    """``û' = Lû + N(û, t)``, separated and compiled once.
+
+    The separation is :mod:`dashred.physics.expressions.semilinear`.
 
     Args:
         system: a spectral system.
@@ -40,7 +42,7 @@ class CompiledTendency:
         shapes: of the windows in which it may carry them; those that are pointwise alone.
 
     Raises:
-        NotSeparableError, ArithmeticError: see :func:`dashred.physics.expressions.semilinear.separate`.
+        NotSeparableError, ArithmeticError: as of :func:`semilinear.separate`.
     """
 
     def __init__(

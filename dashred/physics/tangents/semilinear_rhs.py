@@ -35,7 +35,7 @@ def separated(system: System, forcing: Forcing | None) -> Separated:
     What the equations and the forcing's terms share is computed once.
 
     Raises:
-        NotSeparableError, ArithmeticError: see :func:`dashred.physics.expressions.semilinear.separate`.
+        NotSeparableError, ArithmeticError: as of :func:`semilinear.separate`.
     """
     added = {field: [expr] for field, expr in system.resolved.items()}
     if forcing is not None:

@@ -85,8 +85,8 @@ def tangent_linear(
         sources: column k is ``∂u(t)/∂ξ`` for ``∂u/∂t = … + ξ Σ_{θ in sources[k]} θ(u)`` at 0;
             lets and parameters resolved.
         dtype: precision of the tangents; the base trajectory is float64 in any case.
-        drive: a free forcing of the base trajectory, of one row.
-        pulses: a column for each: ``∂u(t)/∂a``.
+        sampled_forcing: a free forcing of the base trajectory, of one row.
+        forcing_basis: a column for each: ``∂u(t)/∂a``.
 
     Yields:
         The state ``(field, *grid)``, float64, and the tangents ``(column, field, *grid)``:

@@ -1,4 +1,4 @@
-"""Say what is wrong or doubtful before a run: ``python -m dashred.pipeline.check.command conf=my.yaml``.
+"""Say what is wrong or doubtful before a run: ``dashred check conf=my.yaml``.
 
 Reads what a run would read, never a twin's truth, and writes nothing. It ends with 0 where a run
 could begin, whatever is doubtful, and with 2 where the input is wrong or a line is left to do.
@@ -6,12 +6,11 @@ could begin, whatever is doubtful, and with 2 where the input is wrong or a line
 
 from __future__ import annotations
 
-import sys
 from itertools import chain
 
 from dashred.config import Config, load_config
 from dashred.config.checks.placeholders import unfinished_lines
-from dashred.core.errors import DONE, WRONG_INPUT, run_entry
+from dashred.core.errors import DONE, WRONG_INPUT
 from dashred.pipeline.check.page import Page
 
 
@@ -74,7 +73,3 @@ def check(config: Config) -> Page:
     page.section("A run", [about_run_time(situation, simulated, seen)])
     page.conclude()
     return page
-
-
-if __name__ == "__main__":
-    sys.exit(run_entry(main))

@@ -1,43 +1,59 @@
-"""Write a first configuration for your own recording: ``python -m dashred.pipeline.init.command path=FILE.csv``."""
+"""Write a first configuration for a recording: ``dashred init path=FILE.csv``."""
 
 from __future__ import annotations
 
 import os
-import sys
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 
-from dashred.core.arguments import read_path_words
-from dashred.core.errors import DONE, InputError, run_entry
-from dashred.core.files.user_path import user_path
+from dashred.core.argument_types import read_path
+from dashred.core.arguments import Command, word
+from dashred.core.errors import DONE, InputError
 
-KEYS = ("path", "sensors", "output")
-USAGE = """\
-usage: python -m dashred.pipeline.init.command path=FILE.csv [sensors=TABLE.csv] [output=FILE.yaml]
 
+@dataclass(frozen=True, kw_only=True)
+class Words:
+    """The words of the command."""
+
+    path: Path = word(
+        read_path,
+        "FILE.csv",
+        "a column `time`, and one for each sensor. Without a table of sensors the columns are the "
+        "fields of an ODE: call them what your equations call them",
+    )
+    sensors: Path | None = word(
+        read_path,
+        "TABLE.csv",
+        "of sensors in space: columns name (the recording's column), field, x or x and y (from 0 "
+        "up) and, if known, std (of the noise)",
+        default=None,
+    )
+    output: Path | None = word(
+        read_path,
+        "FILE.yaml",
+        "where to write; default: the recording's name with .yaml, in this folder. A file that is "
+        "there already is left as it is",
+        default=None,
+    )
+
+
+COMMAND = Command(
+    "dashred init",
+    Words,
+    """\
 Reads a recording and writes a first configuration for it: fields, start, steps as the recording
-shows them, every block with what it means, and what is yours to fill in marked TO DO.
-
-  path=FILE.csv       a column `time`, and one for each sensor. Without a table of sensors the
-                      columns are the fields of an ODE: call them what your equations call them
-  sensors=TABLE.csv   of sensors in space: columns name (the recording's column), field,
-                      x or x and y (from 0 up) and, if known, std (of the noise)
-  output=FILE.yaml    where to write; default: the recording's name with .yaml, in this folder.
-                      A file that is there already is left as it is
-
-Then: python -m dashred.pipeline.check.command conf=FILE.yaml
-"""
+shows them, every block with what it means, and what is yours to fill in marked TO DO.""",
+    after="Then: dashred check conf=FILE.yaml",
+)
 
 
 def main(argv: list[str]) -> int:
     """Read, guess, write."""
-    if {"--help", "-h"} & set(argv):
-        print(USAGE, end="")
-        return DONE
-    words = _read_words(argv)
-    path = str(user_path(words["path"], "path="))
-    table = str(user_path(words["sensors"], "sensors=")) if "sensors" in words else None
-    output = user_path(words.get("output") or f"{Path(path).stem}.yaml", "output=")
+    words = COMMAND.read(argv)
+    path, table = str(words.path), None if words.sensors is None else str(words.sensors)
+    _check_csv(words.path)
+    output = words.output or read_path(f"{words.path.stem}.yaml")
     _check_output(output)
 
     from dashred.config.checks.placeholders import TO_DO
@@ -65,19 +81,19 @@ def main(argv: list[str]) -> int:
     if not guessed.axes and len(guessed.fields) > MANY_FIELDS:
         print("so many columns are hardly the fields of an ODE: if they are sensors of a field in")
         print("space, say where they are: sensors=TABLE.csv (see --help)")
-    print(
-        f"next: fill in the lines marked {TO_DO}, then python -m dashred.pipeline.check.command conf={output}"
-    )
+    print(f"next: fill in the lines marked {TO_DO}, then dashred check conf={output}")
     return DONE
 
 
-def _read_words(argv: list[str]) -> dict[str, str]:
-    example = "python -m dashred.pipeline.init.command path=my.csv"
-    words = read_path_words(argv, KEYS, "which recording?", example)
-    if Path(words["path"]).suffix.lower() != ".csv":
+def _check_csv(path: Path) -> None:
+    """Refuse what is no CSV.
+
+    Raises:
+        InputError: what to do instead.
+    """
+    if path.suffix.lower() != ".csv":
         hint = "a NetCDF recording describes itself: write its configuration after conf/rde.yaml"
-        raise InputError("this is not a .csv file", where=words["path"], hint=hint)
-    return words
+        raise InputError("this is not a .csv file", where=str(path), hint=hint)
 
 
 def _check_output(output: Path) -> None:
@@ -117,7 +133,3 @@ def _check_loads(text: str, output: Path, recording: str) -> None:
         except InputError as error:
             what = f"no configuration can hold what is in it: {error.what}"
             raise InputError(what, where=recording, hint=error.hint) from None
-
-
-if __name__ == "__main__":
-    sys.exit(run_entry(main))

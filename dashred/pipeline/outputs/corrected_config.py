@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from dashred.config import Config, read_file
-from dashred.config.commandline import PLACE
+from dashred.core.arguments import PLACE
 from dashred.core.files.atomic import write_text_atomic
 from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import correct
@@ -88,7 +88,7 @@ def _header(config: Config, system: System, law: Law, recording_sha256: str) -> 
         "corrected equations; the start that was fitted to the recording is in estimates.nc.",
         "",
         *_of_structure(config, correct(system, law)),
-        "python -m dashred.train conf=OUTPUT/corrected.yaml recording.path=RECORDING",
+        "dashred train conf=OUTPUT/corrected.yaml recording.path=RECORDING",
     ]
     if isinstance(config.recording.sensors, str):
         lines[-1] += " recording.sensors=TABLE"

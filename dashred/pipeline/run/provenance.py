@@ -13,6 +13,7 @@ import torch
 from threadpoolctl import threadpool_limits
 
 from dashred.config import Config
+from dashred.config.bundled_systems import INSTALLED, PACKAGE
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.findings import sha256_of, write_json_atomic
 from dashred.core.findings.schema import Findings
@@ -46,11 +47,20 @@ def prepare_torch(config: Config) -> None:
 
 
 def git_commit() -> str:
-    """Return the commit of the checkout, with ``+`` if it has changes, or ``unknown``."""
-    root = Path(__file__).resolve().parents[3]
-    commands = (["git", "rev-parse", "HEAD"], ["git", "status", "--porcelain", "-uno"])
+    """Return the commit of dashred's own checkout, with ``+`` if it has changes, or ``unknown``.
+
+    An installed package, or a copy that lies in another repository, has no commit.
+    """
+    if INSTALLED:
+        return "unknown"
+    root = PACKAGE.parent
+    commands = (
+        ["git", "rev-parse", "--show-toplevel", "HEAD"],
+        ["git", "status", "--porcelain", "-uno"],
+        ["git", "ls-files", "--error-unmatch", f"{PACKAGE.name}/__init__.py"],
+    )
     try:
-        commit, changes = (
+        answer, changes, _ = (
             subprocess.run(
                 command, cwd=root, capture_output=True, text=True, check=True, timeout=10
             ).stdout.strip()
@@ -58,7 +68,8 @@ def git_commit() -> str:
         )
     except (OSError, subprocess.SubprocessError):
         return "unknown"
-    return commit + ("+" if changes else "")
+    place, commit = answer.rsplit("\n", 1)
+    return commit + ("+" if changes else "") if Path(place) == root else "unknown"
 
 
 def finish(

@@ -7,11 +7,13 @@ else.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
-from dashred.config.commandline import BASE, PLACE
+from dashred.config.bundled_systems import BASE, results_root
 from dashred.config.layers import absolute_path, store_root
 from dashred.config.source import read_file
+from dashred.core.arguments import PLACE, Command, declared, pairs, word
 from dashred.core.errors import DONE, InputError, nearest
 from dashred.core.files.user_path import is_server
 from dashred.core.job_control import lock_folder
@@ -28,7 +30,26 @@ from dashred.pipeline.run.run_manifest import (
     words_of,
 )
 
-KEYS = ("resume", "output", "tracking.root", "trust")
+
+@dataclass(frozen=True, kw_only=True)
+class Words:
+    """The words that go with ``resume=``."""
+
+    resume: str = word(str, "RUN_ID", "the run")
+    output: str | None = word(str, "DIR", "folder of the findings", default=None)
+    root: str | None = word(
+        str, "DIR", "folder of the MLflow store", name="tracking.root", default=None
+    )
+    trust: str | None = word(
+        str, "MODULE.CLASS", "the system's Python class, whose code may run", default=None
+    )
+
+
+COMMAND = Command(
+    "dashred train",
+    Words,
+    "Resumes a run that was interrupted, with the configuration that it began with.",
+)
 
 
 def resume(argv: list[str], conclude: Callable[[Tracker, Path, str, str], None]) -> int:
@@ -44,15 +65,15 @@ def resume(argv: list[str], conclude: Callable[[Tracker, Path, str, str], None])
             began with is not there any more.
     """
     words = read_words(argv)
-    run_id, root = words["resume"], _root(words)
+    run_id, root = words.resume, _root(words.root)
     store, experiment = store_of_run(root, run_id)
     _refuse_finished(store, run_id)
     folder, analysed = store.checkpoints(run_id), FROZEN in tags_of(store, run_id)
     told = [] if analysed else _told(folder, run_id)
     with lock_folder(folder, "analysis"):
         pass
-    output = make_output(named_folder(words)) if "output" in words else store.artifact_dir(run_id)
-    told += [f"trust={words['trust']}"] if "trust" in words else []
+    output = make_output(named_folder(words.output)) if words.output else store.artifact_dir(run_id)
+    told += [f"trust={words.trust}"] if words.trust else []
     told += [f"output={output}", f"tracking.root={root}", f"tracking.experiment={experiment}"]
     try:
         with Tracker.reopen(root, experiment, run_id) as run:
@@ -69,36 +90,31 @@ def resume(argv: list[str], conclude: Callable[[Tracker, Path, str, str], None])
     return DONE
 
 
-def read_words(argv: list[str]) -> dict[str, str]:
-    """Return the words of the command line by their keys.
+def read_words(argv: list[str]) -> Words:
+    """Return the words of the command line.
 
     Raises:
-        InputError: one that does not go with ``resume=``.
+        InputError: one that does not go with ``resume=``, is empty, or is given twice.
     """
-    words: dict[str, str] = {}
-    for word in argv:
-        key, _, value = word.partition("=")
-        if key not in KEYS:
-            hint = f"a run goes on with the configuration that it began with; {nearest(key, KEYS)}"
-            raise InputError(f"resume= does not go with {word!r}", where=PLACE, hint=hint)
-        words[key] = value
-    for key, value in words.items():
-        if not value:
-            hint = "give the id of a run" if key == "resume" else "leave it out, or give it a value"
-            raise InputError(f"{key}= is empty", where=PLACE, hint=hint)
-    return words
+    known = [one.name for one in declared(Words)]
+    for key, _ in pairs(argv):
+        if key not in known:
+            what = f"resume= does not go with {key}="
+            hint = "the run is resumed with the configuration that it began with"
+            raise InputError(what, where=PLACE, hint=f"{hint}; {nearest(key, known)}")
+    return COMMAND.read(argv)
 
 
-def named_folder(words: dict[str, str]) -> str:
+def named_folder(output: str) -> str:
     """Return the folder of ``output=`` as it is from anywhere, the home folder spelt out."""
-    return absolute_path(words["output"], folder=Path.cwd(), where=PLACE)
+    return absolute_path(output, folder=Path.cwd(), where=PLACE)
 
 
-def _root(words: dict[str, str]) -> str:
-    if "tracking.root" not in words:
+def _root(named: str | None) -> str:
+    if named is None:
         default = str(read_file(BASE, label="conf/base.yaml").values["tracking"]["root"])
-        return str((BASE.parent / default).resolve())
-    root = store_root(words["tracking.root"], folder=Path.cwd(), where=PLACE)
+        return str((results_root() / default).resolve())
+    root = store_root(named, folder=Path.cwd(), where=PLACE)
     return root if is_server(root) else str(Path(root).resolve())
 
 

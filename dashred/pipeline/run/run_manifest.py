@@ -16,15 +16,17 @@ from pathlib import Path
 from typing import Any
 
 from dashred.config import Config, config_sha256, read_file
-from dashred.config.commandline import PLACE
+from dashred.config.bundled_systems import PACKAGE
 from dashred.config.frozen import OUTPUT_SECTIONS, TWIN_ONLY
 from dashred.config.layers import PATHS
 from dashred.config.schema.settings import Settings
+from dashred.core.arguments import PLACE
 from dashred.core.errors import InputError
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.findings import versions, write_json_atomic
 
-CHECKOUT = Path(__file__).resolve().parents[3]
+# The checkout, or the folder of installed packages.
+ROOT = PACKAGE.parent
 PACKAGES = ("dashred", "datamodules", "callbacks")
 CONFIGURATION, RECORDING = "the configuration", "the recording"
 SNAPSHOTS, CODE = "the snapshots", "the code of dashred"
@@ -55,8 +57,8 @@ def code_sha256() -> str:
     """SHA-256 over the sources of the analysis: a commit does not tell of changes in the folder."""
     digest = hashlib.sha256()
     for package in PACKAGES:
-        for path in sorted((CHECKOUT / package).rglob("*.py")):
-            digest.update(f"{path.relative_to(CHECKOUT)}\n".encode())
+        for path in sorted((ROOT / package).rglob("*.py")):
+            digest.update(f"{path.relative_to(ROOT)}\n".encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()
 

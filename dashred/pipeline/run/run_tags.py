@@ -20,7 +20,7 @@ MOST_IN_A_NAME = 3
 PROOFS = {"test_sensors": "test sensors", "heldout_time": "held-out time"}
 
 EXPERIMENT = """\
-**{title}**: what does its simulation leave out? One run a command of `python -m dashred.train`;
+**{title}**: what does its simulation leave out? One run a command of `dashred train`;
 its stages are nested below it.
 
 - *Which run is the best?* Sort by `test_sensors/corrected`: the RMSE of the corrected simulation at

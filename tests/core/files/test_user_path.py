@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from dashred import reference, train
-from dashred.config import load_config
+from dashred import train
+from dashred.config import load_config, reference_command
 from dashred.core.errors import InputError
 from dashred.core.files.user_path import check_address, user_path
 from dashred.core.mlflow.server import check_server
@@ -35,7 +35,7 @@ def test_home_is_the_home_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
         (command.main, "sensors={}.csv"),
         (command.main, "output={}.yaml"),
         (fetch.main, "path={}.csv"),
-        (reference.main, "path={}.md"),
+        (reference_command.main, "path={}.md"),
         (train.main, "recording.path={}.csv"),
         (train.main, "output={}"),
         (train.main, "tracking.root={}"),

@@ -172,7 +172,7 @@ def test_a_folder_that_cannot_be_created_is_reported(tmp_path) -> None:
 
 def test_an_error_is_a_message_and_code_2(tmp_path) -> None:
     words = [f"path={tmp_path / 'pendulum.csv'}", "source=http://127.0.0.1:9/x"]
-    command = [sys.executable, "-m", "dashred.data.io.fetch", *words]
+    command = [sys.executable, "-m", "dashred", "fetch", *words]
     ended = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True)
     assert ended.returncode == 2
     assert "Traceback" not in ended.stderr and "source=FILE" in ended.stderr

@@ -14,10 +14,11 @@ from typing import Any
 
 import pytest
 
+from dashred.core.argument_types import ranges
 from dashred.core.errors import InputError
 from dashred.evaluation import bench
 from dashred.evaluation.benchmark import processes
-from dashred.evaluation.benchmark.arguments import read_seeds, read_words
+from dashred.evaluation.benchmark.arguments import read_words
 from dashred.evaluation.benchmark.plan import Row, plan
 from dashred.evaluation.benchmark.summary import as_metrics, summarise
 from dashred.evaluation.benchmark.table import finished_line, notes, rows_grid, to_markdown
@@ -81,12 +82,10 @@ class Stub:
 
     def words(self, *words: str) -> list[str]:
         """Return the words of a bench that leaves nothing in the checkout."""
-        return [
-            f"systems={self.quick}",
-            f"output={self.output}",
-            f"tracking.root={self.root}",
-            *words,
-        ]
+        own = [f"output={self.output}", f"tracking.root={self.root}"]
+        if not any(word.startswith("systems=") for word in words):
+            own.append(f"systems={self.quick}")
+        return [*own, *words]
 
     def bench(self, *words: str) -> int:
         """Run a bench; returns its exit code."""
@@ -120,13 +119,13 @@ def stub(tmp_path: Path, quick: Path, root: Path, monkeypatch: pytest.MonkeyPatc
     [("3", (3,)), ("0-4", (0, 1, 2, 3, 4)), ("0,1,3", (0, 1, 3)), ("2,0-2,7", (2, 0, 1, 7))],
 )
 def test_seeds_are_ranges_and_lists(text: str, seeds: tuple[int, ...]) -> None:
-    assert read_seeds(text) == seeds
+    assert ranges(at_most=10_000)(text) == seeds
 
 
 @pytest.mark.parametrize("text", ["", "a", "1,,2", "4-0", "-1", "1.5", "0-99999999", "1-2-3"])
 def test_what_is_no_seed_is_refused_with_an_example(text: str) -> None:
     with pytest.raises(InputError) as caught:
-        read_seeds(text)
+        read_words(["systems=rde", f"seeds={text}"])
     assert caught.value.where == "command line"
     assert caught.value.hint and "seeds=" in caught.value.hint
 
@@ -135,21 +134,22 @@ def test_what_is_no_seed_is_refused_with_an_example(text: str) -> None:
     ("word", "says", "hint"),
     [
         ("sytems=rde", "unknown key sytems", "systems"),
-        ("seed=1", "seed= is not a word of a bench", "seeds="),
-        ("conf=rde", "conf= is not a word of a bench", "systems="),
+        ("seed=1", "seed= is not a word of dashred bench", "seeds="),
+        ("conf=rde", "conf= is not a word of dashred bench", "systems="),
         ("recording.twin=a", "recording.twin= is not a word", "twins="),
         ("recording.noise=0.1", "recording.noise= is not a word", "noise="),
-        ("recording.path=my.csv", "recording.path= is not a word", "dashred.train"),
+        ("recording.path=my.csv", "recording.path= is not a word", "dashred train"),
         ("shred.lag=3", "unknown key shred.lag", "shred.lags"),
-        ("noise=loud", "noise=loud is no list of numbers", "noise=0.01,0.05"),
+        ("noise=loud", "noise=loud: 'loud' is no number", "noise=0.01,0.05"),
         ("noise=-0.1", "recording.noise must be at least 0", None),
-        ("noise=nan", "noise=nan is no list of numbers", None),
-        ("jobs=0", "jobs=0 is no number of processes", "jobs=2"),
-        ("sensors=few", "sensors=few is no list of whole numbers", "sensors=4,8"),
+        ("noise=nan", "noise=nan: 'nan' is no number", None),
+        ("jobs=0", "jobs=0: 0 is not between 1 and", "jobs=2"),
+        ("sensors=few", "sensors=few: 'few' is no whole number", "sensors=own,4,8"),
         ("sensors=0", "recording.sensors", None),
         ("recording.sensors=4", "recording.sensors= is not a word", "sensors="),
         ("twins=a,z", "has no twin 'z'", "choose from: a, b, null"),
-        ("twins=", "empty value", "twins=A,B"),
+        ("twins=a,,b", "empty value", "twins=a,b"),
+        ("twins=", "twins= is empty", "twins=a,b"),
         ("systems=rde,rdee", "unknown conf 'rdee'", "conf=rde"),
         ("--jobs=2", "expected key=value", "write jobs=2"),
         ("threads", "expected key=value", "--help"),
@@ -174,7 +174,7 @@ def test_systems_are_needed(stub: Stub) -> None:
 @pytest.mark.parametrize(
     ("words", "code", "says"),
     [
-        (["--help"], 0, "usage: python -m dashred.evaluation.bench systems=SYSTEM"),
+        (["--help"], 0, "usage: dashred bench systems=SYSTEM"),
         (["systems=rde", "twins=a,zz"], 2, "choose from: a, b, c, null"),
     ],
 )
@@ -184,7 +184,7 @@ def test_the_command_answers_within_two_seconds(words: list[str], code: int, say
     for _ in range(5):
         began = time.perf_counter()
         ended = subprocess.run(
-            [sys.executable, "-m", "dashred.evaluation.bench", *words],
+            [sys.executable, "-m", "dashred", "bench", *words],
             cwd=CHECKOUT,
             capture_output=True,
             text=True,

@@ -49,4 +49,4 @@ def test_unknown_words_are_refused_and_help_is_given(capsys: pytest.CaptureFixtu
         compare.main(["systems=rde", "documents=x"])
     with pytest.raises(SystemExit):
         compare.main(["--help"])
-    assert "usage: python -m dashred.evaluation.compare systems=SYSTEM" in capsys.readouterr().out
+    assert "usage: dashred compare systems=SYSTEM" in capsys.readouterr().out

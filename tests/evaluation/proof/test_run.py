@@ -161,7 +161,7 @@ def test_the_commit_draws_unless_it_is_practice(monkeypatch) -> None:
 
 @pytest.mark.slow
 def test_a_proof_from_the_draw_to_the_document(tmp_path) -> None:
-    command = [sys.executable, "-m", "dashred.evaluation.prove", "cases=2", "nulls=1", "draw=test"]
+    command = [sys.executable, "-m", "dashred", "prove", "cases=2", "nulls=1", "draw=test"]
     command += ["jobs=2", f"output={tmp_path}"]
     done = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True, timeout=900)
     assert done.returncode == 0, done.stderr

@@ -24,7 +24,7 @@ def test_a_check_of_a_bundled_system_takes_seconds(system: str, tmp_path: Path) 
     for words in ([], [f"recording.path={recorded / 'recording.nc'}"]):
         began = time.perf_counter()
         ended = subprocess.run(
-            [sys.executable, "-m", "dashred.pipeline.check.command", f"conf={system}", *words],
+            [sys.executable, "-m", "dashred", "check", f"conf={system}", *words],
             cwd=CHECKOUT,
             capture_output=True,
             text=True,

@@ -14,6 +14,7 @@ from dashred.core.threads import use_threads
 from dashred.pipeline.run import provenance
 from dashred.pipeline.run.output_dir import check_output, clear_output, make_output, named_output
 from dashred.reporting.figures.style import new_figure, save_figure
+from tests.conftest import CHECKOUT
 
 
 @pytest.fixture(autouse=True)
@@ -40,7 +41,7 @@ def test_a_device_must_be_there(quick, monkeypatch, device, count, fits) -> None
 
 
 def test_a_commit_is_marked_when_files_are_changed(monkeypatch) -> None:
-    answers = {"rev-parse": "abc\n", "status": ""}
+    answers = {"rev-parse": f"{CHECKOUT}\nabc\n", "status": "", "ls-files": "dashred/__init__.py\n"}
 
     def git(command: list[str], **_: object) -> subprocess.CompletedProcess[str]:
         return subprocess.CompletedProcess(command, 0, answers[command[1]], "")
@@ -49,6 +50,19 @@ def test_a_commit_is_marked_when_files_are_changed(monkeypatch) -> None:
     assert provenance.git_commit() == "abc"
     answers["status"] = " M dashred/train.py\n"
     assert provenance.git_commit() == "abc+"
+
+
+def test_the_commit_of_another_repository_is_not_reported(monkeypatch) -> None:
+    """Where the package lies within it, as a part of it or in its .venv."""
+
+    def git(command: list[str], **_: object) -> subprocess.CompletedProcess[str]:
+        return subprocess.CompletedProcess(command, 0, f"{CHECKOUT.parent}\nabc\n", "")
+
+    monkeypatch.setattr(subprocess, "run", git)
+    assert provenance.git_commit() == "unknown"
+    monkeypatch.setattr(provenance, "INSTALLED", True)
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: pytest.fail("git was asked"))
+    assert provenance.git_commit() == "unknown"
 
 
 def test_without_git_the_commit_is_unknown(monkeypatch) -> None:

@@ -60,11 +60,8 @@ def test_a_twin_goes_on_to_the_same_bytes_in_the_same_run(
     run_id, status = parent_of(root)
     assert status in ("FAILED", "KILLED")
     assert not list(output.rglob("sealed.nc")) + list(root.rglob("sealed.nc"))
-    for stage in (
-        "training.train_shred",
-        "assimilation.assimilate",
-        "discovery.discovery.discover",
-    ):
+    stages = ("training.train_shred", "assimilation.assimilate", "discovery.discovery.discover")
+    for stage in stages:
         monkeypatch.setattr(f"dashred.pipeline.{stage}", no_second_time)
 
     ended = train(f"resume={run_id}")
@@ -161,7 +158,7 @@ def test_nothing_of_a_twin_lies_where_the_analysis_or_the_store_shows_it(
     [
         (("resume=0123",), "there is no run '0123'"),
         (("resume=",), "resume= is empty"),
-        (("resume=0123", "seed=1"), "resume= does not go with 'seed=1'"),
+        (("resume=0123", "seed=1"), "resume= does not go with seed="),
     ],
 )
 def test_what_cannot_be_gone_on_with_is_refused(twin_run, capsys, monkeypatch, words, says) -> None:
@@ -218,18 +215,26 @@ def test_a_stored_word_that_only_the_user_says_is_refused(word, tmp_path) -> Non
     assert words_of(tmp_path) is None
 
 
-@pytest.mark.parametrize("word", ["output=", "output", "tracking.root=", "trust="])
-def test_an_empty_word_beside_resume_is_refused(word) -> None:
+@pytest.mark.parametrize(
+    ("word", "says"),
+    [
+        *(("output=", "is empty"), ("tracking.root=", "is empty"), ("trust=", "is empty")),
+        ("output", "expected key=value"),
+        ("seed=1", "resume= does not go with seed="),
+        ("resume=4567", "given twice"),
+    ],
+)
+def test_a_wrong_word_beside_resume_is_refused(word, says) -> None:
     """An empty `output=` would be the folder one is in."""
-    with pytest.raises(InputError, match="is empty"):
+    with pytest.raises(InputError, match=says):
         read_words(["resume=0123", word])
 
 
 def test_home_and_relative_folders_are_those_of_any_other_command(tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     monkeypatch.chdir(tmp_path)
-    assert named_folder({"output": "~/found"}) == str(tmp_path / "home" / "found")
-    assert named_folder({"output": "found"}) == str(tmp_path / "found")
+    assert named_folder("~/found") == str(tmp_path / "home" / "found")
+    assert named_folder("found") == str(tmp_path / "found")
 
 
 class Runs:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from dashred.core.formatting import percent
-from dashred.core.units import NO_UNITS, time_label
+from dashred.core.units import NO_UNITS, label_with_unit, time_label
 from dashred.reporting.figures.fields.cells import cells_about, frame_points
 from dashred.reporting.figures.fields.space_time import mark_sensors
 from dashred.reporting.figures.style import (
