@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dashred.config import Config, config_sha256
-from dashred.core.mlflow.tracker import Tracker
+from dashred.core.tracking import RunTracker
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline import assimilation, problem, simulation, surrogate, training, trajectories
@@ -63,7 +63,7 @@ def simulate(posed: Problem, seconds: dict[str, float]) -> Simulated:
 def discover(
     simulated: Simulated,
     ensemble: Ensemble,
-    run: Tracker,
+    run: RunTracker,
     kept: Checkpoints,
     seconds: dict[str, float],
 ) -> Analysis:

@@ -14,6 +14,8 @@ def open_lines(config: Config) -> dict[str, str]:
 
     A line of which every value is given on the command line is seen to.
     """
+    if config.source is None:
+        return {}
     label, found, used = config.where(""), {}, set(config.lines.values())
     for number, line in enumerate(config.source.read_text(encoding="utf-8-sig").splitlines(), 1):
         written, mark, comment = line.partition(f"# {TO_DO}:")

@@ -11,7 +11,8 @@ from dashred.core.errors import InputError, nearest
 from dashred.core.units import TIME
 from dashred.data.checks import check_input, checked_recording
 from dashred.data.episodes import Episode, Episodes, Stretch, stretches
-from dashred.data.io.csv_table import Table, read_table, separated_otherwise
+from dashred.data.io.columns import Columns
+from dashred.data.io.csv_table import read_table, separated_otherwise
 from dashred.data.io.sensors_table import read_sensors
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.sensors import RESERVED, Described, Sensor, readable
@@ -26,16 +27,31 @@ def read_csv(path: str, sensors_table: str | None, system: Described) -> Episode
     Raises:
         InputError: saying in which line and column of which file the fault is.
     """
-    table = read_table(path)
+    places = None if sensors_table is None else read_table(sensors_table)
+    return episodes_of_table(read_table(path), places, system)
+
+
+def episodes_of_table(table: Columns, places: Columns | None, system: Described) -> Episodes:
+    """Read a recording from a table of ``time``, optionally ``episode``, and one column a sensor.
+
+    Args:
+        table: the recording.
+        places: the table that says what the columns are; None says that they are fields or lets.
+        system: that was recorded.
+
+    Raises:
+        InputError: as :func:`read_csv`.
+    """
+    path = table.path
     _check_time_column(table)
     inputs, stated = _inputs(table, system), StatedUnits(system)
-    if sensors_table is None:
+    if places is None:
         sensors = _sensors_by_name(table, system)
     else:
-        named = read_sensors(sensors_table, system, stated)
-        sensors = _matched(_sensor_columns(table, system), named, path, sensors_table)
+        named = read_sensors(places, system, stated)
+        sensors = _matched(_sensor_columns(table, system), named, path, places.path)
     _state_units(table, sensors, system, stated)
-    values = np.empty((len(table.rows), len(sensors)))
+    values = np.empty((len(table), len(sensors)))
     for index, sensor in enumerate(sensors):
         values[:, index] = table.numbers(sensor.name)
     times = table.numbers("time")
@@ -56,7 +72,7 @@ def read_csv(path: str, sensors_table: str | None, system: Described) -> Episode
 
 
 def _state_units(
-    table: Table, sensors: list[Sensor], system: Described, stated: StatedUnits
+    table: Columns, sensors: list[Sensor], system: Described, stated: StatedUnits
 ) -> None:
     """Take note of the units in the header."""
     for name, column, what in (
@@ -67,7 +83,7 @@ def _state_units(
         stated.state(name, table.units.get(column), table.header_place(column), what)
 
 
-def _inputs(table: Table, system: Described) -> dict[str, NDArray[np.float64]]:
+def _inputs(table: Columns, system: Described) -> dict[str, NDArray[np.float64]]:
     """Return the columns of the system's inputs, known in every row."""
     found = {}
     for name, column in system.inputs.items():
@@ -79,26 +95,26 @@ def _inputs(table: Table, system: Described) -> dict[str, NDArray[np.float64]]:
     return found
 
 
-def _check_time_column(table: Table) -> None:
+def _check_time_column(table: Columns) -> None:
     if "time" in table.columns:
         return
     hint = separated_otherwise(table.columns) or f"its columns are {', '.join(table.columns)}"
     raise InputError("the recording has no column 'time'", where=table.path, hint=hint)
 
 
-def _stretches(table: Table) -> list[Stretch]:
+def _stretches(table: Columns) -> list[Stretch]:
     """Return the rows of every episode; of a table without the column, all of them."""
-    if "episode" not in table.columns or not table.rows:
-        return [Stretch("", slice(0, len(table.rows)))]
+    if "episode" not in table.columns or not len(table):
+        return [Stretch("", slice(0, len(table)))]
     return stretches(table.texts("episode"), lambda row: table.place(row, "episode"))
 
 
-def _sensor_columns(table: Table, system: Described) -> list[str]:
+def _sensor_columns(table: Columns, system: Described) -> list[str]:
     others = {*RESERVED, *system.inputs.values()}
     return [column for column in table.columns if column not in others]
 
 
-def _sensors_by_name(table: Table, system: Described) -> list[Sensor]:
+def _sensors_by_name(table: Columns, system: Described) -> list[Sensor]:
     if system.axes:
         axes = ", ".join(axis.name for axis in system.axes)
         problem = f"the places of the sensors (name, field, {axes}, std) are not given"

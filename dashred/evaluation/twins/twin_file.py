@@ -121,6 +121,12 @@ def twin_of(name: str, entry: dict[str, Any], label: str, config: Config) -> Twi
 
 
 def _place(config: Config) -> tuple[Path, str]:
+    if config.source is None:
+        raise InputError(
+            f"{config.name} has no twins: it was given as a dict",
+            where=config.where(""),
+            hint="twins lie beside a configuration file, in the folder twins",
+        )
     path = config.source.parent / "twins" / config.source.name
     return path, f"{path.parent.name}/{path.name}"
 
