@@ -1,7 +1,36 @@
-"""Find the physics that a simulation leaves out, from sparse sensors alone (DA-SHRED)."""
+"""Find the physics that a simulation leaves out, from sparse sensors alone (DA-SHRED).
+
+``Problem.from_yaml("rde", recording=dataset).discover()`` returns a ``Result``. Names are imported
+when they are first used: ``import dashred`` alone takes milliseconds.
+"""
 
 import os
 import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dashred.core.errors import InputError
+    from dashred.evaluation.twins.record_api import record
+    from dashred.pipeline.api.check import Check
+    from dashred.pipeline.api.load import load
+    from dashred.pipeline.api.plots import Plots
+    from dashred.pipeline.api.problem import Problem
+    from dashred.pipeline.api.result import Result
+    from dashred.pipeline.api.simulator import Simulator
+
+    __version__: str
+
+__all__ = [
+    "Check",
+    "InputError",
+    "Plots",
+    "Problem",
+    "Result",
+    "Simulator",
+    "__version__",
+    "load",
+    "record",
+]
 
 
 def _keep_out(folder: str) -> None:
@@ -21,3 +50,66 @@ if sys.argv[:1] == ["-m"]:
     from dashred.core.system_errors import tell_uncaught
 
     sys.excepthook = tell_uncaught
+
+
+def __getattr__(name: str) -> object:
+    """Import a public name on its first use (PEP 562)."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found = globals()[name] = _public(name)
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+def _public(name: str) -> object:
+    """Return a public object.
+
+    Raises:
+        InputError: it makes twins, and this installation has none.
+    """
+    # One statement each: which module imports which can be read from the code.
+    match name:
+        case "Check":
+            from dashred.pipeline.api.check import Check as found
+        case "InputError":
+            from dashred.core.errors import InputError as found
+        case "Plots":
+            from dashred.pipeline.api.plots import Plots as found
+        case "Problem":
+            from dashred.pipeline.api.problem import Problem as found
+        case "Result":
+            from dashred.pipeline.api.result import Result as found
+        case "Simulator":
+            from dashred.pipeline.api.simulator import Simulator as found
+        case "load":
+            from dashred.pipeline.api.load import load as found
+        case "record":
+            found = _recorder()
+        case _:
+            found = _version()
+    return found
+
+
+def _recorder() -> object:
+    try:
+        from dashred.evaluation.twins.record_api import record
+    except ModuleNotFoundError as error:
+        if not str(error.name).startswith("dashred.evaluation"):
+            raise
+        from dashred.core.errors import InputError
+
+        what = "this installation of dashred cannot record twins"
+        raise InputError(what, where="record", hint="it takes a checkout of dashred") from None
+    return record
+
+
+def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("dashred")
+    except PackageNotFoundError:
+        return "0+unknown"

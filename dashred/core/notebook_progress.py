@@ -22,8 +22,10 @@ class Notebook:
         """Begin with an empty output."""
         from IPython.display import HTML, DisplayHandle
 
-        self._html, self._lines, self._last = HTML, list[str](), 0.0
+        self._html: Any = HTML
         self._handle: Any = DisplayHandle()
+        self._lines: list[str] = []
+        self._last = 0.0
         self._handle.display(HTML(""))
 
     @contextmanager
@@ -50,7 +52,7 @@ class Notebook:
 
 
 def display_here(progress: bool) -> Display:
-    """Return the display of the place that we run in: a notebook, a terminal, or none if unasked."""
+    """Return the display of the place of this process: a notebook, a terminal, or none."""
     if not progress:
         return Silent()
     return Notebook() if in_notebook() else Terminal()

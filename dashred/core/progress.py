@@ -60,7 +60,8 @@ class Silent:
         """Drop it."""
 
 
-_display: ContextVar[Display] = ContextVar("display", default=Terminal())
+TERMINAL = Terminal()
+_display: ContextVar[Display] = ContextVar("display", default=TERMINAL)
 
 
 @contextmanager

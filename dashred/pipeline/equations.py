@@ -17,7 +17,7 @@ from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_term
 from dashred.pipeline.outputs import report
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.run import provenance
-from dashred.pipeline.run.checkpoints import Checkpoints
+from dashred.pipeline.run.checkpoints import Checkpoints, Stages
 from dashred.pipeline.run.output_dir import clear_output, named_output
 from dashred.pipeline.run.parent_run import open_parent
 from dashred.pipeline.run.run_manifest import end, manifest_of
@@ -64,7 +64,7 @@ def discover(
     simulated: Simulated,
     ensemble: Ensemble,
     run: RunTracker,
-    kept: Checkpoints,
+    kept: Stages,
     seconds: dict[str, float],
 ) -> Analysis:
     """Train SHRED, assimilate, discover the law, and train SHRED on the corrected simulator."""
@@ -119,6 +119,9 @@ def analyse_equations(config: Config) -> Path:
             figures = report.report_unresolved(findings, output)
         else:
             analysis = discover(simulated, simulated.ensemble, run, kept, seconds)
+            if config.tracking.model:
+                learned = analysis.relearned
+                kept.stage("model", lambda: surrogate.log_model(posed, learned, run, seconds))
             findings = verify.verify(posed, analysis)
             verify.write_findings(posed, analysis, findings, output)
             figures = report.report(posed, analysis, findings, output, seconds)

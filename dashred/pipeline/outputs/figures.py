@@ -73,4 +73,4 @@ def _evidence(analysis: Analysis, findings: Findings) -> Figure:
 
 def _fields(problem: Problem, analysis: Analysis) -> Figure:
     estimates = analysis.estimates(len(problem.split.fit.times))
-    return draw_fields(problem, {name: estimates[name] for name in PANELS if name in estimates})
+    return draw_fields(problem, {name: x for name, x in estimates.items() if name in PANELS})

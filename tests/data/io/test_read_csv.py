@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dashred.core.errors import InputError
+from dashred.data.io.csv_table import read_table
 from dashred.data.io.reader import read_recording
 from dashred.data.io.sensors_table import read_sensors
 from dashred.data.io.stated_units import StatedUnits
