@@ -20,6 +20,17 @@ if TYPE_CHECKING:
 
     __version__: str
 
+# The module of each public name.
+_PUBLIC = {
+    "Check": "dashred.pipeline.api.check",
+    "InputError": "dashred.core.errors",
+    "Plots": "dashred.pipeline.api.plots",
+    "Problem": "dashred.pipeline.api.problem",
+    "Result": "dashred.pipeline.api.result",
+    "Simulator": "dashred.pipeline.api.simulator",
+    "load": "dashred.pipeline.api.load",
+    "record": "dashred.evaluation.twins.record_api",
+}
 __all__ = [
     "Check",
     "InputError",
@@ -53,10 +64,14 @@ if sys.argv[:1] == ["-m"]:
 
 
 def __getattr__(name: str) -> object:
-    """Import a public name on its first use (PEP 562)."""
-    if name not in __all__:
+    """Import a public name when it is first used (PEP 562)."""
+    if name == "__version__":
+        found: object = _version()
+    elif name in _PUBLIC:
+        found = getattr(_imported(name), name)
+    else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = globals()[name] = _public(name)
+    globals()[name] = found
     return found
 
 
@@ -64,46 +79,23 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
 
 
-def _public(name: str) -> object:
-    """Return a public object.
+def _imported(name: str) -> object:
+    """Return the module of a public name.
 
     Raises:
-        InputError: it makes twins, and this installation has none.
+        InputError: it records twins, and this installation has none.
     """
-    # One statement each: which module imports which can be read from the code.
-    match name:
-        case "Check":
-            from dashred.pipeline.api.check import Check as found
-        case "InputError":
-            from dashred.core.errors import InputError as found
-        case "Plots":
-            from dashred.pipeline.api.plots import Plots as found
-        case "Problem":
-            from dashred.pipeline.api.problem import Problem as found
-        case "Result":
-            from dashred.pipeline.api.result import Result as found
-        case "Simulator":
-            from dashred.pipeline.api.simulator import Simulator as found
-        case "load":
-            from dashred.pipeline.api.load import load as found
-        case "record":
-            found = _recorder()
-        case _:
-            found = _version()
-    return found
+    from importlib import import_module
 
-
-def _recorder() -> object:
     try:
-        from dashred.evaluation.twins.record_api import record
+        return import_module(_PUBLIC[name])
     except ModuleNotFoundError as error:
         if not str(error.name).startswith("dashred.evaluation"):
             raise
         from dashred.core.errors import InputError
 
         what = "this installation of dashred cannot record twins"
-        raise InputError(what, where="record", hint="it takes a checkout of dashred") from None
-    return record
+        raise InputError(what, where=name, hint="it takes a checkout of dashred") from None
 
 
 def _version() -> str:

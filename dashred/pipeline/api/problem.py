@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import torch
 
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
     from dashred.pipeline.api.result import Result
 
-    Recorded = xr.Dataset | pd.DataFrame | str | os.PathLike[str] | None
-    Sensors = pd.DataFrame | str | os.PathLike[str] | None
+    Recorded: TypeAlias = xr.Dataset | pd.DataFrame | str | os.PathLike[str] | None
+    Sensors: TypeAlias = pd.DataFrame | str | os.PathLike[str] | None
 
 PLACES = {"recording.path": RECORDING, "recording.sensors": SENSORS}
 

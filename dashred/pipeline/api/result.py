@@ -26,8 +26,8 @@ class Result:
 
     Attributes:
         findings: everything that was found, as ``findings.json`` holds it: plain dicts and lists.
-        estimates: every field by method over ``(method, time, *axes)`` in the fit window; None where
-            the simulator was not resolved.
+        estimates: every field by method over ``(method, time, *axes)`` in the fit window; None
+            where the simulator was not resolved.
         forecast: the same beyond the recording's end, from free runs; None where there are none.
     """
 
