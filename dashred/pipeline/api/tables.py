@@ -36,8 +36,8 @@ def terms_table(findings: Mapping[str, Any]) -> pd.DataFrame:
 def alternatives_table(findings: Mapping[str, Any]) -> pd.DataFrame:
     """Return one row for each other law that was weighed.
 
-    Columns: ``law`` in words, ``delta_bic`` against the best law, whether it is a ``rival``, so that
-    the recording does not decide between it and the best, and whether the sensors read the
+    Columns: ``law`` in words, ``delta_bic`` against the best law, whether it is a ``rival`` (then
+    the recording does not decide between the two), and whether the sensors read the
     ``same_as_best`` under it.
     """
     rows = [
