@@ -86,12 +86,12 @@ def _corrected(
             where=str(path),
             hint=f"dashred.Problem.from_yaml({str(path)!r}, recording=...) can be run",
         )
-    found = estimates.sel(method="corrected")
+    found = estimates.sel({"method": "corrected"})
     if "episode" in found.coords:
         found = found.isel(time=(found["episode"] == found["episode"][0]).to_numpy())
     first = found.isel(time=0)
-    start = torch.stack([torch.from_numpy(first[name].to_numpy()) for name in system.fields])
-    clock = torch.from_numpy(found["time"].to_numpy())
+    start = torch.stack([torch.tensor(first[name].to_numpy()) for name in system.fields])
+    clock = torch.tensor(found["time"].to_numpy())
     return Simulator(system, lambda: system.grid.ring(start), clock)
 
 

@@ -53,8 +53,8 @@ class Simulator:
         """Run the simulator.
 
         Args:
-            start: every field at the first time, by name: a number, or an array over the axes;
-                a Dataset such as ``result.estimates.sel(method="corrected").isel(time=-1)`` is one.
+            start: every field at the first time, by name: a number, or an array over the axes. A
+                Dataset is one: ``result.estimates.sel({"method": "corrected"}).isel(time=-1)``.
                 None starts from the simulator's own start, at the first time of ``clock``.
             times: output times ``(time,)``, increasing, in the unit of the system's ``t``.
                 None takes ``clock``.
