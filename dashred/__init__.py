@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dashred.core.errors import InputError
-    from dashred.evaluation.twins.record_api import record
+    from dashred.evaluation.record import record
     from dashred.pipeline.api.check import Check
     from dashred.pipeline.api.load import load
     from dashred.pipeline.api.plots import Plots
@@ -29,7 +29,7 @@ _PUBLIC = {
     "Result": "dashred.pipeline.api.result",
     "Simulator": "dashred.pipeline.api.simulator",
     "load": "dashred.pipeline.api.load",
-    "record": "dashred.evaluation.twins.record_api",
+    "record": "dashred.evaluation.record",
 }
 __all__ = [
     "Check",
@@ -83,7 +83,7 @@ def _imported(name: str) -> object:
     """Return the module of a public name.
 
     Raises:
-        InputError: it records twins, and this installation has none.
+        InputError: it records a hidden truth, and this installation has none.
     """
     from importlib import import_module
 
@@ -94,7 +94,7 @@ def _imported(name: str) -> object:
             raise
         from dashred.core.errors import InputError
 
-        what = "this installation of dashred cannot record twins"
+        what = "this installation of dashred has no hidden truths to record"
         raise InputError(what, where=name, hint="it takes a checkout of dashred") from None
 
 

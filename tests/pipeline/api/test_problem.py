@@ -55,7 +55,9 @@ def test_wrong_overrides(quick: Path, overrides: dict[str, object], says: str) -
 
 
 def test_an_unknown_system_is_told_as_on_the_command_line() -> None:
-    with pytest.raises(dashred.InputError, match="unknown conf 'rdee'(.|\n)*did you mean conf=rde"):
+    with pytest.raises(
+        dashred.InputError, match=r"unknown conf 'rdee'(.|\n)*did you mean conf=rde"
+    ):
         dashred.Problem.from_yaml("rdee")
 
 
@@ -94,12 +96,12 @@ def test_a_check_needs_no_recording(quick: Path) -> None:
 def test_a_run_needs_one(quick: Path) -> None:
     problem = dashred.Problem.from_yaml(quick)
     assert "no recording" in repr(problem) and problem.recording is None
-    with pytest.raises(dashred.InputError, match="nothing to analyse(.|\n)*xarray.Dataset"):
+    with pytest.raises(dashred.InputError, match=r"nothing to analyse(.|\n)*xarray.Dataset"):
         problem.discover()
 
 
 def test_a_seed_is_checked(quick: Path, recorded: xr.Dataset) -> None:
-    with pytest.raises(dashred.InputError, match="overrides: .*seed must be"):
+    with pytest.raises(dashred.InputError, match=r"overrides: .*seed must be"):
         dashred.Problem.from_yaml(quick, recording=recorded).discover(seed=-1)
 
 

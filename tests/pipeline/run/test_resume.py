@@ -60,8 +60,9 @@ def test_a_twin_goes_on_to_the_same_bytes_in_the_same_run(
     run_id, status = parent_of(root)
     assert status in ("FAILED", "KILLED")
     assert not list(output.rglob("sealed.nc")) + list(root.rglob("sealed.nc"))
-    for stage in ("learning.train_shred", "assimilation.assimilate", "discovery.discover"):
-        monkeypatch.setattr(f"dashred.stages.{stage}", no_second_time)
+    stages = ("training.train_shred", "assimilation.assimilate", "discovery.discovery.discover")
+    for stage in stages:
+        monkeypatch.setattr(f"dashred.pipeline.{stage}", no_second_time)
 
     ended = train(f"resume={run_id}")
 

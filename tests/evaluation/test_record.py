@@ -23,8 +23,8 @@ def test_a_seed_and_overrides_are_taken(quick: Path) -> None:
 
 
 def test_a_twin_that_there_is_not(quick: Path, tmp_path: Path) -> None:
-    with pytest.raises(dashred.InputError, match="has no twin 'z'(.|\n)*choose from: a, b, null"):
+    with pytest.raises(dashred.InputError, match=r"has no twin 'z'(.|\n)*choose from: a, b, null"):
         dashred.record(quick, "z")
     (tmp_path / "quick.yaml").write_bytes(quick.read_bytes())
-    with pytest.raises(dashred.InputError, match="quick has no twins(.|\n)*recording of your own"):
+    with pytest.raises(dashred.InputError, match=r"quick has no twins(.|\n)*recording of your own"):
         dashred.record(tmp_path / "quick.yaml", "a")
