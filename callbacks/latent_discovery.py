@@ -7,7 +7,7 @@ from lightning import Callback, LightningModule, Trainer
 from torch import Tensor
 
 from dashred.core.mlflow.metric_names import metric_name
-from dashred.core.mlflow.run import MlflowRun
+from dashred.core.tracking import StageTracker
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem, LatentSindy
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.models.assimilation import Assimilation
@@ -26,7 +26,7 @@ class LatentDiscovery(Callback):
         final: proposals for the final state, after :meth:`finish`.
     """
 
-    def __init__(self, problem: LatentProblem, child: MlflowRun, parent: MlflowRun) -> None:
+    def __init__(self, problem: LatentProblem, child: StageTracker, parent: StageTracker) -> None:
         self.problem, self.child, self.parent = problem, child, parent
         self.epochs: list[int] = []
         self.history: dict[str, list[list[float]]] = {"alg1": [], "alg2": []}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lightning import Callback, LightningModule, Trainer
 
-from dashred.core.mlflow.run import MlflowRun
+from dashred.core.tracking import StageTracker
 
 
 class RMSECurves(Callback):
@@ -23,7 +23,7 @@ class RMSECurves(Callback):
         prefix: for example ``assimilate``.
     """
 
-    def __init__(self, child: MlflowRun, parent: MlflowRun, prefix: str) -> None:
+    def __init__(self, child: StageTracker, parent: StageTracker, prefix: str) -> None:
         self.child, self.parent, self.prefix = child, parent, prefix
         self.history: dict[str, list[tuple[int, float]]] = {}
 

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from dashred.config.bundled_systems import BASE, bundled, results_root
-from dashred.config.checks.checks import check
+from dashred.config.checks.checks import check, check_recorded
 from dashred.config.checks.expressions import check_expressions
 from dashred.config.checks.system_units import collect_units
 from dashred.config.commandline import (
@@ -33,6 +34,7 @@ from dashred.config.schema.settings import (
     Tracking,
 )
 from dashred.config.source import Source, read_file
+from dashred.core.arguments import PLACE
 from dashred.physics.system_schema import Axis, Integrator, System
 
 __all__ = [
@@ -51,6 +53,7 @@ __all__ = [
     "System",
     "TimeSplit",
     "Tracking",
+    "build_config",
     "bundled",
     "config_sha256",
     "frozen_input",
@@ -65,14 +68,18 @@ class Config(Settings):
     """The settings of one run, and the location of each.
 
     Attributes:
-        name: stem of the system's file, for example ``rde``.
-        source: path of the system's file.
+        name: stem of the system's file, ``rde``.
+        source: the system's file; None for a system that was given as a dict.
         lines: ``FILE:LINE`` or ``command line`` of each dotted key.
+        written: the values of the system's file, or dict, as they were written.
+        override_place: what ``lines`` has of a key that was overridden: ``command line``.
     """
 
     name: str
-    source: Path
+    source: Path | None
     lines: dict[str, str]
+    written: dict[str, Any]
+    override_place: str = PLACE
 
     def where(self, key: str) -> str:
         """Return the location of a dotted key or of its section: ``conf/rde.yaml:12``."""
@@ -94,18 +101,51 @@ def load_config(argv: list[str], *, entry: str) -> Config:
     words, trusted = split_trust(argv)
     word, overrides = split_words(words, entry=entry)
     path, label = find_system(word)
+    written, source = read_file(path, label=label), path.resolve()
+    config = build_config(written, overrides, name=path.stem, source=source, trust=trusted)
+    check_recorded(config, config.where)
+    return config
+
+
+def build_config(
+    written: Source,
+    overrides: Source,
+    *,
+    name: str,
+    source: Path | None = None,
+    trust: str | None = None,
+) -> Config:
+    """Lay the defaults, a system and overrides over each other, and check the result.
+
+    Args:
+        written: the system, as it is written.
+        overrides: what lies over it; its place is that of the key ``""``.
+        name: of the system.
+        source: its file, from whose folder its paths count; None counts from the working folder.
+        trust: ``MODULE.CLASS`` of a simulator in Python whose code may run.
+
+    Raises:
+        InputError: anything wrong in the values. That there is no recording is not checked.
+    """
     defaults = prepare(read_file(BASE, label="conf/base.yaml"), folder=results_root())
-    system = prepare(read_file(path, label=label), folder=path.resolve().parent)
+    system = prepare(written, folder=source.parent if source else Path.cwd())
     check_places(system)
     overrides = prepare(overrides, folder=Path.cwd())
     check_overrides(overrides, system)
-    lines = defaults.lines | system.lines | overrides.lines | {"": label}
+    lines = defaults.lines | system.lines | overrides.lines | {"": written.lines[""]}
     settings = merge(defaults, system, overrides)
     collect_units(settings.system, lines)
     where = where_in(lines)
-    check_trust(settings, trusted, where)
+    check_trust(settings, trust, where)
     if settings.system.class_ is not None:
         settings.system = trace_class(settings, where)
     check(settings, where)
     check_expressions(settings, where)
-    return Config(**vars(settings), name=path.stem, source=path.resolve(), lines=lines)
+    return Config(
+        **vars(settings),
+        name=name,
+        source=source,
+        lines=lines,
+        written=written.values,
+        override_place=overrides.lines[""],
+    )

@@ -11,8 +11,8 @@ from lightning.pytorch.callbacks import EarlyStopping
 from torch import Tensor
 
 from callbacks import BestState, LatentDiscovery, RMSECurves, StageProgress
-from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import stage
+from dashred.core.tracking import RunTracker
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.models.assimilation import AssimilatedEncoder, Assimilation
@@ -68,14 +68,18 @@ def sensor_data(problem: Problem) -> RecordingDataModule:
 
 
 def assimilate(
-    problem: Problem, nominal: Nominal, shred: SHRED, run: Tracker, seconds: dict[str, float]
+    problem: Problem, nominal: Nominal, shred: SHRED, run: RunTracker, seconds: dict[str, float]
 ) -> Assimilated:
     """Fit T to the fit sensors, stop by the validation sensors, propose terms at every epoch."""
     return fit_transform(problem, _latent_problem(problem, nominal), shred, run, seconds)[0]
 
 
 def fit_transform(
-    problem: Problem, latent: LatentProblem, shred: SHRED, run: Tracker, seconds: dict[str, float]
+    problem: Problem,
+    latent: LatentProblem,
+    shred: SHRED,
+    run: RunTracker,
+    seconds: dict[str, float],
 ) -> tuple[Assimilated, AssimilatedEncoder]:
     """Do the same with what latent SINDy steps with given; returns G_R, with SHRED in it, too."""
     settings, split = problem.config.assimilation, problem.split

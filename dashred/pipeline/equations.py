@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dashred.config import Config, config_sha256
-from dashred.core.mlflow.tracker import Tracker
+from dashred.core.tracking import RunTracker
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline import assimilation, problem, simulation, surrogate, training, trajectories
@@ -17,7 +17,7 @@ from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_term
 from dashred.pipeline.outputs import report
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.run import provenance
-from dashred.pipeline.run.checkpoints import Checkpoints
+from dashred.pipeline.run.checkpoints import Checkpoints, Stages
 from dashred.pipeline.run.output_dir import clear_output, named_output
 from dashred.pipeline.run.parent_run import open_parent
 from dashred.pipeline.run.run_manifest import end, manifest_of
@@ -63,8 +63,8 @@ def simulate(posed: Problem, seconds: dict[str, float]) -> Simulated:
 def discover(
     simulated: Simulated,
     ensemble: Ensemble,
-    run: Tracker,
-    kept: Checkpoints,
+    run: RunTracker,
+    kept: Stages,
     seconds: dict[str, float],
 ) -> Analysis:
     """Train SHRED, assimilate, discover the law, and train SHRED on the corrected simulator."""
@@ -119,6 +119,9 @@ def analyse_equations(config: Config) -> Path:
             figures = report.report_unresolved(findings, output)
         else:
             analysis = discover(simulated, simulated.ensemble, run, kept, seconds)
+            if config.tracking.model:
+                learned = analysis.relearned
+                kept.stage("model", lambda: surrogate.log_model(posed, learned, run, seconds))
             findings = verify.verify(posed, analysis)
             verify.write_findings(posed, analysis, findings, output)
             figures = report.report(posed, analysis, findings, output, seconds)

@@ -106,8 +106,12 @@ class Problem:
         return np.random.default_rng([self.config.seed, *stage.encode()])
 
 
-def build_problem(config: Config) -> Problem:
+def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     """Read and check all input.
+
+    Args:
+        config: the system, and how it is analysed.
+        recorded: the recording; None reads the one that ``recording.path`` names.
 
     Raises:
         InputError: whatever is wrong with the equations or the snapshots, the library, the
@@ -115,9 +119,7 @@ def build_problem(config: Config) -> Problem:
     """
     system = System(config.system, config.where)
     library = build_library(system, config.library)
-    assert config.recording.path is not None
-    table = config.recording.sensors if isinstance(config.recording.sensors, str) else None
-    read = read_episodes(config.recording.path, table, system)
+    read = read_recorded(config, system) if recorded is None else recorded
     _check_readings(system, read.sensors)
     # What either side states holds; where both do, they agree.
     units = {**read.episodes[0].recording.units, **system.units}
@@ -156,6 +158,17 @@ def build_problem(config: Config) -> Problem:
     longest = max(posed[:fitted], key=lambda problem: len(problem.split.fit.times))
     others = tuple(problem for problem in posed[:fitted] if problem is not longest)
     return replace(longest, others=others, whole=tuple(posed[fitted:]))
+
+
+def read_recorded(config: Config, system: System) -> Episodes:
+    """Read the recording that ``recording.path`` names.
+
+    Raises:
+        InputError: whatever is wrong with it.
+    """
+    assert config.recording.path is not None
+    table = config.recording.sensors if isinstance(config.recording.sensors, str) else None
+    return read_episodes(config.recording.path, table, system)
 
 
 def _snapshots(system: System, read: Episodes) -> Snapshots | None:

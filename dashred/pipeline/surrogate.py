@@ -9,8 +9,9 @@ import torch
 from torch import Tensor
 
 from dashred.core.errors import InputError
-from dashred.core.mlflow.tracker import Tracker
+from dashred.core.mlflow.run import MlflowRun
 from dashred.core.progress import Report, stage
+from dashred.core.tracking import RunTracker
 from dashred.inference.fit.law import Law
 from dashred.inference.initial_state.start_models import ScaledStart
 from dashred.inference.results.corrected_system import correct
@@ -39,7 +40,7 @@ def retrain(
     law: Law,
     free: Trajectories,
     learned: Learned,
-    run: Tracker,
+    run: RunTracker,
     seconds: dict[str, float],
 ) -> tuple[Learned, list[Tensor]]:
     """Train SHRED on the corrected simulator and read the recording with it.
@@ -80,14 +81,19 @@ def retrain(
     step = seconds_per_step(found.shred, windows[-1])
     run.log_metrics({"surrogate/milliseconds": 1e3 * step}, 0)
     seconds[STEP] = step
-    if problem.config.tracking.model:
-        with stage("log the surrogate", seconds) as report:
-            uri = log_surrogate(run, found.shred, windows, list(problem.split.inputs))
-            run.set_tags({"surrogate": uri})
-            report(1.0, uri)
     counts = [len(episode.split.fit.times) for episode in problem.episodes]
     read = reconstruct(found.shred.encode, found.shred, windows)
     return found, list(read.split(counts))
+
+
+def log_model(problem: Problem, learned: Learned, run: MlflowRun, seconds: dict[str, float]) -> str:
+    """Log the network as an MLflow model; returns its URI."""
+    with stage("log the surrogate", seconds) as report:
+        windows = sensor_data(problem).windows
+        uri = log_surrogate(run, learned.shred, windows, list(problem.split.inputs))
+        run.set_tags({"surrogate": uri})
+        report(1.0, uri)
+    return uri
 
 
 def _stepped(episode: Problem, law: Law, start: Tensor, times: Tensor) -> System:

@@ -12,8 +12,8 @@ from torch import Tensor
 
 from callbacks import BestState, RMSECurves, StageProgress
 from dashred.config import Config
-from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import stage
+from dashred.core.tracking import RunTracker
 from dashred.models.shred import SHRED
 from dashred.models.simulation_training import SimulationTraining
 from dashred.physics.runs.ensemble import Ensemble
@@ -67,7 +67,7 @@ class KeptNetwork:
 def train_shred(
     problem: Problem,
     ensemble: Ensemble,
-    run: Tracker,
+    run: RunTracker,
     seconds: dict[str, float],
     name: str,
     begin: SHRED | None = None,

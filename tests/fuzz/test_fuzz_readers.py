@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from dashred.core.errors import InputError
 from dashred.core.files.plain_text import first_unprintable
+from dashred.data.io.csv_table import read_table
 from dashred.data.io.reader import read_episodes
 from dashred.data.io.sensors_table import read_sensors
 from dashred.data.io.stated_units import StatedUnits
@@ -153,7 +154,7 @@ def test_any_table_of_sensors_is_refused_or_sound(
 ) -> None:
     Path("s.csv").write_bytes(csv_of(head, rows, "\n", "utf-8") if plain else raw)
     try:
-        sensors = read_sensors("s.csv", RING, StatedUnits(RING))
+        sensors = read_sensors(read_table("s.csv"), RING, StatedUnits(RING))
     except InputError as error:
         assert "s.csv" in str(error)
         return

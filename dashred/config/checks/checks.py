@@ -131,14 +131,22 @@ def _check_recording(settings: Settings, where: Where) -> None:
                 where=where(f"recording.reads[{i}]"),
                 hint=nearest(name, [*system.fields, *system.let]),
             )
-    if recording.twin is None and recording.path is None:
+    if recording.twin is not None:
+        _check_twin(recording, where)
+
+
+def check_recorded(settings: Settings, where: Where) -> None:
+    """Refuse a configuration that names nothing to analyse.
+
+    Raises:
+        InputError: neither a twin nor a recording.
+    """
+    if settings.recording.twin is None and settings.recording.path is None:
         raise InputError(
             "there is no recording to analyse",
             where=where("recording"),
             hint="give recording.path=FILE or recording.twin=NAME",
         )
-    if recording.twin is not None:
-        _check_twin(recording, where)
 
 
 def _check_sensors(recording: Recording, where: Where) -> None:

@@ -14,6 +14,8 @@ def unfinished_lines(config: Config) -> dict[str, str]:
 
     A line whose values are all overridden on the command line is complete.
     """
+    if config.source is None:
+        return {}
     label, found, used = config.where(""), {}, set(config.lines.values())
     for number, line in enumerate(config.source.read_text(encoding="utf-8-sig").splitlines(), 1):
         written, mark, comment = line.partition(f"# {TO_DO}:")

@@ -25,6 +25,7 @@ MAX_BYTES = 2**28
 # Column separators of tables that are almost CSV.
 SEPARATORS = ";\t "
 NUMBER = re.compile(r"[+-]?\d+(\.\d*)?")
+SECONDS_AS_NUMBERS = "write times as numbers: seconds (or another unit) since the start, as 0.25"
 # 2024-05-17, 17.05.24, 5/17/2024, 12:30.
 DATE = re.compile(r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}|\d{1,2}:\d{2}")
 
@@ -49,8 +50,12 @@ class Table:
     units: dict[str, str] = field(default_factory=dict)
     header: int = 1
 
+    def __len__(self) -> int:
+        """Count of rows, the header left out."""
+        return len(self.rows)
+
     def location(self, row: int, column: str | None = None) -> str:
-        """Return the location of a row or cell: ``file.csv:17, column 'theta'``."""
+        """Where a row or a cell stands: ``file.csv:17, column 'theta'``."""
         line = f"{self.path}:{self.lines[row]}"
         return line if column is None else f"{line}, column {column!r}"
 
@@ -77,7 +82,7 @@ class Table:
         row = next(row for row, cell in enumerate(cells) if not is_number(cell))
         hint = "write numbers as 1.5e-3; leave the cell empty where a value is missing"
         if DATE.match(cells[row]):
-            hint = "write times as numbers, for example seconds since the start: 0.25"
+            hint = SECONDS_AS_NUMBERS
         problem = f"{_abbreviated(cells[row])} is not a number"
         raise InputError(problem, where=self.location(row, column), hint=hint)
 
@@ -108,7 +113,7 @@ def read_table(path: str) -> Table:
         raise InputError("not UTF-8 text", where=where, hint=hint) from None
     if not any(len(row) > 1 or row[0].strip() for row in rows):
         raise InputError("the file is empty", where=path)
-    columns, units = _header(path, rows[0], lines[0])
+    columns, units = read_header(rows[0], f"{path}:{lines[0]}")
     _check_rectangular(path, columns, rows, lines)
     header = lines[0]
     # In place: copying the list of a long table would double its memory.
@@ -153,11 +158,14 @@ def _undecodable(path: str) -> int:
     return 1
 
 
-def _header(path: str, cells: list[str], line: int) -> tuple[tuple[str, ...], dict[str, str]]:
-    """Return the names of the columns, and the units of the columns that state one."""
+def read_header(cells: list[str], where: str) -> tuple[tuple[str, ...], dict[str, str]]:
+    """Return the names of the columns, and the units of those that have one.
+
+    Raises:
+        InputError: a column has no name, or one that was used before, or an empty unit.
+    """
     headers = _split_units(cells)
     columns = tuple(name for name, _ in headers)
-    where = f"{path}:{line}"
     if "" in columns:
         problem = f"column {columns.index('') + 1} has no name"
         raise InputError(problem, where=where, hint="the first line must name every column")

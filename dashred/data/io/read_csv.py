@@ -11,7 +11,8 @@ from dashred.core.errors import InputError, nearest
 from dashred.core.units import TIME
 from dashred.data.checks import check_input, checked_recording
 from dashred.data.episodes import Episode, EpisodeRows, Episodes, split_into_episodes
-from dashred.data.io.csv_table import Table, read_table, separator_hint
+from dashred.data.io.columns import Columns
+from dashred.data.io.csv_table import read_table, separator_hint
 from dashred.data.io.sensors_table import read_sensors
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.sensors import RESERVED, Sensor, SystemDescription, observable_names
@@ -32,16 +33,33 @@ def read_csv(path: str, sensors_table: str | None, system: SystemDescription) ->
     Raises:
         InputError: with the file, line and column of the error.
     """
-    table = read_table(path)
+    places = None if sensors_table is None else read_table(sensors_table)
+    return episodes_of_table(read_table(path), places, system)
+
+
+def episodes_of_table(
+    table: Columns, places: Columns | None, system: SystemDescription
+) -> Episodes:
+    """Read a recording from a table of ``time``, optionally ``episode``, and one column a sensor.
+
+    Args:
+        table: the recording.
+        places: the table that says what the columns are; None says that they are fields or lets.
+        system: that was recorded.
+
+    Raises:
+        InputError: as :func:`read_csv`.
+    """
+    path = table.path
     _check_time_column(table)
     inputs, stated = _inputs(table, system), StatedUnits(system)
-    if sensors_table is None:
+    if places is None:
         sensors = _sensors_by_name(table, system)
     else:
-        named = read_sensors(sensors_table, system, stated)
-        sensors = _matched(_sensor_columns(table, system), named, path, sensors_table)
+        named = read_sensors(places, system, stated)
+        sensors = _matched(_sensor_columns(table, system), named, path, places.path)
     _state_units(table, sensors, system, stated)
-    values = np.empty((len(table.rows), len(sensors)))
+    values = np.empty((len(table), len(sensors)))
     for index, sensor in enumerate(sensors):
         values[:, index] = table.numbers(sensor.name)
     times = table.numbers("time")
@@ -62,7 +80,7 @@ def read_csv(path: str, sensors_table: str | None, system: SystemDescription) ->
 
 
 def _state_units(
-    table: Table, sensors: list[Sensor], system: SystemDescription, stated: StatedUnits
+    table: Columns, sensors: list[Sensor], system: SystemDescription, stated: StatedUnits
 ) -> None:
     """Record the units in the header."""
     for name, column, what in (
@@ -73,8 +91,8 @@ def _state_units(
         stated.state(name, table.units.get(column), table.header_location(column), what)
 
 
-def _inputs(table: Table, system: SystemDescription) -> dict[str, NDArray[np.float64]]:
-    """Return the columns of the system's inputs; every row has a value."""
+def _inputs(table: Columns, system: SystemDescription) -> dict[str, NDArray[np.float64]]:
+    """Return the columns of the system's inputs, known in every row."""
     found = {}
     for name, column in system.inputs.items():
         if column not in table.columns:
@@ -85,26 +103,26 @@ def _inputs(table: Table, system: SystemDescription) -> dict[str, NDArray[np.flo
     return found
 
 
-def _check_time_column(table: Table) -> None:
+def _check_time_column(table: Columns) -> None:
     if "time" in table.columns:
         return
     hint = separator_hint(table.columns) or f"its columns are {', '.join(table.columns)}"
     raise InputError("the recording has no column 'time'", where=table.path, hint=hint)
 
 
-def _episode_rows(table: Table) -> list[EpisodeRows]:
-    """Return the rows of every episode; without an ``episode`` column, one episode with all."""
-    if "episode" not in table.columns or not table.rows:
-        return [EpisodeRows("", slice(0, len(table.rows)))]
+def _episode_rows(table: Columns) -> list[EpisodeRows]:
+    """Return the rows of every episode; of a table without the column, all of them."""
+    if "episode" not in table.columns or not len(table):
+        return [EpisodeRows("", slice(0, len(table)))]
     return split_into_episodes(table.texts("episode"), lambda row: table.location(row, "episode"))
 
 
-def _sensor_columns(table: Table, system: SystemDescription) -> list[str]:
+def _sensor_columns(table: Columns, system: SystemDescription) -> list[str]:
     others = {*RESERVED, *system.inputs.values()}
     return [column for column in table.columns if column not in others]
 
 
-def _sensors_by_name(table: Table, system: SystemDescription) -> list[Sensor]:
+def _sensors_by_name(table: Columns, system: SystemDescription) -> list[Sensor]:
     if system.axes:
         axes = ", ".join(axis.name for axis in system.axes)
         problem = f"the positions of the sensors (name, field, {axes}, std) are not given"

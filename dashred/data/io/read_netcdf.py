@@ -18,6 +18,7 @@ from dashred.core.files.external_links import check_hdf5
 from dashred.core.units import TIME, check_unit
 from dashred.data.checks import check_covered, check_input, checked_recording
 from dashred.data.episodes import Episode, EpisodeRows, Episodes, split_into_episodes
+from dashred.data.io.csv_table import SECONDS_AS_NUMBERS
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.sensors import Sensor, SystemDescription, check_names, check_sensor
 from dashred.physics.backends.input_signals import Measured
@@ -38,7 +39,20 @@ def read_netcdf(path: str, system: SystemDescription) -> Episodes:
     """
     if not Path(path).is_file():
         raise InputError("no such file", where=path, hint=f"looked in {Path.cwd()}")
-    dataset = _load(path)
+    return episodes_of_dataset(_load(path), path, system)
+
+
+def episodes_of_dataset(dataset: xr.Dataset, path: str, system: SystemDescription) -> Episodes:
+    """Read a recording whose sensors are described in the dataset itself.
+
+    Args:
+        dataset: in the layout that ``write_netcdf`` describes.
+        path: what messages call it.
+        system: that was recorded.
+
+    Raises:
+        InputError: as :func:`read_netcdf`.
+    """
     names = _texts(dataset, "name", path)
     check_names(names, path)
     sensors = _sensors(dataset, names, system, path)
@@ -220,8 +234,11 @@ def _text(value: object, name: str, path: str) -> str:
 def _numbers(dataset: xr.Dataset, name: str, dims: Sequence[str], path: str) -> NDArray[np.float64]:
     values = _variable(dataset, name, dims, path).values
     if values.dtype.kind not in "fiu":
-        raise InputError(f"{name!r} does not hold numbers", where=path)
-    return np.ascontiguousarray(values, dtype=np.float64)
+        dated = values.dtype.kind in "Mm"
+        problem = f"{name!r} does not hold numbers: its dtype is {values.dtype}"
+        raise InputError(problem, where=path, hint=SECONDS_AS_NUMBERS if dated else None)
+    # A copy: what is in memory may be changed by its owner.
+    return np.array(values, dtype=np.float64, order="C")
 
 
 def _sensors(

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from dashred.core.errors import InputError, nearest
 from dashred.core.units import check_unit
-from dashred.data.io.csv_table import Table, read_table
+from dashred.data.io.columns import Columns
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.sensors import Sensor, SystemDescription, check_names, check_sensor
 
 OPTIONAL_COLUMNS = ("std", "unit")
 
 
-def read_sensors(path: str, system: SystemDescription, stated: StatedUnits) -> tuple[Sensor, ...]:
+def read_sensors(
+    table: Columns, system: SystemDescription, stated: StatedUnits
+) -> tuple[Sensor, ...]:
     """Read the sensors of a system, in the order of the table.
 
     Columns: ``name``; ``field``, a field or derived quantity of the system; one coordinate per
@@ -21,23 +25,22 @@ def read_sensors(path: str, system: SystemDescription, stated: StatedUnits) -> t
     ``unit`` of the measured quantity.
 
     Args:
-        path: of the table.
-        system: that the sensors observe.
-        stated: collects the units in the table.
+        table: with these columns.
+        system: that has these sensors.
+        stated: takes note of the units in the table.
 
     Raises:
         InputError: for a missing or unknown column, a repeated name, a sensor that does not fit
             the system, or a unit that differs from the configuration.
     """
-    table = read_table(path)
     axes = [axis.name for axis in system.axes]
     _check_columns(table, axes)
-    if not table.rows:
-        raise InputError("the table has no sensors", where=path)
+    if not len(table):
+        raise InputError("the table names no sensor", where=table.path)
     names = table.texts("name")
-    check_names(names, path)
+    check_names(names, table.path)
     positions = [table.numbers(axis) for axis in axes]
-    stds = table.numbers("std") if "std" in table.columns else [math.nan] * len(names)
+    stds = table.numbers("std") if "std" in table.columns else np.full(len(names), np.nan)
     sensors = []
     for row, (name, reads) in enumerate(zip(names, table.texts("field"), strict=True)):
         position = tuple(float(column[row]) for column in positions)
@@ -48,7 +51,9 @@ def read_sensors(path: str, system: SystemDescription, stated: StatedUnits) -> t
     return tuple(sensors)
 
 
-def _state_units(table: Table, sensors: list[Sensor], axes: list[str], stated: StatedUnits) -> None:
+def _state_units(
+    table: Columns, sensors: list[Sensor], axes: list[str], stated: StatedUnits
+) -> None:
     for axis in axes:
         stated.state(axis, table.units.get(axis), table.header_location(axis))
     for row, sensor in enumerate(sensors):
@@ -60,7 +65,7 @@ def _state_units(table: Table, sensors: list[Sensor], axes: list[str], stated: S
         stated.state(sensor.reads, table.units.get("std"), where, f"the std of {what}")
 
 
-def _check_columns(table: Table, axes: list[str]) -> None:
+def _check_columns(table: Columns, axes: list[str]) -> None:
     needed = ("name", "field", *axes)
     for column in needed:
         if column not in table.columns:

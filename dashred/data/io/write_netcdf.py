@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,11 +14,27 @@ from dashred.core.units import TIME
 from dashred.data.episodes import Episodes
 from dashred.data.recording import Recording
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 
 def write_netcdf(
     recorded: Recording | Episodes, path: str | Path, axes: Sequence[str] = ("x", "y", "z")
 ) -> None:
     """Write a recording atomically; equal recordings give equal bytes.
+
+    Args:
+        recorded: what to write.
+        path: the file, which is replaced if it exists.
+        axes: names of the system's axes, at least as many as the sensors have coordinates.
+    """
+    write_netcdf_atomic(Path(path), recording_dataset(recorded, axes))
+
+
+def recording_dataset(
+    recorded: Recording | Episodes, axes: Sequence[str] = ("x", "y", "z")
+) -> xr.Dataset:
+    """Return a recording as a dataset.
 
     Variables: ``value`` (time, sensor), ``time``, and along ``sensor``: ``name``, ``reads``,
     ``std`` (NaN if unknown), ``unit`` if any is stated (empty if unknown) and one coordinate per
@@ -27,7 +44,6 @@ def write_netcdf(
 
     Args:
         recorded: the recording.
-        path: of the file, which is replaced if it exists.
         axes: names of the system's axes, at least as many as the sensors have coordinates.
     """
     import xarray as xr  # takes a second, which readers of CSV need not wait for
@@ -49,7 +65,7 @@ def write_netcdf(
     if inputs:
         clocks["input_time"] = [part.inputs.times for part in parts]
     labels = {"time": "episode", "input_time": "input_episode"}
-    dataset = xr.Dataset(
+    return xr.Dataset(
         {
             "value": (("time", "sensor"), np.concatenate([part.values for part in parts])),
             **{
@@ -72,7 +88,6 @@ def write_netcdf(
         },
         attrs={"Conventions": "CF-1.11", "featureType": "timeSeries"},
     )
-    write_netcdf_atomic(Path(path), dataset)
 
 
 def _named(recorded: Recording | Episodes) -> list[tuple[str, Recording]]:

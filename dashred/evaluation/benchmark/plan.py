@@ -62,7 +62,7 @@ def plan(request: Request) -> list[Row]:
         InputError: anything that a run would refuse: an unknown system, twin or key, a wrong value.
     """
     rows: list[Row] = []
-    sources: dict[str, Path] = {}
+    sources: dict[str, Path | None] = {}
     for system in request.systems:
         config = _config(system, request, "recording.twin=null")
         if sources.setdefault(config.name, config.source) != config.source:

@@ -17,7 +17,10 @@ from dashred.config import Config, load_config
 from dashred.core.errors import InputError
 
 if TYPE_CHECKING:
+    from dashred.data.recording import Recording
+    from dashred.evaluation.twins.sealing import Truth
     from dashred.evaluation.twins.twin_file import Twin
+    from dashred.physics.system import System
 
 
 def main(argv: list[str]) -> int:
@@ -33,6 +36,22 @@ def record(config: Config, output: Path) -> None:
     """Simulate the truth, read it with noisy sensors, seal it.
 
     Raises:
+        InputError: as :func:`record_twin`.
+    """
+    from dashred.data.io.write_netcdf import write_netcdf
+    from dashred.evaluation.twins.sealing import seal
+    from dashred.pipeline.run.output_dir import make_output
+
+    recording, truth, system = record_twin(config)
+    make_output(str(output))
+    write_netcdf(recording, output / "recording.nc", [axis.name for axis in system.axes])
+    seal(output / "sealed.nc", truth, system)
+
+
+def record_twin(config: Config) -> tuple[Recording, Truth, System]:
+    """Return what noisy sensors read of a twin, the truth, and the simulator.
+
+    Raises:
         InputError: the twin is unknown, its law is not in the language, or the truth blows up.
     """
     import numpy as np
@@ -41,12 +60,10 @@ def record(config: Config, output: Path) -> None:
     from dashred.core.progress import stage
     from dashred.core.threads import use_threads
     from dashred.data.inputs import drive_signals, with_inputs
-    from dashred.data.io.write_netcdf import write_netcdf
     from dashred.evaluation.twins.recorder import clock_of, observe, simulate_truth
-    from dashred.evaluation.twins.sealing import Truth, seal
+    from dashred.evaluation.twins.sealing import Truth
     from dashred.evaluation.twins.twin_file import read_twin
     from dashred.physics.system import System
-    from dashred.pipeline.run.output_dir import make_output
 
     torch.set_num_threads(1)
     use_threads(config.threads)
@@ -61,11 +78,9 @@ def record(config: Config, output: Path) -> None:
         count = int((times <= config.recording.duration * (1 + 1e-9)).sum())
         read = observe(system, states[:count], times[:count], twin, config, rng)
         recording = replace(read, inputs=inputs, units=system.units)
-    make_output(str(output))
-    write_netcdf(recording, output / "recording.nc", [axis.name for axis in system.axes])
     duration = config.recording.duration
     truth = Truth(twin.name, twin.terms, times, duration, states, twin.concealed)
-    seal(output / "sealed.nc", truth, system)
+    return recording, truth, system
 
 
 def _key(twin: Twin, seed: int) -> int:

@@ -37,7 +37,7 @@ def entries(config: Config) -> dict[str, Any]:
         InputError: there is no such file, or it is no mapping.
     """
     path, label = _place(config)
-    if config.source.parent == CONF:
+    if config.source is not None and config.source.parent == CONF:
         check_checkout("the hidden truths of the bundled systems are")
     if not path.is_file():
         raise InputError(
@@ -124,6 +124,12 @@ def twin_of(name: str, entry: dict[str, Any], label: str, config: Config) -> Twi
 
 
 def _place(config: Config) -> tuple[Path, str]:
+    if config.source is None:
+        raise InputError(
+            f"{config.name} has no twins: it was given as a dict",
+            where=config.where(""),
+            hint="twins lie beside a configuration file, in the folder twins",
+        )
     path = config.source.parent / "twins" / config.source.name
     return path, f"{path.parent.name}/{path.name}"
 

@@ -7,38 +7,61 @@ could begin, whatever is doubtful, and with 2 where the input is wrong or a line
 from __future__ import annotations
 
 from itertools import chain
+from typing import TYPE_CHECKING
 
 from dashred.config import Config, load_config
 from dashred.config.checks.placeholders import unfinished_lines
 from dashred.core.errors import DONE, WRONG_INPUT
 from dashred.pipeline.check.page import Page
 
+if TYPE_CHECKING:
+    from dashred.data.episodes import Episodes
+
 
 def main(argv: list[str]) -> int:
     """Check the configuration, then what it names, cheapest first."""
     config = load_config(argv, entry="check")
-    page = check(config)
+    page = Page()
+    begin(config, page)
+    _check_places(config)
+    check(config, page)
     return WRONG_INPUT if page.wrong or unfinished_lines(config) else DONE
 
 
-def check(config: Config) -> Page:
-    """Print what there is to say about a configuration, section by section.
+def begin(config: Config, page: Page) -> None:
+    """Show what is checked, and what is left to do in its file."""
+    from dashred.pipeline.check.placeholders import left_to_do
+
+    page.title(f"{config.system.title}: {config.where('')}")
+    page.section("Left to do", left_to_do(config))
+
+
+def _check_places(config: Config) -> None:
+    """Refuse a device, an output folder or a store that a run could not use."""
+    from dashred.core.mlflow.server import check_server
+    from dashred.models.device import check_device
+    from dashred.pipeline.run.output_dir import check_output
+
+    check_device(config)
+    check_output(config)
+    check_server(config.tracking.root)
+
+
+def check(config: Config, page: Page, recorded: Episodes | None = None) -> None:
+    """Show what there is to say about a configuration, section by section.
+
+    Args:
+        config: the system, and how it is analysed.
+        page: gets what is found.
+        recorded: the recording; None reads the one that ``recording.path`` names, if it names one.
 
     Raises:
         InputError: whatever a run would refuse.
     """
-    from dashred.pipeline.check.placeholders import left_to_do
-
-    page = Page()
-    print(f"{config.system.title}: {config.where('')}", flush=True)
-    page.section("Left to do", left_to_do(config))
-
     # Imported late: torch takes a second, and what is left to do needs none of it.
     import torch
 
-    from dashred.core.mlflow.server import check_server
     from dashred.core.threads import use_threads
-    from dashred.models.device import check_device
     from dashred.pipeline.check.agreement import about_agreement
     from dashred.pipeline.check.context import check_context
     from dashred.pipeline.check.ensemble import about_ensemble, about_structure
@@ -48,14 +71,10 @@ def check(config: Config) -> Page:
     from dashred.pipeline.check.simulator import about_simulator, run_nominal
     from dashred.pipeline.check.snapshots import about_snapshots
     from dashred.pipeline.check.splits import about_splits
-    from dashred.pipeline.run.output_dir import check_output
 
-    check_device(config)
-    check_output(config)
-    check_server(config.tracking.root)
     torch.set_num_threads(1)
     use_threads(config.threads)
-    situation = check_context(config)
+    situation = check_context(config, recorded)
     page.section("Recording", about_recording(situation))
     page.section("Splits", about_splits(situation))
     if config.system.snapshots is not None:
@@ -63,7 +82,7 @@ def check(config: Config) -> Page:
         page.section("Snapshots", about_snapshots(situation.problem))
         page.section("A run", [about_snapshots_run_time(config)])
         page.conclude()
-        return page
+        return
     simulated = run_nominal(situation)
     looks = (about_simulator, about_structure, about_ensemble)
     page.section("Simulator", chain.from_iterable(about(situation, simulated) for about in looks))
@@ -72,4 +91,3 @@ def check(config: Config) -> Page:
     page.section("Simulator and recording", about_agreement(situation, simulated, seen))
     page.section("A run", [about_run_time(situation, simulated, seen)])
     page.conclude()
-    return page

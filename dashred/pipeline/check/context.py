@@ -9,15 +9,16 @@ import torch
 from torch import Tensor
 
 from dashred.config import Config
+from dashred.core.errors import InputError
+from dashred.data.episodes import Episodes
 from dashred.data.inputs import drive_signals, with_inputs
-from dashred.data.io.reader import read_episodes
 from dashred.data.recording import Recording
 from dashred.data.sensor_layout import place_sensors
 from dashred.data.sensors import Sensor
 from dashred.data.splits import Split, split_recording
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
-from dashred.pipeline.problem import Problem, build_problem
+from dashred.pipeline.problem import Problem, build_problem, read_recorded
 
 # Places like a twin's: they come from a stream of the check's own, and tell nothing of any twin's.
 STREAM = 0xC4EC
@@ -72,18 +73,22 @@ class CheckContext:
         return torch.tensor([share * sizes[s.reads] for s in self.sensors], dtype=torch.float64)
 
 
-def check_context(config: Config) -> CheckContext:
+def check_context(config: Config, recorded: Episodes | None = None) -> CheckContext:
     """Read what there is.
+
+    Args:
+        config: the system, and how it is analysed.
+        recorded: the recording; None reads the one that ``recording.path`` names, if it names one.
 
     Raises:
         InputError: whatever a run would refuse about equations, library, recording or splits.
     """
-    if config.recording.path is None:
+    if recorded is None and config.recording.path is None:
         return _without_recording(config)
-    posed = build_problem(config)
-    table = config.recording.sensors if isinstance(config.recording.sensors, str) else None
-    episodes = read_episodes(config.recording.path, table, posed.system).episodes
-    recordings = {episode.name: episode.recording for episode in episodes}
+    if recorded is None:
+        recorded = read_recorded(config, System(config.system, config.where))
+    posed = build_problem(config, recorded)
+    recordings = {episode.name: episode.recording for episode in recorded.episodes}
     return CheckContext(
         config,
         posed.system,
@@ -103,7 +108,12 @@ def _without_recording(config: Config) -> CheckContext:
     bare = System(config.system, config.where)
     library = build_library(bare, config.library)
     every, duration = config.recording.every, config.recording.duration
-    assert every is not None
+    if every is None:
+        raise InputError(
+            "there is no recording, and no step between samples to check sensors at",
+            where=config.where("recording"),
+            hint="give a recording, or recording.every and recording.duration",
+        )
     times = torch.arange(round(duration / every) + 1, dtype=torch.float64) * every
     inputs = drive_signals(bare, config, times)
     system = with_inputs(bare, inputs)

@@ -1,9 +1,9 @@
-"""What a check prints."""
+"""What a check has found: printed as it is found, or kept."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from dashred.pipeline.check.remark import Remark
 
@@ -11,38 +11,57 @@ MARKS = {"fine": " ", "doubtful": "?", "to do": "!", "wrong": "x"}
 WIDTH = 98
 
 
-class Page:
-    """Prints remarks as they are found, and counts them."""
+def _print(text: str) -> None:
+    print(text, flush=True)
 
-    def __init__(self) -> None:
-        """Begin with nothing."""
+
+class Page:
+    """Keeps remarks, by section, and shows each as it is found.
+
+    Attributes:
+        lines: what was shown.
+        count: remarks of each kind.
+    """
+
+    def __init__(self, show: Callable[[str], None] = _print) -> None:
+        """Begin with nothing; ``show`` gets every line."""
         self.count = dict.fromkeys(MARKS, 0)
+        self.lines: list[str] = []
+        self._show = show
+
+    def title(self, text: str) -> None:
+        """Show what is checked."""
+        self._put(text)
 
     def section(self, title: str, remarks: Iterable[Remark]) -> None:
         """Print a section, each remark as soon as it is there; nothing if there is none."""
         begun = False
         for remark in remarks:
             if not begun:
-                print(f"\n{title}")
+                self._put(f"\n{title}")
             begun = True
             self.count[remark.kind] += 1
-            _print(f"  {MARKS[remark.kind]} ", remark.says)
+            self._put(_wrapped(f"  {MARKS[remark.kind]} ", remark.says))
             if remark.hint:
-                _print("      ", remark.hint)
+                self._put(_wrapped("      ", remark.hint))
 
     def conclude(self) -> None:
         """Print what is to be done now."""
         words = {"wrong": "wrong", "to do": "left to do", "doubtful": "doubtful"}
         parts = [f"{self.count[k]} {w} ({MARKS[k]})" for k, w in words.items() if self.count[k]]
-        print(f"\n{', '.join(parts) or 'Nothing is doubtful'}.")
+        self._put(f"\n{', '.join(parts) or 'Nothing is doubtful'}.")
 
     @property
     def wrong(self) -> bool:
         """Whether a run would refuse something."""
         return bool(self.count["wrong"])
 
+    def _put(self, text: str) -> None:
+        self.lines.append(text)
+        self._show(text)
 
-def _print(begin: str, text: str) -> None:
+
+def _wrapped(begin: str, text: str) -> str:
     rest = " " * len(begin)
     lines = textwrap.wrap(
         text,
@@ -52,4 +71,4 @@ def _print(begin: str, text: str) -> None:
         break_long_words=False,
         break_on_hyphens=False,
     )
-    print("\n".join(lines), flush=True)
+    return "\n".join(lines)

@@ -9,8 +9,8 @@ from dataclasses import replace
 import torch
 
 from dashred.core.mlflow.metric_names import metric_name
-from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import stage
+from dashred.core.tracking import RunTracker
 from dashred.inference.fit.law import Law, posterior
 from dashred.inference.fit.stepwise_selection import Selection, Tried, better, polish, select
 from dashred.inference.forward.candidates import Candidate, build_candidates, indices_by_name
@@ -52,7 +52,7 @@ def discover(
     ensemble: Ensemble,
     learned: Learned,
     found: Assimilated,
-    run: Tracker,
+    run: RunTracker,
     seconds: dict[str, float],
 ) -> Discovery:
     """Guess the start, walk the horizon, select, and fit to the end (design §4.2)."""

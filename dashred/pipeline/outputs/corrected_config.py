@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import asdict
 from pathlib import Path
 from textwrap import wrap
@@ -9,8 +10,7 @@ from typing import Any
 
 import yaml
 
-from dashred.config import Config, read_file
-from dashred.core.arguments import PLACE
+from dashred.config import Config
 from dashred.core.files.atomic import write_text_atomic
 from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import correct
@@ -57,11 +57,11 @@ def _lost_structure(config: Config, corrected: System) -> bool:
 
 def _layer(config: Config) -> dict[str, Any]:
     """Return the values of the user's file, the command line's over them, as they were written."""
-    values = read_file(config.source, label=config.source.name).values
+    values = deepcopy(config.written)
     settled = asdict(config)
     settled["system"]["class"] = settled["system"].pop("class_")
     for key, line in config.lines.items():
-        if key and line == PLACE and "[" not in key:
+        if key and line == config.override_place and "[" not in key:
             _put(values, key.split("."), _get(settled, key.split(".")))
     for key in OF_ONE_RUN:
         values.pop(key, None)
@@ -76,13 +76,14 @@ def _layer(config: Config) -> dict[str, Any]:
 
 
 def _header(config: Config, system: System, law: Law, recording_sha256: str) -> str:
+    origin = "given as a dict" if config.source is None else config.source.name
     lines = [
         f"{system.title}, corrected: the simulation with the law that dashred found.",
         "",
         law_text(terms_of(system, law), system),
         "",
         f"Found from the recording with sha256 {recording_sha256[:16]}…, seed {config.seed}; "
-        f"± is one standard deviation. The configuration was {config.source.name}.",
+        f"± is one standard deviation. The configuration was {origin}.",
         "",
         "The start and its spin-up are the configuration's own, so the spin-up now runs under the "
         "corrected equations; the start that was fitted to the recording is in estimates.nc.",

@@ -1,8 +1,8 @@
-"""Files of fields by method, of one episode or of several one after another."""
+"""Fields by method, as a dataset and as a file, of one episode or of several one after another."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +20,19 @@ def write_estimates(
     path: Path,
     system: System,
     times: Tensor,
-    fields: dict[str, Tensor],
+    fields: Mapping[str, Tensor],
     episodes: Sequence[str] = (),
 ) -> None:
-    """Write fields by method, dims ``(method, time, *axes)``, one variable a field.
+    """Write the dataset of :func:`fields_dataset`."""
+    write_netcdf_atomic(path, fields_dataset(system, times, fields, episodes))
+
+
+def fields_dataset(
+    system: System, times: Tensor, fields: Mapping[str, Tensor], episodes: Sequence[str] = ()
+) -> xr.Dataset:
+    """Return fields by method, dims ``(method, time, *axes)``, one variable a field.
 
     Args:
-        path: the file.
         system: names and grid.
         times: ``(time,)``.
         fields: by method, ``(time, field, *grid)``.
@@ -42,17 +48,16 @@ def write_estimates(
     if len(episodes):
         coordinates["episode"] = ("time", list(episodes))
     coordinates |= {name: x.numpy() for name, x in system.grid.own_coordinates.items()}
-    write_netcdf_atomic(path, xr.Dataset(data, coordinates))
+    return xr.Dataset(data, coordinates)
 
 
-def write_episodes(path: Path, parts: Sequence[tuple[Problem, Tensor, dict[str, Tensor]]]) -> None:
-    """Write what methods make of every episode, one after another."""
+def episodes_dataset(parts: Sequence[tuple[Problem, Tensor, dict[str, Tensor]]]) -> xr.Dataset:
+    """Return what methods make of every episode, one after another."""
     system = parts[0][0].system
     if len(parts) == 1:
         [(_, times, fields)] = parts
-        write_estimates(path, system, times, fields)
-        return
+        return fields_dataset(system, times, fields)
     methods = [name for name in parts[0][2] if all(name in fields for *_, fields in parts)]
     together = {name: torch.cat([fields[name] for *_, fields in parts]) for name in methods}
     labels = [episode.name for episode, times, _ in parts for _ in times]
-    write_estimates(path, system, torch.cat([t for _, t, _ in parts]), together, labels)
+    return fields_dataset(system, torch.cat([t for _, t, _ in parts]), together, labels)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Literal, cast
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from dashred.core.findings.schema import Findings
 from dashred.core.units import time_label
@@ -13,7 +14,6 @@ from dashred.data.recording import Recording
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.trajectories import Trajectories
-from dashred.reporting.figures.gallery import Gallery
 from dashred.reporting.figures.save import (
     forecast_figure,
     sensor_traces,
@@ -30,9 +30,7 @@ HELD_OUT: tuple[Proof, ...] = (
 )
 
 
-def draw_verification(
-    problem: Problem, analysis: Analysis, findings: Findings, gallery: Gallery
-) -> None:
+def draw_verification(problem: Problem, analysis: Analysis, findings: Findings) -> Figure:
     """Draw the test sensors with and without the law, and every method's errors."""
     tested = problem.split.tested
     operator, total = problem.operator(tested), len(problem.times)
@@ -41,7 +39,7 @@ def draw_verification(
     }
     fit = findings["fit"]
     errors: dict[str, Errors] = {name: cast(Errors, fit.get(name) or {}) for name in HELD_OUT}
-    figure = verification_figure(
+    return verification_figure(
         problem.times.numpy(),
         tested.values,
         list(tested.names),
@@ -51,10 +49,9 @@ def draw_verification(
         reading_units(problem, tested),
         time_label(problem.system.units),
     )
-    gallery.save(figure, "verification.png")
 
 
-def draw_forecast(problem: Problem, analysis: Analysis, gallery: Gallery) -> None:
+def draw_forecast(problem: Problem, analysis: Analysis) -> Figure:
     """Draw sensors of the held-out time on beyond the recording."""
     free, heldout = analysis.free, problem.split.heldout
     recorded = _recorded(problem, list(heldout.names))
@@ -62,7 +59,7 @@ def draw_forecast(problem: Problem, analysis: Analysis, gallery: Gallery) -> Non
     traces = {
         name: operator(free.states[name]).numpy() for name in ("simulation_refit", "corrected")
     }
-    figure = forecast_figure(
+    return forecast_figure(
         free.times.numpy(),
         recorded,
         list(heldout.names),
@@ -70,7 +67,6 @@ def draw_forecast(problem: Problem, analysis: Analysis, gallery: Gallery) -> Non
         reading_units(problem, heldout),
         time_label(problem.system.units),
     )
-    gallery.save(figure, "forecast.png")
 
 
 def reading_units(problem: Problem, recording: Recording) -> dict[str, str]:
@@ -88,24 +84,20 @@ def all_sensors(problem: Problem) -> Recording:
     return Recording(tuple(sensors.values()), problem.times.numpy(), recorded)
 
 
-def draw_whole_episode(problem: Problem, free: Trajectories, gallery: Gallery, name: str) -> None:
+def draw_whole_episode(problem: Problem, free: Trajectories) -> Figure:
     """Draw the episode that was held out whole, and what runs from its beginning make of it."""
     recording = all_sensors(problem)
     operator, total = problem.operator(recording), len(problem.times)
     compared = ("simulation_refit", "corrected")
     traces = {name: operator(free.states[name][:total]).numpy() for name in compared}
-    draw_sensors(problem, recording, traces, gallery, name)
+    return draw_sensors(problem, recording, traces)
 
 
 def draw_sensors(
-    problem: Problem,
-    recording: Recording,
-    traces: Mapping[str, np.ndarray],
-    gallery: Gallery,
-    name: str,
-) -> None:
+    problem: Problem, recording: Recording, traces: Mapping[str, np.ndarray]
+) -> Figure:
     """Draw what sensors recorded, ``(time, sensor)``, and the traces of methods beside it."""
-    figure = sensor_traces(
+    return sensor_traces(
         recording.times,
         recording.values,
         list(recording.names),
@@ -115,10 +107,9 @@ def draw_sensors(
         reading_units(problem, recording),
         time_label(problem.system.units),
     )
-    gallery.save(figure, name)
 
 
-def draw_traces(problem: Problem, analysis: Analysis, gallery: Gallery, name: str) -> None:
+def draw_traces(problem: Problem, analysis: Analysis) -> Figure:
     """Draw all sensors of an episode that is fitted, with what the methods make of them."""
     split = problem.split
     recording = all_sensors(problem)
@@ -131,7 +122,7 @@ def draw_traces(problem: Problem, analysis: Analysis, gallery: Gallery, name: st
         known = operator(analysis.estimates(count)[method]).numpy()
         traces[method] = np.full((total, len(sensors)), np.nan)
         traces[method][:count] = known
-    draw_sensors(problem, recording, traces, gallery, name)
+    return draw_sensors(problem, recording, traces)
 
 
 def _recorded(problem: Problem, names: list[str]) -> np.ndarray:

@@ -12,14 +12,14 @@ import time
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import torch
 from numpy._core.multiarray import _reconstruct  # how NumPy pickles an array
 
 from dashred.core.files.atomic import atomic_file
-from dashred.core.progress import CONSOLE
+from dashred.core.progress import say
 from dashred.inference.fit.law import Law, SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate
@@ -52,6 +52,21 @@ ARRAYS: tuple[Any, ...] = (
 UNREADABLE = (OSError, EOFError, RuntimeError, KeyError, pickle.UnpicklingError)
 
 
+class Stages(Protocol):
+    """Runs the stages of an analysis."""
+
+    def stage(self, name: str, find: Callable[[], Found]) -> Found:
+        """Return what a stage finds."""
+
+
+class NoCheckpoints:
+    """Runs every stage, and keeps nothing of it."""
+
+    def stage(self, name: str, find: Callable[[], Found]) -> Found:
+        """Return what a stage finds now."""
+        return find()
+
+
 class Checkpoints:
     """One file a stage.
 
@@ -75,7 +90,7 @@ class Checkpoints:
         if kept is not None and kept.get("code") == code:
             self.seconds |= kept["seconds"]
             self.earlier += kept["took"]
-            CONSOLE.print(f"  {name:<28} found before the interruption", highlight=False)
+            say(f"  {name:<28} found before the interruption")
             return _restored(kept["found"])
         before, began = dict(self.seconds), time.perf_counter()
         found = find()

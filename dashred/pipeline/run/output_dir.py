@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryFile
 
@@ -40,7 +41,7 @@ def named_output(config: Config) -> Path | None:
     if not config.output:
         return None
     folder = make_output(config.output)
-    _check_ours(folder, config)
+    check_ours(folder, _inputs(config), config.output)
     return folder
 
 
@@ -54,7 +55,7 @@ def check_output(config: Config) -> None:
         _check_possible(config.tracking.root, "choose another: tracking.root=DIR")
     if config.output:
         _check_possible(config.output, ANOTHER)
-        _check_ours(Path(config.output), config)
+        check_ours(Path(config.output), _inputs(config), config.output)
 
 
 def _check_possible(path: str, hint: str) -> None:
@@ -66,7 +67,13 @@ def _check_possible(path: str, hint: str) -> None:
     _check_writable(there, path, hint)
 
 
-def _check_ours(folder: Path, config: Config) -> None:
+def _inputs(config: Config) -> list[Path]:
+    """Return the files that a run reads."""
+    named = (config.source, config.recording.path, config.recording.sensors)
+    return [Path(path) for path in named if isinstance(path, str | Path)]
+
+
+def check_ours(folder: Path, inputs: Sequence[Path], where: str) -> None:
     """Refuse a folder of which a run would take away files that no run has left there.
 
     Every run leaves what it has frozen; one that was cut short, the name of its run.
@@ -75,15 +82,13 @@ def _check_ours(folder: Path, config: Config) -> None:
         InputError: there are such files, or the run's own input is among its results.
     """
     taken = [folder / name for name in (*RESULTS, SCORE) if (folder / name).exists()]
-    named = (config.source, config.recording.path, config.recording.sensors)
-    inputs = [Path(path) for path in named if isinstance(path, str | Path)]
     for path in taken:
         if any(path.samefile(given) for given in inputs if given.exists()):
             what = f"a run would write its {path.name} over the one that it is to read"
-            raise InputError(what, where=config.output, hint=ANOTHER)
+            raise InputError(what, where=where, hint=ANOTHER)
     if taken and not any((folder / mark).is_file() for mark in (FREEZE, POINTER)):
         what = f"{taken[0].name} is there, not from a run of dashred, and a run would replace it"
-        raise InputError(what, where=config.output, hint=ANOTHER)
+        raise InputError(what, where=where, hint=ANOTHER)
 
 
 def make_output(path: str) -> Path:

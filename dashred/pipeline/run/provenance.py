@@ -6,7 +6,7 @@ import logging
 import platform
 import subprocess
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import torch
@@ -72,6 +72,24 @@ def git_commit() -> str:
     return commit + ("+" if changes else "") if Path(place) == root else "unknown"
 
 
+def write_record(output: Path, seconds: dict[str, float], more: Mapping[str, str]) -> None:
+    """Write ``run.json``: how long the stages took, and where and by which code they ran."""
+    record = {
+        "seconds": {title: float(f"{value:.3g}") for title, value in seconds.items()},
+        "host": platform.node(),
+        "git_commit": git_commit(),
+        **more,
+    }
+    write_json_atomic(output / "run.json", record)
+
+
+def write_summary(output: Path, findings: Findings, paths: Mapping[str, Path | str]) -> str:
+    """Write ``summary.txt``; returns what it says."""
+    text = summary(findings, None, paths)
+    write_text_atomic(output / "summary.txt", text)
+    return text
+
+
 def finish(
     run: Tracker,
     output: Path,
@@ -82,16 +100,8 @@ def finish(
 ) -> None:
     """Write ``run.json``, log what this run has written and no other file, print the summary."""
     run.set_tags({"config sha256": config_sha256})
-    record = {
-        "seconds": {title: float(f"{value:.3g}") for title, value in seconds.items()},
-        "host": platform.node(),
-        "git_commit": git_commit(),
-        "mlflow_run": run.run_id,
-    }
-    write_json_atomic(output / "run.json", record)
-    paths = {"findings": output, "MLflow store": run.uri}
-    text = summary(findings, None, paths)
-    write_text_atomic(output / "summary.txt", text)
+    text = write_summary(output, findings, {"findings": output, "MLflow store": run.uri})
+    write_record(output, seconds, {"mlflow_run": run.run_id})
     run.log_files([*results_in(output), *figures])
     run.set_tags({FROZEN: sha256_of(output / "findings.json")})
     print_summary(text)

@@ -10,17 +10,17 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
+from copy import deepcopy
 from dataclasses import asdict, fields
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from dashred.config import Config, config_sha256, read_file
+from dashred.config import Config, config_sha256
 from dashred.config.bundled_systems import PACKAGE
 from dashred.config.frozen import OUTPUT_SECTIONS, TWIN_ONLY
 from dashred.config.layers import PATHS
 from dashred.config.schema.settings import Settings
-from dashred.core.arguments import PLACE
 from dashred.core.errors import InputError
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.findings import versions, write_json_atomic
@@ -65,7 +65,7 @@ def code_sha256() -> str:
 
 def begin(folder: Path, config: Config, began: dict[str, str]) -> None:
     """Note what an attempt begins with, in the folder of its checkpoints."""
-    values = read_file(config.source, label=config.source.name).values
+    values = deepcopy(config.written)
     for key in OUTPUT_SECTIONS:
         values.pop(key, None)
     for key in OF_ONE_RECORDING:
@@ -155,7 +155,7 @@ def _words(config: Config) -> list[str]:
     found = {MODEL: kept.model}
     for key, line in config.lines.items():
         section, _, name = key.partition(".")
-        if line != PLACE or not key or "[" in key or section in OUTPUT_SECTIONS:
+        if line != config.override_place or not key or "[" in key or section in OUTPUT_SECTIONS:
             continue
         if section != "recording" or name not in OF_ONE_RECORDING:
             found[key] = _at(settled, key)

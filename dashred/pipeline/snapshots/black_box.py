@@ -7,16 +7,44 @@ from dataclasses import replace
 from pathlib import Path
 
 from dashred.config import Config, config_sha256
+from dashred.core.tracking import RunTracker
 from dashred.pipeline import problem, training
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
+from dashred.pipeline.problem import Problem
 from dashred.pipeline.run import provenance
-from dashred.pipeline.run.checkpoints import Checkpoints
+from dashred.pipeline.run.checkpoints import Checkpoints, Stages
 from dashred.pipeline.run.output_dir import clear_output, named_output
 from dashred.pipeline.run.parent_run import open_parent
 from dashred.pipeline.run.run_manifest import SNAPSHOTS, end, manifest_of
 from dashred.pipeline.run.run_tags import conclude, describe
 from dashred.pipeline.snapshots import black_box_findings, black_box_report, snapshot_runs
-from dashred.pipeline.snapshots.black_box_analysis import analyse_runs
+from dashred.pipeline.snapshots.black_box_analysis import BlackBoxAnalysis, analyse_runs
+from dashred.pipeline.snapshots.snapshot_runs import SnapshotRuns
+
+
+def read_snapshots(posed: Problem, seconds: dict[str, float]) -> tuple[Problem, SnapshotRuns]:
+    """Read the snapshots, and keep the terms that the sensors can identify.
+
+    Raises:
+        InputError: the input is wrong.
+    """
+    runs = snapshot_runs.read_runs(posed, seconds)
+    return keep_identifiable_terms(posed, runs.some, float(posed.times[0])), runs
+
+
+def discover(
+    posed: Problem,
+    runs: SnapshotRuns,
+    run: RunTracker,
+    kept: Stages,
+    seconds: dict[str, float],
+) -> BlackBoxAnalysis:
+    """Train SHRED, assimilate, propose terms, and tell whether anything is missing."""
+    counted = replace(posed, config=runs.configured(posed.config))
+    learned = kept.stage(
+        "shred", lambda: training.train_shred(counted, runs.ensemble, run, seconds, "SHRED")
+    )
+    return analyse_runs(counted, runs, learned, run, seconds)
 
 
 def analyse_snapshots(config: Config) -> Path:
@@ -30,8 +58,7 @@ def analyse_snapshots(config: Config) -> Path:
     named = named_output(config)
     seconds: dict[str, float] = {}
     clock = time.perf_counter()
-    runs = snapshot_runs.read_runs(posed, seconds)
-    posed = keep_identifiable_terms(posed, runs.some, float(posed.times[0]))
+    posed, runs = read_snapshots(posed, seconds)
 
     began = manifest_of(config, posed.recording_sha256) | {SNAPSHOTS: runs.sha256}
     with open_parent(config, named, began) as (run, folder):
@@ -39,12 +66,8 @@ def analyse_snapshots(config: Config) -> Path:
         clear_output(output)
         describe(run, config, provenance.git_commit())
 
-        counted = replace(posed, config=runs.configured(config))
         kept = Checkpoints(folder, seconds)
-        learned = kept.stage(
-            "shred", lambda: training.train_shred(counted, runs.ensemble, run, seconds, "SHRED")
-        )
-        analysis = analyse_runs(counted, runs, learned, run, seconds)
+        analysis = discover(posed, runs, run, kept, seconds)
         findings = black_box_findings.verify(posed, analysis)
         black_box_findings.write(posed, analysis, findings, output)
         figures = black_box_report.report(posed, analysis, findings, output, seconds)

@@ -8,8 +8,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import stage
+from dashred.core.tracking import RunTracker
 from dashred.data.recording import Recording
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.inference.latent_sindy.operator_inference import SnapshotSteps
@@ -52,7 +52,7 @@ def analyse_runs(
     posed: Problem,
     runs: SnapshotRuns,
     learned: training.Learned,
-    run: Tracker,
+    run: RunTracker,
     seconds: dict[str, float],
 ) -> BlackBoxAnalysis:
     """Assimilate, propose terms, and tell whether anything is missing at all."""

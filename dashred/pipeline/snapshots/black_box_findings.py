@@ -6,11 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
+from dashred.core.files.atomic import write_netcdf_atomic
 from dashred.core.findings.cause_schema import Cause, Verdict
 from dashred.core.findings.schema import Findings, Fit, Latent, errors_by_method, new_findings
 from dashred.data.recording import Recording
-from dashred.pipeline.outputs.field_files import write_estimates
+from dashred.pipeline.outputs.field_files import fields_dataset
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.snapshots.black_box_analysis import BlackBoxAnalysis, whole
 from dashred.pipeline.snapshots.mismatch import Missed
@@ -48,10 +50,15 @@ def verify(problem: Problem, analysis: BlackBoxAnalysis) -> Findings:
 
 def write(problem: Problem, analysis: BlackBoxAnalysis, findings: Findings, output: Path) -> None:
     """Write the fields over the whole record and the findings; freeze both."""
+    write_netcdf_atomic(output / "estimates.nc", estimates_dataset(problem, analysis))
+    freeze_findings(output, findings, ["estimates.nc"])
+
+
+def estimates_dataset(problem: Problem, analysis: BlackBoxAnalysis) -> xr.Dataset:
+    """Return the fields by method as far as all of them reach."""
     reach = min(len(states) for states in analysis.fields.values())
     fields = {name: states[:reach] for name, states in analysis.fields.items()}
-    write_estimates(output / "estimates.nc", problem.system, problem.times[:reach], fields)
-    freeze_findings(output, findings, ["estimates.nc"])
+    return fields_dataset(problem.system, problem.times[:reach], fields)
 
 
 def _cause(kind: Verdict, analysis: BlackBoxAnalysis) -> Cause:

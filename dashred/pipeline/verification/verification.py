@@ -5,7 +5,10 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import xarray as xr
+
 from dashred.config import config_sha256, frozen_input
+from dashred.core.files.atomic import write_netcdf_atomic
 from dashred.core.findings.cause_schema import Cause
 from dashred.core.findings.findings import freeze, versions, write_json_atomic
 from dashred.core.findings.schema import (
@@ -28,7 +31,7 @@ from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.outputs.corrected_config import NAME as CORRECTED
 from dashred.pipeline.outputs.corrected_config import write_corrected
-from dashred.pipeline.outputs.field_files import write_episodes
+from dashred.pipeline.outputs.field_files import episodes_dataset
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.verification.energy import energy_lost
 from dashred.pipeline.verification.held_out import errors_of_held_out
@@ -120,25 +123,35 @@ def refuse_unresolved(problem: Problem, resolution: Resolution) -> Findings:
 
 def write_findings(problem: Problem, analysis: Analysis, findings: Findings, output: Path) -> None:
     """Write the fields, the forecast, the corrected configuration and the findings; freeze all."""
-    system, free = problem.system, analysis.free
+    write_netcdf_atomic(output / "estimates.nc", estimates_dataset(problem, analysis))
+    write_netcdf_atomic(output / "forecast.nc", forecast_dataset(problem, analysis))
+    others = ["estimates.nc", "forecast.nc"]
+    if findings["corrected"] is not None:
+        law = analysis.discovered.best
+        sha256 = problem.recording_sha256
+        write_corrected(output / CORRECTED, problem.config, problem.system, law, sha256)
+        others.append(CORRECTED)
+    freeze_findings(output, findings, others)
+
+
+def estimates_dataset(problem: Problem, analysis: Analysis) -> xr.Dataset:
+    """Return the fields by method over the fit window of every episode."""
     fields = []
     for episode, mine in analysis.episodes(problem):
         count = len(episode.split.fit.times)
         fields.append((episode, episode.times[:count], mine.estimates(count)))
-    write_episodes(output / "estimates.nc", fields)
+    return episodes_dataset(fields)
+
+
+def forecast_dataset(problem: Problem, analysis: Analysis) -> xr.Dataset:
+    """Return the free runs beyond the recording, of every episode."""
+    free = analysis.free
     runs = zip((*problem.episodes, *problem.whole), (free, *free.others, *free.whole), strict=True)
     beyond = []
     for episode, run in runs:
         ahead = slice(run.recorded, len(run.times))
         beyond.append((episode, run.times[ahead], run.over(ahead)))
-    write_episodes(output / "forecast.nc", beyond)
-    others = ["estimates.nc", "forecast.nc"]
-    if findings["corrected"] is not None:
-        law = analysis.discovered.best
-        sha256 = problem.recording_sha256
-        write_corrected(output / CORRECTED, problem.config, system, law, sha256)
-        others.append(CORRECTED)
-    freeze_findings(output, findings, others)
+    return episodes_dataset(beyond)
 
 
 def freeze_findings(output: Path, findings: Findings, others: list[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -32,6 +33,11 @@ class Gallery:
             raise ValueError(f"no figure of ours is called {name!r}")
         save_figure(figure, self.folder / name)
         self.drawn.append(self.folder / name)
+
+    def draw(self, figures: Mapping[str, Callable[[], Figure]]) -> None:
+        """Draw and save figures by name, one after another."""
+        for name, draw in figures.items():
+            self.save(draw(), name)
 
     def captioned(self, captions: Captions) -> dict[str, dict[str, Path]]:
         """Return those that were drawn, by caption, by place in the page."""

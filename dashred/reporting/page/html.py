@@ -18,6 +18,7 @@ from dashred.reporting.text.headline import headline
 from dashred.reporting.text.improvement import UNTESTED, assimilation_gains, improvements
 
 TEMPLATE = "reporting/page/templates/report.html.j2"
+IN_NOTEBOOKS = "reporting/page/templates/notebook.html.j2"
 
 
 def write_html(
@@ -54,9 +55,7 @@ def page(
     splits = findings["input"]["splits"]
     return render(
         TEMPLATE,
-        title=system.get("title", "The system"),
-        headline=headline(findings, mostly) if findings["verdict"] else "",
-        verdict=findings["verdict"],
+        **_head(findings, mostly),
         untested=findings["verdict"] in UNTESTED,
         said=_said(findings),
         location=verdict.location(findings["where"], units) if found else [],
@@ -79,6 +78,22 @@ def page(
         figures={place: drawn(figures.get(place, {})) for place in OF_EQUATIONS},
         summary=summary,
     )
+
+
+def in_notebook(findings: Mapping[str, Any], mostly: Sequence[str] = ()) -> str:
+    """Return the report's head with the corrected equations, as a part of another page."""
+    return render(IN_NOTEBOOKS, **_head(findings, mostly))
+
+
+def _head(findings: Mapping[str, Any], mostly: Sequence[str]) -> dict[str, Any]:
+    """What the head of the page names, and the corrected equations."""
+    return {
+        "title": findings["input"]["config"].get("system", {}).get("title", "The system"),
+        "headline": headline(findings, mostly) if findings["verdict"] else "",
+        "verdict": findings["verdict"],
+        "said": _said(findings),
+        "equations": equations(findings),
+    }
 
 
 def _said(findings: Mapping[str, Any]) -> list[str]:

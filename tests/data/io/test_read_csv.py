@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dashred.core.errors import InputError
+from dashred.data.io.csv_table import read_table
 from dashred.data.io.reader import read_recording
 from dashred.data.io.sensors_table import read_sensors
 from dashred.data.io.stated_units import StatedUnits
@@ -223,7 +224,7 @@ def test_other_formats_are_refused(ode, write):
 
 def test_a_table_of_an_ode_system_has_no_coordinates(ode, write):
     table = write("s.csv", "name,field\nangle,u\n")
-    assert read_sensors(table, ode, StatedUnits(ode)) == (Sensor("angle", "u"),)
+    assert read_sensors(read_table(table), ode, StatedUnits(ode)) == (Sensor("angle", "u"),)
 
 
 def test_the_pendulum_recording_is_read_quickly(make_system):

@@ -10,6 +10,7 @@ import hashlib
 import json
 import secrets
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,6 @@ from typing import Any
 import numpy as np
 import yaml
 
-from dashred.config import read_file
 from dashred.core.errors import InputError
 from dashred.core.findings.findings import canonical, sha256_of, write_json_atomic
 from dashred.data.recording import Recording
@@ -118,10 +118,12 @@ def _write_recording(recording: Recording, path: Path, table: Path) -> None:
 
 def _write_config(concealed: Concealed, folder: Path, name: str) -> None:
     """Write the system's own configuration, with this recording."""
-    source = concealed.config.source
-    values = read_file(source, label=source.name).values
-    every = concealed.config.recording.every
+    config = concealed.config
+    assert config.source is not None
+    values, every = deepcopy(config.written), config.recording.every
     values["recording"] = {"path": f"{name}.csv", "sensors": f"{name}-sensors.csv", "every": every}
     body = yaml.safe_dump(values, sort_keys=False, allow_unicode=True, width=96)
-    header = f"# conf/{source.name} with a recording whose truth nobody tells; see {HASHES}.\n"
+    header = (
+        f"# conf/{config.source.name} with a recording whose truth nobody tells; see {HASHES}.\n"
+    )
     (folder / f"{name}.yaml").write_text(header + body, encoding="utf-8")

@@ -1,0 +1,99 @@
+"""A Python dict → plain values and their places, as :mod:`dashred.config.source` reads YAML."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from dashred.config.source import MAX_DEPTH, MAX_VALUES, Source, check_text
+from dashred.core.errors import InputError
+
+
+def source_of(values: Mapping[str, Any], label: str) -> Source:
+    """Return a nested dict as a layer of a configuration.
+
+    Args:
+        values: of texts, numbers, true, false, None, lists and dicts.
+        label: what messages call it; a key is ``LABEL, KEY``.
+
+    Raises:
+        InputError: a key that is no text, or a value that YAML could not hold.
+    """
+    if not isinstance(values, Mapping):
+        what = f"expected a dict of keys and values, got {type(values).__name__}"
+        raise InputError(what, where=label)
+    reader = _Reader(label)
+    return Source(reader.mapping(values, ""), reader.lines | {"": label})
+
+
+def overrides_of(overrides: Mapping[str, Any], label: str) -> Source:
+    """Return overrides as a layer; keys are dotted, nested, or both: ``{"shred.lags": 30}``.
+
+    Raises:
+        InputError: as :func:`source_of`, or one key is given a value and values below it.
+    """
+    nested: dict[str, Any] = {}
+    leaves: dict[str, str] = {"": label}
+    for key, value in _leaves(source_of(overrides, label).values, ""):
+        *sections, name = key.split(".")
+        below = nested
+        for section in sections:
+            below = below.setdefault(section, {})
+            if not isinstance(below, dict):
+                raise InputError(f"{section} of {key} is given as a value too", where=label)
+        if name in below:
+            raise InputError(f"{key} is given twice", where=label)
+        below[name] = value
+        leaves[key] = label
+    return Source(nested, leaves)
+
+
+def _leaves(values: Mapping[str, Any], parent: str) -> list[tuple[str, Any]]:
+    found = []
+    for name, value in values.items():
+        key = f"{parent}.{name}" if parent else name
+        found += _leaves(value, key) if isinstance(value, dict) and value else [(key, value)]
+    return found
+
+
+class _Reader:
+    """Copies values, and notes the place of every key on the way."""
+
+    def __init__(self, label: str) -> None:
+        self.label, self.count = label, 0
+        self.lines: dict[str, str] = {}
+
+    def mapping(self, values: Mapping[Any, Any], parent: str) -> dict[str, Any]:
+        found = {}
+        for name, value in values.items():
+            if not isinstance(name, str) or not name:
+                where = self._place(parent)
+                raise InputError(f"a key must be a name, not {name!r}", where=where)
+            key = f"{parent}.{name}" if parent else name
+            found[check_text(name, where=self._place(parent))] = self.value(value, key)
+        return found
+
+    def value(self, value: Any, key: str) -> Any:
+        where = self.lines[key] = self._place(key)
+        self.count += 1
+        if self.count > MAX_VALUES or key.count(".") + key.count("[") > MAX_DEPTH:
+            raise InputError("too many values, or nested too deeply", where=where)
+        if isinstance(value, Mapping):
+            return self.mapping(value, key)
+        if isinstance(value, str):
+            return check_text(value, where=where)
+        if isinstance(value, Sequence) and not isinstance(value, bytes):
+            return [self.value(item, f"{key}[{i}]") for i, item in enumerate(value)]
+        # A number of NumPy's is taken for what it holds.
+        number = value.item() if getattr(value, "shape", None) == () else value
+        if isinstance(number, float) and not math.isfinite(number):
+            raise InputError(f"{key} must be finite; got {number}", where=where)
+        if number is None or isinstance(number, bool | int | float):
+            return number
+        hint = "write texts, numbers, lists and dicts"
+        what = f"{key} cannot hold a value of the type {type(value).__name__}"
+        raise InputError(what, where=where, hint=hint)
+
+    def _place(self, key: str) -> str:
+        return f"{self.label}, {key}" if key else self.label

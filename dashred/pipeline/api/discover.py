@@ -1,0 +1,136 @@
+"""The stages of a run, from a recording in memory to a result in memory."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from dashred.config import Config
+from dashred.core.findings.findings import canonical
+from dashred.core.findings.schema import Findings
+from dashred.core.progress import Silent, shown_on
+from dashred.core.tracking import NullTracker
+from dashred.data.episodes import Episodes
+from dashred.inference.results.corrected_system import correct
+from dashred.pipeline import equations
+from dashred.pipeline.analysis import Analysis
+from dashred.pipeline.api.result import Result
+from dashred.pipeline.api.simulator import Simulator
+from dashred.pipeline.outputs import report
+from dashred.pipeline.outputs.figures import figures_of
+from dashred.pipeline.problem import Problem, build_problem
+from dashred.pipeline.run.checkpoints import NoCheckpoints
+from dashred.pipeline.run.output_dir import clear_output, named_output
+from dashred.pipeline.run.provenance import write_record, write_summary
+from dashred.pipeline.snapshots import black_box, black_box_findings, black_box_report
+from dashred.pipeline.verification import verification
+
+Write = Callable[[Path], object]
+
+
+def discover(config: Config, recorded: Episodes) -> Result:
+    """Run all stages, without MLflow and without files.
+
+    Raises:
+        InputError: the input is wrong.
+    """
+    clock = time.perf_counter()
+    posed = build_problem(config, recorded)
+    # With no store there is nowhere to log a model to.
+    posed = replace(posed, config=_untracked(config))
+    seconds: dict[str, float] = {}
+    found = _of_snapshots if posed.snapshots is not None else _of_equations
+    result = found(posed, seconds)
+    seconds["in all"] = time.perf_counter() - clock
+    return result
+
+
+def _of_equations(posed: Problem, seconds: dict[str, float]) -> Result:
+    simulated = equations.simulate(posed, seconds)
+    posed = simulated.problem
+    if simulated.ensemble is None:
+        return _unresolved(
+            posed, verification.refuse_unresolved(posed, simulated.resolution), seconds
+        )
+    analysis = equations.discover(
+        simulated, simulated.ensemble, NullTracker(), NoCheckpoints(), seconds
+    )
+    findings = verification.verify(posed, analysis)
+
+    def write(folder: Path) -> None:
+        verification.write_findings(posed, analysis, findings, folder)
+        report.report(posed, analysis, findings, folder, {})
+
+    return Result(
+        findings=canonical(findings),
+        estimates=verification.estimates_dataset(posed, analysis),
+        forecast=verification.forecast_dataset(posed, analysis),
+        find_corrected=partial(_corrected, posed, analysis, findings),
+        figures=figures_of(posed, analysis, findings),
+        mostly=report.mostly_words(posed, findings),
+        write=partial(_save, posed.config, findings, seconds, write),
+    )
+
+
+def _unresolved(posed: Problem, findings: Findings, seconds: dict[str, float]) -> Result:
+    def write(folder: Path) -> None:
+        verification.freeze_findings(folder, findings, [])
+        report.report_unresolved(findings, folder)
+
+    return Result(
+        findings=canonical(findings),
+        estimates=None,
+        forecast=None,
+        find_corrected=lambda: None,
+        figures={},
+        mostly=[],
+        write=partial(_save, posed.config, findings, seconds, write),
+    )
+
+
+def _of_snapshots(posed: Problem, seconds: dict[str, float]) -> Result:
+    posed, runs = black_box.read_snapshots(posed, seconds)
+    analysis = black_box.discover(posed, runs, NullTracker(), NoCheckpoints(), seconds)
+    findings = black_box_findings.verify(posed, analysis)
+
+    def write(folder: Path) -> None:
+        black_box_findings.write(posed, analysis, findings, folder)
+        black_box_report.report(posed, analysis, findings, folder, {})
+
+    return Result(
+        findings=canonical(findings),
+        estimates=black_box_findings.estimates_dataset(posed, analysis),
+        forecast=None,
+        find_corrected=lambda: None,
+        figures=black_box_report.figures_of(posed, analysis),
+        mostly=[],
+        write=partial(_save, posed.config, findings, seconds, write),
+    )
+
+
+def _untracked(config: Config) -> Config:
+    return replace(config, tracking=replace(config.tracking, model=False))
+
+
+def _corrected(posed: Problem, analysis: Analysis, findings: Findings) -> Simulator | None:
+    if findings["corrected"] is None:
+        return None
+    law = analysis.discovered.best
+    system, start = correct(posed.system, law), law.start[0]
+    return Simulator(system, lambda: start, posed.times[: len(posed.split.fit.times)])
+
+
+def _save(
+    config: Config, findings: Findings, seconds: dict[str, float], write: Write, folder: Path
+) -> None:
+    """Write the files of a run to a folder, those of an earlier one taken away."""
+    output = named_output(replace(config, output=str(folder)))
+    assert output is not None
+    clear_output(output)
+    with shown_on(Silent()):
+        write(output)
+    write_summary(output, findings, {"findings": output})
+    write_record(output, seconds, {})

@@ -1,0 +1,225 @@
+"""A simulator, and a recording of what it simulates."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import torch
+
+from dashred.config.checks.placeholders import refuse_unfinished_lines
+from dashred.core.errors import InputError
+from dashred.core.notebook_progress import display_here
+from dashred.core.progress import shown_on
+from dashred.data.inputs import drive_signals, with_inputs
+from dashred.data.io.in_memory import HINT, RECORDING, SENSORS
+from dashred.data.io.write_netcdf import recording_dataset
+from dashred.physics.backends.input_signals import NOTHING
+from dashred.physics.runs.initial_state_prior import nominal_start
+from dashred.physics.system import System
+from dashred.pipeline.api.check import Check
+from dashred.pipeline.api.definition import NAME, Definition, from_file, from_values
+from dashred.pipeline.api.recordings import overrides_for, read_given
+from dashred.pipeline.api.session import session
+from dashred.pipeline.api.simulator import TIMES, Simulator, as_times
+from dashred.pipeline.check import command
+from dashred.pipeline.check.page import Page
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+    from numpy.typing import ArrayLike
+
+    from dashred.pipeline.api.result import Result
+
+    Recorded: TypeAlias = xr.Dataset | pd.DataFrame | str | os.PathLike[str] | None
+    Sensors: TypeAlias = pd.DataFrame | str | os.PathLike[str] | None
+
+PLACES = {"recording.path": RECORDING, "recording.sensors": SENSORS}
+
+
+class Problem:
+    """A simulator and a recording: what does the simulation leave out?
+
+    Make one by :meth:`from_yaml` or :meth:`from_dict`. The recording is read and checked at once,
+    and copied.
+
+    Attributes:
+        config: the settings, checked.
+    """
+
+    def __init__(self, definition: Definition, recording: Any, sensors: Any) -> None:
+        """Check the settings and read the recording; see the class methods."""
+        self._definition = definition
+        self.config = definition.config()
+        self._system = System(self.config.system, self.config.where)
+        self._recorded = read_given(recording, sensors, self.config, self._system)
+
+    @classmethod
+    def from_yaml(
+        cls,
+        system: str | os.PathLike[str],
+        *,
+        recording: Recorded = None,
+        sensors: Sensors = None,
+        overrides: Mapping[str, Any] | None = None,
+        trust: str | None = None,
+    ) -> Problem:
+        """Take the system from its configuration.
+
+        Args:
+            system: the name of a bundled system, such as ``"rde"``, or the path of a YAML file.
+            recording: what its sensors read: an ``xarray.Dataset`` with ``value`` over
+                ``(time, sensor)`` and ``name``, ``reads``, ``std`` and the axes' coordinates over
+                ``sensor``; a ``pandas.DataFrame`` with ``time`` as a column or the index, and a
+                column for each sensor; or the path of such a file (.nc, .csv). None takes the
+                configuration's own, if it names one.
+            sensors: of a DataFrame or a CSV, where its sensors are: a DataFrame or the path of a
+                CSV with the columns ``name``, ``field``, one for each axis, and ``std`` where the
+                noise is known. Systems without axes need none if the columns are named like fields.
+            overrides: values over the configuration's, by dotted keys: ``{"shred.lags": 30}``.
+            trust: ``MODULE.CLASS`` of a simulator in Python whose code may run.
+
+        Raises:
+            InputError: anything wrong in the configuration, the overrides or the recording.
+        """
+        given = {**(overrides or {}), **overrides_for(recording, sensors)}
+        places = {key: place for key, place in PLACES.items() if key in given}
+        return cls(from_file(system, given, places, trust), recording, sensors)
+
+    @classmethod
+    def from_dict(
+        cls,
+        system: Mapping[str, Any],
+        *,
+        recording: Recorded = None,
+        sensors: Sensors = None,
+        overrides: Mapping[str, Any] | None = None,
+        name: str = NAME,
+        trust: str | None = None,
+    ) -> Problem:
+        """Take the system from a dict that holds what its YAML file would.
+
+        Args:
+            system: nested dicts, for example ``{"system": {"fields": {"u": "velocity"}, ...}}``.
+            recording: as for :meth:`from_yaml`.
+            sensors: as for :meth:`from_yaml`.
+            overrides: as for :meth:`from_yaml`.
+            name: of the system.
+            trust: as for :meth:`from_yaml`.
+
+        Raises:
+            InputError: anything wrong in the dict, the overrides or the recording.
+        """
+        given = {**(overrides or {}), **overrides_for(recording, sensors)}
+        places = {key: place for key, place in PLACES.items() if key in given}
+        return cls(from_values(system, name, given, places, trust), recording, sensors)
+
+    @property
+    def recording(self) -> xr.Dataset | None:
+        """The recording as it was read, ``value`` over ``(time, sensor)``; None without one."""
+        if self._recorded is None:
+            return None
+        episodes = self._recorded.episodes
+        recorded = episodes[0].recording if len(episodes) == 1 else self._recorded
+        return recording_dataset(recorded, [axis.name for axis in self._system.axes])
+
+    def check(self) -> Check:
+        """Say what is wrong or doubtful before a run; takes seconds, and fits nothing.
+
+        Returns:
+            What ``dashred check`` prints, as an object that prints.
+
+        Raises:
+            InputError: whatever a run would refuse.
+        """
+        page = Page(lambda line: None)
+        with session(self.config):
+            command.begin(self.config, page)
+            command.check(self.config, page, self._recorded)
+        return Check.of(page)
+
+    def simulate(
+        self,
+        start: xr.Dataset | Mapping[str, ArrayLike] | None = None,
+        times: ArrayLike | None = None,
+    ) -> xr.Dataset:
+        """Run the simulator as it is, without any correction.
+
+        Args:
+            start: every field at the first time, by name: a number, or an array over the axes.
+                None takes the configuration's own start, after its spin-up.
+            times: output times ``(time,)``, increasing. None takes the recording's, or without one
+                those of ``recording.every`` and ``recording.duration``.
+
+        Returns:
+            Every field over ``(time, *axes)``.
+
+        Raises:
+            InputError: as :meth:`Simulator.simulate`; or the simulator is known by snapshots alone.
+        """
+        if self.config.system.snapshots is not None:
+            what = "a simulator that is known by snapshots alone cannot be run"
+            raise InputError(what, where=self.config.where("system.snapshots"))
+        with session(self.config):
+            return self._simulator(times).simulate(start, times)
+
+    def discover(self, seed: int | None = None, progress: bool = True) -> Result:
+        """Find what the simulation leaves out.
+
+        The same stages as ``dashred train``, without MLflow and without files.
+
+        Args:
+            seed: of everything random; None takes the configuration's.
+            progress: whether to show a bar, in a notebook or on a terminal.
+
+        Returns:
+            The verdict, the law, the fields by method, and the corrected simulator.
+
+        Raises:
+            InputError: there is no recording, or whatever else a run refuses.
+        """
+        from dashred.pipeline.api.discover import discover
+
+        if self._recorded is None:
+            hint = f"{HINT}; dashred.record makes one from a twin"
+            raise InputError(
+                "there is nothing to analyse: no recording", where=RECORDING, hint=hint
+            )
+        config = self._definition.config(seed)
+        refuse_unfinished_lines(config)
+        with session(config), shown_on(display_here(progress)):
+            return discover(config, self._recorded)
+
+    def __repr__(self) -> str:
+        """The system's title and what is recorded."""
+        title = self.config.system.title or self.config.name
+        if self._recorded is None:
+            return f"<dashred.Problem {title}: no recording>"
+        sensors, episodes = self._recorded.sensors, self._recorded.episodes
+        samples = sum(len(episode.recording.times) for episode in episodes)
+        return f"<dashred.Problem {title}: {samples} samples of {len(sensors)} sensors>"
+
+    def _simulator(self, times: ArrayLike | None) -> Simulator:
+        """Return the simulator under the inputs of the recording, or of its first episode."""
+        if self._recorded is not None:
+            first = self._recorded.episodes[0].recording
+            clock, inputs = torch.from_numpy(first.times), first.inputs
+        else:
+            clock = self._planned(times)
+            inputs = (
+                drive_signals(self._system, self.config, clock) if self._system.inputs else NOTHING
+            )
+        system = with_inputs(self._system, inputs)
+        return Simulator(system, lambda: nominal_start(system)[0], clock)
+
+    def _planned(self, times: ArrayLike | None) -> torch.Tensor:
+        """Return the clock of a recording that there is not: until the last of the given times."""
+        every, duration = self.config.recording.every, self.config.recording.duration
+        if times is not None:
+            return torch.linspace(0.0, float(as_times(times)[-1]), 1001, dtype=torch.float64)
+        if every is None:
+            what = "there is no recording, and no step between samples"
+            raise InputError(what, where=TIMES, hint="give times=, when the fields are wanted")
+        return torch.arange(round(duration / every) + 1, dtype=torch.float64) * every

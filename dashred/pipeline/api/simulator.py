@@ -1,0 +1,160 @@
+"""A simulator as an object that runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+import xarray as xr
+from numpy.typing import ArrayLike
+from torch import Tensor
+
+from dashred.core.errors import InputError
+from dashred.core.units import TIME
+from dashred.physics.solvers.simulate import check_finite, simulate
+from dashred.physics.system import System
+
+START, TIMES = "start", "times"
+
+
+@dataclass(frozen=True, eq=False)
+class Simulator:
+    """The equations ``∂u/∂t = N(u, t)``, ready to be run.
+
+    Attributes:
+        system: the equations on their grid.
+        find_start: returns the start that is used where none is given, ``(field, *grid)``.
+        clock: the times that are used where none are given, ``(time,)``; that start is at the
+            first of them.
+    """
+
+    system: System
+    find_start: Callable[[], Tensor]
+    clock: Tensor
+
+    @property
+    def equations(self) -> dict[str, str]:
+        """The right-hand side of every equation, as text, by field."""
+        return dict(self.system.config.equations)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The parameters by name."""
+        return dict(self.system.config.parameters)
+
+    def simulate(
+        self,
+        start: xr.Dataset | Mapping[str, ArrayLike] | None = None,
+        times: ArrayLike | None = None,
+    ) -> xr.Dataset:
+        """Run the simulator.
+
+        Args:
+            start: every field at the first time, by name: a number, or an array over the axes. A
+                Dataset is one: ``result.estimates.sel({"method": "corrected"}).isel(time=-1)``.
+                None starts from the simulator's own start, at the first time of ``clock``.
+            times: output times ``(time,)``, increasing, in the unit of the system's ``t``.
+                None takes ``clock``.
+
+        Returns:
+            Every field over ``(time, *axes)``, float64, in the fields' own units.
+
+        Raises:
+            InputError: a field is missing or has another shape, the times do not increase or begin
+                before the start, or the simulator blows up.
+        """
+        wanted = self.clock if times is None else as_times(times)
+        lead = torch.zeros(0, dtype=torch.float64)
+        if start is None:
+            first = self.clock[:1]
+            if wanted[0] < first:
+                what = f"the times begin at {wanted[0]:g}, before the start at {float(first):g}"
+                raise InputError(what, where=TIMES, hint="give start=, the state at the first time")
+            lead = first[first < wanted[:1]]
+        self._check_inputs(wanted)
+        with torch.no_grad():
+            begin = self.find_start() if start is None else self._state(start)
+            clock = torch.cat([lead, wanted])
+            [states] = simulate(self.system, begin[None], clock)
+            check_finite(states[None], clock, self.system)
+        return self._dataset(wanted, states[len(lead) :])
+
+    def _check_inputs(self, times: Tensor) -> None:
+        if not self.system.inputs:
+            return
+        known = self.system.measured.times
+        spare = 1e-9 * max(1.0, float(np.abs(known).max()))
+        if times[0] < known[0] - spare or times[-1] > known[-1] + spare:
+            what = f"the inputs are known from {known[0]:g} to {known[-1]:g} alone"
+            raise InputError(what, where=TIMES, hint="what drives the system must be known")
+
+    def _state(self, start: xr.Dataset | Mapping[str, ArrayLike]) -> Tensor:
+        """Return a start as ``(field, *grid)``."""
+        fields, own = self.system.fields, self.system.grid.own_coordinates
+        shape = tuple(map(len, own.values()))
+        if not isinstance(start, Mapping):
+            what = f"a start cannot be of the type {type(start).__name__}"
+            raise InputError(what, where=START, hint="give every field by name")
+        names = start.data_vars if isinstance(start, xr.Dataset) else start
+        if other := [str(name) for name in names if name not in fields]:
+            hint = f"the fields are {', '.join(fields)}"
+            raise InputError(f"the system has no field {other[0]!r}", where=START, hint=hint)
+        found = []
+        for field in fields:
+            if field not in start:
+                raise InputError(f"the field {field!r} is missing", where=START)
+            values = _numbers(start[field], tuple(own), f"{START}, {field!r}")
+            if values.shape not in ((), shape):
+                what = f"it has the shape {values.shape}, but the grid has {shape}"
+                raise InputError(what, where=f"{START}, {field!r}")
+            found.append(torch.from_numpy(np.broadcast_to(values, shape).copy()))
+        return self.system.grid.ring(torch.stack(found))
+
+    def _dataset(self, times: Tensor, states: Tensor) -> xr.Dataset:
+        system = self.system
+        axes = system.grid.own_coordinates
+        values = system.grid.own(states).numpy()
+
+        def unit(name: str) -> dict[str, str]:
+            return {"units": system.units[name]} if name in system.units else {}
+
+        return xr.Dataset(
+            {
+                field: (("time", *axes), np.ascontiguousarray(values[:, i]), unit(field))
+                for i, field in enumerate(system.fields)
+            },
+            {
+                "time": ("time", times.numpy(), unit(TIME)),
+                **{name: (name, x.numpy(), unit(name)) for name, x in axes.items()},
+            },
+            {"title": system.config.title or ""},
+        )
+
+
+def as_times(given: ArrayLike) -> Tensor:
+    """Return times as a tensor ``(time,)``, float64.
+
+    Raises:
+        InputError: they are no numbers, or do not increase.
+    """
+    times = _numbers(given, ("time",), TIMES)
+    if times.ndim != 1 or not len(times) or not np.all(np.diff(times) > 0):
+        raise InputError("times must be a list of numbers that increase", where=TIMES)
+    return torch.from_numpy(times)
+
+
+def _numbers(given: Any, dims: tuple[str, ...], where: str) -> np.ndarray:
+    """Return finite float64 numbers, the dimensions of a DataArray in this order."""
+    if isinstance(given, xr.DataArray):
+        if given.ndim and set(given.dims) != set(dims):
+            found = ", ".join(map(str, given.dims))
+            what = f"it has the dimensions ({found}), not ({', '.join(dims)})"
+            raise InputError(what, where=where)
+        given = given.transpose(*dims) if given.ndim else given
+    values = np.asarray(given)
+    if values.dtype.kind not in "fiu" or not np.all(np.isfinite(values)):
+        raise InputError("finite numbers are expected", where=where)
+    return values.astype(np.float64)

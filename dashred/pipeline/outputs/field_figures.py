@@ -1,0 +1,81 @@
+"""Draw fields over space: by method, and where the law acts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from matplotlib.figure import Figure
+from torch import Tensor
+
+from dashred.core.findings.law_schema import Forcing, Where
+from dashred.core.units import label_with_unit, time_label
+from dashred.inference.results.location import law_tendency
+from dashred.pipeline.analysis import Analysis
+from dashred.pipeline.problem import Problem
+from dashred.reporting.figures.save import (
+    LawMap,
+    forcing_figure,
+    snapshot_panels,
+    space_time_panels,
+    where_figure,
+)
+
+
+def draw_fields(problem: Problem, by_method: Mapping[str, Tensor]) -> Figure:
+    """Draw the fields over the fit window: over x and t, or in the plane at three times.
+
+    Args:
+        problem: whose system has axes.
+        by_method: ``(time, field, *grid)``, of the fit window at least.
+    """
+    system, fit = problem.system, problem.split.fit
+    count = len(fit.times)
+    fields = {
+        field: {
+            name: system.grid.own(states[:count, i]).numpy() for name, states in by_method.items()
+        }
+        for i, field in enumerate(system.fields)
+    }
+    places = {
+        field: [s.position for s in fit.sensors if s.reads == field] for field in system.fields
+    }
+    along = {name: x.numpy() for name, x in system.grid.own_coordinates.items()}
+    times, units = problem.times[:count].numpy(), system.units
+    if len(system.axes) > 1:
+        return snapshot_panels(times, along, fields, places, units)
+    [axis], meanings = system.axes, system.config.fields
+    return space_time_panels(
+        times,
+        label_with_unit(axis.name, units.get(axis.name)),
+        along[axis.name],
+        fields,
+        {field: [x for (x,) in positions] for field, positions in places.items()},
+        meanings={f: label_with_unit(meaning, units.get(f)) for f, meaning in meanings.items()},
+        clock=time_label(units),
+    )
+
+
+def draw_where(problem: Problem, analysis: Analysis, where: Where) -> Figure:
+    """Draw where and when the law acts, and at which sensors it shows."""
+    system, fit = problem.system, problem.split.fit
+    if len(system.axes) != 1:
+        return where_figure(where, None, system.units)
+    [axis], count = system.axes, len(fit.times)
+    states = analysis.free.states["corrected"][:count]
+    tendency = law_tendency(system, analysis.discovered.best, states, problem.times[:count])
+    law_map = LawMap(
+        axis.name,
+        system.grid.own_coordinates[axis.name].numpy(),
+        problem.times[:count].numpy(),
+        system.grid.own(tendency.square().sum(dim=1).sqrt()).numpy(),
+        {sensor.name: sensor.position[0] for sensor in fit.sensors},
+    )
+    return where_figure(where, law_map, system.units)
+
+
+def draw_forcing(problem: Problem, forcing: Forcing) -> Figure:
+    """Draw the map of a free forcing along the only axis."""
+    [axis], units = problem.system.axes, problem.system.units
+    places = [sensor.position[0] for sensor in problem.split.fit.sensors]
+    label = label_with_unit(axis.name, units.get(axis.name))
+    return forcing_figure(forcing, label, axis.length, places, time_label(units))
