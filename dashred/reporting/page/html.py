@@ -57,7 +57,6 @@ def page(
         TEMPLATE,
         **_head(findings, mostly),
         untested=findings["verdict"] in UNTESTED,
-        said=_said(findings),
         location=verdict.location(findings["where"], units) if found else [],
         equations=equations(findings),
         consequences=verdict.consequences(findings),
