@@ -58,7 +58,6 @@ def page(
         **_head(findings, mostly),
         untested=findings["verdict"] in UNTESTED,
         location=verdict.location(findings["where"], units) if found else [],
-        equations=equations(findings),
         consequences=verdict.consequences(findings),
         terms=sections.terms(found),
         weighed=sections.weighed(findings["causes"] or []),
