@@ -154,7 +154,7 @@ def test_only_recorder_and_scorer_import_the_seal() -> None:
 
 @pytest.mark.parametrize("word", ["sealed", "twins", "recorder"])
 def test_only_they_name_the_files_of_the_truth(word: str) -> None:
-    """Beside them: the courier that hands the closed seal over, and the guard that refuses it."""
+    """Beside them: the guard that refuses twins, and the table of commands, which names modules."""
     naming = set()
     for name in MODULES:
         tree = tree_of(name)
@@ -167,7 +167,7 @@ def test_only_they_name_the_files_of_the_truth(word: str) -> None:
             text = node.value if isinstance(node, ast.Constant) and id(node) not in prose else ""
             if isinstance(text, str) and word in text.replace("/", " ").replace(".", " ").split():
                 naming.add(name)
-    assert naming <= SECRET_MODULES | {"dashred.config.commandline"}
+    assert naming <= SECRET_MODULES | {"dashred.config.commandline", "dashred.__main__"}
     assert naming
 
 

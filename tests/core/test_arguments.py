@@ -48,7 +48,7 @@ def test_words_are_values_of_their_types() -> None:
         (["jobs=1.5"], "jobs=1.5: '1.5' is no whole number", "for example jobs=2"),
         (["noise=1,,2"], "noise=1,,2: there is an empty value", "for example noise=0.1,0.2"),
         (["noise=nan"], "noise=nan: 'nan' is no number", "for example noise"),
-        (["path=\0"], "no file can be called", None),
+        (["path=\0"], "is not a valid file name", None),
     ],
 )
 def test_a_wrong_word_is_refused(words: list[str], says: str, hint: str | None) -> None:

@@ -234,16 +234,14 @@ def test_a_dollar_in_a_name_is_no_mathematics(tmp_path) -> None:
     assert os.listdir(tmp_path) == ["a.png"]
 
 
-@pytest.mark.parametrize("entry", ["train", "check", "init", "standby"])
+@pytest.mark.parametrize("entry", ["train", "check", "init", "prewarmed"])
 def test_a_module_in_the_folder_that_the_user_is_in_does_not_run(tmp_path: Path, entry) -> None:
     for name in ("yaml", "numpy", "torch", "typing_extensions", "mlflow", "sitecustomize"):
         (tmp_path / f"{name}.py").write_text("open('ran', 'w').close()\n")
-    words = (
-        ["dashred.pipeline.check.command"]
-        if entry == "standby"
-        else ["conf=rde", "recording.path=none.csv"]
-    )
-    command = [sys.executable, "-m", f"dashred.{entry}", *words]
+    command = [sys.executable, "-m", "dashred", entry, "conf=rde", "recording.path=none.csv"]
+    if entry == "prewarmed":
+        module = "dashred.pipeline.check.command"
+        command = [sys.executable, "-m", "dashred.pipeline.run.prewarmed", module]
     environment = os.environ | {"PYTHONPATH": str(CHECKOUT)}
     done = subprocess.run(
         command, cwd=tmp_path, env=environment, input="", capture_output=True, text=True
