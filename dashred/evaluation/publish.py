@@ -1,7 +1,8 @@
 """Publish cases without their truths: ``dashred publish draw=SECRET output=DIR truths=FILE``.
 
-``truths=FILE`` takes what was hidden, with a salt; the repository gets its hashes alone.
-``check=FILE`` says which claimed truths, in the form of that file, are the right ones.
+``python -m dashred.evaluation.publish draw=SECRET output=conf/proof truths=FILE`` writes the salted
+truths to FILE and only their hashes to the repository. ``check=FILE`` checks claimed truths in the
+form of that file.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ COMMAND = Command(
 
 
 def main(argv: list[str]) -> int:
-    """Publish, or check what was claimed."""
+    """Publish cases, or check claimed truths."""
     words = COMMAND.read(argv)
     if words.check is not None:
         from dashred.evaluation.proof.cases.public import check
@@ -46,7 +47,7 @@ def main(argv: list[str]) -> int:
     if words.draw is None or words.truths is None:
         what = "draw=SECRET and truths=FILE are needed, or check=FILE"
         raise InputError(what, where=PLACE, hint="see dashred publish --help")
-    from dashred.evaluation.proof.cases.public import choose, publish
+    from dashred.evaluation.proof.cases.public import select_cases, publish
 
-    publish(choose(words.draw, words.cases), words.output, words.truths)
+    publish(select_cases(words.draw, words.cases), words.output, words.truths)
     return DONE

@@ -13,7 +13,7 @@ from dashred.config import Config, config_sha256, load_config
 from dashred.core.arguments import PLACE
 from dashred.core.errors import InputError
 from dashred.evaluation.benchmark.arguments import Request
-from dashred.evaluation.twins.twin_file import basic, entry_of, hides_law, hides_nothing
+from dashred.evaluation.twins.twin_file import names_with_simulator_start, read_entry, hides_law, hides_nothing
 
 EXPERIMENT = "bench"
 
@@ -82,8 +82,8 @@ def _config(system: str, request: Request, *words: str) -> Config:
 
 
 def _rows_of(system: str, config: Config, request: Request) -> list[Row]:
-    twins = basic(config) if request.twins is None else request.twins
-    hidden = {twin: entry_of(config, twin) for twin in twins}
+    twins = names_with_simulator_start(config) if request.twins is None else request.twins
+    hidden = {twin: read_entry(config, twin) for twin in twins}
     store = (config.tracking.root, config.tracking.experiment or EXPERIMENT)
     dimensions = (hidden, request.noise, request.sensors, request.extra, request.seeds)
     sha = config_sha256(config)

@@ -119,7 +119,7 @@ def _methods(
     from dashred.evaluation.comparison.methods_figure import draw_methods
     from dashred.evaluation.twins.score_command import load_fields, true_states
     from dashred.evaluation.twins.scoring import law_of_truth, rmse, rmse_by_time, scaled_errors
-    from dashred.evaluation.twins.truth_figures import joined
+    from dashred.evaluation.twins.truth_figures import methods_to_draw
 
     errors: dict[str, float] = {}
     curves: dict[str, np.ndarray] = {}
@@ -129,7 +129,7 @@ def _methods(
             real = true_states(estimates, truth, fields, folder / "sealed.nc")
             scaled = scaled_errors(estimates, real, fields)
             errors |= {method: rmse(error) for method, error in scaled.items()}
-            shown = joined(estimates)
+            shown = methods_to_draw(estimates)
             curves |= {name: rmse_by_time(scaled[method]) for name, method in shown.items()}
     draw_methods(folder, estimates["time"].values, curves, findings.get("units", {}))
     # Of both files the times are those of the fit window.

@@ -18,7 +18,7 @@ from dashred.core.arguments import Command, declared, word
 from dashred.core.errors import DONE, run_entry
 from dashred.evaluation.baselines.analyse import FIELDS, LAWS
 from dashred.evaluation.comparison.method_scores import ESTIMATES
-from dashred.evaluation.twins.twin_experiment import words_of_analysis
+from dashred.evaluation.twins.twin_experiment import analysis_arguments
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +65,7 @@ def _analyse(folder: Path, words: list[str]) -> int:
         shutil.copyfile(folder / "recording.nc", recording)
         found = Path(private) / "found"
         code = _run(
-            "dashred.evaluation.baselines.analyse", words_of_analysis(words, recording, found)
+            "dashred.evaluation.baselines.analyse", analysis_arguments(words, recording, found)
         )
         if code == DONE:
             for name in (FIELDS, LAWS):

@@ -1,8 +1,9 @@
-"""Let a hidden truth make a recording: ``dashred record conf=rde twin=a output=DIR``.
+"""Record a twin experiment: ``dashred record conf=rde twin=a output=DIR``.
 
-Writes ``recording.nc`` (sensor values alone) and ``sealed.nc`` (the truth) into DIR. The truth
-runs at doubled resolution and half the step, from a start drawn from the prior; its random
-stream is keyed by the law itself, so that the analysis could not derive it if it tried.
+``python -m dashred.evaluation.twins.record_command conf=rde twin=a output=DIR`` writes
+``recording.nc`` (sensor values only) and ``sealed.nc`` (the truth) into DIR. The truth runs at
+doubled resolution and half the step, from a start drawn from the prior. Its random stream is keyed
+by the law itself, so that the analysis cannot derive it.
 """
 
 from __future__ import annotations
@@ -30,10 +31,10 @@ def main(argv: list[str]) -> int:
 
 
 def record(config: Config, output: Path) -> None:
-    """Simulate the truth, read it with noisy sensors, seal it.
+    """Simulate the truth, observe it with noisy sensors, and seal it.
 
     Raises:
-        InputError: the twin is unknown, its law is not in the language, or the truth blows up.
+        InputError: the twin is unknown, its law cannot be parsed, or the truth blows up.
     """
     import numpy as np
     import torch
@@ -42,7 +43,7 @@ def record(config: Config, output: Path) -> None:
     from dashred.core.threads import use_threads
     from dashred.data.inputs import drive_signals, with_inputs
     from dashred.data.io.write_netcdf import write_netcdf
-    from dashred.evaluation.twins.recorder import clock_of, observe, simulate_truth
+    from dashred.evaluation.twins.recorder import observe, simulate_truth, truth_times
     from dashred.evaluation.twins.sealing import Truth, seal
     from dashred.evaluation.twins.twin_file import read_twin
     from dashred.physics.system import System
@@ -51,16 +52,16 @@ def record(config: Config, output: Path) -> None:
     torch.set_num_threads(1)
     use_threads(config.threads)
     twin = read_twin(config)
-    rng = np.random.default_rng(_key(twin, config.seed))
-    times = clock_of(config)
+    rng = np.random.default_rng(_random_key(twin, config.seed))
+    times = truth_times(config)
     system = System(config.system, config.where)
     inputs = drive_signals(system, config, times)
     system = with_inputs(system, inputs)
     with stage("record the hidden truth") as report, torch.no_grad():
         states = simulate_truth(system, twin, config, times, rng, lambda done: report(done, ""))
         count = int((times <= config.recording.duration * (1 + 1e-9)).sum())
-        read = observe(system, states[:count], times[:count], twin, config, rng)
-        recording = replace(read, inputs=inputs, units=system.units)
+        observed = observe(system, states[:count], times[:count], twin, config, rng)
+        recording = replace(observed, inputs=inputs, units=system.units)
     make_output(str(output))
     write_netcdf(recording, output / "recording.nc", [axis.name for axis in system.axes])
     duration = config.recording.duration
@@ -68,11 +69,11 @@ def record(config: Config, output: Path) -> None:
     seal(output / "sealed.nc", truth, system)
 
 
-def _key(twin: Twin, seed: int) -> int:
+def _random_key(twin: Twin, seed: int) -> int:
     from dashred.evaluation.twins.sealing import Concealed
 
     plain = asdict(twin)
-    # What conceals no more than a law keeps the stream that it had before there was more.
+    # Twins that hide only a law keep the stream that they had before other causes could be hidden.
     for term in plain["terms"]:
         if term["window"] is None:
             del term["window"]

@@ -1,7 +1,7 @@
-"""Say what is wrong or doubtful before a run: ``dashred check conf=my.yaml``.
+"""Check a configuration before a run: ``dashred check conf=my.yaml``.
 
-Reads what a run would read, never a twin's truth, and writes nothing. It ends with 0 where a run
-could begin, whatever is doubtful, and with 2 where the input is wrong or a line is left to do.
+Reads what a run would read, never a twin's truth, and writes nothing. The exit code is 0 if a run
+can start, with or without warnings, and 2 if the input is wrong or incomplete.
 """
 
 from __future__ import annotations
@@ -15,39 +15,39 @@ from dashred.pipeline.check.page import Page
 
 
 def main(argv: list[str]) -> int:
-    """Check the configuration, then what it names, cheapest first."""
+    """Load and check the configuration; return the exit code."""
     config = load_config(argv, entry="check")
     page = check(config)
-    return WRONG_INPUT if page.wrong or unfinished_lines(config) else DONE
+    return WRONG_INPUT if page.has_errors or unfinished_lines(config) else DONE
 
 
 def check(config: Config) -> Page:
-    """Print what there is to say about a configuration, section by section.
+    """Print the remarks on a configuration, section by section.
 
     Raises:
-        InputError: whatever a run would refuse.
+        InputError: a run would refuse the configuration.
     """
-    from dashred.pipeline.check.placeholders import left_to_do
+    from dashred.pipeline.check.placeholders import placeholder_remarks
 
     page = Page()
     print(f"{config.system.title}: {config.where('')}", flush=True)
-    page.section("Left to do", left_to_do(config))
+    page.section("Left to do", placeholder_remarks(config))
 
-    # Imported late: torch takes a second, and what is left to do needs none of it.
+    # Imported late: torch takes a second to import, and the first section does not need it.
     import torch
 
     from dashred.core.mlflow.server import check_server
     from dashred.core.threads import use_threads
     from dashred.models.device import check_device
-    from dashred.pipeline.check.agreement import about_agreement
-    from dashred.pipeline.check.context import check_context
-    from dashred.pipeline.check.ensemble import about_ensemble, about_structure
-    from dashred.pipeline.check.observability import about_observability, look
-    from dashred.pipeline.check.recording import about_recording
-    from dashred.pipeline.check.run_time import about_run_time, about_snapshots_run_time
-    from dashred.pipeline.check.simulator import about_simulator, run_nominal
-    from dashred.pipeline.check.snapshots import about_snapshots
-    from dashred.pipeline.check.splits import about_splits
+    from dashred.pipeline.check.agreement import agreement_remarks
+    from dashred.pipeline.check.context import build_check_context
+    from dashred.pipeline.check.ensemble import ensemble_remarks, structure_remarks
+    from dashred.pipeline.check.observability import linearised_observations, observability_remarks
+    from dashred.pipeline.check.recording import recording_remarks
+    from dashred.pipeline.check.run_time import run_time_remark, snapshots_run_time_remark
+    from dashred.pipeline.check.simulator import run_nominal, simulator_remarks
+    from dashred.pipeline.check.snapshots import snapshots_remarks
+    from dashred.pipeline.check.splits import splits_remarks
     from dashred.pipeline.run.output_dir import check_output
 
     check_device(config)
@@ -55,21 +55,23 @@ def check(config: Config) -> Page:
     check_server(config.tracking.root)
     torch.set_num_threads(1)
     use_threads(config.threads)
-    situation = check_context(config)
-    page.section("Recording", about_recording(situation))
-    page.section("Splits", about_splits(situation))
+    context = build_check_context(config)
+    page.section("Recording", recording_remarks(context))
+    page.section("Splits", splits_remarks(context))
     if config.system.snapshots is not None:
-        assert situation.problem is not None
-        page.section("Snapshots", about_snapshots(situation.problem))
-        page.section("A run", [about_snapshots_run_time(config)])
+        assert context.problem is not None
+        page.section("Snapshots", snapshots_remarks(context.problem))
+        page.section("Run time", [snapshots_run_time_remark(config)])
         page.conclude()
         return page
-    simulated = run_nominal(situation)
-    looks = (about_simulator, about_structure, about_ensemble)
-    page.section("Simulator", chain.from_iterable(about(situation, simulated) for about in looks))
-    seen = look(situation, simulated)
-    page.section("What the sensors can see", about_observability(situation, seen))
-    page.section("Simulator and recording", about_agreement(situation, simulated, seen))
-    page.section("A run", [about_run_time(situation, simulated, seen)])
+    nominal = run_nominal(context)
+    sources = (simulator_remarks, structure_remarks, ensemble_remarks)
+    page.section("Simulator", chain.from_iterable(source(context, nominal) for source in sources))
+    observed = linearised_observations(context, nominal)
+    page.section("Observability", observability_remarks(context, observed))
+    page.section(
+        "Agreement of simulator and recording", agreement_remarks(context, nominal, observed)
+    )
+    page.section("Run time", [run_time_remark(context, nominal, observed)])
     page.conclude()
     return page

@@ -1,45 +1,49 @@
-"""What a check prints."""
+"""Print the remarks of a check."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable
 
-from dashred.pipeline.check.remark import Remark
+from dashred.pipeline.check.remark import Remark, plural
 
-MARKS = {"fine": " ", "doubtful": "?", "to do": "!", "wrong": "x"}
+MARKS = {"ok": " ", "warning": "?", "to do": "!", "error": "x"}
 WIDTH = 98
 
 
 class Page:
-    """Prints remarks as they are found, and counts them."""
+    """Print remarks as they arrive and count them by kind."""
 
     def __init__(self) -> None:
-        """Begin with nothing."""
+        """Start with no remarks."""
         self.count = dict.fromkeys(MARKS, 0)
 
     def section(self, title: str, remarks: Iterable[Remark]) -> None:
-        """Print a section, each remark as soon as it is there; nothing if there is none."""
-        begun = False
+        """Print a section, each remark as soon as it arrives; nothing if there is none."""
+        has_title = False
         for remark in remarks:
-            if not begun:
+            if not has_title:
                 print(f"\n{title}")
-            begun = True
+            has_title = True
             self.count[remark.kind] += 1
-            _print(f"  {MARKS[remark.kind]} ", remark.says)
+            _print(f"  {MARKS[remark.kind]} ", remark.text)
             if remark.hint:
                 _print("      ", remark.hint)
 
     def conclude(self) -> None:
-        """Print what is to be done now."""
-        words = {"wrong": "wrong", "to do": "left to do", "doubtful": "doubtful"}
-        parts = [f"{self.count[k]} {w} ({MARKS[k]})" for k, w in words.items() if self.count[k]]
-        print(f"\n{', '.join(parts) or 'Nothing is doubtful'}.")
+        """Print the number of remarks that need attention."""
+        labels = {
+            "error": plural(self.count["error"], "error"),
+            "to do": f"{self.count['to do']} left to do",
+            "warning": plural(self.count["warning"], "warning"),
+        }
+        parts = [f"{text} ({MARKS[kind]})" for kind, text in labels.items() if self.count[kind]]
+        print(f"\n{', '.join(parts) or 'No errors and no warnings'}.")
 
     @property
-    def wrong(self) -> bool:
-        """Whether a run would refuse something."""
-        return bool(self.count["wrong"])
+    def has_errors(self) -> bool:
+        """Whether a run would refuse the input."""
+        return bool(self.count["error"])
 
 
 def _print(begin: str, text: str) -> None:

@@ -1,4 +1,4 @@
-"""The folder of the findings."""
+"""The output folder of a run."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from dashred.pipeline.run.run_manifest import POINTER
 from dashred.reporting.figures.figure_names import drawn_by_us
 
 FREEZE = "freeze.json"
-# What an analysis leaves beside its figures. The next may not write all of it again, and what is
-# left of an earlier one would pass for part of it.
+# Files that an analysis writes besides its figures. All are deleted before a run, because files of
+# an earlier run would look like its results.
 RESULTS = (
     FREEZE,
     "findings.json",
@@ -27,84 +27,84 @@ RESULTS = (
     "summary.txt",
 )
 SCORE = "score.json"
-ANOTHER = "choose another: output=DIR"
+HINT = "choose another folder: output=DIR"
 
 
 def named_output(config: Config) -> Path | None:
-    """Make the folder of `output=DIR`; None where the user has named none.
+    """Create the folder of `output=DIR`; return None if the user has not named one.
 
     Raises:
-        InputError: it cannot be made or written to, or holds what a run would take away and dashred
-            has not written.
+        InputError: the folder cannot be created or written to, or a run would delete files in it
+            that dashred has not written.
     """
     if not config.output:
         return None
     folder = make_output(config.output)
-    _check_ours(folder, config)
+    _check_replaceable(folder, config)
     return folder
 
 
 def check_output(config: Config) -> None:
-    """Make sure that what a run writes to could be made and written to; leave nothing.
+    """Check that the output folders of a run can be created and written to; create nothing.
 
     Raises:
-        InputError: as :func:`named_output`, or as the store of `tracking.root` would be refused.
+        InputError: as :func:`named_output`, or the folder of `tracking.root` is not usable.
     """
     if not is_server(config.tracking.root):
-        _check_possible(config.tracking.root, "choose another: tracking.root=DIR")
+        _check_possible(config.tracking.root, "choose another folder: tracking.root=DIR")
     if config.output:
-        _check_possible(config.output, ANOTHER)
-        _check_ours(Path(config.output), config)
+        _check_possible(config.output, HINT)
+        _check_replaceable(Path(config.output), config)
 
 
 def _check_possible(path: str, hint: str) -> None:
     folder = Path(path).absolute()
-    there = next(each for each in (folder, *folder.parents) if os.path.lexists(each))
-    if not there.is_dir():
-        what = f"this folder cannot be made: {there} is no folder"
+    existing = next(each for each in (folder, *folder.parents) if os.path.lexists(each))
+    if not existing.is_dir():
+        what = f"this folder cannot be created: {existing} is not a folder"
         raise InputError(what, where=path, hint=hint)
-    _check_writable(there, path, hint)
+    _check_writable(existing, path, hint)
 
 
-def _check_ours(folder: Path, config: Config) -> None:
-    """Refuse a folder of which a run would take away files that no run has left there.
+def _check_replaceable(folder: Path, config: Config) -> None:
+    """Refuse a folder in which a run would delete files that no run has written.
 
-    Every run leaves what it has frozen; one that was cut short, the name of its run.
+    A finished run leaves its freeze file; an interrupted run leaves a pointer to itself.
 
     Raises:
-        InputError: there are such files, or the run's own input is among its results.
+        InputError: there are such files, or the input of the run is among its results.
     """
-    taken = [folder / name for name in (*RESULTS, SCORE) if (folder / name).exists()]
+    existing = [folder / name for name in (*RESULTS, SCORE) if (folder / name).exists()]
     named = (config.source, config.recording.path, config.recording.sensors)
     inputs = [Path(path) for path in named if isinstance(path, str | Path)]
-    for path in taken:
+    for path in existing:
         if any(path.samefile(given) for given in inputs if given.exists()):
-            what = f"a run would write its {path.name} over the one that it is to read"
-            raise InputError(what, where=config.output, hint=ANOTHER)
-    if taken and not any((folder / mark).is_file() for mark in (FREEZE, POINTER)):
-        what = f"{taken[0].name} is there, not from a run of dashred, and a run would replace it"
-        raise InputError(what, where=config.output, hint=ANOTHER)
+            what = f"a run would overwrite its own input {path.name}"
+            raise InputError(what, where=config.output, hint=HINT)
+    if existing and not any((folder / mark).is_file() for mark in (FREEZE, POINTER)):
+        what = f"a run would replace {existing[0].name}, which was not written by dashred"
+        raise InputError(what, where=config.output, hint=HINT)
 
 
 def make_output(path: str) -> Path:
-    """Make the folder that the user named, and make sure that it can be written to.
+    """Create the folder that the user named and check that it is writable.
 
     Raises:
-        InputError: it cannot be made or written to, or is a file.
+        InputError: the folder cannot be created or written to, or is a file.
     """
     folder = Path(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        what = f"this folder cannot be made: {error.strerror}"
-        raise InputError(what, where=path, hint=ANOTHER) from None
+        what = f"this folder cannot be created: {error.strerror}"
+        raise InputError(what, where=path, hint=HINT) from None
     _check_writable(folder, path)
     return folder
 
 
-def _check_writable(folder: Path, path: str, hint: str = ANOTHER) -> None:
+def _check_writable(folder: Path, path: str, hint: str = HINT) -> None:
     try:
-        # Rights alone do not tell: a disk may be mounted for reading only.
+        # Permissions are not enough: the disk may be mounted read-only.
         with TemporaryFile(dir=folder):
             return
     except OSError as error:
@@ -113,7 +113,7 @@ def _check_writable(folder: Path, path: str, hint: str = ANOTHER) -> None:
 
 
 def clear_output(folder: Path) -> None:
-    """Take away the results of an earlier run, and what a killed one had not finished."""
+    """Delete the results of an earlier run and the partial files of a killed one."""
     clear_partial(folder)
     _clear_figures(folder)
     for name in (*RESULTS, SCORE):
@@ -121,9 +121,9 @@ def clear_output(folder: Path) -> None:
 
 
 def _clear_figures(folder: Path) -> None:
-    """Take away the figures of an earlier run, which has frozen its findings before it drew.
+    """Delete the figures of an earlier run.
 
-    Where none has, one that was brought there is somebody else's.
+    A run freezes its findings before it draws. Without a freeze file the figures are not ours.
     """
     if (folder / FREEZE).is_file():
         for path in sorted(folder.iterdir()):
@@ -132,5 +132,5 @@ def _clear_figures(folder: Path) -> None:
 
 
 def results_in(folder: Path) -> list[Path]:
-    """Return what an analysis has left in a folder that it cleared, its figures left out."""
+    """Return the result files of an analysis, without its figures."""
     return [folder / name for name in RESULTS if (folder / name).is_file()]

@@ -13,8 +13,8 @@ from dashred.pipeline.run import provenance
 from dashred.pipeline.run.checkpoints import Checkpoints
 from dashred.pipeline.run.output_dir import clear_output, named_output
 from dashred.pipeline.run.parent_run import open_parent
-from dashred.pipeline.run.run_manifest import SNAPSHOTS, end, manifest_of
-from dashred.pipeline.run.run_tags import conclude, describe
+from dashred.pipeline.run.run_manifest import SNAPSHOTS, manifest_of, remove_checkpoints
+from dashred.pipeline.run.run_tags import log_input, log_result
 from dashred.pipeline.snapshots import black_box_findings, black_box_report, snapshot_runs
 from dashred.pipeline.snapshots.black_box_analysis import analyse_runs
 
@@ -37,7 +37,7 @@ def analyse_snapshots(config: Config) -> Path:
     with open_parent(config, named, began) as (run, folder):
         output = named or run.artifact_dir
         clear_output(output)
-        describe(run, config, provenance.git_commit())
+        log_input(run, config, provenance.git_commit())
 
         counted = replace(posed, config=runs.configured(config))
         kept = Checkpoints(folder, seconds)
@@ -50,7 +50,7 @@ def analyse_snapshots(config: Config) -> Path:
         figures = black_box_report.report(posed, analysis, findings, output, seconds)
 
         seconds["in all"] = time.perf_counter() - clock + kept.earlier
-        conclude(run, config, findings, output)
-        provenance.finish(run, output, findings, figures, seconds, config_sha256(config))
-        end(folder, output)
+        log_result(run, config, findings, output)
+        provenance.write_record(run, output, findings, figures, seconds, config_sha256(config))
+        remove_checkpoints(folder, output)
     return output

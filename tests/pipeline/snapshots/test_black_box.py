@@ -211,7 +211,7 @@ def test_a_check_tells_what_there_is_to_learn_from(given, capsys) -> None:
     own = f"conf={given / 'box.yaml'}"
     assert command.main([own]) == 0
     said = capsys.readouterr().out
-    assert "32 runs of 51 snapshots at the clock's step of 0.1, cut into" in " ".join(said.split())
+    assert "32 runs of 51 snapshots at a step of 0.1, cut into" in " ".join(said.split())
     assert "times as much as in the snapshots" in said
     few = ("simulation.members=3", "simulation.held_out=1", "shred.lags=30")
     with pytest.raises(InputError, match="too few to learn from"):
