@@ -1,8 +1,7 @@
 """Publish cases without their truths: ``dashred publish draw=SECRET output=DIR truths=FILE``.
 
-``python -m dashred.evaluation.publish draw=SECRET output=conf/proof truths=FILE`` writes the salted
-truths to FILE and only their hashes to the repository. ``check=FILE`` checks claimed truths in the
-form of that file.
+The salted truths are written to FILE and only their hashes to DIR. ``check=FILE`` checks claimed
+truths in the form of that file.
 """
 
 from __future__ import annotations
@@ -47,7 +46,7 @@ def main(argv: list[str]) -> int:
     if words.draw is None or words.truths is None:
         what = "draw=SECRET and truths=FILE are needed, or check=FILE"
         raise InputError(what, where=PLACE, hint="see dashred publish --help")
-    from dashred.evaluation.proof.cases.public import select_cases, publish
+    from dashred.evaluation.proof.cases.public import publish, select_cases
 
     publish(select_cases(words.draw, words.cases), words.output, words.truths)
     return DONE

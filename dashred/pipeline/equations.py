@@ -114,7 +114,7 @@ def analyse_equations(config: Config) -> Path:
         kept = Checkpoints(folder, seconds)
 
         if simulated.ensemble is None:
-            findings = verify.refuse_unresolved(posed, simulated.resolution)
+            findings = verify.unresolved_findings(posed, simulated.resolution)
             verify.freeze_findings(output, findings, [])
             figures = report.report_unresolved(findings, output)
         else:

@@ -1,9 +1,8 @@
 """Record a twin experiment: ``dashred record conf=rde twin=a output=DIR``.
 
-``python -m dashred.evaluation.twins.record_command conf=rde twin=a output=DIR`` writes
-``recording.nc`` (sensor values only) and ``sealed.nc`` (the truth) into DIR. The truth runs at
-doubled resolution and half the step, from a start drawn from the prior. Its random stream is keyed
-by the law itself, so that the analysis cannot derive it.
+Writes ``recording.nc`` (sensor values only) and ``sealed.nc`` (the truth) into DIR. The truth runs
+at doubled resolution and half the step, from a start drawn from the prior. Its random stream is
+keyed by the law itself, so that the analysis cannot derive it.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Open the seal and score frozen findings: ``dashred score findings=DIR sealed=FILE``.
 
-``python -m dashred.evaluation.twins.score_command findings=DIR sealed=FILE`` is the only command
-that reads a hidden truth. It refuses findings that are not frozen or have changed since.
+This is the only command that reads a hidden truth. It refuses findings that are not frozen or have
+changed since.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth, list[Path]
     """
     from dashred.core.findings.schema import Score
     from dashred.evaluation.twins.cause_scoring import score_cause, score_region
-    from dashred.evaluation.twins.kept_findings import read_findings
+    from dashred.evaluation.twins.findings_reader import read_findings
     from dashred.evaluation.twins.scoring import (
         FORECASTS,
         METHODS,
@@ -124,13 +124,14 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth, list[Path]
         coefficient_error=coefficient_error,
         region=score_region(findings, truth.terms),
         cause_right=score_cause(findings, bool(truth.terms), hidden),
-        field_rmse=dict.fromkeys(METHODS)
-        | {m: rmse(error) for m, error in field_errors.items()},
+        field_rmse=dict.fromkeys(METHODS) | {m: rmse(error) for m, error in field_errors.items()},
         field_rmse_by_field={
             field: {m: rmse(error[:, i]) for m, error in field_errors.items()}
             for i, field in enumerate(fields)
         },
-        forecast=with_deprecated({m: rmse(forecast_errors[m]) if m in forecast_errors else None for m in FORECASTS}),
+        forecast=with_deprecated(
+            {m: rmse(forecast_errors[m]) if m in forecast_errors else None for m in FORECASTS}
+        ),
         latent_rank=latent_ranks(findings, truth.terms),
     )
     return score, truth, figures

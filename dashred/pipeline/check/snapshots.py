@@ -10,7 +10,7 @@ import torch
 from dashred.pipeline.check.agreement import compare_amplitudes
 from dashred.pipeline.check.remark import Remark, plural
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.snapshots.snapshot_runs import stretch_length
+from dashred.pipeline.snapshots.snapshot_runs import segment_length
 
 # Largest number of runs that are read to estimate amplitudes.
 MAX_RUNS = 8
@@ -28,7 +28,7 @@ def snapshots_remarks(problem: Problem) -> Iterator[Remark]:
     every = float(problem.times[1] - problem.times[0])
     used = min(wanted, snapshots.members)
     samples = snapshots.samples_at(every)
-    length = stretch_length(problem, used, samples)
+    length = segment_length(problem, used, samples)
     of = "" if used == snapshots.members else f" (of {snapshots.members} runs)"
     yield Remark(
         f"{plural(used, 'run')} of {samples} snapshots at a step of {every:.6g}{of}, "

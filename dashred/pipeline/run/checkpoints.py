@@ -33,7 +33,7 @@ from dashred.pipeline.assimilation import Assimilated
 from dashred.pipeline.run.provenance import git_commit
 from dashred.pipeline.training import KeptNetwork, Learned
 
-Result = TypeVar("Found")
+Result = TypeVar("Result")
 
 EXPRESSIONS = (
     *(nodes.Number, nodes.Name, nodes.Sum, nodes.Product),

@@ -47,7 +47,7 @@ def prepare_torch(config: Config) -> None:
 
 
 def git_commit() -> str:
-    """Return the commit of the checkout of dashred, with ``+`` if files have changed, or ``unknown``.
+    """Return the commit of the checkout, with ``+`` if files have changed, or ``unknown``.
 
     An installed package, or a copy inside another repository, has no commit.
     """

@@ -1,4 +1,4 @@
-"""The analysis of a simulator that is known by snapshots alone: everything but refinement."""
+"""The analysis with snapshots in place of a simulator, without discovery of a law."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from dashred.pipeline.snapshots.black_box_analysis import analyse_runs
 
 
 def analyse_snapshots(config: Config) -> Path:
-    """Analyse one recording, top to bottom; returns the folder of the findings.
+    """Analyse one recording; return the folder of the findings.
 
     Raises:
-        InputError: the input is wrong; nothing is written then, though the folder may be made.
+        InputError: the input is wrong; the output folder may have been created, but is empty.
     """
     provenance.prepare_torch(config)
     posed = problem.build_problem(config)
@@ -31,17 +31,17 @@ def analyse_snapshots(config: Config) -> Path:
     seconds: dict[str, float] = {}
     clock = time.perf_counter()
     runs = snapshot_runs.read_runs(posed, seconds)
-    posed = keep_identifiable_terms(posed, runs.some, float(posed.times[0]))
+    posed = keep_identifiable_terms(posed, runs.sample_states, float(posed.times[0]))
 
-    began = manifest_of(config, posed.recording_sha256) | {SNAPSHOTS: runs.sha256}
-    with open_parent(config, named, began) as (run, folder):
+    manifest = manifest_of(config, posed.recording_sha256) | {SNAPSHOTS: runs.sha256}
+    with open_parent(config, named, manifest) as (run, folder):
         output = named or run.artifact_dir
         clear_output(output)
         log_input(run, config, provenance.git_commit())
 
         counted = replace(posed, config=runs.configured(config))
-        kept = Checkpoints(folder, seconds)
-        learned = kept.stage(
+        checkpoints = Checkpoints(folder, seconds)
+        learned = checkpoints.stage(
             "shred", lambda: training.train_shred(counted, runs.ensemble, run, seconds, "SHRED")
         )
         analysis = analyse_runs(counted, runs, learned, run, seconds)
@@ -49,7 +49,7 @@ def analyse_snapshots(config: Config) -> Path:
         black_box_findings.write(posed, analysis, findings, output)
         figures = black_box_report.report(posed, analysis, findings, output, seconds)
 
-        seconds["in all"] = time.perf_counter() - clock + kept.earlier
+        seconds["in all"] = time.perf_counter() - clock + checkpoints.earlier
         log_result(run, config, findings, output)
         provenance.write_record(run, output, findings, figures, seconds, config_sha256(config))
         remove_checkpoints(folder, output)

@@ -20,9 +20,9 @@ from dashred.config import load_config
 from dashred.evaluation.proof.cases.case_record import Oracle
 from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.proof.cases.effect_size import CaseTruth
-from dashred.evaluation.twins.kept_findings import read_findings
+from dashred.evaluation.twins.findings_reader import read_findings
 from dashred.evaluation.twins.recorder import true_expression
-from dashred.evaluation.twins.window_kinds import WindowKind, region_kind, window_kind, bounds_kind
+from dashred.evaluation.twins.window_kinds import WindowKind, bounds_kind, region_kind, window_kind
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 from dashred.inference.fit.noise_model import NoiseModel

@@ -22,7 +22,7 @@ from dashred.evaluation.proof.cases.effect_size import CaseTruth
 from dashred.evaluation.proof.cases.oracle import compute_oracle
 from dashred.evaluation.twins.candidate_laws import MAX_LISTED, listed_laws
 from dashred.evaluation.twins.cause_scoring import score_cause
-from dashred.evaluation.twins.kept_findings import read_findings
+from dashred.evaluation.twins.findings_reader import read_findings
 from dashred.evaluation.twins.scoring import law_of_findings, law_of_truth, score_law
 
 # Verdicts that state their own uncertainty.

@@ -19,7 +19,7 @@ from dashred.evaluation.proof.cases.accuracy import (
     region_errors,
 )
 from dashred.evaluation.proof.cases.effect_size import CaseTruth
-from dashred.evaluation.twins.sealing import CaseTruth as Hidden
+from dashred.evaluation.twins.sealing import Concealed as Hidden
 from dashred.evaluation.twins.sealing import SealedTerm
 from dashred.pipeline.outputs.field_files import write_estimates
 from tests.evaluation.proof.scoring.test_judge import BOX, SYSTEM, V2, case_of, findings, term

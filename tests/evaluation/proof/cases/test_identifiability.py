@@ -61,10 +61,10 @@ def test_unclear_cases_give_way_to_others(leads, draws, tmp_path, monkeypatch) -
     found = record_case(case_of(8.0, ("v", "v**2", 1.0)), path)
     assert found.draws == draws and next(told, None) is None
     with xr.open_dataset(path, engine="h5netcdf") as recorded:
-        assert recorded.sizes["time"] == len(found.concealed.recording.times)
-        assert recorded.sizes["sensor"] == len(found.concealed.recording.sensors)
+        assert recorded.sizes["time"] == len(found.case_truth.recording.times)
+        assert recorded.sizes["sensor"] == len(found.case_truth.recording.sensors)
     again = record_truth(found.case)
-    assert (again.recording.values == found.concealed.recording.values).all()
+    assert (again.recording.values == found.case_truth.recording.values).all()
 
 
 def test_nobody_draws_for_ever_and_other_kinds_are_drawn_once(tmp_path, monkeypatch) -> None:
@@ -89,7 +89,7 @@ def test_what_the_simulator_does_not_resolve_to_its_noise_is_drawn_again(
     # From so far off its own step is too long for it in the first samples.
     assert record_truth(far).numerics > 6
     found = record_case(far, path)
-    assert found.draws > 1 and found.concealed.numerics < 6
+    assert found.draws > 1 and found.case_truth.numerics < 6
     assert found.case.hidden["spread"] != 6.5
     loud = replace(far, noise=0.1)
     assert record_case(loud, path).draws == 1

@@ -12,7 +12,7 @@ from dashred.evaluation.proof.cases.case_record import Kind
 from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.proof.cases.effect_size import CaseTruth
 from dashred.evaluation.proof.scoring.judge import is_listed, is_right
-from dashred.evaluation.twins.sealing import CaseTruth as Hidden
+from dashred.evaluation.twins.sealing import Concealed as Hidden
 from dashred.evaluation.twins.sealing import SealedFault, SealedTerm
 from dashred.physics.system import System
 
