@@ -21,10 +21,10 @@ def main(argv: list[str]) -> int:
     """Run an analysis or a twin experiment, or resume an interrupted run."""
     helping = {"--help", "-h"} & set(argv)
     if not helping and any(word.startswith("resume=") for word in argv):
-        from dashred.evaluation.twins.twin_experiment import score_if_sealed
+        from dashred.evaluation.twins.twin_experiment import score_resumed
         from dashred.pipeline.run.resume import resume
 
-        return resume(argv, score_if_sealed)
+        return resume(argv, score_resumed)
     config = load_config(argv, entry="train")
     refuse_unfinished_lines(config)
     check_server(config.tracking.root)

@@ -252,16 +252,16 @@ def config_of(quick: Path, *words: str):
 
 def recorded(config):
     """Return the truth's times and states as the recorder makes them, and its random stream."""
-    from dashred.evaluation.twins.record_command import _key
-    from dashred.evaluation.twins.recorder import clock_of, simulate_truth
+    from dashred.evaluation.twins.record_command import _random_key
+    from dashred.evaluation.twins.recorder import simulate_truth, truth_times
     from dashred.evaluation.twins.twin_file import read_twin
     from dashred.physics.system import System
 
     twin = read_twin(config)
-    rng = np.random.default_rng(_key(twin, config.seed))
+    rng = np.random.default_rng(_random_key(twin, config.seed))
     system = System(config.system, config.where)
     with torch.no_grad():
-        times = clock_of(config)
+        times = truth_times(config)
         states = simulate_truth(system, twin, config, times, rng, None)
     return times, states, rng, system
 
@@ -392,7 +392,7 @@ def test_no_word_hands_the_twin_to_the_analysis_among_others(quick, train) -> No
 
 
 def test_findings_are_frozen_before_the_scorer_starts(quick, train, stand_in, monkeypatch) -> None:
-    from dashred.evaluation.twins.twin_experiment import clear_scored
+    from dashred.evaluation.twins.twin_experiment import clear_truth
 
     seen = []
 
@@ -411,6 +411,6 @@ def test_findings_are_frozen_before_the_scorer_starts(quick, train, stand_in, mo
     assert "freeze.json" in before and not before & {"sealed.nc", "score.json"}
     assert (ended.output / "sealed.nc").is_file()
     # An analysis that begins anew in this folder finds nothing that shows the truth.
-    clear_scored(ended.output)
+    clear_truth(ended.output)
     assert {path.name for path in ended.output.iterdir()} == before | {"score.json"}
     assert json.loads(ended.read("score.json"))["latent_rank"] == {"alg1": {}, "alg2": {}}

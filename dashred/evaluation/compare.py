@@ -1,7 +1,7 @@
 """Compare every method with the hidden truth: ``dashred compare systems=all``.
 
-First the experiments of a bench, then the other methods on the same recordings; rows that are done
-are not done again. It ends in a page of all rows in the folder, ``docs/results.md``.
+First runs the experiments of a benchmark, then the other methods on the same recordings. Finished
+rows are not run again. Writes a document of all rows in the folder, ``docs/results.md``.
 """
 
 from __future__ import annotations

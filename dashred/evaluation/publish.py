@@ -1,7 +1,7 @@
 """Publish cases without their truths: ``dashred publish draw=SECRET output=DIR truths=FILE``.
 
-``truths=FILE`` takes what was hidden, with a salt; the repository gets its hashes alone.
-``check=FILE`` says which claimed truths, in the form of that file, are the right ones.
+The salted truths are written to FILE and only their hashes to DIR. ``check=FILE`` checks claimed
+truths in the form of that file.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ COMMAND = Command(
 
 
 def main(argv: list[str]) -> int:
-    """Publish, or check what was claimed."""
+    """Publish cases, or check claimed truths."""
     words = COMMAND.read(argv)
     if words.check is not None:
         from dashred.evaluation.proof.cases.public import check
@@ -46,7 +46,7 @@ def main(argv: list[str]) -> int:
     if words.draw is None or words.truths is None:
         what = "draw=SECRET and truths=FILE are needed, or check=FILE"
         raise InputError(what, where=PLACE, hint="see dashred publish --help")
-    from dashred.evaluation.proof.cases.public import choose, publish
+    from dashred.evaluation.proof.cases.public import publish, select_cases
 
-    publish(choose(words.draw, words.cases), words.output, words.truths)
+    publish(select_cases(words.draw, words.cases), words.output, words.truths)
     return DONE

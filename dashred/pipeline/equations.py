@@ -20,8 +20,8 @@ from dashred.pipeline.run import provenance
 from dashred.pipeline.run.checkpoints import Checkpoints, Stages
 from dashred.pipeline.run.output_dir import clear_output, named_output
 from dashred.pipeline.run.parent_run import open_parent
-from dashred.pipeline.run.run_manifest import end, manifest_of
-from dashred.pipeline.run.run_tags import conclude, describe
+from dashred.pipeline.run.run_manifest import manifest_of, remove_checkpoints
+from dashred.pipeline.run.run_tags import log_input, log_result
 from dashred.pipeline.simulation import Nominal
 from dashred.pipeline.verification import verification as verify
 from dashred.pipeline.verification.structure import check_structure
@@ -110,11 +110,11 @@ def analyse_equations(config: Config) -> Path:
     with open_parent(config, named, began) as (run, folder):
         output = named or run.artifact_dir
         clear_output(output)
-        describe(run, config, provenance.git_commit())
+        log_input(run, config, provenance.git_commit())
         kept = Checkpoints(folder, seconds)
 
         if simulated.ensemble is None:
-            findings = verify.refuse_unresolved(posed, simulated.resolution)
+            findings = verify.unresolved_findings(posed, simulated.resolution)
             verify.freeze_findings(output, findings, [])
             figures = report.report_unresolved(findings, output)
         else:
@@ -127,7 +127,7 @@ def analyse_equations(config: Config) -> Path:
             figures = report.report(posed, analysis, findings, output, seconds)
 
         seconds["in all"] = time.perf_counter() - clock + kept.earlier
-        conclude(run, config, findings, output)
-        provenance.finish(run, output, findings, figures, seconds, config_sha256(config))
-        end(folder, output)
+        log_result(run, config, findings, output)
+        provenance.write_record(run, output, findings, figures, seconds, config_sha256(config))
+        remove_checkpoints(folder, output)
     return output

@@ -11,7 +11,7 @@ import pytest
 
 from dashred.config import Config, frozen_input, load_config
 from dashred.core.errors import InputError
-from dashred.pipeline.run.run_manifest import begin, words_of
+from dashred.pipeline.run.run_manifest import stored_arguments, write_manifest
 from tests.conftest import CHECKOUT
 from tests.documents import snippets
 
@@ -105,8 +105,8 @@ def test_what_has_begun_goes_on_with_the_users_word_alone(folder: Path) -> None:
     named = ("system.class=my_pendulum.Pendulum", f"trust={NAME}")
     for words in (named, named[1:]):
         config = load(folder, *words)
-        begin(folder, config, {})
-        told = words_of(folder)
+        write_manifest(folder, config, {})
+        told = stored_arguments(folder)
         assert told is not None and not any(word.startswith("trust=") for word in told)
         with pytest.raises(InputError, match="runs the code of"):
             load_config(told, entry="train")

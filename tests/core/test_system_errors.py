@@ -178,7 +178,7 @@ def test_a_folder_that_is_only_read_is_refused_before_any_work(mounted) -> None:
     with pytest.raises(InputError, match="cannot be written to: Read-only") as caught:
         make_output(str(mounted))
     assert caught.value.where == str(mounted)
-    with pytest.raises(InputError, match="cannot be made: Read-only"):
+    with pytest.raises(InputError, match="cannot be created: Read-only"):
         make_output(str(mounted / "new"))
     with pytest.raises(InputError, match="no MLflow store can be created here: Read-only"):
         open_store(str(mounted), "any")

@@ -16,7 +16,7 @@ from dashred.data.io.reader import read_recording
 from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
-from dashred.evaluation.twins.recorder import FORECAST, clock_of
+from dashred.evaluation.twins.recorder import DURATION_FACTOR, truth_times
 from dashred.physics.system import System
 
 
@@ -28,10 +28,10 @@ def circuit():
 
 def test_a_drive_is_known_as_far_as_forecasts_go(circuit) -> None:
     system, config = circuit
-    times = clock_of(config)
+    times = truth_times(config)
     inputs = drive_signals(system, config, times)
     t = times.numpy()
-    assert t[-1] == pytest.approx(FORECAST * config.recording.duration)
+    assert t[-1] == pytest.approx(DURATION_FACTOR * config.recording.duration)
     expected = 0.5 * np.sin(1.1 * t) + 0.3 * np.sin(2.3 * t)
     np.testing.assert_allclose(inputs.values["voltage"], expected, atol=1e-12)
     [now] = with_inputs(system, inputs).measured.at(float(t[7])).values()
@@ -40,7 +40,7 @@ def test_a_drive_is_known_as_far_as_forecasts_go(circuit) -> None:
 
 def test_inputs_are_written_on_their_own_clock_and_read_again(circuit, tmp_path: Path) -> None:
     system, config = circuit
-    times = clock_of(config)
+    times = truth_times(config)
     inputs = drive_signals(system, config, times)
     count = 21
     values = torch.zeros((count, 1)).double().numpy()
@@ -60,4 +60,4 @@ def test_an_input_without_a_drive_of_time_is_refused(circuit, drive, problem) ->
     system, config = circuit
     bare = replace(config, recording=replace(config.recording, drive=drive))
     with pytest.raises(InputError, match=problem):
-        drive_signals(system, bare, clock_of(config))
+        drive_signals(system, bare, truth_times(config))

@@ -53,7 +53,7 @@ def test_a_system_with_an_input_is_checked(
     written(folder / "capacitor.csv", {"time": t, "q": (1 - np.exp(-t)) / 2, "voltage": t**0})
     assert command.main(["conf=capacitor.yaml"]) == 0
     said = capsys.readouterr().out
-    assert "200 samples of 1 sensor" in said and "It is resolved" in said
+    assert "200 samples of 1 sensor" in said and "The simulation is resolved" in said
     assert "x " not in {line.strip()[:2] for line in said.splitlines()}
 
 
@@ -75,4 +75,4 @@ def test_snapshots_that_are_described_are_checked(
     assert command.main(["conf=burgers.yaml"]) == 0
     said = capsys.readouterr().out
     assert f"{SAMPLES} samples of 8 sensors" in said and f"{MEMBERS} runs" in said
-    assert "Roughly 30 s" in said
+    assert "About 30 s" in said

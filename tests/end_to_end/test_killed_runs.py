@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from dashred.pipeline.run.run_manifest import pointed_to
+from dashred.pipeline.run.run_manifest import read_pointer
 from tests.conftest import Ended, run_command
 from tests.killing import kill_when, start
 
@@ -50,7 +50,7 @@ def test_a_killed_run_is_resumed_by_its_name_to_the_same_findings(
     """Which also logs the surrogate, once, whatever the attempts."""
     words = [f"conf={quick}", f"recording.path={twin_run.output / 'recording.nc'}"]
     killed_at(point, tmp_path, [*words, "tracking.model=true"])
-    run_id = pointed_to(tmp_path / "output")
+    run_id = read_pointer(tmp_path / "output")
     again = run_command(tmp_path, f"resume={run_id}")
     assert again.code == 0, again.err
     assert again.read("findings.json") == twin_run.read("findings.json")

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from dashred.pipeline.run.run_tags import headline, short_verdict
+from dashred.pipeline.run.run_tags import headline_metrics, short_verdict
 from dashred.reporting.figures.style import new_figure, save_figure
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -56,7 +56,7 @@ def test_what_is_printed_is_what_is_filed(twin_run) -> None:
     assert summary.strip() in twin_run.out
     before, after = twin_run.out.split(summary.strip())
     assert "seal" not in before
-    assert "The seal is opened" in after
+    assert "The seal has been opened" in after
 
 
 def test_the_store_holds_one_finished_run_with_its_stages(twin_run) -> None:
@@ -81,7 +81,11 @@ def test_the_store_holds_one_finished_run_with_its_stages(twin_run) -> None:
     assert tags["twin"] == "a" and tags["system"] == "quick" and "verdict" in tags
     assert tags["mlflow.note.content"].startswith(f"**Verdict: {findings['verdict']}")
     assert tags["findings sha256"] == json.loads(twin_run.read("freeze.json"))["sha256"]
-    assert {"score/dashred", "assimilate/rmse/sensors_validate", *headline(findings)} <= metrics
+    assert {
+        "score/dashred",
+        "assimilate/rmse/sensors_validate",
+        *headline_metrics(findings),
+    } <= metrics
     filed = twin_run.root / "artifacts" / parent / "artifacts" / "findings.json"
     assert filed.read_bytes() == twin_run.read("findings.json")
 

@@ -1,1 +1,1 @@
-"""Other methods on the same recordings, for comparison: none of them is part of an analysis."""
+"""Baseline methods for comparison; not part of an analysis."""

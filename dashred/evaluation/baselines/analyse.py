@@ -1,8 +1,8 @@
-"""Run the other methods on one recording, in a process of its own.
+"""Run the other methods on outcome recording, in a process of its own.
 
 Like the analysis it is handed the recording alone. It writes ``baselines.nc``, the fields by
 method, and ``baselines.json``: laws, settings, seconds, failures, and the hash that freezes the
-fields. A method that fails takes no other with it.
+fields. The failure of a method does not affect the others.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from dashred.core.errors import DONE, InputError, run_entry
 from dashred.core.system_errors import describe_system_error
 
 if TYPE_CHECKING:
-    from dashred.evaluation.baselines.estimate import Estimated
+    from dashred.evaluation.baselines.estimate import Estimate
     from dashred.pipeline.problem import Problem
 
 FIELDS, LAWS = "baselines.nc", "baselines.json"
@@ -32,23 +32,23 @@ METHODS = (
     "filter_state",
     "filter_augmented",
 )
-# Of them, those that look for a law.
-OF_LAWS = ("closed_form", "filter_augmented")
+# Methods among them that seek a law.
+LAW_METHODS = ("closed_form", "filter_augmented")
 NOT_FOR_SYSTEM = "not for this system"
-LENGTH = 200
+MAX_LENGTH = 200
 
 
 @dataclass(frozen=True)
-class Ended:
-    """How one method ended.
+class Outcome:
+    """Outcome of outcome method.
 
     Attributes:
-        found: None where the system is none for this method, or it failed.
-        failed: of what, in words; None where it did not.
-        seconds: its own, and those of the simulations that it learns from.
+        found: the estimate; None if the method does not apply to the system or failed.
+        failed: cause of the failure; None if the method did not fail.
+        seconds: run time, including that of the simulations that it learns from.
     """
 
-    found: Estimated | None
+    found: Estimate | None
     failed: str | None
     seconds: float
 
@@ -60,7 +60,7 @@ def main(argv: list[str]) -> int:
 
 
 def analyse(config: Config) -> None:
-    """Run every method in turn and write what they found."""
+    """Run all methods in turn and write their results."""
     from dashred.core.mlflow.tracker import Tracker
     from dashred.evaluation.baselines.closed_form import closed_form
     from dashred.evaluation.baselines.kalman_filter import filter_augmented, filter_state
@@ -75,22 +75,25 @@ def analyse(config: Config) -> None:
     provenance.prepare_torch(config)
     posed = problem.build_problem(config)
     if posed.others:
-        fault = "the baselines read one episode, and the recording has several"
+        fault = "the baselines read outcome episode, and the recording has several"
         raise InputError(fault, where=config.recording.path)
     nominal = simulation.simulate_nominal(posed, {})
     posed = keep_identifiable_terms(posed, nominal.states, posed.times)
-    as_it_is = replace(posed, config=_plain(config))
-    of_plain: dict[str, float] = {}
-    plain = simulation.simulate_ensemble(as_it_is, nominal, of_plain)
+    unchanged = replace(posed, config=_plain(config))
+    plain_seconds: dict[str, float] = {}
+    plain = simulation.simulate_ensemble(unchanged, nominal, plain_seconds)
     keep = config.tracking
     experiment = keep.experiment or config.name
     with Tracker.open(keep.root, experiment, "baselines", parent=keep.parent) as run:
-        methods: dict[str, tuple[Callable[[], Estimated | None], dict[str, float]]] = {
+        methods: dict[str, tuple[Callable[[], Estimate | None], dict[str, float]]] = {
             "closed_form": (partial(closed_form, posed, nominal.prior), {}),
-            "optimal_interpolation": (partial(optimal_interpolation, posed, plain), of_plain),
-            "shred_plain": (partial(plain_shred, as_it_is, plain, run), of_plain),
-            "filter_state": (partial(filter_state, posed, plain), of_plain),
-            "filter_augmented": (partial(filter_augmented, posed, plain, nominal.states), of_plain),
+            "optimal_interpolation": (partial(optimal_interpolation, posed, plain), plain_seconds),
+            "shred_plain": (partial(plain_shred, unchanged, plain, run), plain_seconds),
+            "filter_state": (partial(filter_state, posed, plain), plain_seconds),
+            "filter_augmented": (
+                partial(filter_augmented, posed, plain, nominal.states),
+                plain_seconds,
+            ),
         }
         ended = {
             name: attempt(method, sum(simulations.values()))
@@ -99,51 +102,53 @@ def analyse(config: Config) -> None:
         _write(make_output(config.output), posed, ended, run.run_id)
 
 
-def attempt(method: Callable[[], Estimated | None], simulated: float) -> Ended:
-    """Run one method; whatever it dies of is its own failure, told and kept.
+def attempt(method: Callable[[], Estimate | None], simulated: float) -> Outcome:
+    """Run outcome method and record its failure, if any.
 
     Args:
-        method: without arguments.
-        simulated: seconds of the simulations that it was handed.
+        method: the method, without arguments.
+        simulated: seconds of the simulations that it uses.
 
     Raises:
-        Exception: what the machine or the store has refused is no failure of a method.
+        Exception: an error of the machine or the store, which is not a failure of the method.
     """
-    began = time.perf_counter()
+    started = time.perf_counter()
     found, failed = None, None
     try:
         found = method()
     except InputError:
         raise
     except Exception as error:
-        failed = own_failure(error)
+        failed = failure_text(error)
     if found is not None and not bool(found.states.isfinite().all()):
         found, failed = None, "its field is not finite"
-    return Ended(found, failed, simulated + time.perf_counter() - began)
+    return Outcome(found, failed, simulated + time.perf_counter() - started)
 
 
-def own_failure(error: Exception) -> str:
-    """Print the trace of what a method died of, and return it on one line.
+def failure_text(error: Exception) -> str:
+    """Print the traceback of a failure and return its message on outcome line.
 
     Raises:
-        Exception: this one, where the machine or the store has refused something.
+        Exception: the error itself, if it is an error of the machine or the store.
     """
     if isinstance(error, OSError | MemoryError) or describe_system_error(error):
         raise error
     traceback.print_exc()
-    return f"{type(error).__name__}: {' '.join(str(error).split())}"[:LENGTH]
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"[:MAX_LENGTH]
 
 
 def _plain(config: Config) -> Config:
-    """Return the configuration with an ensemble of the simulator as it is."""
+    """Return the configuration with an ensemble of the unchanged simulator."""
     return replace(config, simulation=replace(config.simulation, discrepancy=False))
 
 
-def _write(output: Path, posed: Problem, ended: dict[str, Ended], run_id: str) -> None:
+def _write(output: Path, posed: Problem, ended: dict[str, Outcome], run_id: str) -> None:
     from dashred.core.findings.findings import sha256_of, write_json_atomic
     from dashred.pipeline.outputs.field_files import write_estimates
 
-    fields = {name: one.found.states for name, one in ended.items() if one.found is not None}
+    fields = {
+        name: outcome.found.states for name, outcome in ended.items() if outcome.found is not None
+    }
     count = len(posed.split.fit.times)
     sha256 = None
     if fields:
@@ -151,12 +156,16 @@ def _write(output: Path, posed: Problem, ended: dict[str, Ended], run_id: str) -
         sha256 = sha256_of(output / FIELDS)
     methods = {
         name: {
-            "seconds": one.seconds,
-            "terms": one.found.terms if one.found else None,
-            "note": one.found.note if one.found else "" if one.failed else NOT_FOR_SYSTEM,
-            "failed": one.failed,
+            "seconds": outcome.seconds,
+            "terms": outcome.found.terms if outcome.found else None,
+            "note": outcome.found.note
+            if outcome.found
+            else ""
+            if outcome.failed
+            else NOT_FOR_SYSTEM,
+            "failed": outcome.failed,
         }
-        for name, one in ended.items()
+        for name, outcome in ended.items()
     }
     record = {"methods": methods, "fields_sha256": sha256, "mlflow_run": run_id}
     write_json_atomic(output / LAWS, record)

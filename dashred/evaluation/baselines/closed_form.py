@@ -5,8 +5,8 @@ are known, and so are those of ``u_t = (L + L') u`` for an L' of the same kind. 
 
     y(t) = Σ a'_n e^{λ'_n (t − t₀)} φ_n(x_s),    λ'_n = λ_n + λ(L')_n
 
-in which a' enters linearly; λ' follows by Gauss-Newton steps, each a linear problem. No network, no
-simulation and no search has a part in it: what it says, any other method has to say too.
+in which a' enters linearly; λ' follows by Gauss-Newton steps, each a linear problem. It needs no
+network and no simulation, so that its result is a reference for the other methods.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from itertools import combinations
 import torch
 from torch import Tensor
 
-from dashred.evaluation.baselines.estimate import Estimated, TermEntry
+from dashred.evaluation.baselines.estimate import Estimate, TermEntry
 from dashred.physics.expressions.algebra import Expr, add
 from dashred.physics.expressions.linear import is_linear, split_linear
 from dashred.physics.grids.fourier_symbols import symbols
@@ -28,21 +28,21 @@ from dashred.physics.system import System, Term
 from dashred.pipeline.problem import Problem
 
 STEPS, TOLERANCE = 50, 1e-10
-# A mode is an eigenfunction where what is left of L φ is rounding.
+# Largest relative residual of L φ for an eigenfunction: rounding errors.
 ROUNDING = 1e-9
-MOST_TERMS = 3
+MAX_TERMS = 3
 
 
 @dataclass(frozen=True)
 class Traces:
-    """What is known of the modes before any fit.
+    """The modes and the recording before any fit.
 
     Attributes:
-        readings: of every mode by every sensor, ``(mode, sensor)``.
+        readings: readings of every mode, ``(mode, sensor)``.
         rates: λ, ``(mode,)``.
         known: amplitudes of the nominal start, ``(mode,)``; their prior is ``N(known, 1)``.
-        times: since the start, ``(time,)``.
-        values: recorded, ``(time, sensor)``; NaN is missing.
+        times: times since the start, ``(time,)``.
+        values: recorded values, ``(time, sensor)``; NaN where missing.
         noise: σ of each sensor, ``(sensor,)``.
     """
 
@@ -62,8 +62,8 @@ class Fitted:
         amplitudes: a', ``(mode,)``.
         shifts: λ' − λ, ``(mode,)``.
         coefficients: ξ, ``(parameter,)``.
-        covariance: of ξ, the amplitudes being unknown, ``(parameter, parameter)``.
-        misfit: of traces, in σ, and of amplitudes and shifts to their prior, squared.
+        covariance: covariance of ξ, marginalised over the amplitudes, ``(parameter, parameter)``.
+        misfit: squared misfit of traces, in σ, and of amplitudes and shifts to their priors.
     """
 
     amplitudes: Tensor
@@ -73,14 +73,14 @@ class Fitted:
     misfit: float
 
 
-def closed_form(problem: Problem, prior: StartPrior) -> Estimated | None:
-    """Return field and law; None for a system that is not linear, or not self-adjoint.
+def closed_form(problem: Problem, prior: StartPrior) -> Estimate | None:
+    """Return field and law; None for a system that is not linear or not self-adjoint.
 
-    The rates are those of the few terms of L' that explain the traces best.
+    L' has the few terms that explain the traces best.
 
     Args:
         problem: the recording.
-        prior: of the start, whose modes are the eigenfunctions.
+        prior: prior of the start; its modes are the eigenfunctions.
     """
     operator = _operator(problem.system)
     rates = None if operator is None else eigenvalues(problem.system, operator, prior.basis)
@@ -90,13 +90,13 @@ def closed_form(problem: Problem, prior: StartPrior) -> Estimated | None:
     traces = _traces(problem, prior, basis, rates)
     terms, shapes = _linear_terms(problem, prior)
     members, fitted = _choose(traces, shapes)
-    grown = torch.exp((rates + fitted.shifts) * traces.times[:, None])
-    states = torch.einsum("tm,m...->t...", grown * fitted.amplitudes, basis)
+    growth = torch.exp((rates + fitted.shifts) * traces.times[:, None])
+    states = torch.einsum("tm,m...->t...", growth * fitted.amplitudes, basis)
     law = [
         TermEntry(equation=terms[j].equation, term=str(terms[j]), coefficient=value)
         for j, value in zip(members, fitted.coefficients.tolist(), strict=True)
     ]
-    return Estimated(states, law, f"{len(rates)} modes")
+    return Estimate(states, law, f"{len(rates)} modes")
 
 
 def _traces(problem: Problem, prior: StartPrior, basis: Tensor, rates: Tensor) -> Traces:
@@ -113,11 +113,11 @@ def _traces(problem: Problem, prior: StartPrior, basis: Tensor, rates: Tensor) -
 
 
 def eigenvalues(system: System, operator: Expr, basis: Tensor) -> Tensor | None:
-    """Return λ_n of a linear operator, ``(mode,)``; None where a mode is no eigenfunction.
+    """Return λ_n of a linear operator, ``(mode,)``; None if a mode is not an eigenfunction.
 
     Args:
-        system: its grid.
-        operator: linear, with constant coefficients.
+        system: the system with the grid.
+        operator: linear operator with constant coefficients.
         basis: the modes, ``(mode, *grid)``.
     """
     assert isinstance(system.operators, Spectral)
@@ -133,12 +133,11 @@ def eigenvalues(system: System, operator: Expr, basis: Tensor) -> Tensor | None:
 def fit_modes(traces: Traces, shapes: Tensor) -> Fitted:
     """Fit amplitudes and rates to sensor traces.
 
-    Shifts have a prior as wide as the simulator's own rates, so that a mode which is not there has
-    none.
+    The prior of the shifts is as wide as the simulator's rates: an unobserved mode has shift 0.
 
     Args:
         traces: the modes and the recording.
-        shapes: M, what each parameter adds to the rates, ``(mode, parameter)``.
+        shapes: M, the change of the rates per parameter, ``(mode, parameter)``.
     """
     width = float(traces.rates.square().mean().sqrt()) or 1.0
     count = len(traces.rates)
@@ -156,8 +155,8 @@ def fit_modes(traces: Traces, shapes: Tensor) -> Fitted:
             break
     residuals, jacobian = _linearised(phi, traces, shapes)
     covariance = torch.linalg.inv(jacobian.T @ jacobian + precision)[count:, count:]
-    away = phi - centre
-    misfit = float(residuals @ residuals + away @ precision @ away)
+    deviation = phi - centre
+    misfit = float(residuals @ residuals + deviation @ precision @ deviation)
     return Fitted(phi[:count], shapes @ phi[count:], phi[count:], covariance, misfit)
 
 
@@ -165,8 +164,8 @@ def _linearised(phi: Tensor, traces: Traces, shapes: Tensor) -> tuple[Tensor, Te
     """Return scaled residuals ``(reading,)`` and their derivatives ``(reading, unknown)``."""
     count = len(traces.rates)
     amplitudes, shifts = phi[:count], shapes @ phi[count:]
-    grown = torch.exp((traces.rates + shifts) * traces.times[:, None])
-    by_amplitude = torch.einsum("tm,ms->tsm", grown, traces.readings)
+    growth = torch.exp((traces.rates + shifts) * traces.times[:, None])
+    by_amplitude = torch.einsum("tm,ms->tsm", growth, traces.readings)
     by_shift = by_amplitude * amplitudes * traces.times[:, None, None]
     columns = torch.cat([by_amplitude, by_shift @ shapes], dim=2) / traces.noise[:, None]
     residuals = (by_amplitude @ amplitudes - traces.values) / traces.noise
@@ -175,7 +174,7 @@ def _linearised(phi: Tensor, traces: Traces, shapes: Tensor) -> tuple[Tensor, Te
 
 
 def _operator(system: System) -> Expr | None:
-    """Return L of a system of one field that is nothing else."""
+    """Return L of a linear system of one field; None for other systems."""
     if len(system.fields) != 1 or not system.axes or not system.spectral:
         return None
     [field] = system.fields
@@ -184,7 +183,7 @@ def _operator(system: System) -> Expr | None:
 
 
 def _linear_terms(problem: Problem, prior: StartPrior) -> tuple[list[Term], Tensor]:
-    """Return the library's linear, self-adjoint terms, and their eigenvalues ``(mode, term)``."""
+    """Return the linear, self-adjoint library terms and their eigenvalues, ``(mode, term)``."""
     system, [field] = problem.system, problem.system.fields
     terms, columns = [], []
     for term in problem.library:
@@ -198,12 +197,12 @@ def _linear_terms(problem: Problem, prior: StartPrior) -> tuple[list[Term], Tens
 
 
 def _choose(traces: Traces, shapes: Tensor) -> tuple[list[int], Fitted]:
-    """Return the terms of least BIC, each charged ``ln n + 2 ln p`` of p terms, and their fit."""
+    """Return the terms of least BIC, with penalty ``ln n + 2 ln p`` per term, and their fit."""
     readings, count = int((~traces.values.isnan()).sum()), shapes.shape[1]
-    charge = math.log(readings) + 2 * math.log(max(1, count))
+    penalty = math.log(readings) + 2 * math.log(max(1, count))
     fits = (
         (list(members), fit_modes(traces, shapes[:, list(members)]))
-        for size in range(MOST_TERMS + 1)
+        for size in range(MAX_TERMS + 1)
         for members in combinations(range(count), size)
     )
-    return min(fits, key=lambda each: each[1].misfit + charge * len(each[0]))
+    return min(fits, key=lambda each: each[1].misfit + penalty * len(each[0]))

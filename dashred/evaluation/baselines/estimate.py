@@ -1,4 +1,4 @@
-"""What one method makes of a recording."""
+"""The estimate of a method."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from torch import Tensor
 
 
 class TermEntry(TypedDict):
-    """One term of a law, as the findings hold it."""
+    """One term of a law, as in findings."""
 
     equation: str
     term: str
@@ -17,13 +17,13 @@ class TermEntry(TypedDict):
 
 
 @dataclass(frozen=True)
-class Estimated:
-    """A field, and a law where the method knows one.
+class Estimate:
+    """A field and, if the method seeks one, a law.
 
     Attributes:
         states: ``(time, field, *grid)`` over the fit window.
-        terms: of its law; None where it looks for none.
-        note: how it was set, in a few words.
+        terms: terms of the law; None if the method does not seek one.
+        note: short description of the settings.
     """
 
     states: Tensor

@@ -1,8 +1,7 @@
-"""The ensemble Kalman filter: of the state alone, and with the coefficients of all terms.
+"""The ensemble Kalman filter of the state, and of the state with the coefficients of all terms.
 
-Localisation, inflation, and how wide the coefficients are drawn, are chosen by the filter's own
-innovations: the setting under which they are likeliest, ``Σ ln s + d²/2s²`` over all of them (d an
-innovation, s its expected std).
+Localisation, inflation and the prior std of the coefficients maximise the likelihood of the
+innovations: they minimise ``Σ ln s + d²/2s²`` (d an innovation, s its expected std).
 """
 
 from __future__ import annotations
@@ -16,8 +15,8 @@ from statistics import NormalDist
 import torch
 from torch import Tensor
 
-from dashred.evaluation.baselines.estimate import Estimated, TermEntry
-from dashred.evaluation.baselines.localisation import radii, radius_in_words
+from dashred.evaluation.baselines.estimate import Estimate, TermEntry
+from dashred.evaluation.baselines.localisation import radii, radius_text
 from dashred.inference.forward.candidates import stable_limit
 from dashred.inference.initial_state.ensemble_filter import (
     Filtered,
@@ -31,20 +30,20 @@ from dashred.physics.system import Term
 from dashred.pipeline.problem import Problem
 
 INFLATIONS = (1.0, 1.02, 1.1)
-# Prior std of a coefficient, told by the tendency that it makes: the last is that of our own fit.
+# Prior std of a coefficient, relative to the tendency; the last is that of the analysis.
 WIDTHS = (0.03, 0.2, 1.0)
-# That any term of the law is spurious.
-DOUBT = 0.05
+# Probability that any term of the law is spurious.
+SIGNIFICANCE = 0.05
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One way to run the filter.
+    """One setting of the filter.
 
     Attributes:
         settings: localisation and inflation.
-        coefficients: of the library's terms in each member; None for the state alone.
-        width: their prior std, in the equations' tendencies.
+        coefficients: coefficients of the library's terms in each member; None for the state only.
+        width: their prior std, relative to the tendencies of the equations.
     """
 
     settings: FilterSettings
@@ -52,50 +51,49 @@ class Trial:
     width: float = 0.0
 
 
-def filter_state(problem: Problem, ensemble: Ensemble) -> Estimated:
-    """Return the filtered state of the simulator as it is.
+def filter_state(problem: Problem, ensemble: Ensemble) -> Estimate:
+    """Return the filtered state of the unchanged simulator.
 
     Raises:
-        FilterLostError: under every setting.
+        FilterLostError: the filter is lost under every setting.
     """
     starts = ensemble.states[:, 0]
-    filtered, trial = _likeliest(problem, starts, [Trial(each) for each in _settings(problem)])
-    return Estimated(filtered.means, None, _note(starts, trial))
+    filtered, trial = _most_likely(problem, starts, [Trial(each) for each in _settings(problem)])
+    return Estimate(filtered.means, None, _note(starts, trial))
 
 
-def filter_augmented(problem: Problem, ensemble: Ensemble, nominal: Tensor) -> Estimated:
-    """Return state and law, where each member carries coefficients of all terms and learns them.
+def filter_augmented(problem: Problem, ensemble: Ensemble, nominal: Tensor) -> Estimate:
+    """Return state and law from a filter whose state includes the coefficients of all terms.
 
-    How wide they are drawn is chosen like the other settings: first it, then the radius, then the
-    inflation.
+    The width of their prior is chosen first, then the radius, then the inflation.
 
     Args:
         problem: the recording.
-        ensemble: plain simulations: its members' starts are the prior of the state.
-        nominal: the nominal simulation, ``(time, field, *grid)``, which tells a term's scale.
+        ensemble: plain simulations; the starts of its members are the prior of the state.
+        nominal: the nominal run, ``(time, field, *grid)``, for the scales of the terms.
 
     Raises:
-        FilterLostError: under every setting.
+        FilterLostError: the filter is lost under every setting.
     """
     starts, reaches = ensemble.states[:, 0], radii(problem)
     drawn = [(width, _coefficients(problem, nominal, len(starts), width)) for width in WIDTHS]
     middle = _localised(reaches[len(reaches) // 2], INFLATIONS[len(INFLATIONS) // 2])
-    _, trial = _likeliest(problem, starts, [Trial(middle, each, width) for width, each in drawn])
+    _, trial = _most_likely(problem, starts, [Trial(middle, each, width) for width, each in drawn])
     settings = [_localised(radius, middle.inflation) for radius in reaches]
-    _, trial = _likeliest(problem, starts, [replace(trial, settings=each) for each in settings])
+    _, trial = _most_likely(problem, starts, [replace(trial, settings=each) for each in settings])
     settings = [_localised(trial.settings.radius, inflation) for inflation in INFLATIONS]
-    filtered, trial = _likeliest(
+    filtered, trial = _most_likely(
         problem, starts, [replace(trial, settings=each) for each in settings]
     )
     note = f"{_note(starts, trial)}, coefficients within {trial.width:g}"
-    return Estimated(filtered.means, _law(problem.library, filtered), note)
+    return Estimate(filtered.means, _law(problem.library, filtered), note)
 
 
 def _coefficients(problem: Problem, nominal: Tensor, members: int, width: float) -> Tensor:
-    """Draw each term's coefficient in each member, ``(member, term)``.
+    """Draw the coefficient of each term in each member, ``(member, term)``.
 
-    As for our own fit their std is a share of the equation's tendency, or the largest with which a
-    step stays stable.
+    As in the analysis, their std is a share of the tendency of the equation, limited by the
+    stability of a step.
     """
     system = problem.ensemble_system
     scales = term_scales(system, problem.library, nominal, problem.times[: len(nominal)])
@@ -105,11 +103,13 @@ def _coefficients(problem: Problem, nominal: Tensor, members: int, width: float)
     return torch.from_numpy(drawn) * torch.minimum(width * scales, limits)
 
 
-def _likeliest(problem: Problem, starts: Tensor, trials: Sequence[Trial]) -> tuple[Filtered, Trial]:
-    """Return the run whose innovations are likeliest.
+def _most_likely(
+    problem: Problem, starts: Tensor, trials: Sequence[Trial]
+) -> tuple[Filtered, Trial]:
+    """Return the run with the most likely innovations.
 
     Raises:
-        FilterLostError: every one is lost.
+        FilterLostError: all runs are lost.
     """
     tried, last = [], "no innovation is finite"
     for trial in trials:
@@ -118,8 +118,8 @@ def _likeliest(problem: Problem, starts: Tensor, trials: Sequence[Trial]) -> tup
         except FilterLostError as lost:
             last = str(lost)
             continue
-        if math.isfinite(surprise := _surprise(filtered)):
-            tried.append((surprise, filtered, trial))
+        if math.isfinite(cost := _negative_log_likelihood(filtered)):
+            tried.append((cost, filtered, trial))
     if not tried:
         raise FilterLostError(f"lost under every setting: {last}")
     _, filtered, trial = min(tried, key=lambda each: each[0])
@@ -128,7 +128,7 @@ def _likeliest(problem: Problem, starts: Tensor, trials: Sequence[Trial]) -> tup
 
 def _note(starts: Tensor, trial: Trial) -> str:
     radius, inflation = trial.settings.radius, trial.settings.inflation
-    return f"{len(starts)} members, {radius_in_words(radius)}, inflation {inflation:g}"
+    return f"{len(starts)} members, {radius_text(radius)}, inflation {inflation:g}"
 
 
 def _settings(problem: Problem) -> list[FilterSettings]:
@@ -156,21 +156,21 @@ def _filter(
     )
 
 
-def _surprise(filtered: Filtered) -> float:
-    """Return the innovations' negative log-likelihood, but for a constant."""
+def _negative_log_likelihood(filtered: Filtered) -> float:
+    """Return the negative log-likelihood of the innovations, up to a constant."""
     seen = ~filtered.innovations.isnan()
     std = filtered.innovation_std[seen]
     return float((std.log() + (filtered.innovations[seen] / std).square() / 2).sum())
 
 
 def _law(library: Sequence[Term], filtered: Filtered) -> list[TermEntry]:
-    """Return the terms that are not zero, all of them together with a confidence of 95 %.
+    """Return the significant terms, with a joint confidence of 95 %.
 
-    Of 40 terms that are not there, two would each pass 95 % alone.
+    At 95 % for each term, 2 of 40 absent terms would be significant by chance.
     """
     mean = filtered.coefficients_mean
     std = filtered.coefficients_anomalies.square().mean(dim=0).sqrt()
-    least = NormalDist().inv_cdf(1 - DOUBT / (2 * max(1, len(library))))
+    least = NormalDist().inv_cdf(1 - SIGNIFICANCE / (2 * max(1, len(library))))
     return [
         TermEntry(equation=term.equation, term=str(term), coefficient=float(mean[j]))
         for j, term in enumerate(library)

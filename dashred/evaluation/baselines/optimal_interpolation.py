@@ -1,10 +1,10 @@
 """Optimal interpolation: the best linear unbiased estimate of the field, sample by sample.
 
-``û_t = ū_t + C_t Hᵀ (H C_t Hᵀ + R)⁻¹ (y_t − H ū_t)``, mean and covariance of what the simulator may
-do at that time (Gandin 1963; Kalnay, *Atmospheric modeling, data assimilation and predictability*,
-2003, section 5.4). It reads one sample at a time, and knows no more of the dynamics than the
-covariance. That of a small sample is tapered with distance, as the filter's is: the radius is the
-one under which the departures ``y_t − H ū_t`` are likeliest.
+``û_t = ū_t + C_t Hᵀ (H C_t Hᵀ + R)⁻¹ (y_t − H ū_t)``, with mean and covariance of the ensemble at
+that time (Gandin 1963; Kalnay, *Atmospheric modeling, data assimilation and predictability*,
+2003, section 5.4). It uses one sample at a time; the covariance is its only
+information about the dynamics. The sample covariance is tapered with distance, as in the filter.
+The radius maximises the likelihood of the departures ``y_t − H ū_t``.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.data.sensors import Sensor
-from dashred.evaluation.baselines.estimate import Estimated
-from dashred.evaluation.baselines.localisation import radii, radius_in_words
+from dashred.evaluation.baselines.estimate import Estimate
+from dashred.evaluation.baselines.localisation import radii, radius_text
 from dashred.inference.initial_state.covariance_tapers import (
     distances,
     gaspari_cohn,
@@ -32,12 +32,12 @@ from dashred.pipeline.problem import Problem
 
 @dataclass(frozen=True)
 class Taper:
-    """How much of the sample's covariance counts.
+    """Taper of the sample covariance.
 
     Attributes:
-        radius: Gaspari-Cohn radius, in the axes' unit; infinite for none.
-        readings: between sensors, ``(sensor, sensor)``.
-        field: from every sensor, ``(sensor, *grid)``.
+        radius: Gaspari-Cohn radius in units of the axes; infinite for no taper.
+        readings: taper between sensors, ``(sensor, sensor)``.
+        field: taper from every sensor, ``(sensor, *grid)``.
     """
 
     radius: float
@@ -46,7 +46,7 @@ class Taper:
 
     @classmethod
     def of(cls, grid: Grid, sensors: Sequence[Sensor], radius: float) -> Taper:
-        """Return the taper of some sensors."""
+        """Return the taper for these sensors."""
         count = len(sensors)
         if math.isinf(radius):
             ones = torch.ones((count, count), dtype=torch.float64)
@@ -57,30 +57,30 @@ class Taper:
 
 
 @torch.no_grad()
-def optimal_interpolation(problem: Problem, ensemble: Ensemble) -> Estimated:
+def optimal_interpolation(problem: Problem, ensemble: Ensemble) -> Estimate:
     """Return the estimate from the fit sensors.
 
     Args:
         problem: the recording.
-        ensemble: plain simulations over the fit window, which give means and covariances.
+        ensemble: plain simulations over the fit window, for means and covariances.
     """
     fit = problem.split.fit
     operator, noise = problem.operator(fit), problem.noise_of(fit.names)
     values = torch.from_numpy(fit.values)
     grid = problem.system.grid
     tapers = [Taper.of(grid, operator.sensors, radius) for radius in radii(problem)]
-    surprise = [0.0] * len(tapers)
+    cost = [0.0] * len(tapers)
     found: list[list[Tensor]] = [[] for _ in tapers]
     for i, time in enumerate(ensemble.times.tolist()):
         states = ensemble.states[:, i]
         readings = operator(states, time)
         for j, taper in enumerate(tapers):
-            estimate, unlikely = best_linear(states, readings, values[i], noise, taper)
-            surprise[j] += unlikely
+            estimate, added_cost = best_linear(states, readings, values[i], noise, taper)
+            cost[j] += added_cost
             found[j].append(estimate)
-    best = min(range(len(tapers)), key=lambda j: surprise[j])
-    told = radius_in_words(tapers[best].radius)
-    return Estimated(torch.stack(found[best]), None, f"{len(ensemble.states)} members, {told}")
+    best = min(range(len(tapers)), key=lambda j: cost[j])
+    radius = radius_text(tapers[best].radius)
+    return Estimate(torch.stack(found[best]), None, f"{len(ensemble.states)} members, {radius}")
 
 
 def best_linear(
@@ -93,11 +93,11 @@ def best_linear(
     """Return ``ū + (ρ∘C_uy)(ρ∘C_yy + R)⁻¹(y − ȳ)``, and −ln of the likelihood of ``y − ȳ``.
 
     Args:
-        states: the sample.
-        readings: of its members, without noise.
-        values: the recording's; NaN is missing.
+        states: states of the ensemble.
+        readings: noise-free readings of its members.
+        values: recorded values; NaN where missing.
         noise: σ of each sensor.
-        taper: ρ.
+        taper: the taper ρ.
     """
     known = ~values.isnan()
     mean, read = states.mean(dim=0), readings[:, known]

@@ -1,1 +1,1 @@
-"""Many twin experiments, and how they went."""
+"""Benchmark of many twin experiments."""

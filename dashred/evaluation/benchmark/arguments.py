@@ -13,7 +13,7 @@ from dashred.core.arguments import HELP, PLACE, Command, word
 from dashred.core.errors import InputError
 
 # What differs from row to row, or is settled by the bench, and the word that says it here.
-TAKEN = {
+RESERVED = {
     "conf": "systems=",
     "seed": "seeds=",
     "twin": "twins=",
@@ -26,7 +26,7 @@ TAKEN = {
     "tracking.parent": "nothing: the bench opens the run that the rows are nested below",
 }
 # Instead of a number of sensors: the system's own.
-OWN_NUMBER = "own"
+SYSTEM_NUMBER = "own"
 
 
 def _read_systems(text: str) -> tuple[str, ...]:
@@ -34,7 +34,7 @@ def _read_systems(text: str) -> tuple[str, ...]:
 
 
 def _read_count(text: str) -> int | None:
-    return None if text == OWN_NUMBER else whole(at_most=9999)(text)
+    return None if text == SYSTEM_NUMBER else whole(at_most=9999)(text)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,13 +73,13 @@ class Request:
         list_of(_read_count),
         "own,4,8",
         "numbers of fit sensors; own is the system's own number",
-        default=OWN_NUMBER,
+        default=SYSTEM_NUMBER,
     )
     extra: tuple[int | None, ...] = word(
         list_of(_read_count),
         "own,0,4",
         "of them, those that SHRED's input is without",
-        default=OWN_NUMBER,
+        default=SYSTEM_NUMBER,
     )
     jobs: int = word(
         whole(at_least=1, at_most=9999),
@@ -133,8 +133,8 @@ def read_request(command: Command[R], argv: list[str]) -> R:
     overrides: list[str] = []
     for text in argv:
         key, sign, _ = text.partition("=")
-        if key in TAKEN and not HELP & set(argv):
-            what, hint = f"{key}= is not a word of {command.program}", f"use {TAKEN[key]}"
+        if key in RESERVED and not HELP & set(argv):
+            what, hint = f"{key}= is not a word of {command.program}", f"use {RESERVED[key]}"
             raise InputError(what, where=PLACE, hint=hint)
         passed_on = sign and key.partition(".")[0] in sections and key != "output"
         (overrides if passed_on else own).append(text)

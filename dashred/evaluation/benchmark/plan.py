@@ -1,4 +1,4 @@
-"""The rows of a bench: which runs, in which folders, and what makes two of them the same."""
+"""Plan the rows of a benchmark: their runs, folders and identity."""
 
 from __future__ import annotations
 
@@ -13,7 +13,12 @@ from dashred.config import Config, config_sha256, load_config
 from dashred.core.arguments import PLACE
 from dashred.core.errors import InputError
 from dashred.evaluation.benchmark.arguments import Request
-from dashred.evaluation.twins.twin_file import basic, entry_of, hides_law, hides_nothing
+from dashred.evaluation.twins.twin_file import (
+    hides_law,
+    hides_nothing,
+    names_with_simulator_start,
+    read_entry,
+)
 
 EXPERIMENT = "bench"
 
@@ -23,15 +28,15 @@ class Row:
     """One run.
 
     Attributes:
-        name: of the system, without its path.
-        sensors: fit sensors; None for the system's own number.
-        extra: of them, those that SHRED's input is without; None for the system's own number.
+        name: name of the system, without its path.
+        sensors: number of fit sensors; None for that of the system.
+        extra: number of fit sensors that are not input of SHRED; None for that of the system.
         null: whether the twin hides nothing.
-        law: whether it hides terms, or parameters' values; what else it hides (a sensor's fault, a
-            wide start) leaves the simulator's law right.
-        key: everything that determines the findings, but for the code.
-        words: for ``dashred.train``, without where the results go.
-        store: of MLflow: its folder, and the experiment.
+        law: whether the twin hides terms or parameter values; other hidden causes do not change
+            the law.
+        key: everything that determines the findings, except the code.
+        words: arguments of ``dashred train``, without the location of the results.
+        store: folder and experiment of the MLflow store.
     """
 
     name: str
@@ -48,18 +53,23 @@ class Row:
     store: tuple[str, str]
 
     def __str__(self) -> str:
-        """As a line begins: ``rde b, noise 0.05, 8 sensors, seed 1``."""
-        placed = [f"{self.sensors} sensors"] if self.sensors is not None else []
-        placed += [f"{self.extra} of them extra"] if self.extra is not None else []
-        parts = [f"{self.name} {self.twin}", f"noise {self.noise:g}", *placed, f"seed {self.seed}"]
+        """Return the name of the row: ``rde b, noise 0.05, 8 sensors, seed 1``."""
+        sensor_arguments = [f"{self.sensors} sensors"] if self.sensors is not None else []
+        sensor_arguments += [f"{self.extra} of them extra"] if self.extra is not None else []
+        parts = [
+            f"{self.name} {self.twin}",
+            f"noise {self.noise:g}",
+            *sensor_arguments,
+            f"seed {self.seed}",
+        ]
         return ", ".join(parts)
 
 
 def plan(request: Request) -> list[Row]:
-    """Check every word that the runs will get, and return them in order.
+    """Check the arguments of all runs and return the rows in order.
 
     Raises:
-        InputError: anything that a run would refuse: an unknown system, twin or key, a wrong value.
+        InputError: a run would refuse its input: an unknown system, twin or key, or a wrong value.
     """
     rows: list[Row] = []
     sources: dict[str, Path | None] = {}
@@ -70,8 +80,8 @@ def plan(request: Request) -> list[Row]:
                 f"two systems are called {config.name}", where=PLACE, hint="rename one of the files"
             )
         for noise, sensors, extra in product(request.noise, request.sensors, request.extra):
-            placed = _placed(sensors, extra).values()
-            words = ("recording.twin=null", f"recording.noise={noise:.12g}", *placed)
+            sensor_arguments = _sensor_arguments(sensors, extra).values()
+            words = ("recording.twin=null", f"recording.noise={noise:.12g}", *sensor_arguments)
             _config(system, request, *words)
         rows += _rows_of(system, config, request)
     return list({row.folder: row for row in rows}.values())
@@ -82,8 +92,8 @@ def _config(system: str, request: Request, *words: str) -> Config:
 
 
 def _rows_of(system: str, config: Config, request: Request) -> list[Row]:
-    twins = basic(config) if request.twins is None else request.twins
-    hidden = {twin: entry_of(config, twin) for twin in twins}
+    twins = names_with_simulator_start(config) if request.twins is None else request.twins
+    hidden = {twin: read_entry(config, twin) for twin in twins}
     store = (config.tracking.root, config.tracking.experiment or EXPERIMENT)
     dimensions = (hidden, request.noise, request.sensors, request.extra, request.seeds)
     sha = config_sha256(config)
@@ -93,9 +103,14 @@ def _rows_of(system: str, config: Config, request: Request) -> list[Row]:
     }
     rows = []
     for twin, noise, sensors, extra, seed in product(*dimensions):
-        placed = _placed(sensors, extra)
+        sensor_arguments = _sensor_arguments(sensors, extra)
         words = (f"conf={system}", *request.overrides, f"recording.twin={twin}")
-        words = (*words, f"recording.noise={noise:.12g}", *placed.values(), f"seed={seed}")
+        words = (
+            *words,
+            f"recording.noise={noise:.12g}",
+            *sensor_arguments.values(),
+            f"seed={seed}",
+        )
         key = {
             "system": config.name,
             "twin": twin,
@@ -114,17 +129,19 @@ def _rows_of(system: str, config: Config, request: Request) -> list[Row]:
                 extra=extra,
                 null=hides_nothing(hidden[twin]),
                 law=hides_law(hidden[twin]),
-                key=key | placed,
+                key=key | sensor_arguments,
                 words=words,
-                folder=request.output / config.name / _folder(twin, noise, placed, seed, request),
+                folder=request.output
+                / config.name
+                / _folder(twin, noise, sensor_arguments, seed, request),
                 store=store,
             )
         )
     return rows
 
 
-def _placed(sensors: int | None, extra: int | None) -> dict[str, str]:
-    """Return the words that place sensors, by what they say; none for the system's own."""
+def _sensor_arguments(sensors: int | None, extra: int | None) -> dict[str, str]:
+    """Return the arguments for the sensors by name; empty for those of the system."""
     words = {}
     if sensors is not None:
         words["sensors"] = f"recording.sensors={sensors}"
@@ -133,11 +150,13 @@ def _placed(sensors: int | None, extra: int | None) -> dict[str, str]:
     return words
 
 
-def _folder(twin: str, noise: float, placed: dict[str, str], seed: int, request: Request) -> str:
-    """Name a row's folder; overrides give it another, so that benches of several can share one."""
-    places = "".join(f"-{key}{word.partition('=')[2]}" for key, word in placed.items())
+def _folder(
+    twin: str, noise: float, sensor_arguments: dict[str, str], seed: int, request: Request
+) -> str:
+    """Return the folder name of a row; it depends on the overrides, as benchmarks may share DIR."""
+    places = "".join(f"-{key}{word.partition('=')[2]}" for key, word in sensor_arguments.items())
     name = f"{twin}-noise{noise:.12g}{places}-seed{seed}"
-    changing = sorted(word for word in request.overrides if not word.startswith("tracking."))
-    if not changing:
+    relevant = sorted(word for word in request.overrides if not word.startswith("tracking."))
+    if not relevant:
         return name
-    return f"{name}-{hashlib.sha256(' '.join(changing).encode()).hexdigest()[:8]}"
+    return f"{name}-{hashlib.sha256(' '.join(relevant).encode()).hexdigest()[:8]}"

@@ -1,4 +1,4 @@
-"""Rows as processes: so many at once, each with its own log, none left behind."""
+"""Run rows as parallel processes, each with its own log."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ LOG = "log.txt"
 
 @dataclass(frozen=True)
 class Running:
-    """A row and its process, which leads a group of its own."""
+    """A row and its process, which leads its own process group."""
 
     row: Row
     process: subprocess.Popen[bytes]
-    began: float
+    started: float
 
 
 def train_command(words: Sequence[str]) -> list[str]:
@@ -41,14 +41,14 @@ def run_rows(
     log: str,
     finished: Callable[[Row, int, float], None],
 ) -> None:
-    """Run every row; whatever ends this early ends the processes with it.
+    """Run all rows; on an exception, stop their processes.
 
     Args:
-        rows: in the order in which they start.
-        jobs: how many run at once.
-        command: of a row.
-        log: name of the file in a row's folder that takes what its process prints.
-        finished: takes the row, its exit code and its seconds.
+        rows: rows in the order in which they start.
+        jobs: number of parallel processes.
+        command: returns the command of a row.
+        log: name of the log file in the folder of a row.
+        finished: called with the row, its exit code and its seconds.
     """
     waiting = deque(rows)
     running: list[Running] = []
@@ -57,14 +57,14 @@ def run_rows(
             while waiting and len(running) < jobs:
                 row = waiting.popleft()
                 running.append(_start(row, command(row), log))
-            ended = [one for one in running if one.process.poll() is not None]
-            for one in ended:
-                running.remove(one)
-                finished(one.row, one.process.returncode, time.perf_counter() - one.began)
+            ended = [task for task in running if task.process.poll() is not None]
+            for task in ended:
+                running.remove(task)
+                finished(task.row, task.process.returncode, time.perf_counter() - task.started)
             if not ended:
                 time.sleep(POLL_SECONDS)
     finally:
-        _end(running)
+        _stop(running)
 
 
 def _start(row: Row, command: list[str], log: str) -> Running:
@@ -75,19 +75,19 @@ def _start(row: Row, command: list[str], log: str) -> Running:
             stdin=subprocess.DEVNULL,
             stdout=file,
             stderr=subprocess.STDOUT,
-            # Its own group: Ctrl-C reaches it, and the processes below it, through us alone.
+            # In its own process group, so that Ctrl-C reaches it only through this process.
             start_new_session=True,
         )
     return Running(row, process, time.perf_counter())
 
 
-def _end(running: Sequence[Running]) -> None:
-    """Interrupt what still runs, as Ctrl-C would; then insist, on what its leader has left too."""
-    for how in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
-        for one in running:
+def _stop(running: Sequence[Running]) -> None:
+    """Stop the running process groups by SIGINT, then SIGTERM, then SIGKILL."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+        for task in running:
             with suppress(ProcessLookupError):
-                os.killpg(one.process.pid, how)
-        last = time.perf_counter() + GRACE_SECONDS
-        for one in running:
+                os.killpg(task.process.pid, number)
+        deadline = time.perf_counter() + GRACE_SECONDS
+        for task in running:
             with suppress(subprocess.TimeoutExpired):
-                one.process.wait(max(0.0, last - time.perf_counter()))
+                task.process.wait(max(0.0, deadline - time.perf_counter()))

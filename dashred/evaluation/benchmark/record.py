@@ -1,4 +1,4 @@
-"""What a row found: gathered from the files that its run left, kept in ``row.json``."""
+"""Record of a row, gathered from the files of its run and stored in ``row.json``."""
 
 from __future__ import annotations
 
@@ -23,27 +23,27 @@ TERM = ("equation", "term", "coefficient", "std", "parameter", "from", "to", "re
 Record = dict[str, Any]
 
 
-def read_done(row: Row) -> Record | None:
-    """Return the record of a row that is done, with the same words and the same configuration."""
-    record = read_kept(row)
+def read_finished(row: Row) -> Record | None:
+    """Return the record of a successful row with the same key; None if it must be run."""
+    record = read_record(row)
     return record if record is not None and record["problem"] is None else None
 
 
-def read_kept(row: Row) -> Record | None:
-    """Return the record of a row that has ended, well or not, with the same configuration."""
+def read_record(row: Row) -> Record | None:
+    """Return the record of a finished or failed row with the same key; None if there is none."""
     try:
         record = json.loads((row.folder / "row.json").read_text(encoding="utf-8"))
         same = record["key"] == canonical(row.key) and "problem" in record
     except (OSError, ValueError, TypeError, KeyError):
         return None
-    # Facts that the plan knows are told by it: an earlier version kept fewer, or others.
-    return record | canonical(_planned(row)) if same else None
+    # The facts of the plan override stored ones, which an earlier version may have written.
+    return record | canonical(_plan_facts(row)) if same else None
 
 
 def write_record(row: Row, code: int, seconds: float) -> Record:
-    """Gather a row that has ended, and keep it."""
+    """Gather the record of a row and store it."""
     record: Record = {
-        **_planned(row),
+        **_plan_facts(row),
         "exit_code": code,
         "wall_seconds": round(seconds, 2),
         "problem": None if code == DONE else last_line(row.folder / LOG) or f"exit code {code}",
@@ -52,13 +52,13 @@ def write_record(row: Row, code: int, seconds: float) -> Record:
         try:
             record |= _results(row.folder)
         except (OSError, ValueError, KeyError) as error:
-            record["problem"] = f"the run left no results: {error}"
+            record["problem"] = f"the run has no results: {error}"
     write_json_atomic(row.folder / "row.json", record)
     return dict(canonical(record))
 
 
-def _planned(row: Row) -> Record:
-    """Return what is known of a row before it runs."""
+def _plan_facts(row: Row) -> Record:
+    """Return the facts of a row that are known before it runs."""
     return {
         "key": row.key,
         "system": row.name,
@@ -98,5 +98,5 @@ def _results(folder: Path) -> Record:
 
 
 def ratio_of(value: float | None, reference: float | None) -> float | None:
-    """Return a ratio; None where one of the two is unknown, or there is nothing to divide by."""
+    """Return a ratio; None if a value is unknown or the reference is 0."""
     return value / reference if value is not None and reference else None

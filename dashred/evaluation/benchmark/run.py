@@ -1,4 +1,4 @@
-"""A bench from its first row to its table, with its run in MLflow."""
+"""Run a benchmark: rows, tables, and its MLflow run."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from dashred.evaluation.benchmark import processes
 from dashred.evaluation.benchmark.arguments import Request
 from dashred.evaluation.benchmark.plan import Row
 from dashred.evaluation.benchmark.processes import LOG, run_rows
-from dashred.evaluation.benchmark.record import Record, read_done, write_record
+from dashred.evaluation.benchmark.record import Record, read_finished, write_record
 from dashred.evaluation.benchmark.summary import as_metrics, commits, summarise
 from dashred.evaluation.benchmark.table import (
     finished_line,
@@ -32,58 +32,58 @@ from dashred.evaluation.benchmark.table import (
 )
 from dashred.pipeline.run.output_dir import make_output
 
-# A log or a pipe has no width of its own, and tables are wide.
-WIDE = 240
+# Width of tables where the output is not a terminal.
+TABLE_WIDTH = 240
 
 
 def run_bench(request: Request, rows: Sequence[Row]) -> int:
-    """Run what is not done, write and print the tables; 1 when a row failed."""
+    """Run the unfinished rows, write and print the tables; return 1 if a row failed."""
     output = make_output(str(request.output))
     with lock_folder(output, "bench"), signals_as_interrupt():
-        records = {row.folder: done for row in rows if (done := read_done(row))}
+        records = {row.folder: done for row in rows if (done := read_finished(row))}
         waiting = [row for row in rows if row.folder not in records]
-        CONSOLE.print(f"{len(rows)} rows, {len(records)} of them done already; in {output}")
+        CONSOLE.print(f"{len(rows)} rows, {len(records)} of them already finished, in {output}")
         with parent_run(output, rows[0].store, rows) as run:
-            nested = nested_below(run, rows[0].store)
+            nested = nested_arguments(run, rows[0].store)
 
             def command(row: Row) -> list[str]:
                 return processes.train_command([*row.words, *nested, f"output={row.folder}"])
 
             def finished(row: Row, code: int, seconds: float) -> None:
                 records[row.folder] = write_record(row, code, seconds)
-                # The analysis could read its own run's name, so that names no twin while it runs.
+                # Named after the analysis, which could otherwise read the name of the twin.
                 if "mlflow_run" in records[row.folder]:
                     run.rename(records[row.folder]["mlflow_run"], str(row))
-                told = finished_line(records[row.folder])
+                result = finished_line(records[row.folder])
                 place = f"[{len(records)}/{len(rows)}]"
-                text = f"{place} {row}  {told}  {seconds:.0f} s"
+                text = f"{place} {row}  {result}  {seconds:.0f} s"
                 CONSOLE.print(text, markup=False, soft_wrap=True)
 
             run_rows(waiting, request.jobs, command, LOG, finished)
             ended = [records[row.folder] for row in rows]
-            _conclude(ended, output, run)
+            _write_tables(ended, output, run)
     return OUR_FAILURE if any(record["problem"] for record in ended) else DONE
 
 
-def _conclude(records: Sequence[Record], output: Path, run: Tracker) -> None:
-    """Write the tables, log them, and print them."""
+def _write_tables(records: Sequence[Record], output: Path, run: Tracker) -> None:
+    """Write, log and print the tables."""
     summaries = summarise(records)
-    grids, said = [rows_grid(records), summary_grid(summaries)], notes(records)
+    grids, remarks = [rows_grid(records), summary_grid(summaries)], notes(records)
     write_json_atomic(output / "table.json", {"rows": records, "summary": summaries})
-    write_text_atomic(output / "table.md", to_markdown(grids, said))
+    write_text_atomic(output / "table.md", to_markdown(grids, remarks))
     run.log_metrics(as_metrics(summaries), 0)
     run.set_tags({"git commit": ", ".join(commits(records))})
     for name in ("table.md", "table.json"):
         run.log_file(output / name)
-    console = CONSOLE if CONSOLE.is_terminal else Console(width=WIDE, highlight=False)
+    console = CONSOLE if CONSOLE.is_terminal else Console(width=TABLE_WIDTH, highlight=False)
     for grid in grids:
         console.print(to_rich(grid))
-    for line in [*said, f"Tables: {output / 'table.md'}", f"MLflow store: {run.uri}"]:
+    for line in [*remarks, f"Tables: {output / 'table.md'}", f"MLflow store: {run.uri}"]:
         console.print(line, markup=False, soft_wrap=True)
 
 
-def nested_below(run: Tracker, store: tuple[str, str]) -> list[str]:
-    """Return the words that nest a row's own run below the bench's."""
+def nested_arguments(run: Tracker, store: tuple[str, str]) -> list[str]:
+    """Return the arguments that nest the run of a row below that of the benchmark."""
     root, experiment = store
     return [
         f"tracking.root={root}",
@@ -94,7 +94,7 @@ def nested_below(run: Tracker, store: tuple[str, str]) -> list[str]:
 
 @contextmanager
 def parent_run(output: Path, store: tuple[str, str], rows: Sequence[Row]) -> Iterator[Tracker]:
-    """Open the run that the rows are nested below: one for each output folder, gone on with."""
+    """Open or reopen the parent run of the rows, one per output folder."""
     root, experiment = store
     file = output / "bench.json"
     earlier = _earlier_run(file, root, experiment)

@@ -1,4 +1,4 @@
-"""How the rows of one system and one noise went, in numbers."""
+"""Summaries of the rows of one system and one noise."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SETTING = ("system", "noise", "sensors", "extra")
 
 
 def summarise(records: Sequence[Record]) -> list[Summary]:
-    """Return one summary for each system, noise and layout, in the order in which they come."""
+    """Return one summary for each system, noise and layout, in order of appearance."""
     groups: dict[tuple[Any, ...], list[Record]] = {}
     for record in records:
         groups.setdefault(tuple(record.get(key) for key in SETTING), []).append(record)
@@ -24,8 +24,8 @@ def summarise(records: Sequence[Record]) -> list[Summary]:
     ]
 
 
-def setting_of(summary: Summary) -> str:
-    """Return what the rows of a summary have in common: ``noise 0.05, 8 sensors``."""
+def setting_text(summary: Summary) -> str:
+    """Return the common settings of the rows of a summary: ``noise 0.05, 8 sensors``."""
     parts = [f"noise {summary['noise']:g}"]
     parts += [f"{summary['sensors']} sensors"] if summary["sensors"] is not None else []
     parts += [f"{summary['extra']} extra"] if summary["extra"] is not None else []
@@ -36,8 +36,8 @@ def _numbers(records: Sequence[Record]) -> Summary:
     ended = [record for record in records if record["problem"] is None]
     exact = [record for record in ended if record["exact_support"] is True]
     wrong = [record for record in ended if record["exact_support"] is False]
-    # Where no law is hidden there is no coefficient to miss and no error to bring down: such rows
-    # are counted, but their trivial 0 and 1 stay out of the medians.
+    # Rows without a hidden law are counted, but their trivial coefficient errors and ratios are
+    # excluded from the medians.
     hiding = [record for record in ended if record["law"]]
     return {
         "rows": len(records),
@@ -55,7 +55,7 @@ def _numbers(records: Sequence[Record]) -> Summary:
 
 
 def spread(values: Iterable[float | None]) -> dict[str, float | None]:
-    """Return the median and the largest of the values that are known."""
+    """Return the median and the largest of the known values."""
     known = [value for value in values if value is not None]
     if not known:
         return {"median": None, "worst": None}
@@ -63,16 +63,16 @@ def spread(values: Iterable[float | None]) -> dict[str, float | None]:
 
 
 def commits(records: Iterable[Record]) -> list[str]:
-    """Return the commits of the code that made the rows, each once."""
+    """Return the distinct commits of the code that ran the rows."""
     return sorted({str(record["git_commit"]) for record in records if record.get("git_commit")})
 
 
 def as_metrics(summaries: Iterable[Summary]) -> dict[str, float]:
-    """Return the summaries' known numbers by name: ``rde/noise 0.05/exact``."""
+    """Return the known numbers of the summaries by name: ``rde/noise 0.05/exact``."""
     flat: dict[str, float] = {}
     for summary in summaries:
         _flatten(
-            f"{_plain(summary['system'])}/{setting_of(summary).replace(', ', '/')}",
+            f"{_plain(summary['system'])}/{setting_text(summary).replace(', ', '/')}",
             {key: value for key, value in summary.items() if key not in SETTING},
             flat,
         )
@@ -89,5 +89,5 @@ def _flatten(prefix: str, tree: dict[str, Any], flat: dict[str, float]) -> None:
 
 
 def _plain(name: str) -> str:
-    """Return a file's name with what MLflow does not take in a metric's name put out."""
+    """Replace the characters that MLflow does not allow in the name of a metric."""
     return "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in name)

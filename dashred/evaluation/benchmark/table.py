@@ -1,4 +1,4 @@
-"""The tables of a bench: a line a row, and the summaries, on the terminal and as Markdown."""
+"""Tables of a benchmark, for the terminal and as Markdown: rows and summaries."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from dashred.core.findings.methods import current_names
 from dashred.core.templates import render
 from dashred.evaluation.benchmark.record import RATIOS, Record
-from dashred.evaluation.benchmark.summary import Summary, commits, setting_of
+from dashred.evaluation.benchmark.summary import Summary, commits, setting_text
 
 if TYPE_CHECKING:
     from rich.table import Table as RichTable
@@ -29,7 +29,7 @@ COUNTS = {
     "wrong_unflagged": "wrong and unflagged",
     "right_flagged": "right but flagged",
     "not_converged": "not converged",
-    "unanswered": "no law looked for",
+    "unanswered": "no law sought",
 }
 RATIO_NAMES = {
     SAME: "RMSE corrected / simulation, same start",
@@ -37,18 +37,18 @@ RATIO_NAMES = {
     SHRED: "RMSE SHRED on the corrected / DA-SHRED",
 }
 NOTE = (
-    "RMSE: of the whole field over the fit window, in standard deviations; forecast: of the "
-    "corrected simulation, beyond the recording. Exact: the terms found are the true ones and no "
-    "others (for a twin that hides nothing: none). Flagged: ambiguous, not-converged, "
-    "outside-library or unresolved-numerics. Twins that hide no law (nothing, or a sensor's fault "
-    "or a far start alone) stay out of the summary's coefficient errors and ratios. Median, and "
-    "worst in brackets."
+    "RMSE: error of the field over the fit window, in standard deviations. Forecast: error of the "
+    "corrected simulation after the end of the recording. Exact: the law has exactly the true "
+    "terms (for a twin that hides nothing: none). Flagged: ambiguous, not-converged, "
+    "outside-library or unresolved-numerics. Twins without a hidden law (nothing, a sensor fault "
+    "or a distant start) are excluded from the coefficient errors and ratios of the summary. "
+    "Numbers are medians, with the largest in brackets."
 )
 
 
 @dataclass(frozen=True)
 class Grid:
-    """A table of texts."""
+    """A table of strings."""
 
     title: str
     header: Sequence[str]
@@ -56,18 +56,23 @@ class Grid:
 
 
 def rows_grid(records: Sequence[Record]) -> Grid:
-    """Return the table with a line for each row."""
+    """Return the table with one line per row."""
     return Grid("Rows", ROWS, [_line(record) for record in records])
 
 
 def summary_grid(summaries: Sequence[Summary]) -> Grid:
-    """Return the table with a column for each system and noise."""
-    header = ["", *(f"{s['system']}, {setting_of(s)}" for s in summaries)]
+    """Return the table with one column per system and noise."""
+    header = ["", *(f"{s['system']}, {setting_text(s)}" for s in summaries)]
     lines = [[name, *(str(s[key]) for s in summaries)] for key, name in COUNTS.items()]
-    lines.append(["coefficient error", *(_both(s["coefficient_error"], _share) for s in summaries)])
+    lines.append(
+        [
+            "coefficient error",
+            *(_median_and_worst(s["coefficient_error"], _share) for s in summaries),
+        ]
+    )
     for ratio, name in RATIO_NAMES.items():
-        lines.append([name, *(_both(s["ratios"][ratio], _number) for s in summaries)])
-    lines.append(["seconds", *(_both(s["seconds"], _seconds) for s in summaries)])
+        lines.append([name, *(_median_and_worst(s["ratios"][ratio], _number) for s in summaries)])
+    lines.append(["seconds", *(_median_and_worst(s["seconds"], _seconds) for s in summaries)])
     return Grid("Summary", header, lines)
 
 
@@ -85,44 +90,44 @@ def to_rich(grid: Grid) -> RichTable:
 
 
 def to_markdown(grids: Sequence[Grid], notes: Sequence[str]) -> str:
-    """Return the whole page."""
+    """Return the tables and notes as Markdown."""
     return render("evaluation/benchmark/templates/bench.md.j2", grids=grids, notes=notes)
 
 
 def notes(records: Sequence[Record]) -> list[str]:
-    """Return what has to be said of the tables."""
+    """Return the notes below the tables."""
     return [NOTE, *notes_on_code(commits(records))]
 
 
 def notes_on_code(known: Sequence[str]) -> list[str]:
-    """Return what has to be said of the commits that made the rows."""
-    said = []
+    """Return the notes on the commits that ran the rows."""
+    remarks = []
     if len(known) > 1:
-        said.append(
-            f"Warning: these rows were made by {len(known)} versions of the code: "
-            f"{', '.join(known)}. A fresh output=DIR runs them all again."
+        remarks.append(
+            f"Warning: these rows were run by {len(known)} versions of the code: "
+            f"{', '.join(known)}. A new output=DIR runs all of them again."
         )
     elif known:
-        said.append(f"Code: {known[0]}.")
+        remarks.append(f"Code: {known[0]}.")
     if any(commit.endswith("+") for commit in known):
-        said.append("A commit with + had changes that were not committed.")
-    return said
+        remarks.append("A commit with + had uncommitted changes.")
+    return remarks
 
 
-def found_text(record: Record) -> str:
-    """Return the law found, or what a row died of, on one line."""
+def law_text(record: Record) -> str:
+    """Return the law of a row, or the cause of its failure, on one line."""
     if record["problem"] is not None:
         return str(record["problem"])
     if record["terms"] is None:
-        return "no law looked for"
+        return "no law sought"
     return "; ".join(map(_term, record["terms"])) or "nothing"
 
 
 def finished_line(record: Record) -> str:
-    """Return what is said of a row as it ends."""
+    """Return the message for a finished row."""
     if record["problem"] is not None:
         return f"failed with exit code {record['exit_code']}: {record['problem']}"
-    parts = [record["verdict"] or "no verdict", found_text(record)]
+    parts = [record["verdict"] or "no verdict", law_text(record)]
     if record["exact_support"] is not None:
         error = _share(record["coefficient_error"])
         within = f" within {error}" if record["coefficient_error"] else ""
@@ -136,12 +141,12 @@ def _line(record: Record) -> list[str]:
     head.append(str(record["seed"]))
     if record["problem"] is not None:
         blank = [""] * (len(ROWS) - len(head) - 2)
-        return [*head, f"failed ({record['exit_code']})", found_text(record), *blank]
+        return [*head, f"failed ({record['exit_code']})", law_text(record), *blank]
     exact = {True: "yes", False: "no", None: ""}[record["exact_support"]]
     return [
         *head,
         record["verdict"] or "",
-        found_text(record),
+        law_text(record),
         exact,
         _share(record["coefficient_error"]),
         _number(record["field_rmse"].get("dashred")),
@@ -153,7 +158,7 @@ def _line(record: Record) -> list[str]:
 
 
 def _sensors(record: Record) -> str:
-    """Return the number of fit sensors where it is not the system's own, and of them the extra."""
+    """Return the numbers of fit sensors and of extra ones where they differ from the system's."""
     sensors, extra = record.get("sensors"), record.get("extra")
     if extra is None:
         return "" if sensors is None else str(sensors)
@@ -168,7 +173,7 @@ def _term(term: dict[str, Any]) -> str:
     return f"{term['equation']}: {term['coefficient']:+.4g}{std} · {term['term']}{where}"
 
 
-def _both(spread: dict[str, float | None], text: Any) -> str:
+def _median_and_worst(spread: dict[str, float | None], text: Any) -> str:
     if spread["median"] is None:
         return ""
     return f"{text(spread['median'])} ({text(spread['worst'])})"

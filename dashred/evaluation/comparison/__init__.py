@@ -1,1 +1,1 @@
-"""All methods held against the hidden truth of many twins; nothing of it is part of an analysis."""
+"""Comparison of all methods with the hidden truth of many twins; not part of an analysis."""

@@ -1,4 +1,4 @@
-"""The page of a comparison: ``docs/results.md``."""
+"""The document of a comparison, ``docs/results.md``."""
 
 from __future__ import annotations
 
@@ -39,20 +39,20 @@ FIGURES = {
     "methods_truth.png": "error of every method against time",
     "sparsity.png": "accuracy against sparsity, of latent SINDy and of the law",
 }
-# By themselves, without another before them.
+# Labels of all methods.
 NAMES = FIELDS | LAWS
-# What run.json calls the seconds of one step of the corrected surrogate.
+# Key in run.json of the seconds of one step of the corrected surrogate.
 STEP = "one step of the corrected SHRED"
 
 
 def write_results(rows: Sequence[ComparedRow], path: Path) -> None:
-    """Write the page, whole or not at all, and its figures in ``figures`` beside it."""
+    """Write the document atomically, and its figures in ``figures`` next to it."""
     write_text_atomic(path, _page(rows, path))
 
 
 def _page(rows: Sequence[ComparedRow], path: Path) -> str:
-    made = {commit for row in rows if (commit := row.git_commit)}
-    code = notes_on_code(sorted({*commits(row.record for row in rows), *made}))
+    scorers = {commit for row in rows if (commit := row.git_commit)}
+    code = notes_on_code(sorted({*commits(row.record for row in rows), *scorers}))
     warnings = [note for note in code if note.startswith("Warning")]
     own = own_layout(rows)
     by_noise: dict[float, list[ComparedRow]] = {}
@@ -63,11 +63,11 @@ def _page(rows: Sequence[ComparedRow], path: Path) -> str:
         "evaluation/comparison/templates/results.md.j2",
         code={"warnings": warnings, "others": [note for note in code if note not in warnings]},
         paper=_against_the_paper(own),
-        fields=[_fields(mine, noise) for noise, mine in by_noise.items()],
+        fields=[_fields(group, noise) for noise, group in by_noise.items()],
         reference=FIELDS[REFERENCE],
         unchanged=unchanged,
         asked=asked,
-        laws=[_laws(mine, noise) for noise, mine in by_noise.items()],
+        laws=[_laws(group, noise) for noise, group in by_noise.items()],
         seconds=_seconds(own),
         layouts=list(sensors_and_noise(rows)),
         all_rows=rows_grid([row.record for row in rows]),
@@ -78,9 +78,9 @@ def _page(rows: Sequence[ComparedRow], path: Path) -> str:
 
 def _against_the_paper(rows: Sequence[ComparedRow]) -> Grid:
     header = [
-        *("system", "noise", "the paper hides", "the paper finds", "of the field it reports"),
-        *("dashred: exact law", "listed", "no law hidden: told", "wrong and unflagged", "failed"),
-        *("coefficient error", "error falls", "seconds", "step, ms"),
+        *("system", "noise", "the paper hides", "the paper finds", "error reduction in the paper"),
+        *("dashred: exact law", "listed", "no law hidden: right", "wrong and unflagged", "failed"),
+        *("coefficient error", "error reduction", "seconds", "step, ms"),
     ]
     lines = []
     for (system, noise), group in groups(rows).items():
@@ -94,20 +94,20 @@ def _against_the_paper(rows: Sequence[ComparedRow]) -> Grid:
                 *(PAPER.get(system) or ("not in the paper", "", "")),
                 f"{claims.exact} of {claims.laws}" if claims.laws else "",
                 str(claims.listed),
-                f"{claims.told} of {claims.others}" if claims.others else "",
+                f"{claims.right} of {claims.others}" if claims.others else "",
                 str(claims.wrong_unflagged),
                 str(claims.failed),
                 _share(error["median"]),
                 _gain(ratio),
-                _rounded(spread(_taken(r, "in all") for r in records)["median"]),
-                _milliseconds(spread(_taken(r, STEP) for r in records)["median"]),
+                _rounded(spread(_stage_seconds(r, "in all") for r in records)["median"]),
+                _milliseconds(spread(_stage_seconds(r, STEP) for r in records)["median"]),
             ]
         )
     return Grid("The paper, and dashred from sensors alone", header, lines)
 
 
 def _gain(ratio: FieldRatio | None) -> str:
-    """Return how far the error falls, and how many rows are lost."""
+    """Return the factor of error reduction, and the number of lost rows."""
     if ratio is None:
         return ""
     known = bool(ratio.median) and math.isfinite(ratio.median or 0.0)
@@ -119,8 +119,8 @@ def _exact(record: Record) -> bool:
     return record["problem"] is None and record["exact_support"] is True
 
 
-def _taken(record: Record, stage: str) -> float | None:
-    """Return the seconds of a stage, where a row has come as far."""
+def _stage_seconds(record: Record, stage: str) -> float | None:
+    """Return the seconds of a stage; None if the row did not reach it."""
     seconds = record["seconds"].get(stage) if record["problem"] is None else None
     return None if seconds is None else float(seconds)
 
@@ -128,7 +128,7 @@ def _taken(record: Record, stage: str) -> float | None:
 def _fields(rows: Sequence[ComparedRow], noise: float) -> Grid:
     systems = _by_system(rows)
     lines = [
-        [name, *(ratio_text(field_ratio(mine, method)) for mine in systems.values())]
+        [name, *(ratio_text(field_ratio(group, method)) for group in systems.values())]
         for method, name in FIELDS.items()
     ]
     return Grid(f"The field, at {100 * noise:g} % noise", ["", *systems], lines)
@@ -136,9 +136,9 @@ def _fields(rows: Sequence[ComparedRow], noise: float) -> Grid:
 
 def _laws(rows: Sequence[ComparedRow], noise: float) -> Grid:
     lines = []
-    for system, mine in _by_system(rows).items():
+    for system, group in _by_system(rows).items():
         for method, name in LAWS.items():
-            count = count_laws(mine, method)
+            count = count_laws(group, method)
             if count is not None:
                 numbers = (count.failed, count.found, count.spurious, count.missed)
                 exact = f"{count.exact} of {count.rows}"
@@ -151,8 +151,8 @@ def _seconds(rows: Sequence[ComparedRow]) -> Grid:
     systems = _by_system(rows)
     lines = []
     for method, name in NAMES.items():
-        seconds = [median_seconds(mine, method) for mine in systems.values()]
-        if any(one is not None for one in seconds):
+        seconds = [median_seconds(group, method) for group in systems.values()]
+        if any(value is not None for value in seconds):
             lines.append([name, *map(_rounded, seconds)])
     return Grid("Seconds", ["", *systems], lines)
 
@@ -165,7 +165,7 @@ def _by_system(rows: Sequence[ComparedRow]) -> dict[str, list[ComparedRow]]:
 
 
 def _failures(rows: Sequence[ComparedRow]) -> Grid:
-    """Return every row, and every method of one, that failed, and of what."""
+    """Return a table of the rows and methods that failed."""
     lines = []
     for row in rows:
         record = row.record
@@ -173,15 +173,15 @@ def _failures(rows: Sequence[ComparedRow]) -> Grid:
         if row.problem is not None:
             lines.append([*place, "all" if not row.methods else "the other methods", row.problem])
         else:
-            for method, told in row.methods.items():
-                if told["failed"] is not None:
-                    lines.append([*place, NAMES[method], told["failed"]])
-    header = ("system", "twin", "noise", "seed", "method", "what it died of")
-    return Grid("What failed", header, lines)
+            for method, score in row.methods.items():
+                if score["failed"] is not None:
+                    lines.append([*place, NAMES[method], score["failed"]])
+    header = ("system", "twin", "noise", "seed", "method", "cause")
+    return Grid("Failures", header, lines)
 
 
 def _figures(rows: Sequence[ComparedRow], folder: Path, page: str) -> Iterator[dict[str, Any]]:
-    """Copy the pictures of each system's first row that hides a law, named after the page."""
+    """Copy the figures of each system's first row with a hidden law, named after the document."""
     folder.mkdir(parents=True, exist_ok=True)
     for system, row in _first(rows):
         files = []
@@ -200,11 +200,11 @@ def _figures(rows: Sequence[ComparedRow], folder: Path, page: str) -> Iterator[d
 
 
 def _first(rows: Iterable[ComparedRow]) -> Iterator[tuple[str, ComparedRow]]:
-    seen = set()
+    done_systems = set()
     for row in rows:
         system = row.record["system"]
-        if system not in seen and row.record["law"] and row.record["problem"] is None:
-            seen.add(system)
+        if system not in done_systems and row.record["law"] and row.record["problem"] is None:
+            done_systems.add(system)
             yield system, row
 
 

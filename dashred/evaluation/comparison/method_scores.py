@@ -1,7 +1,7 @@
 """Score all methods against the hidden truth, in a process of its own.
 
-Everything that read the recording is frozen by here: the findings of the analysis by their own
-freeze, the fields of the other methods by the hash that was kept with them.
+All results are already frozen: the findings of the analysis by their freeze file, the fields of the
+other methods by their stored hash.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from dashred.core.argument_types import read_number, read_path, whole
 from dashred.core.arguments import Command, word
 from dashred.core.errors import DONE, InputError, run_entry
 from dashred.core.findings.findings import check_freeze, sha256_of, write_json_atomic
-from dashred.evaluation.baselines.analyse import FIELDS, LAWS, METHODS, NOT_FOR_SYSTEM, OF_LAWS
-from dashred.evaluation.comparison.kept_comparison import (
+from dashred.evaluation.baselines.analyse import FIELDS, LAW_METHODS, LAWS, METHODS, NOT_FOR_SYSTEM
+from dashred.evaluation.comparison.comparison_file import (
     COMPARED,
     OTHERS_FAILED,
     UNRESOLVED,
-    Compared,
     Comparison,
+    MethodScore,
 )
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from dashred.evaluation.twins.sealing import Truth
 
 ESTIMATES = "estimates.nc"
-# Parts of an analysis that answer for its methods' seconds.
+# Stages of an analysis whose seconds count for its methods.
 TRAINED = ("simulate the ensemble", "train SHRED")
 ASSIMILATED = (*TRAINED, "assimilate, latent SINDy")
 STAGES = {
@@ -44,8 +44,8 @@ STAGES = {
     "latent_alg2": ASSIMILATED,
     "corrected": ("in all",),
 }
-# Methods that look for a law, whether they find one or not.
-LOOKING = ("corrected", "pde_find", *OF_LAWS)
+# Methods that seek a law, whether they find one or not.
+ALL_LAW_METHODS = ("corrected", "pde_find", *LAW_METHODS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +63,7 @@ COMMAND = Command(
 
 
 def main(argv: list[str]) -> int:
-    """Write ``compared.json`` and a figure of every method's error beside the findings."""
+    """Write ``compared.json`` and a figure of the errors of all methods next to the findings."""
     words = COMMAND.read(argv)
     check_freeze(words.folder)
     comparison = compare(words.folder, words.noise, words.seed)
@@ -72,17 +72,17 @@ def main(argv: list[str]) -> int:
 
 
 def compare(folder: Path, noise: float, seed: int) -> Comparison:
-    """Return how right every method is.
+    """Return the scores of all methods.
 
     Args:
-        folder: of a row: the findings, what the other methods made of its recording, and its seal.
-        noise: std of the noise that PDE-FIND's field gets, as a share of each field's.
-        seed: of that noise.
+        folder: folder of a row, with the findings, the results of the other methods and the seal.
+        noise: std of the noise on the field of PDE-FIND, as a share of that of each field.
+        seed: seed of the noise.
 
     Raises:
-        InputError: something is missing, or was changed after it was frozen.
+        InputError: a file is missing or was changed after it was frozen.
     """
-    from dashred.evaluation.twins.kept_findings import read_findings
+    from dashred.evaluation.twins.findings_reader import read_findings
     from dashred.evaluation.twins.sealing import open_seal
     from dashred.pipeline.run.provenance import git_commit
 
@@ -101,7 +101,7 @@ def compare(folder: Path, noise: float, seed: int) -> Comparison:
     truth, fields = open_seal(folder / "sealed.nc")
     comparison["problem"] = None if others else OTHERS_FAILED
     comparison["listed"] = _listed(findings, truth)
-    ended = others["methods"] if others else dict.fromkeys(METHODS, _lost(OTHERS_FAILED))
+    ended = others["methods"] if others else dict.fromkeys(METHODS, _failed(OTHERS_FAILED))
     comparison["methods"] = _methods(folder, findings, ended, truth, fields, noise, seed)
     return comparison
 
@@ -114,12 +114,12 @@ def _methods(
     fields: tuple[str, ...],
     noise: float,
     seed: int,
-) -> dict[str, Compared]:
+) -> dict[str, MethodScore]:
     from dashred.evaluation.comparison.full_field import pde_find_on_full_field
     from dashred.evaluation.comparison.methods_figure import draw_methods
     from dashred.evaluation.twins.score_command import load_fields, true_states
     from dashred.evaluation.twins.scoring import law_of_truth, rmse, rmse_by_time, scaled_errors
-    from dashred.evaluation.twins.truth_figures import joined
+    from dashred.evaluation.twins.truth_figures import methods_to_draw
 
     errors: dict[str, float] = {}
     curves: dict[str, np.ndarray] = {}
@@ -129,23 +129,23 @@ def _methods(
             real = true_states(estimates, truth, fields, folder / "sealed.nc")
             scaled = scaled_errors(estimates, real, fields)
             errors |= {method: rmse(error) for method, error in scaled.items()}
-            shown = joined(estimates)
+            shown = methods_to_draw(estimates)
             curves |= {name: rmse_by_time(scaled[method]) for name, method in shown.items()}
     draw_methods(folder, estimates["time"].values, curves, findings.get("units", {}))
-    # Of both files the times are those of the fit window.
+    # The times of both files are those of the fit window.
     full = pde_find_on_full_field(
         findings, folder, fields, estimates["time"].values, real, noise, seed
     )
-    ended = {**_of_the_analysis(folder, findings, errors), **others, "pde_find": full}
+    ended = {**_analysis_results(folder, findings, errors), **others, "pde_find": full}
     law = law_of_truth(findings, truth.terms, truth.concealed.parameters)
-    return {name: _compared(findings, law, errors, name, one) for name, one in ended.items()}
+    return {name: _score(findings, law, errors, name, result) for name, result in ended.items()}
 
 
 def read_others(folder: Path) -> dict[str, Any] | None:
-    """Return what the other methods found; None where they failed as a whole.
+    """Return the results of the other methods; None if their process failed.
 
     Raises:
-        InputError: their fields were changed since.
+        InputError: their fields have changed since they were frozen.
     """
     if not (folder / LAWS).is_file():
         return None
@@ -156,12 +156,12 @@ def read_others(folder: Path) -> dict[str, Any] | None:
     return dict(record)
 
 
-def _lost(failed: str) -> dict[str, Any]:
+def _failed(failed: str) -> dict[str, Any]:
     return {"seconds": None, "terms": None, "note": "", "failed": failed}
 
 
 def _listed(findings: Mapping[str, Any], truth: Truth) -> bool | None:
-    """Return whether ambiguous findings list the true law; null of others."""
+    """Return whether ambiguous findings list the true law; None for other verdicts."""
     from dashred.evaluation.twins.candidate_laws import listed_laws
     from dashred.evaluation.twins.scoring import score_law
 
@@ -172,34 +172,34 @@ def _listed(findings: Mapping[str, Any], truth: Truth) -> bool | None:
     return any(score_law({**findings, "terms": law}, truth.terms, hidden)[0] for law in laws)
 
 
-def _of_the_analysis(
+def _analysis_results(
     folder: Path, findings: Mapping[str, Any], errors: Mapping[str, float]
 ) -> dict[str, dict[str, Any]]:
-    """Return how the methods within the analysis ended, in the form of the others."""
+    """Return the results of the methods within the analysis, in the form of the others."""
     laws: dict[str, Any] = {"corrected": findings["terms"]}
     for name, latent in findings["latent"].items():
         if latent is not None:
             laws[f"latent_{name}"] = [p for p in latent["proposals"] if p["coefficient"]]
     seconds = _seconds(folder)
     return {
-        name: _lost("") | {"failed": None, "terms": laws.get(name), "seconds": seconds.get(name)}
+        name: _failed("") | {"failed": None, "terms": laws.get(name), "seconds": seconds.get(name)}
         for name in dict.fromkeys([*(n for n in errors if n not in METHODS), *laws])
     }
 
 
-def _compared(
+def _score(
     findings: Mapping[str, Any],
     true: Law,
     errors: Mapping[str, float],
     name: str,
     ended: Mapping[str, Any],
-) -> Compared:
+) -> MethodScore:
     from dashred.evaluation.twins.scoring import law_of_findings
 
     error, failed = errors.get(name), ended["failed"]
     if error is not None and not math.isfinite(error):
         error, failed = None, "its field is not finite"
-    compared = Compared(
+    compared = MethodScore(
         rmse=error,
         exact=None,
         found=None,
@@ -220,8 +220,8 @@ def _compared(
         compared["spurious"] = len(law.keys() - both)
         compared["missed"] = len(true.keys() - both)
         compared["coefficient_error"] = max(off, default=None)
-    elif name in LOOKING and ended["note"] != NOT_FOR_SYSTEM:
-        # It looked for a law, and has none to show: not even of a twin that hides none.
+    elif name in ALL_LAW_METHODS and ended["note"] != NOT_FOR_SYSTEM:
+        # A law was sought and none was found. This is not exact, even if no law is hidden.
         compared["exact"] = False
         compared["found"] = compared["spurious"] = 0
         compared["missed"] = len(true)

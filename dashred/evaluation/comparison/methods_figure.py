@@ -1,4 +1,4 @@
-"""The error of every method that has a field, against time: ``methods_truth.png``."""
+"""Figure of the errors of all methods with a field over time: ``methods_truth.png``."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,8 +12,8 @@ from dashred.core.units import time_label
 from dashred.reporting.figures.style import method_look, new_figure, save_figure, style
 
 METHODS_FIGURE = "methods_truth.png"
-# In the order of the key; a family has one colour, its members their dashes.
-SHOWN = (
+# In the order of the legend. Related methods share a colour and differ in their dashes.
+PLOTTED = (
     "simulation_same_start",
     "optimal_interpolation",
     "filter_state",
@@ -26,10 +26,10 @@ SHOWN = (
     "corrected_shred",
     "closed_form",
 )
-# A run that is lost must not flatten the others, nor one that is exact for a moment.
+# Limits of the axis, so that a lost or momentarily exact run does not hide the others.
 LOWEST, HIGHEST = 1e-5, 30.0
-# So many windows to a record: where a state has few numbers, their error at a time passes zero
-# again and again, and the lines of all methods would cross everywhere.
+# Number of windows per record. Errors of a state with few values often pass zero, so that without
+# averaging the lines of all methods would cross everywhere.
 WINDOWS = 25
 
 
@@ -39,13 +39,13 @@ def draw_methods(
     curves: Mapping[str, Float[np.ndarray, " time"]],
     units: Mapping[str, str],
 ) -> None:
-    """Save the figure in a row's folder.
+    """Save the figure in the folder of a row.
 
     Args:
-        folder: of the row.
-        times: of the samples.
-        curves: RMSE at each time by method.
-        units: by name, that of time as `t`.
+        folder: folder of the row.
+        times: times of the samples.
+        curves: RMSE at each time, by method.
+        units: units by name; that of time is `t`.
     """
     save_figure(methods_figure(times, curves, time_label(units)), folder / METHODS_FIGURE)
 
@@ -55,18 +55,18 @@ def methods_figure(
     curves: Mapping[str, Float[np.ndarray, " time"]],
     clock: str = "time",
 ) -> Figure:
-    """Draw each method's RMSE over a moving window, in stds; what is not finite leaves a gap.
+    """Draw the RMSE of each method over a moving window, in std, with gaps if it is not finite.
 
     Args:
-        times: of the samples.
-        curves: RMSE at each time by method; one that is missing is not drawn.
-        clock: label of the time's axis.
+        times: times of the samples.
+        curves: RMSE at each time, by method.
+        clock: label of the time axis.
     """
     with style():
         figure = new_figure(8.6, 3.8)
         axes = figure.subplots()
-        known = {method: curves[method] for method in SHOWN if method in curves}
-        drawn = {m: moving(v) for m, v in known.items()}
+        known = {method: curves[method] for method in PLOTTED if method in curves}
+        drawn = {m: moving_rms(v) for m, v in known.items()}
         seen = np.concatenate([[1.0], *(values[values > 0] for values in drawn.values())])
         axes.set(
             xlabel=clock,
@@ -82,8 +82,8 @@ def methods_figure(
     return figure
 
 
-def moving(values: Float[np.ndarray, " time"]) -> Float[np.ndarray, " time"]:
-    """Return the root mean square over the window about each time, shorter at the ends."""
+def moving_rms(values: Float[np.ndarray, " time"]) -> Float[np.ndarray, " time"]:
+    """Return the root mean square over a window around each time, which is shorter at the ends."""
     square = np.where(np.isfinite(values), values, np.nan) ** 2
     half = len(values) // WINDOWS // 2
     parts = (square[max(0, at - half) : at + half + 1] for at in range(len(values)))

@@ -1,4 +1,4 @@
-"""The other methods on a twin's recording, then the seal.
+"""Run the other methods on the recording of a twin, then score them.
 
 Two processes: the first is handed the recording in a folder of its own, where no seal lies, the
 second opens the seal when the first has written what it found.
@@ -18,7 +18,7 @@ from dashred.core.arguments import Command, declared, word
 from dashred.core.errors import DONE, run_entry
 from dashred.evaluation.baselines.analyse import FIELDS, LAWS
 from dashred.evaluation.comparison.method_scores import ESTIMATES
-from dashred.evaluation.twins.twin_experiment import words_of_analysis
+from dashred.evaluation.twins.twin_experiment import analysis_arguments
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,17 +38,17 @@ COMMAND = Command(
 
 
 def main(argv: list[str]) -> int:
-    """Analyse and score; returns the exit code of the first process that fails.
+    """Analyse and score; return the exit code of the first process that fails.
 
-    Where the other methods fail as a whole, the analysis is scored all the same; where it has no
-    field, there is nothing to hold them against, and they are not run.
+    If the process of the other methods fails, the analysis is still scored. If the analysis has no
+    field, the other methods are not run.
     """
     own = {one.name for one in declared(Words)}
     row = COMMAND.read([text for text in argv if text.partition("=")[0] in own])
     words = [text for text in argv if text.partition("=")[0] not in own]
     folder = row.folder
     seed = next((text for text in words if text.startswith("seed=")), "seed=0")
-    # What is left of an earlier attempt is not of these findings.
+    # Files of an earlier attempt do not belong to these findings.
     for name in (FIELDS, LAWS):
         (folder / name).unlink(missing_ok=True)
     code = _analyse(folder, words) if (folder / ESTIMATES).is_file() else DONE
@@ -65,7 +65,7 @@ def _analyse(folder: Path, words: list[str]) -> int:
         shutil.copyfile(folder / "recording.nc", recording)
         found = Path(private) / "found"
         code = _run(
-            "dashred.evaluation.baselines.analyse", words_of_analysis(words, recording, found)
+            "dashred.evaluation.baselines.analyse", analysis_arguments(words, recording, found)
         )
         if code == DONE:
             for name in (FIELDS, LAWS):

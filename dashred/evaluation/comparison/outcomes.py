@@ -1,4 +1,4 @@
-"""How the analysis' own claims of one row went: exact, listed, wrong and unflagged."""
+"""Outcomes of the analysis: exact, listed, wrong and unflagged."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from dashred.evaluation.comparison.ratios import ComparedRow
 
 
 @dataclass(frozen=True)
-class Claims:
-    """What was claimed of some rows; rows that failed count among those asked, and are not right.
+class ClaimCounts:
+    """Counts of outcomes over rows; failed rows are counted as not right.
 
     Attributes:
-        laws: rows that hide a law.
-        exact: of them, with exactly that law as the best guess.
-        listed: of the others, ambiguous ones that list it.
-        others: rows that hide no law: nothing, or a sensor's fault or a far start.
-        told: of them, those of which just that is said.
-        wrong_unflagged: rows with a wrong verdict that is told as if it were certain.
+        laws: rows with a hidden law.
+        exact: rows among them whose best law is exact.
+        listed: ambiguous rows among the others that list the hidden law.
+        others: rows without a hidden law: none, a sensor fault, or a distant start.
+        right: rows among them with the right verdict.
+        wrong_unflagged: rows with a wrong verdict that is not flagged as uncertain.
         failed: rows without a verdict.
     """
 
@@ -27,29 +27,29 @@ class Claims:
     exact: int
     listed: int
     others: int
-    told: int
+    right: int
     wrong_unflagged: int
     failed: int
 
 
-def count_claims(rows: Sequence[ComparedRow]) -> Claims:
-    """Return what the analysis claimed of rows, and how much of it holds."""
+def count_claims(rows: Sequence[ComparedRow]) -> ClaimCounts:
+    """Count the outcomes of the analysis over rows."""
     laws = [row for row in rows if row.record["law"]]
     others = [row for row in rows if not row.record["law"]]
-    open_ = [row for row in laws if not is_right(row.record)]
-    return Claims(
+    inexact = [row for row in laws if not is_right(row.record)]
+    return ClaimCounts(
         laws=len(laws),
-        exact=len(laws) - len(open_),
-        listed=sum(bool(row.listed) for row in open_),
+        exact=len(laws) - len(inexact),
+        listed=sum(bool(row.listed) for row in inexact),
         others=len(others),
-        told=sum(is_right(row.record) for row in others),
+        right=sum(is_right(row.record) for row in others),
         wrong_unflagged=sum(wrong_unflagged(row.record) for row in rows),
         failed=sum(row.record["problem"] is not None for row in rows),
     )
 
 
 def is_right(record: Record) -> bool:
-    """Return whether the law is the hidden one; where none is hidden, whether the cause is told."""
+    """Return whether the law is exact or, if no law is hidden, whether the cause is right."""
     if record["problem"] is not None:
         return False
     if record["law"]:
@@ -60,5 +60,5 @@ def is_right(record: Record) -> bool:
 
 
 def wrong_unflagged(record: Record) -> bool:
-    """Return whether a wrong verdict was told as if it were certain."""
+    """Return whether the verdict is wrong and not flagged as uncertain."""
     return record["problem"] is None and not is_right(record) and not record["flagged"]

@@ -1,4 +1,4 @@
-"""What the paper reports, and the authors' public code when it is run: Bao & Kutz (2025)."""
+"""Results of the paper (Bao & Kutz 2025) and of running its public code."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ class Claim(NamedTuple):
     """One system of the paper.
 
     Attributes:
-        hidden: what its truth has that its simulation lacks.
-        found: what its latent regression returns.
-        gain: how far its error falls.
+        hidden: terms that the simulation lacks.
+        found: result of the latent regression.
+        gain: factor of error reduction.
     """
 
     hidden: str

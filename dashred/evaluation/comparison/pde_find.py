@@ -1,9 +1,9 @@
-"""PDE-FIND on the whole noisy field: what sparse regression makes of data that nobody has.
+"""PDE-FIND: sparse regression on the full noisy field.
 
 Rudy, Brunton, Proctor & Kutz, *Data-driven discovery of partial differential equations* (Science
-Advances 3, 2017), by PySINDy, for what the simulator leaves out: ``∂u/∂t − N(u) = Σ ξ θ(u)``. It is
-given the **full** field with noise, which nobody has: only a scorer, which may open a seal, can run
-it. No bound of anything: its time differences are over the recording's interval, which may be long.
+Advances 3, 2017), by PySINDy, for what the simulator leaves out: ``∂u/∂t − N(u) = Σ ξ θ(u)``. It
+uses the **full** field with noise, which no analysis has, so that only the scorer can run it. Its
+time differences use the interval of the recording, which may be long; it is not an upper bound.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from dashred.physics.system import System, Term
 
 Array = NDArray[np.float64]
 
-# Of columns and rates of norm one.
+# Thresholds for columns and rates normalised to one.
 THRESHOLDS = tuple(np.geomspace(1e-3, 1.0, 25))
 RIDGE = 1e-4
-# The first of the times are regressed on, the rest judge; the sparsest law that does nearly as well
-# as the best is taken.
-FITTED, AS_GOOD = 0.8, 1.01
-MOST_ROWS = 20_000
-# Samples at either end, where differences are one-sided.
+# Share of the times that is fitted; the rest validates. The sparsest law whose error is within the
+# tolerance of the best is chosen.
+FIT_SHARE, TOLERANCE = 0.8, 1.01
+MAX_ROWS = 20_000
+# Samples dropped at both ends, where differences are one-sided.
 ENDS = 2
 
 
@@ -43,15 +43,15 @@ def pde_find(
     noise: float,
     rng: np.random.Generator,
 ) -> list[TermEntry]:
-    """Return the law.
+    """Return the terms of the law.
 
     Args:
         system: the simulator.
         library: candidate terms.
         times: ``(time,)``.
         states: the true field, ``(time, field, *grid)``, without mirror images.
-        noise: std that is added to it, as a share of each field's.
-        rng: the noise.
+        noise: std of the added noise, as a share of that of each field.
+        rng: random generator of the noise.
     """
     std = states.swapaxes(0, 1).flatten(1).std(dim=1).clamp(min=1e-300)
     scale = std.reshape(-1, *(1,) * (states.dim() - 2))
@@ -67,9 +67,9 @@ def pde_find(
 
 
 def _smooth(system: System, noisy: Tensor, noise: float) -> Tensor:
-    """Return fields ``(time, field, *grid)`` freed of noise, and with their mirror images.
+    """Return denoised fields ``(time, field, *grid)`` with their mirror images.
 
-    In space by a Wiener filter, in time by what few patterns can make of it.
+    Uses a Wiener filter in space and a low-rank approximation in time.
     """
     whole = system.grid.ring(noisy)
     if system.axes:
@@ -78,9 +78,9 @@ def _smooth(system: System, noisy: Tensor, noise: float) -> Tensor:
 
 
 def wiener(states: Tensor, noise: float, dims: tuple[int, ...]) -> Tensor:
-    """Weigh every wave by the share of its power that is not the noise's, over all times.
+    """Weight every wave by the share of its power that is not noise, ``max(0, 1 − σ²/P(k))``.
 
-    ``1 − σ²/P(k)``, none below zero: without it high derivatives of noise would be the columns.
+    P is averaged over all times. Without the filter, noise would dominate high derivatives.
     """
     spectrum = torch.fft.rfftn(states, dim=dims, norm="ortho")
     power = spectrum.abs().square().mean(dim=0)
@@ -90,10 +90,10 @@ def wiener(states: Tensor, noise: float, dims: tuple[int, ...]) -> Tensor:
 
 
 def low_rank(snapshots: Array, noise: float) -> Array:
-    """Return snapshots ``(time, value)`` without what noise of std ``noise`` alone can make.
+    """Return a low-rank approximation of snapshots ``(time, value)`` with noise of std ``noise``.
 
-    Singular values are cut hard at the optimal threshold for a known noise (Gavish & Donoho, IEEE
-    Trans. Inf. Theory 60, 2014, eq. 11).
+    Singular values are set to zero below the optimal threshold for a known noise (Gavish & Donoho,
+    IEEE Trans. Inf. Theory 60, 2014, eq. 11).
     """
     short, long = sorted(snapshots.shape)
     beta = short / long
@@ -118,14 +118,14 @@ def _law_of(
         evaluate_terms(system, [known, *candidates], state[None], time)[:, 0]
         for state, time in zip(states, times.tolist(), strict=True)
     ]
-    by_time = _own(system, torch.stack(columns), 2)
+    by_time = _without_mirror_images(system, torch.stack(columns), 2)
     rate = torch.from_numpy(rates[:, system.fields.index(equation)])
-    target = _own(system, rate, 1) - by_time[:, 0]
+    target = _without_mirror_images(system, rate, 1) - by_time[:, 0]
     design = by_time[:, 1:].swapaxes(1, 2)
-    count = max(1, round(FITTED * len(times)))
+    count = max(1, round(FIT_SHARE * len(times)))
     fitted = _rows(design[:count], target[:count], rng)
-    judged = _rows(design[count:], target[count:], rng)
-    coefficients = _sparse(*fitted, *judged)
+    validation = _rows(design[count:], target[count:], rng)
+    coefficients = _sparse(*fitted, *validation)
     return [
         TermEntry(equation=equation, term=str(term), coefficient=float(value))
         for term, value in zip(candidates, coefficients, strict=True)
@@ -133,21 +133,21 @@ def _law_of(
     ]
 
 
-def _own(system: System, values: Tensor, dims: int) -> Array:
-    """Return values without mirror images, all of space in one last dimension after ``dims``."""
+def _without_mirror_images(system: System, values: Tensor, dims: int) -> Array:
+    """Return values without mirror images, with space as one dimension after ``dims``."""
     return np.asarray(system.grid.own(values).reshape(*values.shape[:dims], -1).numpy())
 
 
 def _rows(design: Array, target: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     matrix, values = design.reshape(-1, design.shape[-1]), target.reshape(-1)
-    if len(values) > MOST_ROWS:
-        chosen = rng.choice(len(values), MOST_ROWS, replace=False)
+    if len(values) > MAX_ROWS:
+        chosen = rng.choice(len(values), MAX_ROWS, replace=False)
         matrix, values = matrix[chosen], values[chosen]
     return matrix, values
 
 
-def _sparse(matrix: Array, target: Array, judging: Array, judged: Array) -> Array:
-    """Return the sparsest coefficients that predict nearly as well as the best; maybe none."""
+def _sparse(matrix: Array, target: Array, validation_matrix: Array, validation: Array) -> Array:
+    """Return the sparsest coefficients with a validation error close to the best."""
     size = np.linalg.norm(matrix, axis=0).clip(min=1e-300)
     rate = float(np.linalg.norm(target)) or 1.0
     tried = [np.zeros(matrix.shape[1])]
@@ -158,6 +158,6 @@ def _sparse(matrix: Array, target: Array, judging: Array, judged: Array) -> Arra
             method = STLSQ(threshold=threshold, alpha=RIDGE)
             found = method.fit(matrix / size, target[:, None] / rate)
             tried.append(found.coef_[0] * rate / size)
-    errors = [float(np.sqrt(np.mean((judging @ c - judged) ** 2))) for c in tried]
-    good = [c for c, error in zip(tried, errors, strict=True) if error <= AS_GOOD * min(errors)]
+    errors = [float(np.sqrt(np.mean((validation_matrix @ c - validation) ** 2))) for c in tried]
+    good = [c for c, error in zip(tried, errors, strict=True) if error <= TOLERANCE * min(errors)]
     return np.asarray(min(good, key=np.count_nonzero))

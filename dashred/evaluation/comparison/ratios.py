@@ -1,4 +1,4 @@
-"""What rows of a comparison come to: ratios of RMSE, and terms found, spurious and missed."""
+"""Summaries of compared rows: RMSE ratios, and terms found, spurious and missed."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from statistics import median
 from dashred.core.findings.methods import LABELS, SHRED_UNCHANGED
 from dashred.evaluation.baselines.analyse import NOT_FOR_SYSTEM
 from dashred.evaluation.benchmark.record import Record
-from dashred.evaluation.comparison.kept_comparison import Compared
+from dashred.evaluation.comparison.comparison_file import MethodScore
 
-# The field that errors are told relative to: the simulator as it is, from the same start.
+# Reference of the error ratios: the unchanged simulator from the same start.
 REFERENCE = "simulation_same_start"
 FIELDS = {
     name: label
@@ -30,9 +30,9 @@ LAWS = {
 }
 
 
-# What an analysis always has, so that without one it is lost.
-OURS = ("shred", "dashred", "corrected", "corrected_shred")
-LAW_OF_OURS = "corrected"
+# Methods that every analysis has; if law is missing, it counts as lost.
+ANALYSIS_METHODS = ("shred", "dashred", "corrected", "corrected_shred")
+ANALYSIS_LAW = "corrected"
 
 
 @dataclass(frozen=True)
@@ -40,44 +40,48 @@ class ComparedRow:
     """One experiment.
 
     Attributes:
-        record: of the bench; of a row that failed, its problem.
-        methods: how right each method is; none where nothing could be compared.
-        folder: where its files are.
-        problem: why nothing could be compared, or the other methods not; None where all went well.
-        listed: of an ambiguous verdict, whether the true law is listed.
-        git_commit: of the code that compared.
+        record: record of the benchmark.
+        methods: scores by method; empty if nothing could be compared.
+        folder: folder of its files.
+        problem: why some methods could not be compared; None if all were.
+        listed: whether an ambiguous verdict lists the true law.
+        git_commit: commit of the scorer.
     """
 
     record: Record
-    methods: dict[str, Compared]
+    methods: dict[str, MethodScore]
     folder: Path
     problem: str | None = None
     listed: bool | None = None
     git_commit: str | None = None
 
     def ratio(self, method: str) -> float | None:
-        """Return a method's RMSE over the reference's; infinite where the method was lost."""
-        told, reference = (self.methods.get(name) for name in (method, REFERENCE))
+        """Return the RMSE of a method over that of the reference; infinite if lost."""
+        score, reference = (self.methods.get(name) for name in (method, REFERENCE))
         if self.lost(method):
             return math.inf
-        if told is None or told["rmse"] is None or not reference or not reference["rmse"]:
+        if score is None or score["rmse"] is None or not reference or not reference["rmse"]:
             return None
-        return told["rmse"] / reference["rmse"]
+        return score["rmse"] / reference["rmse"]
 
     def lost(self, method: str) -> bool:
-        """Return whether a method failed; of a row without any, whether it is the analysis'."""
-        told = self.methods.get(method)
-        return told["failed"] is not None if told else not self.methods and method in OURS
+        """Return whether a method failed, or belongs to an analysis without any scores."""
+        score = self.methods.get(method)
+        return (
+            score["failed"] is not None
+            if score
+            else not self.methods and method in ANALYSIS_METHODS
+        )
 
 
 @dataclass(frozen=True)
 class FieldRatio:
-    """RMSE over the reference's, of some rows.
+    """RMSE of a method over that of the reference, over rows.
 
     Attributes:
-        median: a lost method's is infinite; None where no row has both.
-        rows: that hide a law and got as far as this method.
-        lost: of them, those where the method failed.
+        median: median ratio, where a lost method counts as infinite; None if no row has both.
+        rows: rows with a hidden law that reached this method.
+        lost: rows among them in which the method failed.
     """
 
     median: float | None
@@ -87,17 +91,17 @@ class FieldRatio:
 
 @dataclass(frozen=True)
 class LawCount:
-    """Terms over some rows.
+    """Numbers of terms over rows.
 
     Attributes:
-        rows: in which the method was asked for a law.
-        exact: of them, where it found all terms and no others.
-        failed: of them, where it failed; their terms are in none of the counts that follow where
-            nothing could be scored.
+        rows: rows in which the method sought a law.
+        exact: rows among them with exactly the true terms.
+        failed: rows among them in which the method failed; rows without scores are not included in
+            the following counts.
         found: true terms found.
-        spurious: terms found that are not there.
-        missed: true terms not found, those of rows without a law among them.
-        error: median over rows of the worst relative error of the coefficients found.
+        spurious: terms found that are not true.
+        missed: true terms not found, also in rows without a law.
+        error: median over rows of the largest relative error of the coefficients found.
     """
 
     rows: int
@@ -115,7 +119,7 @@ def own_layout(rows: Iterable[ComparedRow]) -> list[ComparedRow]:
 
 
 def groups(rows: Sequence[ComparedRow]) -> dict[tuple[str, float], list[ComparedRow]]:
-    """Return the rows by system and noise, in the order in which they first come."""
+    """Return the rows by system and noise, in order of first appearance."""
     found: dict[tuple[str, float], list[ComparedRow]] = {}
     for row in rows:
         found.setdefault((row.record["system"], row.record["noise"]), []).append(row)
@@ -123,10 +127,10 @@ def groups(rows: Sequence[ComparedRow]) -> dict[tuple[str, float], list[Compared
 
 
 def field_ratio(rows: Iterable[ComparedRow], method: str) -> FieldRatio | None:
-    """Return what a method's fields come to, over rows that hide a law; None if it has none.
+    """Return the RMSE ratio of a method over rows with a hidden law; None if it has no fields.
 
-    Where no law is hidden there is nothing to gain: with a wrong sensor or a far start, too, the
-    reference is the simulator from the start that was found.
+    Rows without a hidden law are excluded: their reference, the simulator from the fitted start,
+    cannot be improved.
     """
     hiding = [row for row in rows if row.record["law"]]
     if not hiding or not _has_fields(hiding, method):
@@ -138,45 +142,44 @@ def field_ratio(rows: Iterable[ComparedRow], method: str) -> FieldRatio | None:
 
 
 def _has_fields(rows: Sequence[ComparedRow], method: str) -> bool:
-    """Return whether a method is one for these rows: a failure of all says nothing against it."""
-    told = [row.methods[method] for row in rows if method in row.methods]
-    if any(one["note"] == NOT_FOR_SYSTEM for one in told):
+    """Return whether a method applies to these rows, even if it failed in all of them."""
+    scores = [row.methods[method] for row in rows if method in row.methods]
+    if any(score["note"] == NOT_FOR_SYSTEM for score in scores):
         return False
-    return bool(told) or method in OURS
+    return bool(scores) or method in ANALYSIS_METHODS
 
 
 def count_laws(rows: Iterable[ComparedRow], method: str) -> LawCount | None:
-    """Return what a method's laws come to; None where it is asked for none."""
-    some = list(rows)
-    laws = [row.methods[method] for row in some if method in row.methods]
-    laws = [one for one in laws if one["exact"] is not None]
-    if not some or not (laws or method == LAW_OF_OURS):
+    """Return the counts of the laws of a method; None if it does not seek a law."""
+    all_rows = list(rows)
+    laws = [row.methods[method] for row in all_rows if method in row.methods]
+    laws = [law for law in laws if law["exact"] is not None]
+    if not all_rows or not (laws or method == ANALYSIS_LAW):
         return None
-    # Of rows with nothing to compare it is not known how many terms were missed, and only the
-    # analysis had its chance.
-    unscored = sum(not row.methods for row in some) if method == LAW_OF_OURS else 0
-    errors = [one["coefficient_error"] for one in laws if one["coefficient_error"] is not None]
+    # In rows without scores only the analysis was run, and its missed terms are unknown.
+    unscored = sum(not row.methods for row in all_rows) if method == ANALYSIS_LAW else 0
+    errors = [law["coefficient_error"] for law in laws if law["coefficient_error"] is not None]
     return LawCount(
         rows=len(laws) + unscored,
-        exact=sum(bool(one["exact"]) for one in laws),
-        failed=unscored + sum(one["failed"] is not None for one in laws),
-        found=sum(one["found"] or 0 for one in laws),
-        spurious=sum(one["spurious"] or 0 for one in laws),
-        missed=sum(one["missed"] or 0 for one in laws),
+        exact=sum(bool(law["exact"]) for law in laws),
+        failed=unscored + sum(law["failed"] is not None for law in laws),
+        found=sum(law["found"] or 0 for law in laws),
+        spurious=sum(law["spurious"] or 0 for law in laws),
+        missed=sum(law["missed"] or 0 for law in laws),
         error=median(errors) if errors else None,
     )
 
 
 def median_seconds(rows: Iterable[ComparedRow], method: str) -> float | None:
-    """Return the median of a method's seconds over the rows where it is known."""
-    told = [row.methods[method] for row in rows if method in row.methods]
-    taken = [one["seconds"] for one in told if one["note"] != NOT_FOR_SYSTEM]
-    known = [seconds for seconds in taken if seconds is not None]
+    """Return the median seconds of a method over the rows in which they are known."""
+    scores = [row.methods[method] for row in rows if method in row.methods]
+    applicable = [score["seconds"] for score in scores if score["note"] != NOT_FOR_SYSTEM]
+    known = [seconds for seconds in applicable if seconds is not None]
     return median(known) if known else None
 
 
 def left_unchanged(rows: Iterable[ComparedRow]) -> tuple[int, int]:
-    """Return in how many rows DA-SHRED's field is SHRED's, and how many have both."""
+    """Return the number of rows in which DA-SHRED equals SHRED, and the number that have both."""
     both = [
         (row.methods["shred"]["rmse"], row.methods["dashred"]["rmse"])
         for row in rows

@@ -1,4 +1,4 @@
-"""A comparison from its first row to its page."""
+"""Run a comparison: rows, other methods, and the document."""
 
 from __future__ import annotations
 
@@ -13,37 +13,37 @@ from dashred.core.progress import CONSOLE
 from dashred.evaluation.benchmark.arguments import Request
 from dashred.evaluation.benchmark.plan import Row
 from dashred.evaluation.benchmark.processes import run_rows
-from dashred.evaluation.benchmark.record import read_done, read_kept
-from dashred.evaluation.benchmark.run import nested_below, parent_run, run_bench
-from dashred.evaluation.comparison.document import write_results
-from dashred.evaluation.comparison.kept_comparison import (
+from dashred.evaluation.benchmark.record import read_finished, read_record
+from dashred.evaluation.benchmark.run import nested_arguments, parent_run, run_bench
+from dashred.evaluation.comparison.comparison_file import (
     UNRESOLVED,
-    Compared,
-    read_compared,
-    write_uncompared,
+    MethodScore,
+    read_comparison,
+    write_failed_comparison,
 )
-from dashred.evaluation.comparison.kept_rows import rows_of_page
+from dashred.evaluation.comparison.document import write_results
 from dashred.evaluation.comparison.method_scores import read_others
 from dashred.evaluation.comparison.ratios import ComparedRow, as_metrics
+from dashred.evaluation.comparison.stored_rows import rows_of_document
 from dashred.pipeline.run.output_dir import make_output
 
 LOG = "other_methods.txt"
 
 
 def run_comparison(request: Request, rows: Sequence[Row], document: Path) -> int:
-    """Run what is not done and write the page of the whole folder; 1 when a row failed."""
+    """Run the unfinished rows and write the document of all rows; return 1 if a row failed."""
     output = make_output(str(request.output))
     make_output(str(document.parent))
     code = run_bench(request, rows)
-    analysed = [row for row in rows if read_done(row)]
-    waiting = [row for row in analysed if not _settled(row)]
+    analysed = [row for row in rows if read_finished(row)]
+    waiting = [row for row in analysed if not _is_final(row)]
     CONSOLE.print(f"other methods: {len(waiting)} of {len(analysed)} rows to do")
     with (
         lock_folder(output, "comparison"),
         signals_as_interrupt(),
         parent_run(output, rows[0].store, rows) as run,
     ):
-        nested = nested_below(run, rows[0].store)
+        nested = nested_arguments(run, rows[0].store)
 
         def command(row: Row) -> list[str]:
             own = [f"folder={row.folder}", f"noise={row.noise:.12g}"]
@@ -51,7 +51,7 @@ def run_comparison(request: Request, rows: Sequence[Row], document: Path) -> int
             return [sys.executable, "-m", module, *own, *row.words, *nested]
 
         run_rows(waiting, request.jobs, command, LOG, _finished)
-        compared = list(map(compared_row, rows_of_page(request, rows)))
+        compared = list(map(compared_row, rows_of_document(request, rows)))
         write_results(compared, document)
         run.log_metrics(as_metrics(compared), 0)
         run.log_file(document)
@@ -62,11 +62,11 @@ def run_comparison(request: Request, rows: Sequence[Row], document: Path) -> int
 
 
 def compared_row(row: Row) -> ComparedRow:
-    """Return a row with all that is known of it; what it died of where that is nothing."""
-    record = read_kept(row)
+    """Return a row with its scores, or with the cause of its failure."""
+    record = read_record(row)
     if record is None:
-        raise RuntimeError(f"{row} was run and has left no record")
-    found = read_compared(row.folder) if record["problem"] is None else None
+        raise RuntimeError(f"{row} was run but has no record")
+    found = read_comparison(row.folder) if record["problem"] is None else None
     if found is None:
         return ComparedRow(record, {}, row.folder, record["problem"] or "not compared")
     return ComparedRow(
@@ -79,27 +79,27 @@ def compared_row(row: Row) -> ComparedRow:
     )
 
 
-def _settled(row: Row) -> bool:
-    """Return whether a row is compared, and another attempt would find nothing else."""
-    found = read_compared(row.folder)
+def _is_final(row: Row) -> bool:
+    """Return whether a row is compared and another attempt would give the same result."""
+    found = read_comparison(row.folder)
     return found is not None and found["problem"] in (None, UNRESOLVED)
 
 
 def _finished(row: Row, code: int, seconds: float) -> None:
-    found = read_compared(row.folder)
+    found = read_comparison(row.folder)
     if found is None:
-        said = last_line(row.folder / LOG) or f"exit code {code}"
-        found = write_uncompared(row.folder, f"not compared: {said}")
+        cause = last_line(row.folder / LOG) or f"exit code {code}"
+        found = write_failed_comparison(row.folder, f"not compared: {cause}")
     methods = found["methods"]
     _log(methods, row)
     lost = [f"{m} failed: {c['failed']}" for m, c in methods.items() if c["failed"]]
     known = [f"{m} {c['rmse']:.3g}" for m, c in methods.items() if c["rmse"] is not None]
-    told = found["problem"] or ", ".join([*known, *lost])
-    CONSOLE.print(f"{row}  {told}  {seconds:.0f} s", markup=False, soft_wrap=True)
+    text = found["problem"] or ", ".join([*known, *lost])
+    CONSOLE.print(f"{row}  {text}  {seconds:.0f} s", markup=False, soft_wrap=True)
 
 
-def _log(found: dict[str, Compared], row: Row) -> None:
-    """Log every method's scores to the row's nested run."""
+def _log(found: dict[str, MethodScore], row: Row) -> None:
+    """Log the scores of all methods to the nested run of the row."""
     root, experiment = row.store
     scores = {
         f"{key}/{method}": float(value)

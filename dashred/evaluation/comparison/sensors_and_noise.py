@@ -1,4 +1,4 @@
-"""How much few sensors and much noise cost: a table a system, as the paper varies p and q."""
+"""Tables of scores by number of sensors and noise, for systems in which the sensors were varied."""
 
 from __future__ import annotations
 
@@ -15,23 +15,25 @@ LAYOUT = ("p, read by SHRED", "q, further ones")
 
 
 def sensors_and_noise(rows: Sequence[ComparedRow]) -> Iterator[Grid]:
-    """Yield the table of every system whose sensors were varied."""
+    """Yield a table for each system in which the number of sensors was varied."""
     varied = [r for r in rows if (r.record["sensors"], r.record["extra"]) != (None, None)]
     for system in dict.fromkeys(row.record["system"] for row in varied):
-        mine = [row for row in varied if row.record["system"] == system]
-        noises = list(dict.fromkeys(row.record["noise"] for row in mine))
+        chosen = [row for row in varied if row.record["system"] == system]
+        noises = list(dict.fromkeys(row.record["noise"] for row in chosen))
         lines = []
-        layouts = [(_layout(row), row) for row in mine]
-        for layout in sorted({layout for layout, _ in layouts}, key=_by_numbers):
-            alike = [row for one, row in layouts if one == layout]
-            cells = [_cell([r for r in alike if r.record["noise"] == noise]) for noise in noises]
+        layouts = [(_layout(row), row) for row in chosen]
+        for layout in sorted({layout for layout, _ in layouts}, key=_layout_key):
+            same_layout = [row for other, row in layouts if other == layout]
+            cells = [
+                _cell([r for r in same_layout if r.record["noise"] == noise]) for noise in noises
+            ]
             lines.append([*layout, *cells])
         header = [*LAYOUT, *(f"{100 * noise:g} % noise" for noise in noises)]
         yield Grid(f"{system}: sensors and noise", header, lines)
 
 
 def _layout(row: ComparedRow) -> tuple[str, str]:
-    """Return p and q as the analysis split its sensors; of a row without findings as was asked."""
+    """Return p and q of the split of the analysis, or as requested if there are no findings."""
     findings = row.folder / "findings.json"
     if findings.is_file():
         splits = json.loads(findings.read_text(encoding="utf-8"))["input"]["splits"]
@@ -41,16 +43,16 @@ def _layout(row: ComparedRow) -> tuple[str, str]:
     return str(sensors - extra) if known else "own", "own" if extra is None else str(extra)
 
 
-def _by_numbers(layout: tuple[str, str]) -> tuple[int, ...]:
+def _layout_key(layout: tuple[str, str]) -> tuple[int, ...]:
     return tuple(int(n) if n.isdigit() else -1 for n in layout)
 
 
 def _cell(rows: Sequence[ComparedRow]) -> str:
-    """Return how many verdicts are right, how many wrong ones are not flagged, and RMSE ratios."""
+    """Return the numbers of right and of wrong unflagged verdicts, and the RMSE ratios."""
     if not rows:
         return ""
     claims = count_claims(rows)
-    parts = [f"right {claims.exact + claims.told} of {len(rows)}"]
+    parts = [f"right {claims.exact + claims.right} of {len(rows)}"]
     parts += [f"listed {claims.listed}"] if claims.listed else []
     parts += [f"wrong and unflagged {claims.wrong_unflagged}"] if claims.wrong_unflagged else []
     parts += [f"failed {claims.failed}"] if claims.failed else []
@@ -65,7 +67,7 @@ def _cell(rows: Sequence[ComparedRow]) -> str:
 
 
 def ratio_text(ratio: FieldRatio | None) -> str:
-    """Return a median ratio, and how many rows the method has lost."""
+    """Return the median ratio and the number of lost rows."""
     if ratio is None:
         return ""
     known = ratio.median is not None and math.isfinite(ratio.median)
@@ -73,5 +75,5 @@ def ratio_text(ratio: FieldRatio | None) -> str:
 
 
 def lost_text(ratio: FieldRatio) -> list[str]:
-    """Return how many rows the method has lost; nothing where it has none."""
+    """Return the number of lost rows; empty if there are none."""
     return [f"(lost {ratio.lost} of {ratio.rows})"] if ratio.lost else []

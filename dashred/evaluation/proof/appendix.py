@@ -1,4 +1,4 @@
-"""The appendix: a real pendulum, analysed as the cases are; of its truth nobody knows more."""
+"""The appendix: the analysis of a real pendulum, whose truth is unknown."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dashred.core.errors import DONE, InputError
 from dashred.core.findings.findings import check_freeze
 from dashred.core.templates import render
 from dashred.evaluation.proof.isolation import LIMIT, isolated_copy, worker
-from dashred.evaluation.twins.kept_findings import read_findings
+from dashred.evaluation.twins.findings_reader import read_findings
 from dashred.pipeline.run.output_dir import make_output
 from dashred.reporting.text.verdict import verdict_lines
 
@@ -17,7 +17,7 @@ FOLDER = "real-pendulum"
 
 
 def analyse_pendulum(recording: Path, output: Path) -> str:
-    """Analyse the recording, or read what is there of it already; returns the appendix.
+    """Analyse the recording, or read its existing findings; return the appendix.
 
     Raises:
         InputError: the recording cannot be analysed.
@@ -27,11 +27,11 @@ def analyse_pendulum(recording: Path, output: Path) -> str:
         with tempfile.TemporaryDirectory(prefix="dashred-worker-") as copy:
             words = ["conf=pendulum", f"recording.path={recording}", f"output={folder}"]
             words += [f"tracking.root={output / 'mlruns'}", "tracking.experiment=proof"]
-            with worker(isolated_copy(Path(copy))) as mine:
-                code, _ = mine.analyse(words, folder / "log.txt", LIMIT)
+            with worker(isolated_copy(Path(copy))) as process:
+                code, _ = process.analyse(words, folder / "log.txt", LIMIT)
         if code != DONE:
             raise InputError(
-                "the pendulum's recording could not be analysed",
+                "the recording of the pendulum could not be analysed",
                 where=str(recording),
                 hint=f"see {folder / 'log.txt'}",
             )
@@ -44,14 +44,14 @@ def _appendix(folder: Path) -> str:
     fit = findings["fit"]
     return render(
         "evaluation/proof/templates/appendix.md.j2",
-        told="\n".join(verdict_lines(findings)),
-        restarted=_compared(fit["heldout_restarted"]),
-        whole=_compared(fit["heldout_time"]),
+        verdict="\n".join(verdict_lines(findings)),
+        restarted=_compare_errors(fit["heldout_restarted"]),
+        free_run=_compare_errors(fit["heldout_time"]),
     )
 
 
-def _compared(errors: dict[str, float | None]) -> str:
+def _compare_errors(errors: dict[str, float | None]) -> str:
     before, after = errors["simulation_refit"], errors["corrected"]
     if before is None or after is None:
         return "unknown"
-    return f"{before:.3g} without the law, {after:.3g} with it ({before / after:.2g} times nearer)"
+    return f"{before:.3g} without the law, {after:.3g} with it ({before / after:.2g} times smaller)"

@@ -1,4 +1,4 @@
-"""The words of the proof's command line."""
+"""Arguments of the proof command."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from dashred.config.bundled_systems import check_checkout, results_root
 from dashred.core.argument_types import read_absolute, whole
 from dashred.core.arguments import PLACE, Command, pairs, word
 from dashred.core.errors import InputError
-from dashred.evaluation.proof.cases.kept_draw import read_draw
+from dashred.evaluation.proof.cases.draw_file import read_draw
 from dashred.evaluation.proof.isolation import CHECKOUT
 from dashred.evaluation.proof.request import Request
 
-OF_A_DRAW = ("cases", "nulls", "jobs", "output", "draw")
-MOST = 100_000
+DRAW_KEYS = ("cases", "nulls", "jobs", "output", "draw")
+MAX_COUNT = 100_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,19 +24,19 @@ class Words:
     """The words of the command."""
 
     cases: int = word(
-        whole(at_most=MOST),
+        whole(at_most=MAX_COUNT),
         "120",
         "how many cases hide something (or, some of them, nothing)",
         default="12",
     )
     nulls: int = word(
-        whole(at_most=MOST),
+        whole(at_most=MAX_COUNT),
         "100",
         "how many more hide nothing, a third of them with other troubles",
         default="0",
     )
     jobs: int = word(
-        whole(at_least=1, at_most=MOST), "2", "cases at once, each on one core", default="1"
+        whole(at_least=1, at_most=MAX_COUNT), "2", "cases at once, each on one core", default="1"
     )
     output: Path | None = word(
         read_absolute,
@@ -95,9 +95,9 @@ def read_words(argv: list[str]) -> Request:
     words = COMMAND.read(argv)
     check_checkout("the proof is run")
     if words.pendulum is not None and not words.pendulum.is_file():
-        raise InputError("there is no such recording", where=str(words.pendulum))
+        raise InputError("this recording does not exist", where=str(words.pendulum))
     if words.score is not None:
-        return _again(words, words.score, argv)
+        return _read_rescore(words, words.score, argv)
     draw = words.draw or commit_under_test()
     folder = re.sub(r"[^\w.-]", "_", draw)[:12]
     output = words.output or results_root() / "proof" / folder
@@ -113,11 +113,11 @@ def read_words(argv: list[str]) -> Request:
     )
 
 
-def _again(words: Words, output: Path, argv: list[str]) -> Request:
-    """Return what scores a kept draw again."""
-    if excess := [key for key, _ in pairs(argv) if key in OF_A_DRAW]:
-        hint = "the draw itself says how it was made"
-        raise InputError(f"score= goes without {excess[0]}=", where=PLACE, hint=hint)
+def _read_rescore(words: Words, output: Path, argv: list[str]) -> Request:
+    """Return the request that rescores an existing draw."""
+    if excess := [key for key, _ in pairs(argv) if key in DRAW_KEYS]:
+        hint = "the draw already determines it"
+        raise InputError(f"score= cannot be combined with {excess[0]}=", where=PLACE, hint=hint)
     return Request(
         **read_draw(output),
         output=output,
@@ -131,7 +131,7 @@ def commit_under_test() -> str:
     """Return the hash of the commit that is checked out.
 
     Raises:
-        InputError: there is none, or the files are not those of the commit.
+        InputError: there is no commit, or files have changed since.
     """
     hint = "commit first, or practise with draw=TEXT"
     try:
@@ -142,10 +142,10 @@ def commit_under_test() -> str:
             for command in (["git", "rev-parse", "HEAD"], ["git", "status", "--porcelain", "-uno"])
         )
     except (OSError, subprocess.SubprocessError):
-        raise InputError("this is no git checkout", where=str(CHECKOUT), hint=hint) from None
+        raise InputError("this is not a git checkout", where=str(CHECKOUT), hint=hint) from None
     if changes:
         raise InputError(
-            "files differ from the commit whose hash would draw the cases",
+            "files differ from the commit whose hash would seed the draw",
             where=str(CHECKOUT),
             hint=hint,
         )

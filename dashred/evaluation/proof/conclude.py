@@ -1,4 +1,4 @@
-"""The end of a proof: its document, its figures, and all records in one file."""
+"""Write the document, the figures and the records of a proof."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dashred.core.findings.findings import write_json_atomic
 from dashred.core.progress import CONSOLE
 from dashred.evaluation.proof.appendix import analyse_pendulum
+from dashred.evaluation.proof.cases.case_store import StoredCase
 from dashred.evaluation.proof.cases.draw import seed_of
-from dashred.evaluation.proof.cases.kept_case import Kept
 from dashred.evaluation.proof.document import write_document
 from dashred.evaluation.proof.figures import save_figures
 from dashred.evaluation.proof.protocol import ProtocolFacts
@@ -17,18 +17,18 @@ from dashred.evaluation.proof.scoring.targets import TARGETS
 from dashred.pipeline.run.output_dir import make_output
 
 
-def conclude(request: Request, kept: Sequence[Kept]) -> None:
-    """Write the document, and print the targets."""
-    records = [one.record for one in kept]
+def conclude(request: Request, stored: Sequence[StoredCase]) -> None:
+    """Write the document and print the targets."""
+    records = [case.record for case in stored]
     facts = ProtocolFacts(
         commit=None if request.practice else request.draw,
         draw=request.draw,
         seed=seed_of(request.draw),
         cases=request.cases,
         nulls=request.nulls,
-        hours=sum(one.wall for one in kept) / 3600 / request.jobs,
+        hours=sum(case.wall for case in stored) / 3600 / request.jobs,
         processes=request.jobs,
-        drawn_again=sum(one.draws - 1 for one in kept),
+        drawn_again=sum(case.draws - 1 for case in stored),
         scored_by=request.scored_by,
     )
     write_json_atomic(request.output / "records.json", {"records": records})

@@ -1,4 +1,4 @@
-"""The figures of the proof: scores by class, stated probabilities, intervals, and gains."""
+"""Figures of the proof: scores by kind, stated probabilities, intervals and gains."""
 
 from __future__ import annotations
 
@@ -31,23 +31,23 @@ from dashred.reporting.figures.style import (
 )
 
 BINS = (0.0, 0.5, 0.7, 0.9, 0.98, 1.0)
-# What a count that is written upright takes.
-ROOM = 0.15
+# Height of a vertical count label, in units of the axis.
+LABEL_HEIGHT = 0.15
 WINDOWS: dict[str | None, tuple[str, str]] = {
     None: ("everywhere", BLUE),
     "box": ("in a region", VERMILION),
     "gate": ("gated by the state", GREEN),
     "onset": ("from an onset on", PURPLE),
 }
-COVERING = (0.90, 0.98)  # of 95 % intervals
+COVERAGE_TARGET = (0.90, 0.98)  # of 95 % intervals
 GAINS: dict[Gain, tuple[str, str, float]] = {
     "test_sensors": ("test sensors", BLUE, 5.0),
     "forecast": ("forecast", ORANGE, 10.0),
 }
 
 
-class Stated(NamedTuple):
-    """Cases whose leading cause was stated with a probability in one bin."""
+class ReliabilityBin(NamedTuple):
+    """Cases with the stated probability of the leading cause in one bin."""
 
     low: float
     high: float
@@ -55,8 +55,8 @@ class Stated(NamedTuple):
     right: Rate
 
 
-def reliability(records: Records) -> list[Stated]:
-    """Return, by stated probability of the leading cause, how often it is of the true kind."""
+def reliability(records: Records) -> list[ReliabilityBin]:
+    """Return how often the leading cause has the true kind, binned by its stated probability."""
     pairs = [
         (record["probability"], right)
         for record in cases(records)
@@ -67,23 +67,23 @@ def reliability(records: Records) -> list[Stated]:
         inside = [(p, right) for p, right in pairs if low < p <= high]
         if inside:
             mean = sum(p for p, _ in inside) / len(inside)
-            binned.append(Stated(low, high, mean, Rate.of(right for _, right in inside)))
+            binned.append(ReliabilityBin(low, high, mean, Rate.of(right for _, right in inside)))
     return binned
 
 
 def scores_figure(records: Records) -> Figure:
-    """Draw the share of right verdicts by class, with Wilson's intervals, and what was listed."""
+    """Draw the share of right and of listed verdicts by kind, with Wilson intervals."""
     rows = {"all cases": cases(records)}
     rows |= {name: of_kind(records, kind) for kind, name in KINDS.items()}
-    rows |= {"nulls, apart": nulls(records)}
+    rows |= {"nulls, separately": nulls(records)}
     rows = {name: chosen for name, chosen in rows.items() if chosen}
-    labels: tuple[str | None, str | None] = ("ambiguous, the truth listed", "right, 95 % interval")
+    labels: tuple[str | None, str | None] = ("ambiguous, truth listed", "right, 95 % interval")
     with style():
         figure = new_figure(6.8, 1.4 + 0.32 * len(rows))
         axes = figure.subplots()
         for row, (name, chosen) in enumerate(rows.items()):
             right, listed = (Rate.of(r[key] for r in chosen) for key in ("right", "listed"))
-            colour = GREEN if name == "nulls, apart" else BLUE
+            colour = GREEN if name == "nulls, separately" else BLUE
             axes.barh(row, listed.share, height=0.6, color=LIGHT, zorder=2, label=labels[0])
             axes.barh(row, right.share, height=0.6, color=colour, zorder=3, label=labels[1])
             labels = (None, None)
@@ -96,7 +96,7 @@ def scores_figure(records: Records) -> Figure:
 
 
 def reliability_figure(records: Records) -> Figure:
-    """Draw how often the leading cause is of the true kind against the probability stated."""
+    """Draw how often the leading cause has the true kind against its stated probability."""
     with style():
         figure = new_figure(4.6, 4.4)
         axes = figure.subplots()
@@ -106,8 +106,8 @@ def reliability_figure(records: Records) -> Figure:
             _whisker(axes, stated.mean, stated.right, horizontal=False)
             axes.plot(stated.mean, share, "o", color=BLUE, zorder=5)
             count = f"{stated.right.successes}/{stated.right.n}"
-            # Below its whisker, upright: near 1 the points stand close together.
-            foot = max(stated.right.low, ROOM) - 0.01
+            # Vertical labels below the whiskers, because points near 1 are close together.
+            foot = max(stated.right.low, LABEL_HEIGHT) - 0.01
             axes.text(stated.mean, foot, count, ha="center", va="top", fontsize=8, rotation=90)
         axes.set(xlim=(0, 1.02), ylim=(0, 1.03), aspect="equal")
         axes.set(xlabel="stated probability of the leading cause", ylabel="share of the true kind")
@@ -116,9 +116,9 @@ def reliability_figure(records: Records) -> Figure:
 
 
 def coverage_figure(records: Records) -> Figure:
-    """Draw how many intervals cover the true coefficient against how many should, at any level.
+    """Draw the actual against the nominal coverage of the intervals.
 
-    At each level the band holds the curve of 19 in 20 sets of intervals that are right.
+    At each level the band contains 95 % of the curves of correct intervals.
     """
     from scipy.stats import binom, halfnorm
 
@@ -128,8 +128,8 @@ def coverage_figure(records: Records) -> Figure:
         axes = figure.subplots()
         axes.plot([0, 1], [0, 1], color=GREY, linewidth=1, linestyle=":")
         for window, (name, colour) in WINDOWS.items():
-            mine = [found for found in coefficients(records) if found["window"] == window]
-            z = np.sort([abs(value) for found in mine if (value := deviation(found)) is not None])
+            chosen = [found for found in coefficients(records) if found["window"] == window]
+            z = np.sort([abs(value) for found in chosen if (value := deviation(found)) is not None])
             if not z.size:
                 continue
             if window is None:
@@ -138,15 +138,15 @@ def coverage_figure(records: Records) -> Figure:
             x = np.concatenate([[0.0], halfnorm.cdf(z), [1.0]])
             y = np.concatenate([[0.0], np.arange(1, z.size + 1) / z.size, [1.0]])
             axes.step(x, y, where="post", color=colour, label=f"{name}: {z.size}")
-        axes.plot([0.95, 0.95], COVERING, color=BLACK, linewidth=3, solid_capstyle="butt")
+        axes.plot([0.95, 0.95], COVERAGE_TARGET, color=BLACK, linewidth=3, solid_capstyle="butt")
         axes.set(xlim=(0, 1.01), ylim=(0, 1.02), aspect="equal")
-        axes.set(xlabel="share that intervals should cover", ylabel="share that they cover")
+        axes.set(xlabel="nominal coverage", ylabel="actual coverage")
         _legend_above(figure, axes)
     return figure
 
 
 def gains_figure(records: Records) -> Figure:
-    """Draw by how much the error shrinks in each case with a law; ticks are the medians."""
+    """Draw the error reduction of each case with a law; ticks are medians."""
     shown = [kind for kind in KINDS if any(r["gains"] for r in of_kind(records, kind))]
     with style():
         figure = new_figure(6.8, 1.6 + 0.45 * len(shown))
@@ -162,39 +162,41 @@ def gains_figure(records: Records) -> Figure:
             _scatter(axes, middles, "|", color=BLACK, markersize=11, markeredgewidth=1.8)
         _name_rows(axes, [KINDS[kind] for kind in shown])
         axes.xaxis.set_major_formatter("{x:g}")
-        axes.set(xlabel="error of the simulation with its own best start / of the corrected one")
+        axes.set(
+            xlabel="error of the simulation from its fitted start / error of the corrected one"
+        )
         _legend_above(figure, axes)
     return figure
 
 
-class Drawing(NamedTuple):
-    """A figure of the document: how it is drawn, and what is said below it."""
+class FigureSpec(NamedTuple):
+    """A figure of the document: its function and its caption."""
 
     draw: Callable[[Records], Figure]
     caption: str
 
 
 FIGURES = {
-    "proof_scores.png": Drawing(scores_figure, "Verdicts by class of what was hidden."),
-    "proof_reliability.png": Drawing(
+    "proof_scores.png": FigureSpec(scores_figure, "Verdicts by kind of hidden effect."),
+    "proof_reliability.png": FigureSpec(
         reliability_figure,
-        "How often the leading cause is of the true kind, against the probability stated for it.",
+        "How often the leading cause has the true kind, against its stated probability.",
     ),
-    "proof_coverage.png": Drawing(
+    "proof_coverage.png": FigureSpec(
         coverage_figure,
-        "How many intervals cover the true coefficient, at any level; grey: where 19 of 20 curves "
-        "of right intervals lie, for the terms that act everywhere; black: the target.",
+        "Actual against nominal coverage of the intervals; grey: 95 % band of correct intervals, "
+        "for terms that act everywhere; black: the target.",
     ),
-    "proof_gains.png": Drawing(
+    "proof_gains.png": FigureSpec(
         gains_figure,
-        "By how much the error shrinks against the truth without noise, compared with the "
-        "simulation with its own best start; a dot a case, ticks: medians, dashed: targets.",
+        "Reduction of the error against the noise-free truth, compared with the simulation from "
+        "its fitted start; dots: cases, ticks: medians, dashed: targets.",
     ),
 }
 
 
 def save_figures(records: Sequence[CaseRecord], folder: Path) -> None:
-    """Draw all figures of the document into a folder."""
+    """Save all figures of the document in a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, drawing in FIGURES.items():
         save_figure(drawing.draw(records), folder / name)
@@ -210,7 +212,7 @@ def _scatter(axes: Axes, points: Sequence[tuple[Any, float]], mark: str, **look:
 
 
 def _whisker(axes: Axes, at: float, rate: Rate, *, horizontal: bool) -> None:
-    """Draw Wilson's interval about a share."""
+    """Draw the Wilson interval of a share."""
     ends, place = [rate.low, rate.high], [at, at]
     across, up = (ends, place) if horizontal else (place, ends)
     axes.plot(across, up, color=BLACK if horizontal else SKY, linewidth=1.2, zorder=4)

@@ -1,8 +1,8 @@
-"""Analyses that cannot reach a truth.
+"""Run analyses in processes that cannot access a truth.
 
-Each worker is a process of its own, in a copy of the package without ``evaluation`` and without the
-twins. It gets a recording in a folder that holds nothing else, a seed, and no name. While it works,
-the truth of its case is on no disk.
+Each worker runs in a copy of the package without ``evaluation`` and without the twins. It gets a
+recording in a folder with nothing else, and a seed. While it runs, the truth of its case is not on
+disk.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from threading import Timer
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 PACKAGES = ("dashred", "datamodules", "callbacks")
-# Seconds after which an analysis is ended.
+# Time limit of an analysis in seconds.
 LIMIT = 3600.0
-# The environment variables that a worker gets.
+# Environment variables that a worker inherits.
 ENVIRONMENT = ("PATH", "HOME", "LANG", "TMPDIR", "MPLCONFIGDIR")
 
 
 class WorkerLostError(Exception):
-    """A worker's process has ended unexpectedly."""
+    """The process of a worker has ended unexpectedly."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,10 +38,10 @@ class Worker:
     process: subprocess.Popen[str]
 
     def analyse(self, words: Sequence[str], log: Path, limit: float) -> tuple[int, float]:
-        """Return the exit code of one analysis, and the CPU seconds that it took.
+        """Return the exit code and the CPU seconds of one analysis.
 
         Raises:
-            WorkerLostError: the process died of it, or took longer than so many seconds.
+            WorkerLostError: the process died or exceeded the time limit in seconds.
         """
         assert self.process.stdin is not None and self.process.stdout is not None
         watch = Timer(limit, self.process.kill)
@@ -57,10 +57,10 @@ class Worker:
         return int(answer["code"]), float(answer["cpu_seconds"])
 
 
-def python(copy: Path) -> tuple[list[str], dict[str, str]]:
-    """Return the command and the environment in which Python imports from a copy only.
+def isolated_python(copy: Path) -> tuple[list[str], dict[str, str]]:
+    """Return the command and environment of a Python that imports only from a copy.
 
-    Without ``site``, an editable installation, which leads to the checkout, is not found.
+    Without ``site``, an editable installation of the checkout is not found.
     """
     known = {name: os.environ[name] for name in ENVIRONMENT if name in os.environ}
     paths = dict.fromkeys((str(copy), get_path("purelib"), get_path("platlib")))
@@ -81,8 +81,8 @@ def isolated_copy(to: Path) -> Path:
 
 @contextmanager
 def worker(copy: Path) -> Iterator[Worker]:
-    """Start a worker in an isolated copy; it is ended with the block."""
-    command, environment = python(copy)
+    """Start a worker in an isolated copy; terminate it at the end of the block."""
+    command, environment = isolated_python(copy)
     process = subprocess.Popen(
         [*command, "-m", "dashred.pipeline.worker"],
         cwd=copy,
@@ -90,13 +90,13 @@ def worker(copy: Path) -> Iterator[Worker]:
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
-        # Its own group: Ctrl-C reaches it through us alone.
+        # In its own session, so that Ctrl-C reaches it only through this process.
         start_new_session=True,
     )
     try:
         yield Worker(process)
     finally:
         process.kill()
-        # The worker may have died before it read its last line.
+        # The worker may have died before it read its last input.
         with suppress(BrokenPipeError), process:
             pass

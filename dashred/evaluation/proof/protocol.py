@@ -1,28 +1,28 @@
-"""What a proof does, as its page says it."""
+"""Facts of the protocol section of the document."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dashred.evaluation.proof.cases.identifiability import CLEAR
+from dashred.evaluation.proof.cases.identifiability import CLEAR_MARGIN
 from dashred.evaluation.proof.cases.oracle import DECIDABLE
 from dashred.evaluation.proof.cases.systems import SYSTEMS
 
 
 @dataclass(frozen=True)
 class ProtocolFacts:
-    """How this draw came to be: what no case's record knows.
+    """Facts about a draw that the records of its cases do not contain.
 
     Attributes:
-        commit: hash of the code under test; None of a draw for practice.
-        draw: what the seed of the draw was made of.
-        seed: of the draw.
-        cases: how many were drawn.
-        nulls: how many were drawn apart.
-        hours: that all took, on the clock.
-        processes: that ran side by side.
-        drawn_again: how many cases gave way to others, whose law can be foreseen to be told.
-        scored_by: commit that scored the draw again; None where it was scored as it was analysed.
+        commit: hash of the code under test; None for a practice draw.
+        draw: text from which the seed is derived.
+        seed: seed of the draw.
+        cases: number of cases.
+        nulls: number of nulls.
+        hours: wall-clock hours.
+        processes: number of parallel processes.
+        drawn_again: number of redraws.
+        scored_by: commit that rescored the draw; None if it has not been rescored.
     """
 
     commit: str | None
@@ -37,13 +37,18 @@ class ProtocolFacts:
 
 
 def protocol(facts: ProtocolFacts, finished: int) -> dict[str, object]:
-    """Return what the protocol of one draw says, of whose cases so many are finished."""
+    """Return the values of the protocol template.
+
+    Args:
+        facts: facts about the draw.
+        finished: number of finished cases.
+    """
     return {
         "facts": facts,
         "finished": finished,
         "effects": _effects(),
         "noises": _noises(),
-        "clear": f"{CLEAR:g}",
+        "clear": f"{CLEAR_MARGIN:g}",
         "decidable": f"{DECIDABLE:g}",
     }
 
@@ -51,18 +56,18 @@ def protocol(facts: ProtocolFacts, finished: int) -> dict[str, object]:
 def _noises() -> str:
     """Return the ranges of noise by system."""
     return ", ".join(
-        f"`{proved.name}` {100 * low:g} to {100 * high:g} %"
-        for proved in SYSTEMS.values()
-        for low, high in [proved.noise]
+        f"`{proof_system.name}` {100 * low:g} to {100 * high:g} %"
+        for proof_system in SYSTEMS.values()
+        for low, high in [proof_system.noise]
     )
 
 
 def _effects() -> str:
     """Return the ranges of effects by system."""
     ranges = [
-        f"{low:g} to {high:g} (`{proved.name}`)"
-        for proved in SYSTEMS.values()
-        if proved.share is None
-        for low, high in [proved.effect]
+        f"{low:g} to {high:g} (`{proof_system.name}`)"
+        for proof_system in SYSTEMS.values()
+        if proof_system.share is None
+        for low, high in [proof_system.effect]
     ]
     return " or ".join(ranges)

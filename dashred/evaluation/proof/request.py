@@ -1,4 +1,4 @@
-"""What one command of the proof asks for."""
+"""The settings of one proof command."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Request:
-    """What one command asks for.
+    """Settings of one command.
 
     Attributes:
-        cases: how many that hide something.
-        nulls: how many more that do not.
-        jobs: cases at once.
+        cases: number of cases.
+        nulls: number of nulls.
+        jobs: number of parallel analyses.
         output: folder of the cases.
-        document: file of the result.
-        pendulum: a real recording; None for no appendix.
-        draw: what the seed of the draw is made of.
-        practice: whether that is another text than the commit's hash.
-        scored_by: commit that scores a kept draw again; None of one that is to be analysed.
+        document: path of the document.
+        pendulum: recording of a real pendulum; None for no appendix.
+        draw: text from which the seed is derived.
+        practice: whether the text is not the hash of the commit.
+        scored_by: commit that rescores an existing draw; None for a new draw.
     """
 
     cases: int

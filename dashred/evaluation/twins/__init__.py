@@ -1,1 +1,1 @@
-"""Twin experiments: hidden truths, recorded and scored."""
+"""Twin experiments: record a hidden truth, analyse the recording, score the findings."""

@@ -1,35 +1,35 @@
-"""The laws that findings list when they are ambiguous: the best guess, and its rivals."""
+"""Candidate laws of ambiguous findings: the best law and its rivals."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-# So many explanations may be listed for the truth to count as listed.
-LISTED = 3
+# Number of explanations among which the truth counts as listed.
+MAX_LISTED = 3
 
 
 def listed_laws(findings: Mapping[str, Any]) -> list[list[dict[str, Any]]]:
-    """Return the first three laws, each as findings hold the best one's terms."""
-    rivals = [a["terms"] for a in findings["alternatives"] or [] if a["rival"]][: LISTED - 1]
+    """Return up to three laws, each in the form in which findings hold the terms of the best."""
+    rivals = [a["terms"] for a in findings["alternatives"] or [] if a["rival"]][: MAX_LISTED - 1]
     known = findings["input"]["config"]["system"]["parameters"]
-    return [list(findings["terms"] or []), *(_as_found(rival, known) for rival in rivals)]
+    return [list(findings["terms"] or []), *(_in_findings_form(rival, known) for rival in rivals)]
 
 
-def _as_found(
+def _in_findings_form(
     terms: Sequence[Mapping[str, Any]], parameters: Mapping[str, float]
 ) -> list[dict[str, Any]]:
-    """Return an alternative's terms in the form of the best law's.
+    """Return the terms of an alternative in the form of the best law.
 
     Args:
-        terms: as alternatives have them.
-        parameters: values that the simulator has.
+        terms: terms of an alternative.
+        parameters: values of the simulator's parameters.
     """
-    found = []
+    entries = []
     for term in terms:
         entry = {**term, "region": [term["window"]] if term["window"] else None}
         if term["equation"] is None:
             name = term["term"]
             entry |= {"parameter": name, "to": parameters[name] + term["coefficient"]}
-        found.append(entry)
-    return found
+        entries.append(entry)
+    return entries

@@ -1,6 +1,6 @@
-"""How right the named cause is, and how well the place where a law acts was found.
+"""Scores of the named cause and of the region in which a law acts.
 
-Nothing here opens a seal: the scorer hands over the truth that it read.
+This module does not open a seal: the scorer passes the truth to it.
 """
 
 from __future__ import annotations
@@ -9,36 +9,36 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from dashred.evaluation.twins.scoring import TrueTerm, system_of
-from dashred.evaluation.twins.window_kinds import kind_found, kind_of
+from dashred.evaluation.twins.window_kinds import region_kind, window_kind
 
 
 class Hidden(Protocol):
-    """What else than a law was hidden; see :class:`dashred.evaluation.twins.sealing.Concealed`."""
+    """Hidden causes other than terms; see :class:`dashred.evaluation.twins.sealing.Concealed`."""
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """True values of parameters."""
+        """True values of the parameters that are misstated."""
 
     @property
     def faults(self) -> Sequence[Any]:
-        """Of sensors: ``sensor`` and ``kind``."""
+        """Sensor faults, each with a ``sensor`` and a ``kind``."""
 
     @property
     def spread(self) -> float:
-        """Of the start, in units of its prior's."""
+        """Spread of the initial state over that of its prior."""
 
 
 def score_cause(findings: Mapping[str, Any], law: bool, hidden: Hidden) -> bool | None:
-    """Return whether the verdict names what was hidden; of a fault, sensor and kind too.
+    """Return whether the verdict names a hidden cause; for a fault, also its sensor and kind.
 
-    Null without a verdict. Of several hidden causes any one is right.
+    None without a verdict. With several hidden causes, naming one of them is right.
     """
     verdict = findings.get("verdict")
     if verdict is None:
         return None
     if verdict == "sensor-fault":
-        told = findings["causes"][0]
-        return any(f.sensor == told["sensor"] and f.kind == told["fault"] for f in hidden.faults)
+        named = findings["causes"][0]
+        return any(f.sensor == named["sensor"] and f.kind == named["fault"] for f in hidden.faults)
     right = {
         "missing-term": law,
         "parameter": bool(hidden.parameters),
@@ -51,10 +51,10 @@ def score_cause(findings: Mapping[str, Any], law: bool, hidden: Hidden) -> bool 
 def score_region(
     findings: Mapping[str, Any], truth: Sequence[TrueTerm]
 ) -> dict[str, float | None] | None:
-    """Return how well the window was found; null where the truth has none.
+    """Return the errors of the window that was found; None if the truth has no window.
 
-    ``overlap`` of a box: intersection over union; ``onset`` and ``threshold``: how far off, in the
-    unit of time and of the field. All are null where no window of that kind was found.
+    ``overlap`` is the intersection over union of a box; ``onset`` and ``threshold`` are absolute
+    errors in units of time and of the field. All are None if no window of that kind was found.
     """
     windows = [t.window for t in truth if t.window is not None]
     if not windows:
@@ -62,7 +62,7 @@ def score_region(
     true = windows[0]
     score: dict[str, float | None] = {"overlap": None, "onset": None, "threshold": None}
     regions = [entry["region"] for entry in findings["terms"] or [] if entry.get("region")]
-    if not regions or kind_of(true) != kind_found(regions[0]):
+    if not regions or window_kind(true) != region_kind(regions[0]):
         return score
     [region] = regions[0]
     of, begin, end, _ = true

@@ -1,4 +1,4 @@
-"""The readings of faulty sensors, and autocorrelated noise."""
+"""Readings of faulty sensors, and autocorrelated noise."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from numpy.typing import NDArray
 
 from dashred.data.sensors import Sensor, SystemDescription
 
-# A sensor that spikes does so at every such part of the record.
-SPIKES = 7
+# Divisor of the record length that gives the interval between spikes, in samples.
+SPIKE_COUNT = 7
 
 
 class SensorFault(Protocol):
-    """What is wrong with a sensor; see :class:`dashred.evaluation.twins.sealing.SealedFault`."""
+    """A sensor fault; see :class:`dashred.evaluation.twins.sealing.SealedFault`."""
 
     @property
     def sensor(self) -> str:
-        """Its name."""
+        """Name of the sensor."""
 
     @property
     def kind(self) -> str:
@@ -29,19 +29,19 @@ class SensorFault(Protocol):
 
     @property
     def value(self) -> float:
-        """How much, how fast, from when on, or how far."""
+        """Size of a bias or spike, rate of a drift, time of getting stuck, or displacement."""
 
 
-def correlated(white: NDArray[np.float64], correlation: float) -> NDArray[np.float64]:
-    """Return noise of unit variance, ``e_t = ρ e_{t-1} + √(1-ρ²) η_t``, from white noise η."""
-    found = white.copy()
-    for i in range(1, len(found)):
-        found[i] = correlation * found[i - 1] + math.sqrt(1 - correlation**2) * white[i]
-    return found
+def autocorrelated_noise(white: NDArray[np.float64], correlation: float) -> NDArray[np.float64]:
+    """Return unit-variance AR(1) noise ``e_t = ρ e_{t-1} + √(1-ρ²) η_t`` from white noise η."""
+    noise = white.copy()
+    for i in range(1, len(noise)):
+        noise[i] = correlation * noise[i - 1] + math.sqrt(1 - correlation**2) * white[i]
+    return noise
 
 
-def moved(sensor: Sensor, faults: Iterable[SensorFault], system: SystemDescription) -> Sensor:
-    """Return the sensor where it really stands: along the first axis off its stated place."""
+def displaced(sensor: Sensor, faults: Iterable[SensorFault], system: SystemDescription) -> Sensor:
+    """Return the sensor at its true position, displaced along the first axis if it is misplaced."""
     for fault in faults:
         if fault.sensor == sensor.name and fault.kind == "misplaced":
             first, *rest = sensor.position
@@ -50,13 +50,13 @@ def moved(sensor: Sensor, faults: Iterable[SensorFault], system: SystemDescripti
     return sensor
 
 
-def reported(
+def faulty_readings(
     read: NDArray[np.float64],
     times: NDArray[np.float64],
     sensor: Sensor,
     faults: Iterable[SensorFault],
 ) -> NDArray[np.float64]:
-    """Return what a sensor reports of what it reads, ``(time,)``."""
+    """Return the readings of a sensor with its faults, ``(time,)``."""
     values = read.copy()
     for fault in faults:
         if fault.sensor != sensor.name:
@@ -69,5 +69,5 @@ def reported(
             begin = int(np.searchsorted(times, fault.value))
             values[begin:] = values[begin]
         elif fault.kind == "spikes":
-            values[len(values) // SPIKES :: len(values) // SPIKES] += fault.value
+            values[len(values) // SPIKE_COUNT :: len(values) // SPIKE_COUNT] += fault.value
     return values

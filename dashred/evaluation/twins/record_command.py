@@ -1,8 +1,8 @@
-"""Let a hidden truth make a recording: ``dashred record conf=rde twin=a output=DIR``.
+"""Record a twin experiment: ``dashred record conf=rde twin=a output=DIR``.
 
-Writes ``recording.nc`` (sensor values alone) and ``sealed.nc`` (the truth) into DIR. The truth
-runs at doubled resolution and half the step, from a start drawn from the prior; its random
-stream is keyed by the law itself, so that the analysis could not derive it if it tried.
+Writes ``recording.nc`` (sensor values only) and ``sealed.nc`` (the truth) into DIR. The truth runs
+at doubled resolution and half the step, from a start drawn from the prior. Its random stream is
+keyed by the law itself, so that the analysis cannot derive it.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def main(argv: list[str]) -> int:
 
 
 def record(config: Config, output: Path) -> None:
-    """Simulate the truth, read it with noisy sensors, seal it.
+    """Simulate the truth, observe it with noisy sensors, and seal it.
 
     Raises:
         InputError: as :func:`record_twin`.
@@ -68,8 +68,8 @@ def record_twin(config: Config) -> tuple[Recording, Truth, System]:
     torch.set_num_threads(1)
     use_threads(config.threads)
     twin = read_twin(config)
-    rng = np.random.default_rng(_key(twin, config.seed))
-    times = clock_of(config)
+    rng = np.random.default_rng(_random_key(twin, config.seed))
+    times = truth_times(config)
     system = System(config.system, config.where)
     inputs = drive_signals(system, config, times)
     system = with_inputs(system, inputs)
@@ -83,11 +83,11 @@ def record_twin(config: Config) -> tuple[Recording, Truth, System]:
     return recording, truth, system
 
 
-def _key(twin: Twin, seed: int) -> int:
+def _random_key(twin: Twin, seed: int) -> int:
     from dashred.evaluation.twins.sealing import Concealed
 
     plain = asdict(twin)
-    # What conceals no more than a law keeps the stream that it had before there was more.
+    # Twins that hide only a law keep the stream that they had before other causes could be hidden.
     for term in plain["terms"]:
         if term["window"] is None:
             del term["window"]

@@ -1,6 +1,6 @@
-"""How a hidden truth becomes a recording: its run at doubled resolution, and sensors that read it.
+"""Simulate a hidden truth at doubled resolution and observe it with noisy sensors.
 
-Every draw comes from a stream that the caller hands over: the analysis never receives it.
+All draws come from a random stream that the caller passes; the analysis never receives it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dashred.config import Config
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
 from dashred.data.sensor_layout import place_sensors
-from dashred.evaluation.twins.faulty_sensors import correlated, moved, reported
+from dashred.evaluation.twins.faulty_sensors import autocorrelated_noise, displaced, faulty_readings
 from dashred.inference.initial_state.start_models import ScaledStart
 from dashred.inference.results.corrected_system import with_parameters
 from dashred.physics.expressions.algebra import Expr, multiply
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from dashred.evaluation.twins.sealing import SealedTerm
     from dashred.evaluation.twins.twin_file import Twin
 
-# Truths run this many times as long as the recording, for forecasts.
-FORECAST = 1.5
+# Duration of the truth over that of the recording; the rest is for forecasts.
+DURATION_FACTOR = 1.5
 
 
 def simulate_truth(
@@ -46,15 +46,15 @@ def simulate_truth(
     rng: np.random.Generator,
     progress: Progress | None,
 ) -> Tensor:
-    """Return the truth ``(time, field, *grid)`` on the simulator's grid."""
-    lawful = with_law(system, twin)
+    """Return the true states ``(time, field, *grid)`` on the simulator's grid."""
+    lawful = true_system(system, twin)
     start = draw_start(system, lawful if twin.own_start else system, twin, config, rng)
     return run_truth(lawful, start, times, progress)
 
 
-def with_law(system: System, twin: Twin) -> System:
-    """Return the system as it really is."""
-    law = [(Term(t.equation, expression_of(system, t)), t.coefficient) for t in twin.terms]
+def true_system(system: System, twin: Twin) -> System:
+    """Return the simulator with the true parameters and terms."""
+    law = [(Term(t.equation, true_expression(system, t)), t.coefficient) for t in twin.terms]
     return with_parameters(system, twin.concealed.parameters).with_terms(law)
 
 
@@ -64,11 +64,11 @@ def draw_start(
     """Draw a start from the prior, on the doubled grid, ``(1, field, *grid)``.
 
     Args:
-        system: the simulator, whose nominal run gives the fields' sizes.
-        spun_up: whose established state the prior lies around.
-        twin: may start farther off than its prior says.
-        config: the recording's clock.
-        rng: the twin's own.
+        system: the simulator; its nominal run gives the rms of the fields.
+        spun_up: the system whose spun-up state is the mean of the prior.
+        twin: the twin; it may scale the spread of the prior.
+        config: configuration with the clock of the recording.
+        rng: random stream of the twin.
     """
     every, duration = config.recording.every, config.recording.duration
     assert every is not None
@@ -86,13 +86,13 @@ def draw_start(
 def run_truth(
     lawful: System, start: Tensor, times: Tensor, progress: Progress | None = None
 ) -> Tensor:
-    """Run the truth at doubled resolution; returns the simulator's points of it.
+    """Run the truth at doubled resolution; return it on the simulator's grid.
 
     Args:
-        lawful: the system as it really is.
-        start: on the doubled grid, ``(1, field, *grid)``.
+        lawful: the true system.
+        start: initial state on the doubled grid, ``(1, field, *grid)``.
         times: ``(time,)``.
-        progress: told the share done.
+        progress: callback that receives the completed share.
 
     Returns:
         ``(time, field, *grid)``.
@@ -103,18 +103,18 @@ def run_truth(
     truth = lawful.refined()
     path = simulate(truth, start, times, progress=progress)
     check_finite(path, times, truth)
-    return simulators_points(path[0]).contiguous()
+    return coarsen(path[0]).contiguous()
 
 
-def simulators_points(states: Tensor) -> Tensor:
-    """Return the simulator's points of states ``(any, field, *grid)`` at doubled resolution."""
+def coarsen(states: Tensor) -> Tensor:
+    """Return every second grid point of states ``(any, field, *grid)``."""
     for dim in range(2, states.dim()):
         states = states[(slice(None),) * dim + (slice(None, None, 2),)]
     return states
 
 
-def expression_of(system: System, term: SealedTerm) -> Expr:
-    """Return a true term with its window, in the equation language."""
+def true_expression(system: System, term: SealedTerm) -> Expr:
+    """Return the expression of a true term, multiplied by its window."""
     expression = system.parse(term.term, "recording.twin", equation=term.equation)
     if term.window is None:
         return expression
@@ -143,25 +143,25 @@ def observe(
     config: Config,
     rng: np.random.Generator,
 ) -> Recording:
-    """Read the truth at random places, with noise of a fraction of each quantity's std."""
+    """Observe the truth at random positions, with noise relative to the std of each quantity."""
     places, hidden = place_sensors(system, config, rng), twin.concealed
-    real = [moved(sensor, hidden.faults, system) for sensor in places]
-    clean = ObservationOperator(real, system)(states).numpy()
+    true_sensors = [displaced(sensor, hidden.faults, system) for sensor in places]
+    clean = ObservationOperator(true_sensors, system)(states).numpy()
     noisy, sensors = np.empty_like(clean), []
     for column, sensor in enumerate(places):
-        whole = system.evaluate(sensor.reads, states)
-        std = config.recording.noise * float(whole.std())
-        noise = std * correlated(rng.standard_normal(len(times)), hidden.correlation)
+        quantity = system.evaluate(sensor.reads, states)
+        std = config.recording.noise * float(quantity.std())
+        noise = std * autocorrelated_noise(rng.standard_normal(len(times)), hidden.correlation)
         read = clean[:, column] + noise
-        noisy[:, column] = reported(read, times.numpy(), sensor, hidden.faults)
+        noisy[:, column] = faulty_readings(read, times.numpy(), sensor, hidden.faults)
         stated = std * twin.stated if std > 0 else None
         sensors.append(type(sensor)(sensor.name, sensor.reads, sensor.position, stated))
     return Recording(tuple(sensors), times.numpy(), noisy)
 
 
-def clock_of(config: Config) -> Tensor:
-    """Return the times of a recording's samples, and of as many as forecasts need, ``(time,)``."""
+def truth_times(config: Config) -> Tensor:
+    """Return the times of the recording and of the forecast after it, ``(time,)``."""
     every = config.recording.every
     assert every is not None
-    samples = round(FORECAST * config.recording.duration / every)
+    samples = round(DURATION_FACTOR * config.recording.duration / every)
     return torch.arange(samples + 1, dtype=torch.float64) * every

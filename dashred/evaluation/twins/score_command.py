@@ -1,7 +1,7 @@
 """Open the seal and score frozen findings: ``dashred score findings=DIR sealed=FILE``.
 
-The only code that can read a hidden truth. It refuses findings that are not frozen, or were
-touched since.
+This is the only command that reads a hidden truth. It refuses findings that are not frozen or have
+changed since.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from dashred.evaluation.twins.sealing import Truth
 
 REGIONS = {
-    "overlap": "The region found and the true one: intersection over union",
-    "onset": "Its onset is off by",
-    "threshold": "Its threshold is off by",
+    "overlap": "Intersection over union of the region found and the true one:",
+    "onset": "Error of the onset:",
+    "threshold": "Error of the threshold:",
 }
-# Clocks that differ by more than this are not the same, in the unit of time.
-CLOCK = 1e-9
+# Largest difference of equal times, in units of time.
+TIME_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,20 +49,20 @@ COMMAND = Command("dashred score", Words, "Compares frozen findings with the hid
 
 
 def main(argv: list[str]) -> int:
-    """Score one run; with ``root``, ``experiment`` and ``run``, log it to MLflow too."""
+    """Score one run; with ``root``, ``experiment`` and ``run``, also log the score to MLflow."""
     words = COMMAND.read(argv)
     output, run = words.findings, _run_of(words)
     check_freeze(output)
     score, truth, figures = score_findings(output, words.sealed)
     write_json_atomic(output / "score.json", score)
-    _print(score)
+    _print_score(score)
     if run is not None:
         _log(*run, score, truth, [output / "score.json", output / "recording.nc", *figures])
     return DONE
 
 
 def _run_of(words: Words) -> tuple[str, str, str] | None:
-    """Return the store, the experiment and the id of the run that gets the score, if there is one.
+    """Return the store, the experiment and the id of the run that gets the score; None without.
 
     Raises:
         InputError: one of them is missing.
@@ -71,19 +71,19 @@ def _run_of(words: Words) -> tuple[str, str, str] | None:
     if root is None and experiment is None and run is None:
         return None
     if root is None or experiment is None or run is None:
-        raise InputError("root=, experiment= and run= go together", where=PLACE)
+        raise InputError("root=, experiment= and run= must be given together", where=PLACE)
     return root, experiment, run
 
 
 def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth, list[Path]]:
-    """Compare the frozen findings with the truth; return ``score.json``, and what was drawn.
+    """Compare frozen findings with the truth; return the score, the truth and the figures.
 
     Raises:
-        InputError: the sealed file is no truth, or not that of these findings.
+        InputError: the file is not a sealed truth, or not that of these findings.
     """
     from dashred.core.findings.schema import Score
     from dashred.evaluation.twins.cause_scoring import score_cause, score_region
-    from dashred.evaluation.twins.kept_findings import read_findings
+    from dashred.evaluation.twins.findings_reader import read_findings
     from dashred.evaluation.twins.scoring import (
         FORECASTS,
         METHODS,
@@ -101,40 +101,44 @@ def score_findings(output: Path, sealed: Path) -> tuple[Score, Truth, list[Path]
     truth, fields = open_seal(sealed)
     hidden = truth.concealed
     exact, coefficient_error = score_law(findings, truth.terms, hidden.parameters)
-    known: dict[str, np.ndarray] = {}
+    field_errors: dict[str, np.ndarray] = {}
     figures: list[Path] = []
     if "estimates.nc" in frozen:
         estimates = load_fields(output / "estimates.nc")
-        real = true_states(estimates, truth, fields, sealed)
-        known = scaled_errors(estimates, real, fields)
-        errors = {method: rmse_by_time(error) for method, error in known.items()}
+        true = true_states(estimates, truth, fields, sealed)
+        field_errors = scaled_errors(estimates, true, fields)
+        errors = {method: rmse_by_time(error) for method, error in field_errors.items()}
         units = findings.get("units", {})
-        followed = _followed(findings)
-        figures = draw_truth(output, estimates, real, fields, errors, followed, units)
-    beyond: dict[str, np.ndarray] = {}
+        tracked = _tracked_front(findings)
+        figures = draw_truth(output, estimates, true, fields, errors, tracked, units)
+    forecast_errors: dict[str, np.ndarray] = {}
     if "forecast.nc" in frozen:
         forecast = load_fields(output / "forecast.nc")
         if float(forecast["time"].min()) <= truth.duration:
             raise ValueError("forecast.nc reaches into the recording")
-        beyond = scaled_errors(forecast, true_states(forecast, truth, fields, sealed), fields)
+        forecast_errors = scaled_errors(
+            forecast, true_states(forecast, truth, fields, sealed), fields
+        )
     score = Score(
         exact_support=exact,
         coefficient_error=coefficient_error,
         region=score_region(findings, truth.terms),
         cause_right=score_cause(findings, bool(truth.terms), hidden),
-        field_rmse=dict.fromkeys(METHODS) | {m: rmse(error) for m, error in known.items()},
+        field_rmse=dict.fromkeys(METHODS) | {m: rmse(error) for m, error in field_errors.items()},
         field_rmse_by_field={
-            field: {m: rmse(error[:, i]) for m, error in known.items()}
+            field: {m: rmse(error[:, i]) for m, error in field_errors.items()}
             for i, field in enumerate(fields)
         },
-        forecast=with_deprecated({m: rmse(beyond[m]) if m in beyond else None for m in FORECASTS}),
+        forecast=with_deprecated(
+            {m: rmse(forecast_errors[m]) if m in forecast_errors else None for m in FORECASTS}
+        ),
         latent_rank=latent_ranks(findings, truth.terms),
     )
     return score, truth, figures
 
 
 def load_fields(path: Path) -> xr.Dataset:
-    """Read fields by the current names of the methods, dims ``(method, time, *axes)``."""
+    """Read fields by the current names of the methods, dimensions ``(method, time, *axes)``."""
     import xarray as xr
 
     with xr.open_dataset(path, engine="h5netcdf") as dataset:
@@ -149,55 +153,55 @@ def true_states(
     """Return the true states at the estimates' times, ``(time, field, *grid)``.
 
     Raises:
-        InputError: the truth is that of another recording or another system.
+        InputError: the truth belongs to another recording or another system.
     """
     import numpy as np
 
     times, clock = estimates["time"].values, truth.times.numpy()
-    at = np.minimum(np.searchsorted(clock, times - CLOCK), len(clock) - 1)
-    real: np.ndarray = truth.states.numpy()[at]
-    alike = set(fields) == set(estimates.data_vars) and real.shape[2:] == tuple(
+    at = np.minimum(np.searchsorted(clock, times - TIME_TOLERANCE), len(clock) - 1)
+    true: np.ndarray = truth.states.numpy()[at]
+    same_shape = set(fields) == set(estimates.data_vars) and true.shape[2:] == tuple(
         size for dim, size in estimates.sizes.items() if dim not in ("method", "time")
     )
-    if not alike or np.abs(clock[at] - times).max() > CLOCK:
+    if not same_shape or np.abs(clock[at] - times).max() > TIME_TOLERANCE:
         raise InputError(
-            "this is the truth of another recording or another system",
+            "this truth belongs to another recording or another system",
             where=str(sealed),
-            hint="give the sealed.nc that was written beside the recording",
+            hint="give the sealed.nc that was written with the recording",
         )
-    return real
+    return true
 
 
-def _followed(findings: Mapping[str, Any]) -> tuple[str, float] | None:
-    """Return the field with a front that is followed, and the length of its ring."""
+def _tracked_front(findings: Mapping[str, Any]) -> tuple[str, float] | None:
+    """Return the field whose front is tracked and the length of the periodic axis; None without."""
     from dashred.evaluation.twins.scoring import system_of
 
     front = findings["input"]["config"]["system"]["front"]
     return None if front is None else (front, system_of(findings).axes[0].length)
 
 
-def _print(score: Score) -> None:
-    print("\nThe seal is opened.", end=" ")
+def _print_score(score: Score) -> None:
+    print("\nThe seal has been opened.", end=" ")
     if score["exact_support"] is not None:
         error = score["coefficient_error"]
-        off = f", its coefficients within {error:.1%}".replace("%", " %") if error else ""
-        print(f"The law found is {'' if score['exact_support'] else 'not '}the true one{off}.")
+        within = f", with coefficients within {error:.1%}".replace("%", " %") if error else ""
+        print(f"The law found is {'' if score['exact_support'] else 'not '}the true law{within}.")
     if score["cause_right"] is not None:
-        print(f"The cause it names is {'' if score['cause_right'] else 'not '}the true one.")
+        print(f"The verdict {'names' if score['cause_right'] else 'does not name'} a true cause.")
     for name, value in (score["region"] or {}).items():
         if value is not None:
             print(f"{REGIONS[name]} {value:.3g}.")
-    known = {m: v for m, v in score["field_rmse"].items() if v is not None}
-    if not known:
-        print("There is no estimate of the field to compare with it.")
+    field_errors = {m: v for m, v in score["field_rmse"].items() if v is not None}
+    if not field_errors:
+        print("There is no estimate of the field to compare with the truth.")
     else:
-        print("Whole field against the hidden truth, RMSE in std:")
-    _print_errors(known)
+        print("Field RMSE against the hidden truth, in standard deviations:")
+    _print_errors(field_errors)
     forecast = current_names(score["forecast"])
-    beyond = {name: v for name, v in forecast.items() if v is not None}
-    if beyond:
-        print("Forecast beyond the recording, RMSE in std:")
-    _print_errors(beyond)
+    forecast_errors = {name: v for name, v in forecast.items() if v is not None}
+    if forecast_errors:
+        print("Forecast RMSE after the end of the recording, in standard deviations:")
+    _print_errors(forecast_errors)
     for name, ranks in score["latent_rank"].items():
         for term, rank in ranks.items():
             print(f"  {name}: true term {term} ranked {rank}")
@@ -210,7 +214,7 @@ def _print_errors(errors: dict[str, float]) -> None:
 
 
 def metrics(score: Score) -> dict[str, float]:
-    """Return the scores that are known, by their names in MLflow; exact support is 0 or 1."""
+    """Return the scores that are not null, by their MLflow name; exact support is 0 or 1."""
     found: dict[str, float | None] = {
         "exact_support": score["exact_support"],
         "coefficient_error": score["coefficient_error"],

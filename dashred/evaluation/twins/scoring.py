@@ -1,6 +1,6 @@
-"""How right findings are: the law against the true law, fields against the true fields.
+"""Scores of findings: the law against the true law, the fields against the true fields.
 
-Nothing here opens a seal: the scorer hands over the truth that it read.
+This module does not open a seal: the scorer passes the truth to it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from dashred import config as schema
-from dashred.evaluation.twins.window_kinds import TrueWindow, WindowKind, kind_found, kind_of
+from dashred.evaluation.twins.window_kinds import TrueWindow, WindowKind, region_kind, window_kind
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import Expr, Number
 from dashred.physics.system import System
@@ -30,7 +30,7 @@ METHODS = (
 FORECASTS = ("simulation_same_start", "simulation_refit", "corrected")
 
 Law = dict[tuple[str, Expr, WindowKind | None], float]
-"""Coefficient by equation, term, and kind of window, the term in normal form without its number."""
+"""Coefficient by equation, term and kind of window; the term is normalised, without its number."""
 
 
 class TrueTerm(Protocol):
@@ -46,11 +46,11 @@ class TrueTerm(Protocol):
 
     @property
     def coefficient(self) -> float:
-        """The number before it."""
+        """The coefficient of the term."""
 
     @property
     def window(self) -> TrueWindow | None:
-        """``(of, from, to, edge)`` where it acts; None everywhere."""
+        """``(of, from, to, edge)`` where the term acts; None if it acts everywhere."""
 
 
 def score_law(
@@ -58,18 +58,17 @@ def score_law(
     truth: Sequence[TrueTerm],
     parameters: Mapping[str, float] | None = None,
 ) -> tuple[bool | None, float | None]:
-    """Return whether the true terms were found and no others, and the worst relative error.
+    """Return whether the support is exact, and the largest relative error of the coefficients.
 
-    A parameter's new value counts as the terms that it adds to the simulator's equations: where
-    those are not exactly the true ones, the support is not exact. Nor is it for a term that acts
-    everywhere and was found in a region only, or the other way round; where a region's edges lie
-    is scored by itself. Both are null where no law was looked for; the error is null too where the
-    support is not exact.
+    A new value of a parameter counts as the terms that it adds to the simulator's equations. The
+    support is not exact if a term that acts everywhere was found in a region only, or the other way
+    round; the edges of a region are scored separately. Both values are None if no law was sought;
+    the error is None if the support is not exact.
 
     Args:
-        findings: what was found.
+        findings: content of ``findings.json``.
         truth: the true terms.
-        parameters: true values of those that the simulator has wrong.
+        parameters: true values of the misstated parameters.
     """
     if findings.get("terms") is None:
         return None, None
@@ -82,24 +81,24 @@ def score_law(
 def law_of_truth(
     findings: Mapping[str, Any], truth: Sequence[TrueTerm], parameters: Mapping[str, float]
 ) -> Law:
-    """Return the true law, in the terms of the simulator that the findings hold."""
+    """Return the true law, expressed in the simulator that the findings contain."""
     system = system_of(findings)
     terms = (
-        (t.equation, _expression(system, t.equation, t.term, t.coefficient), kind_of(t.window))
+        (t.equation, _expression(system, t.equation, t.term, t.coefficient), window_kind(t.window))
         for t in truth
     )
-    return _collect([*terms, *_changes(system, parameters)])
+    return _collect([*terms, *_parameter_changes(system, parameters)])
 
 
 def law_of_findings(findings: Mapping[str, Any]) -> Law:
-    """Return the law that was found; empty where none was looked for."""
+    """Return the law that was found; empty if none was sought."""
     return _collect(_found_terms(findings["terms"] or [], system_of(findings)))
 
 
 def scaled_errors(
     estimates: xr.Dataset, real: np.ndarray, fields: Sequence[str]
 ) -> dict[str, np.ndarray]:
-    """Return each method's error ``(time, field, *grid)``, in units of each true field's std."""
+    """Return the errors by method, ``(time, field, *grid)``, in std of each true field."""
     std = real.swapaxes(0, 1).reshape(len(fields), -1).std(axis=1)
     scale = np.where(std > 0, std, 1.0).reshape(-1, *(1,) * (real.ndim - 2))
     errors = {}
@@ -110,19 +109,19 @@ def scaled_errors(
 
 
 def rmse(error: np.ndarray) -> float:
-    """Root of the mean square over everything."""
+    """Return the root mean square of all values."""
     return float(np.sqrt(np.mean(error**2)))
 
 
 def rmse_by_time(error: np.ndarray) -> np.ndarray:
-    """Root mean square at each time, from an error ``(time, field, *grid)``."""
+    """Return the root mean square at each time, ``(time,)``, of ``(time, field, *grid)``."""
     return np.asarray(np.sqrt(np.mean(error**2, axis=tuple(range(1, error.ndim)))))
 
 
 def latent_ranks(
     findings: Mapping[str, Any], truth: Sequence[TrueTerm]
 ) -> dict[str, dict[str, int | None]]:
-    """Return where each algorithm of latent SINDy ranked the terms of the true law."""
+    """Return the rank of each true term by algorithm of latent SINDy; None if not proposed."""
     ranks: dict[str, dict[str, int | None]] = {}
     for name, latent in findings["latent"].items():
         if latent is not None:
@@ -136,23 +135,23 @@ def latent_ranks(
 def _found_terms(
     entries: Sequence[Mapping[str, Any]], system: System
 ) -> Iterable[tuple[str, Expr, WindowKind | None]]:
-    """Yield what the findings add to each equation."""
+    """Yield the expressions that the findings add to each equation."""
     parameters: dict[str, float] = {}
     for entry in entries:
         if entry["equation"] is not None:
             equation = str(entry["equation"])
             text, coefficient = str(entry["term"]), float(entry["coefficient"])
-            kind = kind_found(entry.get("region"))
+            kind = region_kind(entry.get("region"))
             yield equation, _expression(system, equation, text, coefficient), kind
         elif entry.get("parameter") is not None:
             parameters[str(entry["parameter"])] = float(entry["to"])
-    yield from _changes(system, parameters)
+    yield from _parameter_changes(system, parameters)
 
 
-def _changes(
+def _parameter_changes(
     system: System, parameters: Mapping[str, float]
 ) -> Iterable[tuple[str, Expr, WindowKind | None]]:
-    """Yield what other values of parameters add to each equation."""
+    """Yield the expressions that new parameter values add to each equation."""
     if not parameters:
         return
     values = system.config.parameters | dict(parameters)
@@ -172,13 +171,13 @@ def _collect(added: Iterable[tuple[str, Expr, WindowKind | None]]) -> Law:
 
 
 def _expression(system: System, equation: str, text: str, coefficient: float) -> Expr:
-    """Parse a term, its lets and parameters put in, and multiply it with its coefficient."""
+    """Parse a term, substitute lets and parameters, and multiply it by its coefficient."""
     parsed = system.parse(text, "terms", equation=equation)
     return algebra.scale(coefficient, system.resolve(parsed, "terms"))
 
 
 def system_of(findings: Mapping[str, Any]) -> System:
-    """Rebuild the simulator from the configuration that the findings hold."""
+    """Rebuild the simulator from the configuration in the findings."""
     plain = findings["input"]["config"]["system"]
     axes = {name: schema.Axis(**axis) for name, axis in plain["axes"].items()}
     integrator = schema.Integrator(**plain["integrator"])

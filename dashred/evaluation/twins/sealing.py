@@ -1,7 +1,7 @@
-"""What is sealed: the hidden truth of a twin experiment, and the one file that holds it.
+"""The hidden truth of a twin experiment and the sealed file that stores it.
 
-Only the recorder writes it and only the scorer reads it; nothing else imports this module
-(tests/test_seal.py holds the code to that).
+Only the recorder writes the file and only the scorer reads it. tests/test_seal.py checks that
+nothing else imports this module.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ class SealedTerm:
     Attributes:
         equation: the field whose tendency it adds to.
         term: the expression.
-        coefficient: the number before it.
-        window: where it acts: ``(of, from, to, edge)`` along an axis, in ``t``, or in a field's
-            value; None for no bound. None everywhere.
+        coefficient: its coefficient.
+        window: ``(of, from, to, edge)`` along an axis, in ``t`` or in the value of a field; a
+            bound may be None. None if the term acts everywhere.
     """
 
     equation: str
@@ -41,13 +41,13 @@ class SealedTerm:
 
 @dataclass(frozen=True)
 class SealedFault:
-    """What is hidden to be wrong with a sensor.
+    """A hidden sensor fault.
 
     Attributes:
         sensor: its name.
         kind: ``bias``, ``drift``, ``stuck``, ``spikes`` or ``misplaced``.
-        value: the bias, the drift per unit time, the size of a spike, or the distance; of a stuck
-            sensor the time from which on it repeats itself.
+        value: the bias, the drift per unit time, the size of a spike, the displacement, or the
+            time from which a stuck sensor repeats its value.
     """
 
     sensor: str
@@ -57,13 +57,13 @@ class SealedFault:
 
 @dataclass(frozen=True)
 class Concealed:
-    """Whatever else than a law is otherwise than the simulation has it.
+    """Hidden causes other than missing terms. The names of the attributes determine random streams.
 
     Attributes:
-        parameters: true values, by name, of those that are mis-stated.
-        faults: of sensors.
-        spread: by how much the start's spread exceeds its prior's.
-        correlation: of the noise between neighbouring samples.
+        parameters: true values of the misstated parameters, by name.
+        faults: sensor faults.
+        spread: spread of the initial state over that of its prior.
+        correlation: correlation of the noise between consecutive samples.
     """
 
     parameters: dict[str, float] = field(default_factory=dict)
@@ -79,11 +79,11 @@ class Truth:
     Attributes:
         twin: its name.
         terms: the law that the simulator lacks.
-        times: ``(time,)``; runs past the end of the recording, for forecasts.
+        times: ``(time,)``; extends past the end of the recording, for forecasts.
         duration: length of the recording.
-        states: ``(time, field, *grid)``, on the simulator's grid, without noise; on disk without
-            the mirror images beyond ends.
-        concealed: what else is hidden.
+        states: ``(time, field, *grid)`` on the simulator's grid, without noise; mirror images
+            beyond boundaries are not stored on disk.
+        concealed: other hidden causes.
     """
 
     twin: str
@@ -95,7 +95,7 @@ class Truth:
 
 
 def seal(path: Path, truth: Truth, system: System) -> None:
-    """Write the truth, at once or not at all."""
+    """Write the truth atomically."""
     axes = [axis.name for axis in system.axes]
     states = system.grid.own(truth.states).numpy()
     fields = {name: (("time", *axes), states[:, i]) for i, name in enumerate(system.fields)}
@@ -111,7 +111,7 @@ def open_seal(path: Path) -> tuple[Truth, tuple[str, ...]]:
     """Read the truth and the names of its fields.
 
     Raises:
-        InputError: the file is not there or is no sealed truth.
+        InputError: the file does not exist or is not a sealed truth.
     """
     try:
         with xr.open_dataset(path, engine="h5netcdf") as dataset:

@@ -1,4 +1,4 @@
-"""Figures that hold the estimates against the truth: a scorer's, who alone has it."""
+"""Figures that compare the estimates with the truth, for the scorer."""
 
 from __future__ import annotations
 
@@ -19,43 +19,47 @@ from dashred.reporting.figures.save import (
     state_traces,
 )
 
-# More than these could not be told apart on one page.
-PANELS = ("simulation", "simulation_refit", "shred", SHRED_UNCHANGED, "dashred", "corrected")
+# More methods would be too many for one figure.
+PANEL_METHODS = ("simulation", "simulation_refit", "shred", SHRED_UNCHANGED, "dashred", "corrected")
 
 
 def draw_truth(
     output: Path,
     estimates: xr.Dataset,
-    real: np.ndarray,
+    true: np.ndarray,
     fields: Sequence[str],
     errors: Mapping[str, np.ndarray],
-    followed: tuple[str, float] | None,
+    tracked: tuple[str, float] | None,
     units: Mapping[str, str],
 ) -> list[Path]:
-    """Draw errors against time, the fields, and the front where one is followed; returns the files.
+    """Draw the errors over time, the fields, and the tracked front if any; return the files.
 
     Args:
-        output: the folder.
+        output: folder of the figures.
         estimates: fields by method.
-        real: the true states, ``(time, field, *grid)``.
-        fields: their names.
-        errors: RMSE at each time by method.
-        followed: the field with a front, and the length of the ring that it runs around.
-        units: by name, that of time as `t`.
+        true: the true states, ``(time, field, *grid)``.
+        fields: names of the fields.
+        errors: RMSE at each time, by method.
+        tracked: the field whose front is tracked, and the length of the periodic axis.
+        units: units by name; that of time is `t`.
     """
     gallery = Gallery(output)
     times = estimates["time"].values
     label = "field RMSE / standard deviation"
     clock = time_label(units)
-    shown = joined(estimates)
-    curves = {name: errors[method] for name, method in shown.items() if method in errors}
+    drawn_methods = methods_to_draw(estimates)
+    curves = {name: errors[method] for name, method in drawn_methods.items() if method in errors}
     figure = rmse_against_time(times, curves, float(times[-1]), label, clock)
     gallery.save(figure, "rmse_against_time.png")
     axes = [str(dim) for dim in estimates[fields[0]].dims if dim not in ("method", "time")]
     panels = {
         field: {
-            "truth": real[:, i],
-            **{m: estimates[field].sel({"method": shown[m]}).values for m in PANELS if m in curves},
+            "truth": true[:, i],
+            **{
+                m: estimates[field].sel({"method": drawn_methods[m]}).values
+                for m in PANEL_METHODS
+                if m in curves
+            },
         }
         for i, field in enumerate(fields)
     }
@@ -69,17 +73,17 @@ def draw_truth(
     else:
         figure = snapshot_panels(times, places, panels, {}, units)
         gallery.save(figure, "snapshots_truth.png")
-    if followed is not None:
-        field, length = followed
+    if tracked is not None:
+        field, length = tracked
         figure = front_figure(times, panels[field], axes[0], length, units)
         gallery.save(figure, "front_truth.png")
     return gallery.drawn
 
 
-def joined(estimates: xr.Dataset) -> dict[str, str]:
-    """Return the methods to draw by name: SHRED and DA-SHRED as one where their fields are equal.
+def methods_to_draw(estimates: xr.Dataset) -> dict[str, str]:
+    """Return the methods to draw by name; SHRED and DA-SHRED are one if their fields are equal.
 
-    The latent transform stays off where no validation sensor confirms it.
+    They are equal if no validation sensor confirms the latent transform, which is then off.
 
     Args:
         estimates: fields by method.

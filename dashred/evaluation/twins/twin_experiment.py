@@ -1,8 +1,8 @@
-"""A twin experiment: recorder, analysis and scorer, each a process of its own.
+"""A twin experiment: recorder, analysis and scorer, each in its own process.
 
-The analysis is handed the path of the recording and nothing else of the twin: not its name, not
-its noise, not its random stream. The seal lies in a private folder until the findings are frozen,
-and nothing else of the twin is kept for an experiment that is cut short.
+The analysis receives the path of the recording and nothing else of the twin: not its name, its
+noise or its random stream. The seal stays in a private folder until the findings are frozen.
+Nothing else of the twin is stored for a later resume.
 """
 
 from __future__ import annotations
@@ -20,18 +20,25 @@ from dashred.core.errors import DONE, WRONG_INPUT, InputError
 from dashred.core.files.atomic import copy_atomic
 from dashred.core.mlflow.store import Store, open_store, status_of
 from dashred.core.mlflow.tracker import Tracker
-from dashred.evaluation.twins.kept_seal import SEALED, drop_seal, keep_seal, kept_seal
-from dashred.evaluation.twins.twin_file import entry_of
+from dashred.evaluation.twins.seal_store import SEALED, delete_seal, find_seal, store_seal
+from dashred.evaluation.twins.twin_file import read_entry
 from dashred.pipeline.run.output_dir import named_output
-from dashred.pipeline.run.parent_run import cut_short, experiment_of
-from dashred.pipeline.run.processes import ANALYSIS, STORE, EndedError, prewarmed, tell, wait
+from dashred.pipeline.run.parent_run import experiment_of, interrupted_run
+from dashred.pipeline.run.processes import (
+    ANALYSIS,
+    STORE,
+    ProcessFailedError,
+    prewarmed,
+    send_arguments,
+    wait_for,
+)
 from dashred.pipeline.run.run_manifest import RECORDING as READ
-from dashred.pipeline.run.run_manifest import manifest_of, pointed_to, read_began
-from dashred.pipeline.run.run_tags import name_of
+from dashred.pipeline.run.run_manifest import manifest_of, read_manifest, read_pointer
+from dashred.pipeline.run.run_tags import run_name
 from dashred.reporting.figures.figure_names import OF_THE_TRUTH
 
 OWN = ("output=", "tracking.run=", "tracking.parent=")
-# Of what describes the twin, the step of the analysis clock alone is the analysis' business.
+# Of the keys of the twin, the analysis receives only the step of its clock.
 RECORDING = "recording.nc"
 TWIN = "recording."
 CLOCK = "recording.every="
@@ -46,49 +53,49 @@ SCORER = (
 
 
 def run_twin(config: Config, argv: list[str]) -> int:
-    """Record, analyse, score; returns the exit code of the first process that fails.
+    """Record, analyse and score; return the exit code of the first process that fails.
 
     Raises:
-        InputError: a word sets the recording's keys together, those of the twin among them.
+        InputError: an argument sets `recording` as a whole, including keys of the twin.
     """
     if "recording" in (word.partition("=")[0] for word in argv):
         hint = "set its keys one by one: recording.noise=0.03 recording.sensors=12"
-        raise InputError("of a twin, recording= as a whole is not taken", where=PLACE, hint=hint)
+        raise InputError("recording= as a whole cannot be set for a twin", where=PLACE, hint=hint)
     assert config.recording.twin is not None
-    entry_of(config, config.recording.twin)  # refused by name before processes begin
+    read_entry(config, config.recording.twin)  # an unknown twin is refused before processes start
     words = [word for word in argv if not word.startswith(OWN)]
     named = named_output(config)
     with tempfile.TemporaryDirectory(prefix="dashred-seal-") as private:
         try:
             _run(config, words, named, Path(private))
-        except EndedError as ended:
+        except ProcessFailedError as ended:
             return ended.code
     return DONE
 
 
 def _run(config: Config, words: list[str], named: Path | None, private: Path) -> None:
     with prewarmed(*RECORDER) as recorder, prewarmed(*ANALYSIS) as analyser:
-        tell(recorder, [*words, f"output={private}"])
-        # The store's schema takes seconds to create: time that the recorder needs anyway.
+        send_arguments(recorder, [*words, f"output={private}"])
+        # Creating the schema of the store takes seconds; the recorder runs meanwhile.
         store = open_store(config.tracking.root, experiment_of(config))
-        wait(recorder)
+        wait_for(recorder)
         recording = private / RECORDING
-        earlier = _cut_short(store, named, words, recording)
+        earlier = _interrupted_run(store, named, words, recording)
         with _open_run(config, store, earlier) as run, prewarmed(*SCORER) as scorer:
-            keep_seal(run.run_id, private / SEALED)
+            store_seal(run.run_id, private / SEALED)
             own = Path(shutil.move(recording, run.artifact_dir / RECORDING))
-            told = words_of_analysis(words, own, named or run.artifact_dir)
+            arguments = analysis_arguments(words, own, named or run.artifact_dir)
             if named is not None:
-                clear_scored(named)
-            tell(analyser, [*told, f"tracking.run={run.run_id}"])
-            wait(analyser)
+                clear_truth(named)
+            send_arguments(analyser, [*arguments, f"tracking.run={run.run_id}"])
+            wait_for(analyser)
             place = config.tracking.root, experiment_of(config)
             score(run, scorer, named or run.artifact_dir, *place)
 
 
-def score_if_sealed(run: Tracker, output: Path, root: str, experiment: str) -> None:
+def score_resumed(run: Tracker, output: Path, root: str, experiment: str) -> None:
     """Score a resumed twin experiment; do nothing for a run of a recording without a truth."""
-    if kept_seal(run.run_id):
+    if find_seal(run.run_id):
         with prewarmed(*SCORER) as scorer:
             score(run, scorer, output, root, experiment)
 
@@ -96,59 +103,61 @@ def score_if_sealed(run: Tracker, output: Path, root: str, experiment: str) -> N
 def score(
     run: Tracker, scorer: subprocess.Popen[str], output: Path, root: str, experiment: str
 ) -> None:
-    """Open the seal over the frozen findings; recording and truth then lie beside them."""
+    """Score the frozen findings; copy the recording and the truth to their folder."""
     if output.resolve() != run.artifact_dir.resolve():
         copy_atomic(run.artifact_dir / RECORDING, output / RECORDING)
-    sealed = kept_seal(run.run_id)
+    sealed = find_seal(run.run_id)
     assert sealed is not None
     place = [f"root={root}", f"experiment={experiment}", f"run={run.run_id}"]
-    tell(scorer, [*place, f"findings={output}", f"sealed={sealed}"])
-    wait(scorer)
+    send_arguments(scorer, [*place, f"findings={output}", f"sealed={sealed}"])
+    wait_for(scorer)
     copy_atomic(sealed, output / SEALED)
-    drop_seal(run.run_id)
+    delete_seal(run.run_id)
 
 
-def clear_scored(output: Path) -> None:
-    """Take an earlier truth, and what shows it, out of the folder of an analysis that begins."""
+def clear_truth(output: Path) -> None:
+    """Delete an earlier truth and its figures from the output folder before an analysis."""
     for name in (SEALED, *OF_THE_TRUTH):
         (output / name).unlink(missing_ok=True)
 
 
-def words_of_analysis(words: list[str], recording: Path, output: Path) -> list[str]:
-    """Return what an analysis is told: nothing of the twin but where its recording lies."""
-    told = [word for word in words if not word.startswith(TWIN) or word.startswith(CLOCK)]
-    return [*told, f"recording.path={recording}", f"output={output}"]
+def analysis_arguments(words: list[str], recording: Path, output: Path) -> list[str]:
+    """Return the arguments of the analysis: of the twin only the path of its recording."""
+    arguments = [word for word in words if not word.startswith(TWIN) or word.startswith(CLOCK)]
+    return [*arguments, f"recording.path={recording}", f"output={output}"]
 
 
-def _cut_short(store: Store, named: Path | None, words: list[str], recording: Path) -> str | None:
-    """Return the run that was cut short in this folder, if it analysed this very recording."""
-    run_id = pointed_to(named)
+def _interrupted_run(
+    store: Store, named: Path | None, words: list[str], recording: Path
+) -> str | None:
+    """Return the interrupted run of this folder if it analysed the same recording."""
+    run_id = read_pointer(named)
     if run_id is None or status_of(store, run_id) is None:
         return None
     before = store.artifact_dir(run_id) / RECORDING
     if not before.is_file() or before.read_bytes() != recording.read_bytes():
         return None
-    config = load_config(words_of_analysis(words, before, before.parent), entry="train")
-    began = read_began(store.checkpoints(run_id)) or {}
-    return cut_short(store, run_id, manifest_of(config, began.get(READ, "")))
+    config = load_config(analysis_arguments(words, before, before.parent), entry="train")
+    manifest = read_manifest(store.checkpoints(run_id)) or {}
+    return interrupted_run(store, run_id, manifest_of(config, manifest.get(READ, "")))
 
 
 @contextmanager
 def _open_run(config: Config, store: Store, earlier: str | None) -> Iterator[Tracker]:
-    """Open the parent run; where the input turns out to be wrong, nothing of it stays."""
+    """Open the parent run; delete it if the input turns out to be wrong."""
     root, experiment, parent = config.tracking.root, experiment_of(config), config.tracking.parent
     opened = (
         Tracker.reopen(root, experiment, earlier)
         if earlier
-        else Tracker.open(root, experiment, name_of(config), parent=parent)
+        else Tracker.open(root, experiment, run_name(config), parent=parent)
     )
     try:
         with opened as run:
             yield run
-    except EndedError as ended:
-        # What has begun was right; it can be gone on with.
-        if ended.code == WRONG_INPUT and read_began(store.checkpoints(run.run_id)) is None:
+    except ProcessFailedError as ended:
+        # A run with a manifest had correct input and can be resumed.
+        if ended.code == WRONG_INPUT and read_manifest(store.checkpoints(run.run_id)) is None:
             store.client.delete_run(run.run_id)
             shutil.rmtree(run.artifact_dir.parent)
-            drop_seal(run.run_id)
+            delete_seal(run.run_id)
         raise

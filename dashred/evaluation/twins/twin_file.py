@@ -1,4 +1,4 @@
-"""The file of a system's hidden truths, ``conf/twins/NAME.yaml``: for the recorder; and names."""
+"""Read the twins of a system from ``conf/twins/NAME.yaml``."""
 
 from __future__ import annotations
 
@@ -21,7 +21,15 @@ STARTS = ("simulator", "own")
 
 @dataclass(frozen=True)
 class Twin:
-    """One hidden truth: the law, how it is spun up, and how honestly its noise is stated."""
+    """A hidden truth. The names of the attributes determine its random stream.
+
+    Attributes:
+        name: name of the twin.
+        terms: terms that the simulator lacks.
+        own_start: whether the initial state is spun up under the true law.
+        stated: stated over true standard deviation of the noise.
+        concealed: other hidden causes.
+    """
 
     name: str
     terms: tuple[SealedTerm, ...]
@@ -30,11 +38,11 @@ class Twin:
     concealed: Concealed
 
 
-def entries(config: Config) -> dict[str, Any]:
-    """Return every twin of the system by name, as it is written in the file.
+def read_entries(config: Config) -> dict[str, Any]:
+    """Return all entries of the file by name.
 
     Raises:
-        InputError: there is no such file, or it is no mapping.
+        InputError: the file does not exist or is not a mapping.
     """
     path, label = _place(config)
     if config.source is not None and config.source.parent == CONF:
@@ -48,13 +56,13 @@ def entries(config: Config) -> dict[str, Any]:
     return read_file(path, label=label).values
 
 
-def entry_of(config: Config, name: str) -> dict[str, Any]:
-    """Return one twin as it is written in the file.
+def read_entry(config: Config, name: str) -> dict[str, Any]:
+    """Return one entry of the file.
 
     Raises:
         InputError: the system has no such twin.
     """
-    known = entries(config)
+    known = read_entries(config)
     entry = known.get(name)
     if not isinstance(entry, dict):
         raise InputError(
@@ -65,25 +73,25 @@ def entry_of(config: Config, name: str) -> dict[str, Any]:
     return entry
 
 
-def basic(config: Config) -> list[str]:
-    """Return the names of the twins that start from the simulator's own start."""
+def names_with_simulator_start(config: Config) -> list[str]:
+    """Return the names of the twins whose start is that of the simulator."""
     return [
         name
-        for name, entry in entries(config).items()
+        for name, entry in read_entries(config).items()
         if isinstance(entry, dict) and entry.get("start", STARTS[0]) == STARTS[0]
     ]
 
 
 def hides_law(entry: dict[str, Any]) -> bool:
-    """Return whether a truth obeys another law than the simulator: terms, or parameters' values."""
+    """Return whether a twin has missing terms or other parameter values than the simulator."""
     return bool(entry.get("terms") or entry.get("parameters"))
 
 
 def hides_nothing(entry: dict[str, Any]) -> bool:
-    """Return whether law, sensors and start are what the simulator and the recording say.
+    """Return whether law, sensors and start are as the simulator and the recording state.
 
-    A start that was spun up under the truth's own law, and a noise that is stated wrongly or
-    correlated, are hardships of an analysis, and no findings of it.
+    A start spun up under the true law and noise that is misstated or autocorrelated make an
+    analysis harder, but are not among its findings.
     """
     return not hides_law(entry) and not entry.get("faults") and entry.get("spread", 1) == 1
 
@@ -92,33 +100,33 @@ def read_twin(config: Config) -> Twin:
     """Read the twin that ``recording.twin`` names.
 
     Raises:
-        InputError: no such file or twin, or the entry is not well formed.
+        InputError: the file or the twin does not exist, or the entry is malformed.
     """
-    name, (_, label) = str(config.recording.twin), _place(config)
-    return twin_of(name, entry_of(config, name), label, config)
+    name, (_, label) = str(config.recording.twin), _path_and_label(config)
+    return parse_twin(name, read_entry(config, name), label, config)
 
 
-def twin_of(name: str, entry: dict[str, Any], label: str, config: Config) -> Twin:
-    """Check one entry, and return the twin that it describes.
+def parse_twin(name: str, entry: dict[str, Any], label: str, config: Config) -> Twin:
+    """Check one entry and return its twin.
 
     Args:
-        name: of the twin.
-        entry: as it would be written in the file.
-        label: where it stands, for messages.
-        config: of the system.
+        name: name of the twin.
+        entry: content of the entry.
+        label: location of the entry, for error messages.
+        config: configuration of the system.
 
     Raises:
-        InputError: the entry is not well formed.
+        InputError: the entry is malformed.
     """
     if entry.keys() - KEYS or "terms" not in entry:
         others = ", ".join(sorted(KEYS - {"terms"}))
-        raise InputError(f"twin {name!r} must have terms, and may have {others}", where=label)
+        raise InputError(f"twin {name!r} must have terms and may have {others}", where=label)
     if not isinstance(entry["terms"], list):
         raise InputError(f"the terms of twin {name!r} must be a list", where=label)
     terms = tuple(_term(item, label, config) for item in entry["terms"])
     start = entry.get("start", STARTS[0])
     if start not in STARTS:
-        raise InputError(f"a start is {' or '.join(STARTS)}, not {start!r}", where=label)
+        raise InputError(f"start must be {' or '.join(STARTS)}, not {start!r}", where=label)
     stated = number(str(entry.get("stated", 1.0)), where=label)
     return Twin(name, terms, start == "own", stated, _concealed(entry, label, config))
 
@@ -135,13 +143,13 @@ def _place(config: Config) -> tuple[Path, str]:
 
 
 def _term(item: Any, label: str, config: Config) -> SealedTerm:
-    # Imported late: it brings torch, which names alone can be read without.
+    # Imported late: it imports torch, which is not needed to read names.
     from dashred.evaluation.twins.sealing import SealedTerm
 
     needed = {"equation", "term", "coefficient"}
     if not isinstance(item, dict) or not needed <= item.keys() <= needed | {"window"}:
         raise InputError(
-            "a term has an equation, a term and a coefficient, and may have a window", where=label
+            "a term needs an equation, a term and a coefficient, and may have a window", where=label
         )
     if item["equation"] not in config.system.fields:
         raise InputError(f"{config.name} has no equation {item['equation']!r}", where=label)
@@ -151,19 +159,21 @@ def _term(item: Any, label: str, config: Config) -> SealedTerm:
 
 
 def _concealed(entry: dict[str, Any], label: str, config: Config) -> Concealed:
-    """Read what else than a law is otherwise than the simulation has it."""
+    """Read the hidden causes other than missing terms."""
     from dashred.evaluation.twins.sealing import Concealed, SealedFault
 
     parameters = entry.get("parameters", {})
     known = config.system.parameters
     if not isinstance(parameters, dict) or not parameters.keys() <= known.keys():
-        raise InputError(f"parameters are true values by name, of {', '.join(known)}", where=label)
+        raise InputError(
+            f"parameters must be true values by name, of {', '.join(known)}", where=label
+        )
     faults = []
     for item in entry.get("faults", []):
-        whole = isinstance(item, dict) and item.keys() == {"sensor", "kind", "value"}
-        if not whole or item["kind"] not in FAULTS:
+        complete = isinstance(item, dict) and item.keys() == {"sensor", "kind", "value"}
+        if not complete or item["kind"] not in FAULTS:
             raise InputError(
-                "a fault has a sensor, a kind and a value",
+                "a fault needs a sensor, a kind and a value",
                 where=label,
                 hint=f"kinds: {', '.join(FAULTS)}",
             )
@@ -171,7 +181,7 @@ def _concealed(entry: dict[str, Any], label: str, config: Config) -> Concealed:
         faults.append(SealedFault(str(item["sensor"]), str(item["kind"]), value))
     correlation = number(str(entry.get("correlation", 0.0)), where=label)
     if not 0 <= correlation < 1:
-        raise InputError("a correlation lies between 0 and 1", where=label)
+        raise InputError("correlation must be at least 0 and below 1", where=label)
     return Concealed(
         {name: number(str(value), where=label) for name, value in parameters.items()},
         tuple(faults),
@@ -186,19 +196,20 @@ def _window(item: Any, label: str, config: Config) -> tuple[str, float | None, f
     known = {*config.system.axes, *config.system.fields, "t"}
     if len(bounded) != 1 or bounded[0] not in known or "edge" not in item:
         raise InputError(
-            "a window bounds one axis, field or t, and has an edge",
+            "a window needs bounds of one axis, field or t, and an edge",
             where=label,
-            hint=f"as in {{x: [10, 16], edge: 0.4}}; one of: {', '.join(sorted(known))}",
+            hint=f"for example {{x: [10, 16], edge: 0.4}}; names: {', '.join(sorted(known))}",
         )
     [of] = bounded
     ends = item[of]
-    whole = isinstance(ends, list) and len(ends) == 2
-    bounds = [None if e is None else number(str(e), where=label) for e in ends] if whole else []
+    is_pair = isinstance(ends, list) and len(ends) == 2
+    bounds = [None if e is None else number(str(e), where=label) for e in ends] if is_pair else []
     unbounded = bounds.count(None)
-    if not whole or unbounded != (0 if of in config.system.axes else 1):
+    if not is_pair or unbounded != (0 if of in config.system.axes else 1):
         raise InputError(
-            f"the window in {of} needs [from, to]; of a field or t one of them is null", where=label
+            f"the window in {of} needs [from, to]; for a field or t, one of them must be null",
+            where=label,
         )
     if of == "t" and bounds[0] is None:
-        raise InputError("a window in t begins at a time and has no end", where=label)
+        raise InputError("a window in t needs a start time and must have no end", where=label)
     return of, bounds[0], bounds[1], number(str(item["edge"]), where=label)

@@ -1,4 +1,4 @@
-"""What a window bounds, of a hidden window and of one in the findings."""
+"""Kinds of windows, for true windows and for those in findings."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 from dashred.core.findings.law_schema import Region
 
 TrueWindow = tuple[str, float | None, float | None, float]
-"""``(of, from, to, edge)``; None for no bound."""
+"""``(of, from, to, edge)``; a bound may be None."""
 
 
 class WindowKind(NamedTuple):
@@ -18,8 +18,8 @@ class WindowKind(NamedTuple):
     side: Literal["above", "below"] | None = None
 
 
-def kind_of(window: TrueWindow | None) -> WindowKind | None:
-    """Return what a hidden window bounds; None everywhere."""
+def window_kind(window: TrueWindow | None) -> WindowKind | None:
+    """Return the kind of a true window; None if the term acts everywhere."""
     if window is None:
         return None
     of, begin, end, _ = window
@@ -28,13 +28,13 @@ def kind_of(window: TrueWindow | None) -> WindowKind | None:
     return WindowKind(of, "above" if end is None else "below")
 
 
-def kind_found(region: Sequence[Region] | None) -> WindowKind | None:
-    """Return what the region of a term in the findings bounds; None everywhere."""
-    return kind_of_region(region[0]) if region else None
+def region_kind(region: Sequence[Region] | None) -> WindowKind | None:
+    """Return the kind of the region of a term in findings; None if it acts everywhere."""
+    return bounds_kind(region[0]) if region else None
 
 
-def kind_of_region(region: Region | None) -> WindowKind | None:
-    """Return what one region bounds; None everywhere."""
+def bounds_kind(region: Region | None) -> WindowKind | None:
+    """Return the kind of one region; None if there is none."""
     if region is None:
         return None
     if "axis" in region:

@@ -1,1 +1,1 @@
-"""What is wrong or doubtful about a system and a recording, before any analysis of them."""
+"""Checks of a configuration and its recording before an analysis."""

@@ -1,4 +1,4 @@
-"""Whether simulator and recording speak of the same thing: its size, and where it begins."""
+"""Compare the simulator with the recording: amplitudes and initial values."""
 
 from __future__ import annotations
 
@@ -10,90 +10,93 @@ from torch import Tensor
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.splits import Split
 from dashred.pipeline.check.context import CheckContext
-from dashred.pipeline.check.observability import Seen
-from dashred.pipeline.check.placeholders import still
-from dashred.pipeline.check.remark import Remark, doubtful, some
-from dashred.pipeline.check.simulator import Simulated
+from dashred.pipeline.check.observability import Observability
+from dashred.pipeline.check.placeholders import zero_equations
+from dashred.pipeline.check.remark import Remark, shortened, warning
+from dashred.pipeline.check.simulator import NominalRun
 
-# Factors by which what is read and what is simulated may differ in size.
-OTHER_SIZE = 5.0
-# Standard deviations that the first sample may lie from where the simulator begins.
-FAR = 4.0
+# Largest accepted ratio between recorded and simulated standard deviations, either way.
+MAX_RATIO = 5.0
+# Largest accepted distance of the first sample from the simulated one, in standard deviations.
+MAX_DEVIATIONS = 4.0
 
 
 @torch.no_grad()
-def about_agreement(
-    situation: CheckContext, simulated: Simulated, seen: Seen | None
+def agreement_remarks(
+    context: CheckContext, nominal: NominalRun, observed: Observability | None
 ) -> Iterator[Remark]:
-    """Compare the simulator's readings with the recording's, up to the end of the fit window."""
-    if situation.recording is None:
+    """Compare simulated with recorded readings, up to the end of the fit window."""
+    if context.recording is None:
         return
-    fit = situation.split.fit
-    count = min(len(fit.times), len(simulated.times))
+    fit = context.split.fit
+    count = min(len(fit.times), len(nominal.times))
     values = torch.from_numpy(fit.values[:count])
-    operator = ObservationOperator(fit.sensors, situation.system)
-    read = operator(simulated.states[:count])
-    if not still(situation.config):
-        yield from sizes_compared(fit.names, values, read, "simulator")
-    if seen is not None:
-        yield from _beginning(situation, simulated, seen)
+    operator = ObservationOperator(fit.sensors, context.system)
+    read = operator(nominal.states[:count])
+    if not zero_equations(context.config):
+        yield from compare_amplitudes(fit.names, values, read, "simulator")
+    if observed is not None:
+        yield from _start_agreement(context, nominal, observed)
 
 
-def sizes_compared(
+def compare_amplitudes(
     names: tuple[str, ...], values: Tensor, read: Tensor, where: str
 ) -> Iterator[Remark]:
-    """Compare how much sensors vary with how much they would in a simulation.
+    """Compare the standard deviations of recorded and simulated readings.
 
     Args:
-        names: of the sensors.
-        values: what they recorded, ``(time, sensor)``; NaN is missing.
-        read: what they would read, ``(sample, sensor)``.
-        where: simulator or snapshots.
+        names: names of the sensors.
+        values: recorded values, ``(time, sensor)``; NaN where missing.
+        read: simulated readings, ``(sample, sensor)``.
+        where: "simulator" or "snapshots".
     """
     both = [_std(column) for column in values.T], [_std(column) for column in read.T]
     ratios = {n: r / max(s, 1e-300) for n, r, s in zip(names, *both, strict=True) if s > 0}
-    off = [name for name, ratio in ratios.items() if not 1 / OTHER_SIZE < ratio < OTHER_SIZE]
+    off = [name for name, ratio in ratios.items() if not 1 / MAX_RATIO < ratio < MAX_RATIO]
     if off:
-        yield doubtful(
-            f"What {some(off)} read varies {ratios[off[0]]:.2g} times as much as in the {where}",
-            "are both in the same unit (rad or degrees, s or ms)?",
+        yield warning(
+            f"Readings of {shortened(off)} vary {ratios[off[0]]:.2g} times as much as in the "
+            f"{where}",
+            "check that both use the same unit (rad or degrees, s or ms)",
         )
     elif ratios:
         typical = sorted(ratios.values())[len(ratios) // 2]
-        yield Remark(f"The sensors vary {typical:.2g} times as much as in the {where}")
+        yield Remark(f"Sensor readings vary {typical:.2g} times as much as in the {where}")
 
 
-def _beginning(situation: CheckContext, simulated: Simulated, seen: Seen) -> Iterator[Remark]:
-    """Hold first samples against the start's prior: ``y₀ − Hm`` over ``√(σ² + HBBᵀHᵀ)``."""
-    assert situation.problem is not None
-    sensors = situation.sensors
-    read = ObservationOperator(sensors, situation.system)(simulated.states[0])
-    sigma = situation.sigma(simulated.states)
-    spread = (seen.sensitivity[: len(sensors)].square().sum(dim=1) + 1).sqrt() * sigma
-    episodes = situation.problem.episodes
+def _start_agreement(
+    context: CheckContext, nominal: NominalRun, observed: Observability
+) -> Iterator[Remark]:
+    """Compare first samples with the prior of the start: ``y₀ − Hm`` over ``√(σ² + HBBᵀHᵀ)``."""
+    assert context.problem is not None
+    sensors = context.sensors
+    read = ObservationOperator(sensors, context.system)(nominal.states[0])
+    sigma = context.sigma(nominal.states)
+    spread = (observed.sensitivity[: len(sensors)].square().sum(dim=1) + 1).sqrt() * sigma
+    episodes = context.problem.episodes
     fits = True
     for episode in episodes:
         first = _first_sample(episode.split)
         far = [
             sensor.name
-            for sensor, was, size in zip(sensors, read.tolist(), spread.tolist(), strict=True)
-            if sensor.name in first and abs(first[sensor.name] - was) > FAR * size
+            for sensor, mean, size in zip(sensors, read.tolist(), spread.tolist(), strict=True)
+            if sensor.name in first and abs(first[sensor.name] - mean) > MAX_DEVIATIONS * size
         ]
         fits = fits and bool(first) and not far
         if far:
             which = f" of episode {episode.name!r}" if len(episodes) > 1 else ""
-            yield doubtful(
-                f"The first sample{which} lies more than {FAR:g} standard deviations from the "
-                f"simulator's start: {some(far)}",
-                "give the start that it has, or more system.spread",
+            yield warning(
+                f"The first sample{which} is more than {MAX_DEVIATIONS:g} standard deviations from "
+                f"the simulator's initial state: {shortened(far)}",
+                "correct system.start, or increase system.spread",
             )
     if fits:
-        each = "The first sample lies" if len(episodes) == 1 else "Every first sample lies"
-        yield Remark(f"{each} where the start may be")
+        each = "The first sample is" if len(episodes) == 1 else "Every first sample is"
+        yield Remark(f"{each} consistent with the prior of the initial state")
 
 
 def _first_sample(split: Split) -> dict[str, float]:
-    """Return what the sensors that a fit may look at read first, by name."""
+    """Return the first reading of each fit or validation sensor, by name."""
     return {
         name: value
         for part in (split.fit, split.validation)

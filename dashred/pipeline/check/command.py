@@ -1,7 +1,7 @@
-"""Say what is wrong or doubtful before a run: ``dashred check conf=my.yaml``.
+"""Check a configuration before a run: ``dashred check conf=my.yaml``.
 
-Reads what a run would read, never a twin's truth, and writes nothing. It ends with 0 where a run
-could begin, whatever is doubtful, and with 2 where the input is wrong or a line is left to do.
+Reads what a run would read, never a twin's truth, and writes nothing. The exit code is 0 if a run
+can start, with or without warnings, and 2 if the input is wrong or incomplete.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def main(argv: list[str]) -> int:
-    """Check the configuration, then what it names, cheapest first."""
+    """Load and check the configuration; return the exit code."""
     config = load_config(argv, entry="check")
     page = Page()
     begin(config, page)
@@ -56,7 +56,7 @@ def check(config: Config, page: Page, recorded: Episodes | None = None) -> None:
         recorded: the recording; None reads the one that ``recording.path`` names, if it names one.
 
     Raises:
-        InputError: whatever a run would refuse.
+        InputError: a run would refuse the configuration.
     """
     # Imported late: torch takes a second, and what is left to do needs none of it.
     import torch
@@ -78,9 +78,9 @@ def check(config: Config, page: Page, recorded: Episodes | None = None) -> None:
     page.section("Recording", about_recording(situation))
     page.section("Splits", about_splits(situation))
     if config.system.snapshots is not None:
-        assert situation.problem is not None
-        page.section("Snapshots", about_snapshots(situation.problem))
-        page.section("A run", [about_snapshots_run_time(config)])
+        assert context.problem is not None
+        page.section("Snapshots", snapshots_remarks(context.problem))
+        page.section("Run time", [snapshots_run_time_remark(config)])
         page.conclude()
         return
     simulated = run_nominal(situation)

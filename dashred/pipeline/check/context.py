@@ -1,4 +1,4 @@
-"""What a check looks at: the simulator, and sensors over a time."""
+"""Input of a check: the simulator, the sensors and the clock."""
 
 from __future__ import annotations
 
@@ -20,27 +20,28 @@ from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
 from dashred.pipeline.problem import Problem, build_problem, read_recorded
 
-# Places like a twin's: they come from a stream of the check's own, and tell nothing of any twin's.
+# Random stream for sensor positions. It is separate from the twins' streams, so that a check says
+# nothing about the sensors of a twin.
 STREAM = 0xC4EC
-# A twin without noise is checked as one of so little.
+# Smallest noise, as a share of the standard deviation, so that σ is positive without noise.
 LEAST_NOISE = 1e-6
 
 
 @dataclass(frozen=True)
 class CheckContext:
-    """A simulator and the sensors that shall tell what it leaves out.
+    """The simulator, the sensors and the clock that a run would use.
 
     Attributes:
-        system: under its inputs.
+        config: the configuration.
+        system: the simulator with its inputs.
         library: candidate terms.
         times: the analysis clock, ``(time,)``.
-        split: roles of the sensors. Without a recording it is one of nothing but zeros.
-        recording: the user's own, as it was read, or the longest of its episodes that are fitted;
-            None while there is none.
-        others: the other episodes by name, one that is held out whole among them.
-        clock: how the clock came about.
-        noise: σ by sensor; empty while there is no recording.
-        problem: what a run would start from; None while there is no recording.
+        split: roles of the sensors; without a recording, all values are zero.
+        recording: the recording as read, or its longest fitted episode; None without a recording.
+        others: the other episodes by name, including a held-out episode.
+        clock: description of the analysis clock.
+        noise: σ by sensor; empty without a recording.
+        problem: the problem that a run would solve; None without a recording.
     """
 
     config: Config
@@ -56,15 +57,15 @@ class CheckContext:
 
     @property
     def sensors(self) -> tuple[Sensor, ...]:
-        """The sensors that a fit may look at: to fit and to validate."""
+        """Sensors for fit and validation."""
         every = (*self.split.fit.sensors, *self.split.validation.sensors)
         return tuple({sensor.name: sensor for sensor in every}.values())
 
     def sigma(self, states: Tensor) -> Tensor:
-        """Return σ of these sensors, ``(sensor,)``; of a twin's by the simulator's own fields.
+        """Return σ of these sensors, ``(sensor,)``; without a recording, from the simulated fields.
 
         Args:
-            states: the nominal simulation, ``(time, field, *grid)``.
+            states: the nominal run, ``(time, field, *grid)``.
         """
         if self.noise:
             return torch.tensor([self.noise[s.name] for s in self.sensors], dtype=torch.float64)
@@ -81,7 +82,7 @@ def check_context(config: Config, recorded: Episodes | None = None) -> CheckCont
         recorded: the recording; None reads the one that ``recording.path`` names, if it names one.
 
     Raises:
-        InputError: whatever a run would refuse about equations, library, recording or splits.
+        InputError: a run would refuse the equations, library, recording or splits.
     """
     if recorded is None and config.recording.path is None:
         return _without_recording(config)
@@ -104,7 +105,7 @@ def check_context(config: Config, recorded: Episodes | None = None) -> CheckCont
 
 
 def _without_recording(config: Config) -> CheckContext:
-    """Return the layout that the configuration asks for; nobody's truth has a part in it."""
+    """Return the context of a configured sensor layout; it does not depend on a twin's truth."""
     bare = System(config.system, config.where)
     library = build_library(bare, config.library)
     every, duration = config.recording.every, config.recording.duration

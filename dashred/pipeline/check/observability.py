@@ -1,4 +1,4 @@
-"""Whether the sensors can see the state: what a change of the start does to their readings."""
+"""Observability of the initial state: the sensitivity of the readings to it."""
 
 from __future__ import annotations
 
@@ -16,159 +16,162 @@ from dashred.physics.system import System
 from dashred.physics.tangents.ode_tangents import supports_ode, tangent_ode
 from dashred.physics.tangents.tangent_linear import supports, tangent_linear
 from dashred.pipeline.check.context import CheckContext
-from dashred.pipeline.check.remark import Remark, doubtful
-from dashred.pipeline.check.simulator import Simulated
+from dashred.pipeline.check.remark import Remark, warning
+from dashred.pipeline.check.simulator import NominalRun
 
-# Seconds for the tangents, and the most columns that are carried.
-SECONDS, MOST = 2.0, 48
-# Where equations have no tangents of their own, differences of this size stand for them.
+# Seconds for the tangent runs, and the largest number of modes.
+SECONDS, MAX_MODES = 2.0, 48
+# Step of the finite differences that replace tangents where the equations have none.
 DIFFERENCE = 1e-4
-# What is left unknown of a field, as a share of its prior std: below the one it is seen well,
-# above the other not at all.
-WELL, HARDLY = 0.2, 0.9
+# Posterior over prior standard deviation of a field: up to the first it is observed, beyond the
+# second it is not.
+OBSERVED, UNOBSERVED = 0.2, 0.9
 
 
 @dataclass(frozen=True)
-class Seen:
-    """What sensors tell about a start ``u₀ = m + B z``, z ~ N(0, I).
+class Observability:
+    """Linearised observations of a start ``u₀ = m + B z``, z ~ N(0, I).
 
     Attributes:
         sensitivity: ``J = ∂(readings/σ)/∂z``, ``(time·sensor, mode)``.
         modes: B, ``(mode, field, *grid)``.
-        seconds: a column's for a sample.
-        samples: of the record that J is over.
-        of: how many modes the prior has; the strongest are looked at.
+        seconds: run time of one column over one sample.
+        samples: number of samples in J.
+        prior_size: number of modes of the prior; J has the strongest of them.
     """
 
     sensitivity: Float[Tensor, "reading mode"]
     modes: Float[Tensor, "mode field ..."]
     seconds: float
     samples: int
-    of: int
+    prior_size: int
 
     @property
     def singular_values(self) -> Tensor:
-        """Of J: how many σ a mode of size 1 moves all readings together, ``(mode,)``."""
+        """Singular values of J, ``(mode,)``: change of the readings in σ per unit of a mode."""
         return torch.linalg.svdvals(self.sensitivity)
 
-    def unknown(self) -> Tensor:
-        """Return ``√(tr BᵀPB / tr BᵀB)`` by field, ``(field,)``; NaN where B is 0.
+    def posterior_ratio(self) -> Tensor:
+        """Return posterior over prior std, ``√(tr BᵀPB / tr BᵀB)``, ``(field,)``; NaN where B is 0.
 
-        ``P = (I + JᵀJ)⁻¹`` is the covariance of z that the readings leave.
+        ``P = (I + JᵀJ)⁻¹`` is the posterior covariance of z.
         """
         eye = torch.eye(len(self.modes), dtype=torch.float64)
-        left = torch.linalg.inv(eye + self.sensitivity.T @ self.sensitivity)
+        covariance = torch.linalg.inv(eye + self.sensitivity.T @ self.sensitivity)
         flat = self.modes.reshape(*self.modes.shape[:2], -1)
         prior = torch.einsum("kfx,kfx->f", flat, flat)
-        posterior = torch.einsum("kfx,kl,lfx->f", flat, left, flat)
+        posterior = torch.einsum("kfx,kl,lfx->f", flat, covariance, flat)
         return (posterior / prior).clamp(min=0).sqrt()
 
 
 @torch.no_grad()
-def look(situation: CheckContext, simulated: Simulated) -> Seen | None:
-    """Carry the start's modes along the nominal run and read them; None without any spread."""
-    prior = simulated.prior
+def linearised_observations(context: CheckContext, nominal: NominalRun) -> Observability | None:
+    """Propagate the start's modes along the nominal run; return None without a spread."""
+    prior = nominal.prior
     if not prior.size:
         return None
-    count = min(prior.size, MOST)
-    modes = _modes(simulated, count)
-    operator = ObservationOperator(situation.sensors, situation.system)
-    sigma = situation.sigma(simulated.states)
-    began, rows = time.perf_counter(), []
-    for state, moved in _tangents(situation.system, simulated, modes):
-        rows.append(_read(operator, state, moved) / sigma)
-        if time.perf_counter() - began > SECONDS and len(rows) > 1:
+    count = min(prior.size, MAX_MODES)
+    modes = _modes(nominal, count)
+    operator = ObservationOperator(context.sensors, context.system)
+    sigma = context.sigma(nominal.states)
+    started, rows = time.perf_counter(), []
+    for state, moved in _tangents(context.system, nominal, modes):
+        rows.append(_observed_tangents(operator, state, moved) / sigma)
+        if time.perf_counter() - started > SECONDS and len(rows) > 1:
             break
-    seconds = (time.perf_counter() - began) / (max(1, len(rows) - 1) * count)
+    seconds = (time.perf_counter() - started) / (max(1, len(rows) - 1) * count)
     sensitivity = torch.cat([row.T for row in rows])
-    return Seen(sensitivity, modes, seconds, len(rows), prior.size)
+    return Observability(sensitivity, modes, seconds, len(rows), prior.size)
 
 
-def about_observability(situation: CheckContext, seen: Seen | None) -> Iterator[Remark]:
-    """Say in plain words what the sensors tell about the start."""
-    if seen is None:
-        hint = (
-            "system.spread says how well the start is known; any error in it is taken for physics"
-        )
-        yield doubtful("The start is taken for exactly known: no spread is given", hint)
+def observability_remarks(
+    context: CheckContext, observed: Observability | None
+) -> Iterator[Remark]:
+    """Say how well the sensors determine the initial state."""
+    if observed is None:
+        hint = "give system.spread; otherwise errors of the initial state look like missing physics"
+        yield warning("The initial state is assumed to be exact: no spread is given", hint)
         return
-    if not torch.isfinite(seen.sensitivity).all():
-        yield doubtful("What the sensors see cannot be told: small changes of the start blow up")
+    if not torch.isfinite(observed.sensitivity).all():
+        yield warning("Observability is unknown: small changes of the initial state blow up")
         return
-    end = float(situation.times[seen.samples - 1])
-    visible = int((seen.singular_values >= 1).sum())
-    count = len(seen.modes)
-    strongest = f" (the strongest of {seen.of})" if count < seen.of else ""
+    end = float(context.times[observed.samples - 1])
+    visible = int((observed.singular_values >= 1).sum())
+    count, size = len(observed.modes), observed.prior_size
+    strongest = f" (the strongest of {size})" if count < size else ""
     yield Remark(
-        f"Until t = {end:.6g} the sensors feel {visible} of {count} ways in which the start may "
-        f"differ{strongest} above their noise"
+        f"Up to t = {end:.6g} the sensors resolve {visible} of {count} modes of the initial "
+        f"state{strongest} above their noise"
     )
-    yield from _by_field(situation, seen)
+    yield from _by_field(context, observed)
 
 
-def _by_field(situation: CheckContext, seen: Seen) -> Iterator[Remark]:
-    read = {sensor.reads for sensor in situation.sensors}
-    for field, left in zip(situation.system.fields, seen.unknown().tolist(), strict=True):
-        by = "" if field in read else ", which no sensor reads itself,"
-        if left != left:
-            yield Remark(f"{field}{by} is taken to start exactly as given (no spread.{field})")
-        elif left <= WELL:
-            yield Remark(f"{field}{by} is seen: {1 - left:.0%} of what is not known of its start")
-        elif left <= HARDLY:
-            yield Remark(f"{field}{by} is seen in part: {left:.0%} of its start stays unknown")
+def _by_field(context: CheckContext, observed: Observability) -> Iterator[Remark]:
+    read = {sensor.reads for sensor in context.sensors}
+    for field, ratio in zip(
+        context.system.fields, observed.posterior_ratio().tolist(), strict=True
+    ):
+        by = "" if field in read else " (not measured directly)"
+        if ratio != ratio:
+            yield Remark(
+                f"{field}{by} is assumed to start exactly as given: there is no spread.{field}"
+            )
+        elif ratio <= OBSERVED:
+            yield Remark(f"{field}{by} is observed: {ratio:.0%} of its prior std remains")
+        elif ratio <= UNOBSERVED:
+            yield Remark(f"{field}{by} is partly observed: {ratio:.0%} of its prior std remains")
         else:
-            yield doubtful(
-                f"{field}{by} is hardly seen: {left:.0%} of what is not known of its start stays "
-                "unknown",
-                f"laws in what moves {field} alone can be told by nothing: add a sensor that "
-                "feels it, or say in system.spread how well its start is known",
+            yield warning(
+                f"{field}{by} is not observed: {ratio:.0%} of its prior std remains",
+                f"no law in the equation of {field} alone can be found: add a sensor that depends "
+                "on it, or decrease its system.spread",
             )
 
 
-def _modes(simulated: Simulated, count: int) -> Tensor:
+def _modes(nominal: NominalRun, count: int) -> Tensor:
     """Return ``∂u₀/∂z`` of each field's strongest modes, ``(mode, field, *grid)``."""
-    prior = simulated.prior
+    prior = nominal.prior
     eye = torch.eye(prior.size, dtype=torch.float64)
     base = prior.start(torch.zeros(1, prior.size, dtype=torch.float64))
     modes = (prior.start(DIFFERENCE * eye) - base) / DIFFERENCE
     size = modes.reshape(*modes.shape[:2], -1).norm(dim=2)
     size = size / size.amax(dim=0).clamp(min=1e-300)
-    # Each field's own strongest, by turns: none is left out for the unit that it is in.
+    # The strongest mode of each field in turn, so that units do not decide which fields are kept.
     rank = torch.zeros(len(modes), dtype=torch.float64)
     leading = size.argmax(dim=1)
     for field in range(size.shape[1]):
-        mine = torch.nonzero(leading == field)[:, 0]
-        order = mine[size[mine, field].argsort(descending=True, stable=True)]
+        own = torch.nonzero(leading == field)[:, 0]
+        order = own[size[own, field].argsort(descending=True, stable=True)]
         rank[order] = torch.arange(len(order), dtype=torch.float64)
     return modes[rank.argsort(stable=True)[:count]]
 
 
 def _tangents(
-    system: System, simulated: Simulated, modes: Tensor
+    system: System, nominal: NominalRun, modes: Tensor
 ) -> Iterator[tuple[Tensor, Tensor]]:
-    """Yield the state, and what the modes have become, at every sample."""
-    start, times = simulated.states[0], simulated.times
+    """Yield the state and the propagated modes at every sample."""
+    start, times = nominal.states[0], nominal.times
     if system.axes and supports(system, []):
         return tangent_linear(system, start, modes, times, None, [])
     if supports_ode(system, []):
         return tangent_ode(system, start, modes, times, None, [])
-    return _differences(system, simulated, modes)
+    return _differences(system, nominal, modes)
 
 
 def _differences(
-    system: System, simulated: Simulated, modes: Tensor
+    system: System, nominal: NominalRun, modes: Tensor
 ) -> Iterator[tuple[Tensor, Tensor]]:
-    count = simulated.affordable(SECONDS, float(len(modes)))
-    starts = torch.cat([simulated.states[:1], simulated.states[:1] + DIFFERENCE * modes])
-    path = simulate(system, starts, simulated.times[:count]).transpose(0, 1)
+    count = nominal.affordable_samples(SECONDS, float(len(modes)))
+    starts = torch.cat([nominal.states[:1], nominal.states[:1] + DIFFERENCE * modes])
+    path = simulate(system, starts, nominal.times[:count]).transpose(0, 1)
     for states in path:
         yield states[0], (states[1:] - states[0]) / DIFFERENCE
 
 
-def _read(operator: ObservationOperator, state: Tensor, moved: Tensor) -> Tensor:
-    """Return ``H'(u)δu`` of every mode, ``(mode, sensor)``: lets need not be linear."""
+def _observed_tangents(operator: ObservationOperator, state: Tensor, moved: Tensor) -> Tensor:
+    """Return ``H'(u)δu`` of every mode, ``(mode, sensor)``, by differences: H may be nonlinear."""
     small = DIFFERENCE / moved.abs().flatten(1).max(dim=1).values.clamp(min=1e-12)
     small = small * state.abs().max().clamp(min=1e-12)
     steps = small.reshape(-1, *(1,) * (moved.dim() - 1))
-    found: Tensor = operator(state + steps * moved) - operator(state[None])
-    return found / small[:, None]
+    change: Tensor = operator(state + steps * moved) - operator(state[None])
+    return change / small[:, None]

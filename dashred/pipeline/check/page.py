@@ -5,9 +5,9 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Iterable
 
-from dashred.pipeline.check.remark import Remark
+from dashred.pipeline.check.remark import Remark, plural
 
-MARKS = {"fine": " ", "doubtful": "?", "to do": "!", "wrong": "x"}
+MARKS = {"ok": " ", "warning": "?", "to do": "!", "error": "x"}
 WIDTH = 98
 
 
@@ -34,14 +34,14 @@ class Page:
         self._put(text)
 
     def section(self, title: str, remarks: Iterable[Remark]) -> None:
-        """Print a section, each remark as soon as it is there; nothing if there is none."""
-        begun = False
+        """Print a section, each remark as soon as it arrives; nothing if there is none."""
+        has_title = False
         for remark in remarks:
-            if not begun:
+            if not has_title:
                 self._put(f"\n{title}")
-            begun = True
+            has_title = True
             self.count[remark.kind] += 1
-            self._put(_wrapped(f"  {MARKS[remark.kind]} ", remark.says))
+            self._put(_wrapped(f"  {MARKS[remark.kind]} ", remark.text))
             if remark.hint:
                 self._put(_wrapped("      ", remark.hint))
 
@@ -52,9 +52,9 @@ class Page:
         self._put(f"\n{', '.join(parts) or 'Nothing is doubtful'}.")
 
     @property
-    def wrong(self) -> bool:
-        """Whether a run would refuse something."""
-        return bool(self.count["wrong"])
+    def has_errors(self) -> bool:
+        """Whether a run would refuse the input."""
+        return bool(self.count["error"])
 
     def _put(self, text: str) -> None:
         self.lines.append(text)

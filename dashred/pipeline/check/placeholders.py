@@ -1,4 +1,4 @@
-"""What a configuration leaves to be filled in."""
+"""Lines of a configuration that are still to be filled in."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from dashred.config.checks.placeholders import unfinished_lines
 from dashred.pipeline.check.remark import Remark
 
 
-def left_to_do(config: Config) -> Iterator[Remark]:
-    """Tell the lines of the system's file that are marked, and equations that are 0."""
+def placeholder_remarks(config: Config) -> Iterator[Remark]:
+    """Yield the marked lines of the configuration file and the equations that are 0."""
     marked = unfinished_lines(config)
-    for line, says in marked.items():
-        yield Remark(f"{line}: {says}", "to do")
+    for line, task in marked.items():
+        yield Remark(f"{line}: {task}", "to do")
     for field, text in config.system.equations.items():
         where = config.where(f"system.equations.{field}")
         if is_zero(text) and where not in marked:
-            says = f"{where}: the equation of {field} is 0: nothing moves it"
-            yield Remark(says, "to do", "write its right-hand side, unless it never changes")
+            text = f"{where}: the equation of {field} is 0, so {field} is constant"
+            yield Remark(text, "to do", "write its right-hand side, unless it is constant")
 
 
-def still(config: Config) -> list[str]:
-    """Return the fields that nothing moves."""
+def zero_equations(config: Config) -> list[str]:
+    """Return the fields whose equation is 0."""
     return [field for field, text in config.system.equations.items() if is_zero(text)]
 
 
 def is_zero(text: str) -> bool:
-    """Whether an equation is nothing but a zero."""
+    """Whether the text of an equation is 0."""
     return text.strip() in ("0", "0.0", "-0")

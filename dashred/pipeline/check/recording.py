@@ -1,4 +1,4 @@
-"""The recording itself: its clock, what is missing, what is repeated, its noise."""
+"""Checks of the recording: its clock, missing and repeated values, and its noise."""
 
 from __future__ import annotations
 
@@ -17,71 +17,71 @@ from dashred.data.recording import Recording
 from dashred.data.resampling import MAX_GAP, native_step
 from dashred.data.time_scale import SAMPLES_PER_PERIOD, samples_per_change, suggested_step
 from dashred.pipeline.check.context import CheckContext
-from dashred.pipeline.check.remark import Remark, counted, doubtful, some
+from dashred.pipeline.check.remark import Remark, plural, shortened, warning
 
-# Steps that differ from the mean by more than this share make a clock irregular.
+# Relative deviation from the mean step above which a clock is irregular.
 IRREGULAR = 0.05
-# So many gaps are no interruptions, but samples that stand unevenly.
+# With this many gaps the sampling is uneven rather than interrupted.
 MANY_GAPS = 5
-# Of a trace: a share of values that is missing, or is the same as the one before.
+# Shares of missing values, and of values equal to the previous one, that cause a warning.
 MANY_MISSING, MANY_REPEATED = 0.1, 0.5
-# So many times as much noise as is stated, or as little.
-FAR_OFF = 3.0
-# A trace of more noise than this share of its std says little.
+# Estimated over stated noise that causes a warning.
+MAX_NOISE_RATIO = 3.0
+# Noise over standard deviation of a trace that causes a warning.
 NOISY = 0.5
-# Samples on the analysis clock beyond which a run gets long, and that are too few to learn from.
+# Numbers of samples on the analysis clock that are many, and that are few.
 MANY_SAMPLES, FEW_SAMPLES = 2000, 60
 
 
-def about_recording(situation: CheckContext) -> Iterator[Remark]:
-    """Say what there is, then what is wrong with it."""
-    recording = situation.recording
+def recording_remarks(context: CheckContext) -> Iterator[Remark]:
+    """Describe the recording, then warn of its defects."""
+    recording = context.recording
     if recording is None:
-        yield from _about_none(situation)
+        yield from _no_recording(context)
         return
     times = recording.times
-    span = f"{len(times)} samples of {counted(len(recording.sensors), 'sensor')}"
-    end = with_unit(f"{times[-1]:.6g}", situation.system.units.get("t"))
+    span = f"{len(times)} samples of {plural(len(recording.sensors), 'sensor')}"
+    end = with_unit(f"{times[-1]:.6g}", context.system.units.get("t"))
     yield Remark(f"{span}, t from {times[0]:.6g} to {end}")
-    if situation.others:
-        yield Remark(f"That is the longest of {len(situation.others) + 1} episodes")
-    every = situation.config.recording.every
-    yield from _uneven(recording)
-    yield from _gone_wrong(recording, every)
+    if context.others:
+        yield Remark(f"This is the longest of {len(context.others) + 1} episodes")
+    every = context.config.recording.every
+    yield from _irregular_steps(recording)
+    yield from _defects(recording, every)
     estimated = _estimated_noise(recording)
-    yield from _noise(recording, estimated)
-    yield from _sampling(situation, recording, estimated)
-    for name, other in situation.others.items():
-        for remark in _gone_wrong(other, every):
-            yield replace(remark, says=f"Episode {name}: {remark.says}")
+    yield from _noise_remarks(recording, estimated)
+    yield from _sampling_remarks(context, recording, estimated)
+    for name, other in context.others.items():
+        for remark in _defects(other, every):
+            yield replace(remark, text=f"Episode {name}: {remark.text}")
 
 
-def _gone_wrong(recording: Recording, every: float | None) -> Iterator[Remark]:
+def _defects(recording: Recording, every: float | None) -> Iterator[Remark]:
     yield from _gaps(recording, every)
     yield from _missing(recording)
-    yield from _marks(recording)
+    yield from _sentinels(recording)
     yield from _repeated(recording)
 
 
-def _about_none(situation: CheckContext) -> Iterator[Remark]:
-    asked = situation.config.recording
-    count = len(situation.split.tested.sensors) + len(situation.sensors)
+def _no_recording(context: CheckContext) -> Iterator[Remark]:
+    asked = context.config.recording
+    count = len(context.split.tested.sensors) + len(context.sensors)
     reads, noise = ", ".join(asked.reads), f"{asked.noise:.0%} noise"
     yield Remark(
-        "There is no recording yet: the simulator is checked, and a layout of "
-        f"{counted(count, 'sensor')} as it is asked for, reading {reads}: {noise}, "
-        f"{situation.clock}. A recording of your own is recording.path=FILE"
+        "There is no recording yet: the check uses the simulator and the configured layout of "
+        f"{plural(count, 'sensor')} of {reads} ({noise}, {context.clock}). "
+        "Name a recording with recording.path=FILE"
     )
 
 
-def _uneven(recording: Recording) -> Iterator[Remark]:
+def _irregular_steps(recording: Recording) -> Iterator[Remark]:
     step, steps = native_step(recording.times), np.diff(recording.times)
     usual = steps[steps <= MAX_GAP * step]
     if usual.size and np.abs(usual / step - 1).max() > IRREGULAR:
         shortest, longest = f"{usual.min():.4g}", f"{usual.max():.4g}"
-        yield doubtful(
-            f"The steps differ, from {shortest} to {longest}: values are interpolated in between",
-            "recording.every=STEP sets the clock that they are brought to",
+        yield warning(
+            f"The time steps vary from {shortest} to {longest}: values are interpolated",
+            "recording.every=STEP sets the step of the analysis clock",
         )
 
 
@@ -92,12 +92,12 @@ def _gaps(recording: Recording, every: float | None) -> Iterator[Remark]:
     if not gaps.size:
         return
     worst = int(gaps[steps[gaps].argmax()])
-    anew = "if the system was started anew in it, its parts are episodes"
-    bridged = f"a longer step bridges short ones: recording.every={MAX_GAP * step:.3g}"
-    yield doubtful(
-        f"{counted(gaps.size, 'gap')} longer than {MAX_GAP:g} steps; the longest, "
-        f"{steps[worst]:.4g}, begins at t = {recording.times[worst]:.6g}",
-        f"nothing is read into a gap; {anew if gaps.size < MANY_GAPS else bridged}",
+    episodes = "if the system was restarted there, declare the parts as episodes"
+    longer = f"a longer step bridges short gaps: recording.every={MAX_GAP * step:.3g}"
+    yield warning(
+        f"{plural(gaps.size, 'gap')} longer than {MAX_GAP:g} steps; the longest, "
+        f"{steps[worst]:.4g}, starts at t = {recording.times[worst]:.6g}",
+        f"gaps are not interpolated; {episodes if gaps.size < MANY_GAPS else longer}",
     )
 
 
@@ -108,18 +108,18 @@ def _missing(recording: Recording) -> Iterator[Remark]:
     yield Remark(f"{missing.mean():.1%} of the values are missing")
     many = [n for n, share in zip(recording.names, missing, strict=True) if share > MANY_MISSING]
     if many:
-        says = f"More than {MANY_MISSING:.0%} of their values are missing: {some(many)}"
-        yield doubtful(says, "take a sensor out that hardly ever reads")
+        text = f"More than {MANY_MISSING:.0%} of the values are missing from {shortened(many)}"
+        yield warning(text, "remove sensors with very few values")
 
 
-def _marks(recording: Recording) -> Iterator[Remark]:
+def _sentinels(recording: Recording) -> Iterator[Remark]:
     for name, values in zip(recording.names, recording.values.T, strict=True):
         for number, count in sentinel_counts(values).items():
             times = recording.times[values == number]
-            yield doubtful(
-                f"{name} reads {number:g} {count} times, first at t = {times[0]:.6g}, and nothing "
-                "else near it: a mark of a missing value?",
-                "leave such cells empty: as a number it is fitted like any other",
+            yield warning(
+                f"{name} reads {number:g} {count} times, first at t = {times[0]:.6g}, far from its "
+                "other values: this may mark missing values",
+                "leave the cells of missing values empty; otherwise the number is fitted",
             )
 
 
@@ -130,91 +130,97 @@ def _repeated(recording: Recording) -> Iterator[Remark]:
         if len(known) > 1 and (np.diff(known) == 0).mean() > MANY_REPEATED:
             stuck.append(name)
     if stuck:
-        yield doubtful(
-            f"Most values are the same as the one before: {some(stuck)}",
-            "stuck, coarsely rounded, or sampled more often than it was measured "
-            "(recording.every=STEP thins it)",
+        yield warning(
+            f"Sensors with mostly repeated values: {shortened(stuck)}",
+            "they may be stuck, coarsely rounded, or written more often than measured "
+            "(recording.every=STEP sets a longer step)",
         )
-    seen: dict[bytes, str] = {}
+    first_with: dict[bytes, str] = {}
     for name, values in zip(recording.names, recording.values.T, strict=True):
-        twin = seen.setdefault(np.nan_to_num(values).tobytes(), name)
-        if twin != name:
-            yield doubtful(f"{twin} and {name} read the very same values", "is one of them a copy?")
+        first = first_with.setdefault(np.nan_to_num(values).tobytes(), name)
+        if first != name:
+            yield warning(f"{first} and {name} have identical values", "one may be a copy")
 
 
 def _estimated_noise(recording: Recording, every: int = 1) -> NDArray[np.float64]:
-    """Return σ of every sensor as third differences tell it, ``(sensor,)``; NaN if they do not.
+    """Estimate σ of every sensor from third differences, ``(sensor,)``; NaN where impossible.
 
     Args:
-        recording: whose stated noise has no part in it.
-        every: of the values that each sensor has, so many of them: all, or every second one.
+        recording: the recording; its stated noise is ignored.
+        every: stride over the known values of each sensor.
     """
-    found = []
+    sigmas = []
     for sensor, values in zip(recording.sensors, recording.values.T, strict=True):
-        kept = np.flatnonzero(~np.isnan(values))[::every]
-        bare = (replace(sensor, std=None),)
+        known = np.flatnonzero(~np.isnan(values))[::every]
+        unstated = (replace(sensor, std=None),)
         try:
-            alone = Recording(bare, recording.times[kept], values[kept, None])
-            found.append(float(noise_std(alone)[0]))
+            alone = Recording(unstated, recording.times[known], values[known, None])
+            sigmas.append(float(noise_std(alone)[0]))
         except InputError:
-            found.append(math.nan)
-    return np.array(found)
+            sigmas.append(math.nan)
+    return np.array(sigmas)
 
 
-def _noise(recording: Recording, estimated: NDArray[np.float64]) -> Iterator[Remark]:
+def _noise_remarks(recording: Recording, estimated: NDArray[np.float64]) -> Iterator[Remark]:
     varies = recording.trace_std()
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = estimated / varies
     known = shares[np.isfinite(shares)]
     if known.size:
         sizes = dict.fromkeys(f"{100 * float(x):.2g}" for x in (known.min(), known.max()))
-        yield Remark(f"The noise looks like {' to '.join(sizes)} % of what the sensors vary")
+        yield Remark(
+            f"The noise is about {' to '.join(sizes)} % of the standard deviation of the readings"
+        )
     names = recording.names
     noisy = [n for n, share in zip(names, shares, strict=True) if share > NOISY]
     if noisy:
-        says = "More than half of what they vary is noise, or changes from sample to sample: "
-        yield doubtful(says + some(noisy), "are they sampled too slowly for what they follow?")
+        text = f"More than half of the variation is noise or unresolved: {shortened(noisy)}"
+        yield warning(text, "these sensors may be sampled too slowly")
     for sensor, sigma in zip(recording.sensors, estimated, strict=True):
-        if sensor.std is not None and sigma > FAR_OFF * sensor.std:
-            says = f"{sensor.name}: its std is stated as {sensor.std:.3g}, but it scatters by "
-            yield doubtful(f"{says}{sigma:.3g}", "leave std empty to have it estimated")
+        if sensor.std is not None and sigma > MAX_NOISE_RATIO * sensor.std:
+            text = f"{sensor.name}: stated std {sensor.std:.3g}, estimated std {sigma:.3g}"
+            yield warning(text, "leave std empty to have it estimated")
 
 
-def _sampling(
-    situation: CheckContext, recording: Recording, estimated: NDArray[np.float64]
+def _sampling_remarks(
+    context: CheckContext, recording: Recording, estimated: NDArray[np.float64]
 ) -> Iterator[Remark]:
     lags = samples_per_change(recording, np.nan_to_num(estimated))
-    yield Remark(f"The analysis clock: {situation.clock}")
-    if situation.config.recording.every is None and lags:
+    yield Remark(f"Analysis clock: {context.clock}")
+    if context.config.recording.every is None and lags:
         fastest = min(lags, key=lambda name: lags[name])
         step = suggested_step(recording, lags)
         if step is not None and step >= 4 * native_step(recording.times):
-            yield doubtful(
-                f"It is sampled finely: the fastest sensor, {fastest}, takes {lags[fastest]} "
-                f"samples for a {SAMPLES_PER_PERIOD}th of its period",
+            yield warning(
+                f"The sampling is finer than needed: the fastest sensor, {fastest}, has "
+                f"{lags[fastest]} samples in a {SAMPLES_PER_PERIOD}th of its period",
                 f"recording.every={step:g} loses little and makes a run faster",
             )
-    count = len(situation.times)
+    count = len(context.times)
     if count > MANY_SAMPLES:
-        yield doubtful(f"{count} samples make a run long", "recording.every=STEP thins them")
+        yield warning(f"{count} samples make a run slow", "set a longer step: recording.every=STEP")
     elif count < FEW_SAMPLES:
-        yield doubtful(f"{count} samples are few to find a law from", "record longer, or finer")
-    yield _correlation(recording, lags)
+        yield warning(
+            f"{count} samples are few for finding a law", "record longer or at a shorter step"
+        )
+    yield _correlation_remark(recording, lags)
 
 
-def _correlation(recording: Recording, lags: dict[str, int]) -> Remark:
-    """Compare the noise at every and at every second sample: white noise is as large at both."""
+def _correlation_remark(recording: Recording, lags: dict[str, int]) -> Remark:
+    """Compare the noise of all samples and of every second one: white noise is equal in both."""
     fine = recording.select([name for name, lag in lags.items() if lag >= 8])
     ratios = _estimated_noise(fine) / _estimated_noise(fine, every=2)
-    told = np.isfinite(ratios)
-    if not told.any():
-        says = "Whether its noise is correlated cannot be told at this step"
-        return Remark(f"{says}: a run tells it by what its fit leaves")
-    ratio = float(np.median(ratios[told]))
-    fewest = (~np.isnan(fine.values[:, told])).sum(axis=0).min()
+    finite = np.isfinite(ratios)
+    if not finite.any():
+        return Remark(
+            "This step is too long to tell whether the noise is correlated; a run tells it from "
+            "the residuals of its fit"
+        )
+    ratio = float(np.median(ratios[finite]))
+    fewest = (~np.isnan(fine.values[:, finite])).sum(axis=0).min()
     if ratio > 1 - 4 / math.sqrt(fewest):
-        return Remark("Its noise looks independent from sample to sample")
-    return doubtful(
-        f"Its noise looks correlated: every second sample scatters {1 / ratio:.2g} times as much",
-        "a run estimates the correlation and counts such samples for less",
+        return Remark("The noise looks white")
+    return warning(
+        f"The noise looks autocorrelated: {1 / ratio:.2g} times larger in every second sample",
+        "a run estimates the correlation and weights the samples accordingly",
     )

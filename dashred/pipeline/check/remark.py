@@ -1,4 +1,4 @@
-"""What a check has to say."""
+"""Remarks of a check."""
 
 from __future__ import annotations
 
@@ -8,32 +8,32 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Remark:
-    """One thing found.
+    """One result of a check.
 
     Attributes:
-        says: in plain words.
-        kind: fine, doubtful (look at it before you trust a run), left to do, or wrong (a run
-            would refuse it).
+        text: the result as a sentence without a full stop.
+        kind: ok, warning (review before trusting a run), to do (incomplete), or error (a run would
+            refuse the input).
         hint: what to do about it.
     """
 
-    says: str
-    kind: Literal["fine", "doubtful", "to do", "wrong"] = "fine"
+    text: str
+    kind: Literal["ok", "warning", "to do", "error"] = "ok"
     hint: str | None = None
 
 
-def doubtful(says: str, hint: str | None = None) -> Remark:
-    """Return a remark that somebody should look at."""
-    return Remark(says, "doubtful", hint)
+def warning(text: str, hint: str | None = None) -> Remark:
+    """Return a remark of kind warning."""
+    return Remark(text, "warning", hint)
 
 
-def counted(count: int, thing: str) -> str:
+def plural(count: int, noun: str) -> str:
     """Return ``1 sensor``, ``2 sensors``."""
-    return f"{count} {thing}{'' if count == 1 else 's'}"
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
-def some(names: list[str], most: int = 4) -> str:
-    """Return the first names and how many more there are: ``s1, s2 and 7 more``."""
+def shortened(names: list[str], most: int = 4) -> str:
+    """Return the first names and the number of the others: ``s1, s2 and 7 more``."""
     if len(names) <= most + 1:
         return ", ".join(names)
     return f"{', '.join(names[:most])} and {len(names) - most} more"

@@ -1,4 +1,4 @@
-"""How long a run will take, roughly."""
+"""Estimate the run time of an analysis."""
 
 from __future__ import annotations
 
@@ -6,56 +6,58 @@ import math
 
 from dashred.config import Config
 from dashred.pipeline.check.context import CheckContext
-from dashred.pipeline.check.observability import Seen
+from dashred.pipeline.check.observability import Observability
 from dashred.pipeline.check.remark import Remark
-from dashred.pipeline.check.simulator import Simulated
+from dashred.pipeline.check.simulator import NominalRun
 
-# Seconds that every run takes: imports, figures, MLflow.
-ALWAYS = 12.0
-# Seconds of one step of training the network, of 48 windows of 24 samples at 64 latents.
+# Seconds of overhead per run: imports, figures, MLflow.
+OVERHEAD = 12.0
+# Seconds of one training step with 48 windows of 24 samples at 64 latents.
 TRAINING_STEP = 0.006
-# Assimilation into a network takes so many times its training, latent SINDy included (measured runs
-# from snapshots of rde and ks2d).
+# Time of assimilation and latent SINDy over the time of training, measured in runs from snapshots
+# of rde and ks2d.
 ASSIMILATION = 0.9
-# Trajectories cost less in a batch than alone.
+# Time of a trajectory in a batch over its time alone.
 BATCHED = 0.3
-# Seconds of discovery, by the root of those of one linearisation in all columns: the more there
-# are, the fewer are carried at a time. Of a case that is clear, and of one of many causes; they
-# are fitted to measured runs on 2 cores (fhn, ks1d, rde, the real pendulum).
+# Seconds of discovery over the square root of the seconds of one linearisation in all columns, for
+# a clear case and for one with many possible causes. Fitted to measured runs on 2 cores (fhn, ks1d,
+# rde, the real pendulum).
 CLEAR, HARD = 20.0, 180.0
 
 
-def about_run_time(situation: CheckContext, simulated: Simulated, seen: Seen | None) -> Remark:
-    """Return a range: the least is a clear case, the most one whose causes are hard to tell."""
-    config, samples = situation.config, len(situation.times)
+def run_time_remark(
+    context: CheckContext, nominal: NominalRun, observed: Observability | None
+) -> Remark:
+    """Return the range from a clear case to one whose causes are hard to tell apart."""
+    config, samples = context.config, len(context.times)
     training = 1.5 * _training(config)
     members = config.simulation.members + config.surrogate.members
-    ensembles = BATCHED * members * samples * simulated.sample_seconds
-    column = simulated.sample_seconds if seen is None else seen.seconds
-    columns = (0 if seen is None else seen.of) + len(situation.library)
+    ensembles = BATCHED * members * samples * nominal.sample_seconds
+    column = nominal.sample_seconds if observed is None else observed.seconds
+    columns = (0 if observed is None else observed.prior_size) + len(context.library)
     linearisation = column * samples * columns
-    before = ALWAYS + training + ensembles
-    least, most = (before + share * math.sqrt(linearisation) for share in (CLEAR, HARD))
+    fixed = OVERHEAD + training + ensembles
+    least, most = (fixed + share * math.sqrt(linearisation) for share in (CLEAR, HARD))
     return Remark(
-        f"Roughly {_rough(least)} where one cause stands out, {_rough(most)} where many have to be "
-        "weighed; longer on a busy machine"
+        f"About {_rounded_duration(least)} if one cause stands out, about "
+        f"{_rounded_duration(most)} if many have to be compared; longer on a busy machine"
     )
 
 
-def about_snapshots_run_time(config: Config) -> Remark:
-    """Return how long it takes where no law is sought: to learn, to assimilate, to draw."""
-    seconds = ALWAYS + (1.0 + ASSIMILATION) * _training(config)
-    return Remark(f"Roughly {_rough(seconds)}; longer on a busy machine")
+def snapshots_run_time_remark(config: Config) -> Remark:
+    """Return the run time from snapshots: training, assimilation and figures, without discovery."""
+    seconds = OVERHEAD + (1.0 + ASSIMILATION) * _training(config)
+    return Remark(f"About {_rounded_duration(seconds)}; longer on a busy machine")
 
 
 def _training(config: Config) -> float:
-    """Return seconds of SHRED's training."""
+    """Return the seconds of training SHRED."""
     shred = config.shred
     steps = shred.epochs * shred.steps
     return TRAINING_STEP * steps * (shred.lags + 1) / 25 * shred.batch / 48
 
 
-def _rough(seconds: float) -> str:
+def _rounded_duration(seconds: float) -> str:
     if seconds < 55:
         return f"{max(10, round(seconds, -1)):.0f} s"
     minutes = seconds / 60

@@ -1,4 +1,4 @@
-"""The simulator itself, within a budget of seconds: does it run, and is it resolved?"""
+"""Checks of the simulator: does it run, and is it resolved?"""
 
 from __future__ import annotations
 
@@ -17,32 +17,31 @@ from dashred.physics.runs.resolution import Readings, doubling_error, minimum_sc
 from dashred.physics.solvers.simulate import check_finite, simulate
 from dashred.physics.system import System, Term
 from dashred.pipeline.check.context import CheckContext
-from dashred.pipeline.check.placeholders import still
-from dashred.pipeline.check.remark import Remark, doubtful
+from dashred.pipeline.check.placeholders import zero_equations
+from dashred.pipeline.check.remark import Remark, warning
 
-# Seconds for the nominal run, and for the run at doubled resolution.
-RUN, DOUBLED = 2.0, 3.0
-# Samples whose run tells how long the others take; compiling is in neither.
-PROBED = 6
-FEWEST = 3
-# Of what it reads, a share below which changes are rounding.
-STILL = 1e-9
-# A mean so many times what a field varies by: its square is a straight line but for a hundredth.
-FAR_FROM_ZERO = 25.0
-# Twice the points along every axis and twice the steps, and a little for what is larger than a
-# cache.
-DEARER = 1.3
+# Time budgets of the nominal run and of the run at doubled resolution, in seconds.
+NOMINAL_SECONDS, DOUBLED_SECONDS = 2.0, 3.0
+# Samples of the timing run, after compilation, and the fewest samples of any run.
+TIMED_SAMPLES = 6
+MIN_SAMPLES = 3
+# Changes below this share of the largest reading are rounding errors.
+ROUNDING = 1e-9
+# Mean over standard deviation of a field above which its square is linear to within a hundredth.
+MAX_OFFSET = 25.0
+# Cost of doubled resolution beyond the number of points and steps: arrays exceed the cache.
+DOUBLED_COST = 1.3
 
 
 @dataclass(frozen=True)
-class Simulated:
-    """The simulator's nominal run over the samples that there was time for.
+class NominalRun:
+    """The nominal run over as many samples as the time budget allows.
 
     Attributes:
-        prior: what is known of the start.
+        prior: prior of the initial state.
         states: ``(time, field, *grid)``.
-        times: their times, the first ones of the clock.
-        sample_seconds: how long one sample takes.
+        times: the first times of the clock, ``(time,)``.
+        sample_seconds: run time per sample.
     """
 
     prior: StartPrior
@@ -50,116 +49,115 @@ class Simulated:
     times: Tensor
     sample_seconds: float
 
-    def affordable(self, seconds: float, dearer: float) -> int:
-        """Return how many samples of what is so much dearer there are seconds for."""
-        return _affordable(seconds, self.sample_seconds * dearer, len(self.times))
+    def affordable_samples(self, seconds: float, cost_factor: float) -> int:
+        """Return the number of samples that fit a budget at a relative cost per sample."""
+        return _affordable_samples(seconds, self.sample_seconds * cost_factor, len(self.times))
 
 
 @torch.no_grad()
-def run_nominal(situation: CheckContext) -> Simulated:
-    """Run the simulator from its established start.
+def run_nominal(context: CheckContext) -> NominalRun:
+    """Run the simulator from its nominal start.
 
     Raises:
-        InputError: it blows up.
+        InputError: the simulation blows up.
     """
-    system, times = situation.system, situation.times
+    system, times = context.system, context.times
     start = nominal_start(system)
-    probed = simulate_timed(system, start, times[:PROBED])
-    each = probed[1] / (len(times[:PROBED]) - 1)
-    count = _affordable(RUN, each, len(times))
-    path, seconds = simulate_timed(system, start, times[:count])
+    _, seconds = timed_simulation(system, start, times[:TIMED_SAMPLES])
+    each = seconds / (len(times[:TIMED_SAMPLES]) - 1)
+    count = _affordable_samples(NOMINAL_SECONDS, each, len(times))
+    path, seconds = timed_simulation(system, start, times[:count])
     check_finite(path, times[:count], system)
     modes = system.config.spread.get("modes")
     prior = StartPrior(system, start[0], field_rms(path[0]), None if modes is None else int(modes))
-    return Simulated(prior, path[0], times[:count], min(each, seconds / (count - 1)))
+    return NominalRun(prior, path[0], times[:count], min(each, seconds / (count - 1)))
 
 
-def simulate_timed(system: System, start: Tensor, times: Tensor) -> tuple[Tensor, float]:
-    """Return a simulation, and how many seconds it took."""
-    began = time.perf_counter()
+def timed_simulation(system: System, start: Tensor, times: Tensor) -> tuple[Tensor, float]:
+    """Return a simulation and its run time in seconds."""
+    started = time.perf_counter()
     path = simulate(system, start, times)
-    return path, time.perf_counter() - began
+    return path, time.perf_counter() - started
 
 
-def about_simulator(situation: CheckContext, simulated: Simulated) -> Iterator[Remark]:
-    """Say whether it moves, and whether it is resolved."""
-    total, count = len(situation.times), len(simulated.times)
+def simulator_remarks(context: CheckContext, nominal: NominalRun) -> Iterator[Remark]:
+    """Check that the simulated readings change and are resolved."""
+    total, count = len(context.times), len(nominal.times)
     within = "" if count == total else f" (the first {count} of {total} samples)"
-    yield Remark(f"It runs from its start to t = {float(simulated.times[-1]):.6g}{within}")
-    readings = _readings(situation)
-    traces = readings(situation.system, simulated.states[None])[0]
-    if not (traces.std(dim=0) > STILL * traces.abs().max()).any():
-        yield doubtful("In it nothing moves that a sensor reads", "are its equations written?")
+    yield Remark(f"The simulation runs to t = {float(nominal.times[-1]):.6g}{within}")
+    readings = _readings(context)
+    traces = readings(context.system, nominal.states[None])[0]
+    if not (traces.std(dim=0) > ROUNDING * traces.abs().max()).any():
+        yield warning("All simulated readings are constant", "check that the equations are written")
         return
-    yield _resolution(situation, simulated, traces)
-    yield from _library(situation, simulated)
+    yield _resolution_remark(context, nominal, traces)
+    yield from _library_remarks(context, nominal)
 
 
-def _library(situation: CheckContext, simulated: Simulated) -> Iterator[Remark]:
-    """Tell of terms that a run would refuse, or leave out of the default library."""
-    # Those that a part of the record cannot tell apart the whole of it may.
-    if len(simulated.times) < len(situation.times) or still(situation.config):
+def _library_remarks(context: CheckContext, nominal: NominalRun) -> Iterator[Remark]:
+    """Yield terms that a run would refuse or exclude from the default library."""
+    # Terms that a part of the record cannot separate may be separated by the whole of it.
+    if len(nominal.times) < len(context.times) or zero_equations(context.config):
         return
-    own = situation.config.library is not None
-    terms = situation.system, situation.library, simulated.states, simulated.times
+    arguments = context.system, context.library, nominal.states, nominal.times
     try:
-        if own:
-            check_collinear(*terms)
+        if context.config.library is not None:
+            check_collinear(*arguments)
         else:
-            yield from map(_left_out, uninformative_terms(*terms).items())
-            yield from _far_from_zero(situation, simulated)
+            yield from map(_excluded_term, uninformative_terms(*arguments).items())
+            yield from _large_offset_remarks(context, nominal)
     except InputError as error:
-        yield Remark(f"{error.what}: no data could tell their coefficients", "wrong", error.hint)
+        yield Remark(f"{error.what}: their coefficients cannot be determined", "error", error.hint)
 
 
-def _far_from_zero(situation: CheckContext, simulated: Simulated) -> Iterator[Remark]:
-    """Tell of fields whose powers and functions are hardly more than straight lines."""
-    fields = simulated.states.unbind(1)
-    for name, values in zip(situation.system.fields, fields, strict=True):
+def _large_offset_remarks(context: CheckContext, nominal: NominalRun) -> Iterator[Remark]:
+    """Warn of fields that vary too little about their mean for nonlinear terms."""
+    fields = nominal.states.unbind(1)
+    for name, values in zip(context.system.fields, fields, strict=True):
         mean, std = float(values.mean()), float(values.std())
-        if abs(mean) > FAR_FROM_ZERO * std > 0:
-            yield doubtful(
-                f"{name} varies by {std:.2g} about {mean:.4g}: powers and functions of it are hard "
-                "to tell apart",
-                "list the candidate terms yourself (library:), or write the equations in what it "
-                "differs by from there",
+        if abs(mean) > MAX_OFFSET * std > 0:
+            yield warning(
+                f"{name} varies by {std:.2g} about {mean:.4g}: its powers and functions are nearly "
+                "collinear",
+                "list the candidate terms yourself (library:), or write the equations for the "
+                "difference from the mean",
             )
 
 
-def _left_out(term_and_why: tuple[Term, str | Term]) -> Remark:
+def _excluded_term(term_and_why: tuple[Term, str | Term]) -> Remark:
     term, why = term_and_why
-    told = f"it {why} here" if isinstance(why, str) else f"it is {why} here, up to a number"
-    return Remark(f"Of the default terms of {term.equation}, {term} is left out: {told}")
+    reason = f"it {why} here" if isinstance(why, str) else f"it is a multiple of {why} here"
+    return Remark(f"The default term {term} of {term.equation} is excluded: {reason}")
 
 
 @torch.no_grad()
-def _resolution(situation: CheckContext, simulated: Simulated, traces: Tensor) -> Remark:
-    system, limit = situation.system, situation.config.resolution_limit
-    dearer = DEARER * 2.0 ** (1 + len(system.axes))
-    count = simulated.affordable(DOUBLED, dearer)
-    times, start = simulated.times[:count], simulated.states[:1]
-    readings = _readings(situation)
-    reads = [sensor.reads for sensor in situation.sensors]
-    least = minimum_scale(traces, situation.sigma(simulated.states), reads, limit)
+def _resolution_remark(context: CheckContext, nominal: NominalRun, traces: Tensor) -> Remark:
+    system, limit = context.system, context.config.resolution_limit
+    cost_factor = DOUBLED_COST * 2.0 ** (1 + len(system.axes))
+    count = nominal.affordable_samples(DOUBLED_SECONDS, cost_factor)
+    times, start = nominal.times[:count], nominal.states[:1]
+    readings = _readings(context)
+    reads = [sensor.reads for sensor in context.sensors]
+    least = minimum_scale(traces, context.sigma(nominal.states), reads, limit)
     error, _ = doubling_error(system, start, times, readings, traces[None, :count], least)
-    span = f", over the first {count} samples" if count < len(situation.times) else ""
-    moves = f"twice its resolution moves a sensor's trace by {error:.2g} of its std{span}"
+    span = f", over the first {count} samples" if count < len(context.times) else ""
+    change = f"doubling the resolution changes a reading by {error:.2g} of its std{span}"
     if error <= limit:
-        return Remark(f"It is resolved: {moves}")
-    return doubtful(
-        f"It is not resolved: {moves}; more than {limit:g}",
-        f"a run refuses it: its error would pass for missing physics. {_remedy(system)}",
+        return Remark(f"The simulation is resolved: {change}")
+    return warning(
+        f"The simulation is not resolved: {change}, more than {limit:g}",
+        f"a run would refuse it: its error would look like missing physics; {_remedy(system)}",
     )
 
 
 def _remedy(system: System) -> str:
     if not system.axes:
-        return "Make system.integrator.dt smaller"
-    return "Make system.integrator.dt smaller, or the axes' points more"
+        return "decrease system.integrator.dt"
+    return "decrease system.integrator.dt, or increase the points of the axes"
 
 
-def _readings(situation: CheckContext) -> Readings:
-    sensors = situation.sensors
+def _readings(context: CheckContext) -> Readings:
+    sensors = context.sensors
 
     def readings(system: System, states: Tensor) -> Tensor:
         return ObservationOperator(sensors, system)(states)
@@ -167,5 +165,5 @@ def _readings(situation: CheckContext) -> Readings:
     return readings
 
 
-def _affordable(seconds: float, each: float, most: int) -> int:
-    return max(min(FEWEST, most), min(most, 1 + int(seconds / max(each, 1e-9))))
+def _affordable_samples(seconds: float, each: float, most: int) -> int:
+    return max(min(MIN_SAMPLES, most), min(most, 1 + int(seconds / max(each, 1e-9))))

@@ -1,1 +1,1 @@
-"""A run: its folder, manifest, checkpoints, provenance."""
+"""Bookkeeping of a run: folder, manifest, checkpoints and provenance."""

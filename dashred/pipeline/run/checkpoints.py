@@ -1,8 +1,8 @@
-"""What the stages of an analysis have found so far, on disk: an attempt that was cut short goes on.
+"""Results of the stages of an analysis on disk, from which an interrupted run resumes.
 
-Read back with weights only: tensors, numbers, texts, and the records of findings listed here. A
-file that was tampered with can name no other class, and no function at all. What other code has
-found is found again.
+Files are loaded with ``weights_only=True``: tensors, numbers, strings and the records listed here.
+A manipulated file can name no other class and no function. Results of another version of the code
+are computed again.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from dashred.pipeline.assimilation import Assimilated
 from dashred.pipeline.run.provenance import git_commit
 from dashred.pipeline.training import KeptNetwork, Learned
 
-Found = TypeVar("Found")
+Result = TypeVar("Result")
 
 EXPRESSIONS = (
     *(nodes.Number, nodes.Name, nodes.Sum, nodes.Product),
@@ -68,22 +68,22 @@ class NoCheckpoints:
 
 
 class Checkpoints:
-    """One file a stage.
+    """Checkpoints of the stages of a run, one file per stage.
 
     Args:
-        folder: where they are.
-        seconds: seconds by stage; of one that is read back, those that it took when it ran.
+        folder: folder of the files.
+        seconds: run time by stage; a stage that is read back adds its original run time.
 
     Attributes:
-        earlier: seconds that the stages took which were read back, in the attempts that ran them.
+        earlier: total original run time in seconds of the stages that were read back.
     """
 
     def __init__(self, folder: Path, seconds: dict[str, float]) -> None:
         self.folder, self.seconds = folder, seconds
         self.earlier = 0.0
 
-    def stage(self, name: str, find: Callable[[], Found]) -> Found:
-        """Return what a stage found: in the attempt that was cut short, or else now."""
+    def stage(self, name: str, compute: Callable[[], Result]) -> Result:
+        """Return the result of a stage: from its checkpoint if there is one, or computed now."""
         path = self.folder / f"{name}.pt"
         kept, code = _read(path), git_commit()
         # Records of other code may lack what this one reads, and findings are of one code.
@@ -101,28 +101,28 @@ class Checkpoints:
         return found
 
 
-def _plain(found: Any) -> Any:
-    if isinstance(found, tuple):
-        return tuple(map(_plain, found))
-    return KeptNetwork.of(found) if isinstance(found, Learned) else found
+def _plain(result: Any) -> Any:
+    if isinstance(result, tuple):
+        return tuple(map(_plain, result))
+    return KeptNetwork.of(result) if isinstance(result, Learned) else result
 
 
-def _restored(kept: Any) -> Any:
-    if isinstance(kept, tuple):
-        return tuple(map(_restored, kept))
-    return kept.restored() if isinstance(kept, KeptNetwork) else kept
+def _restored(stored: Any) -> Any:
+    if isinstance(stored, tuple):
+        return tuple(map(_restored, stored))
+    return stored.restored() if isinstance(stored, KeptNetwork) else stored
 
 
-def _write(path: Path, kept: dict[str, Any]) -> None:
-    # Of a full disk torch tells in words of its own; of its bytes the system tells.
-    made = BytesIO()
-    torch.save(kept, made)
+def _write(path: Path, content: dict[str, Any]) -> None:
+    # torch hides the cause when the disk is full; writing its bytes ourselves raises OSError.
+    buffer = BytesIO()
+    torch.save(content, buffer)
     with atomic_file(path) as partial:
-        partial.write_bytes(made.getvalue())
+        partial.write_bytes(buffer.getvalue())
 
 
 def _read(path: Path) -> dict[str, Any] | None:
-    """Return what a file holds; None where there is none that can be read."""
+    """Return the content of a file; None if it is missing or unreadable."""
     if not path.is_file():
         return None
     with torch.serialization.safe_globals([*RECORDS, *ARRAYS]):

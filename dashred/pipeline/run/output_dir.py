@@ -1,4 +1,4 @@
-"""The folder of the findings."""
+"""The output folder of a run."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from dashred.pipeline.run.run_manifest import POINTER
 from dashred.reporting.figures.figure_names import drawn_by_us
 
 FREEZE = "freeze.json"
-# What an analysis leaves beside its figures. The next may not write all of it again, and what is
-# left of an earlier one would pass for part of it.
+# Files that an analysis writes besides its figures. All are deleted before a run, because files of
+# an earlier run would look like its results.
 RESULTS = (
     FREEZE,
     "findings.json",
@@ -28,15 +28,15 @@ RESULTS = (
     "summary.txt",
 )
 SCORE = "score.json"
-ANOTHER = "choose another: output=DIR"
+HINT = "choose another folder: output=DIR"
 
 
 def named_output(config: Config) -> Path | None:
-    """Make the folder of `output=DIR`; None where the user has named none.
+    """Create the folder of `output=DIR`; return None if the user has not named one.
 
     Raises:
-        InputError: it cannot be made or written to, or holds what a run would take away and dashred
-            has not written.
+        InputError: the folder cannot be created or written to, or a run would delete files in it
+            that dashred has not written.
     """
     if not config.output:
         return None
@@ -46,13 +46,13 @@ def named_output(config: Config) -> Path | None:
 
 
 def check_output(config: Config) -> None:
-    """Make sure that what a run writes to could be made and written to; leave nothing.
+    """Check that the output folders of a run can be created and written to; create nothing.
 
     Raises:
-        InputError: as :func:`named_output`, or as the store of `tracking.root` would be refused.
+        InputError: as :func:`named_output`, or the folder of `tracking.root` is not usable.
     """
     if not is_server(config.tracking.root):
-        _check_possible(config.tracking.root, "choose another: tracking.root=DIR")
+        _check_possible(config.tracking.root, "choose another folder: tracking.root=DIR")
     if config.output:
         _check_possible(config.output, ANOTHER)
         check_ours(Path(config.output), _inputs(config), config.output)
@@ -60,11 +60,11 @@ def check_output(config: Config) -> None:
 
 def _check_possible(path: str, hint: str) -> None:
     folder = Path(path).absolute()
-    there = next(each for each in (folder, *folder.parents) if os.path.lexists(each))
-    if not there.is_dir():
-        what = f"this folder cannot be made: {there} is no folder"
+    existing = next(each for each in (folder, *folder.parents) if os.path.lexists(each))
+    if not existing.is_dir():
+        what = f"this folder cannot be created: {existing} is not a folder"
         raise InputError(what, where=path, hint=hint)
-    _check_writable(there, path, hint)
+    _check_writable(existing, path, hint)
 
 
 def _inputs(config: Config) -> list[Path]:
@@ -76,10 +76,10 @@ def _inputs(config: Config) -> list[Path]:
 def check_ours(folder: Path, inputs: Sequence[Path], where: str) -> None:
     """Refuse a folder of which a run would take away files that no run has left there.
 
-    Every run leaves what it has frozen; one that was cut short, the name of its run.
+    A finished run leaves its freeze file; an interrupted run leaves a pointer to itself.
 
     Raises:
-        InputError: there are such files, or the run's own input is among its results.
+        InputError: there are such files, or the input of the run is among its results.
     """
     taken = [folder / name for name in (*RESULTS, SCORE) if (folder / name).exists()]
     for path in taken:
@@ -92,24 +92,24 @@ def check_ours(folder: Path, inputs: Sequence[Path], where: str) -> None:
 
 
 def make_output(path: str) -> Path:
-    """Make the folder that the user named, and make sure that it can be written to.
+    """Create the folder that the user named and check that it is writable.
 
     Raises:
-        InputError: it cannot be made or written to, or is a file.
+        InputError: the folder cannot be created or written to, or is a file.
     """
     folder = Path(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        what = f"this folder cannot be made: {error.strerror}"
-        raise InputError(what, where=path, hint=ANOTHER) from None
+        what = f"this folder cannot be created: {error.strerror}"
+        raise InputError(what, where=path, hint=HINT) from None
     _check_writable(folder, path)
     return folder
 
 
-def _check_writable(folder: Path, path: str, hint: str = ANOTHER) -> None:
+def _check_writable(folder: Path, path: str, hint: str = HINT) -> None:
     try:
-        # Rights alone do not tell: a disk may be mounted for reading only.
+        # Permissions are not enough: the disk may be mounted read-only.
         with TemporaryFile(dir=folder):
             return
     except OSError as error:
@@ -118,7 +118,7 @@ def _check_writable(folder: Path, path: str, hint: str = ANOTHER) -> None:
 
 
 def clear_output(folder: Path) -> None:
-    """Take away the results of an earlier run, and what a killed one had not finished."""
+    """Delete the results of an earlier run and the partial files of a killed one."""
     clear_partial(folder)
     _clear_figures(folder)
     for name in (*RESULTS, SCORE):
@@ -126,9 +126,9 @@ def clear_output(folder: Path) -> None:
 
 
 def _clear_figures(folder: Path) -> None:
-    """Take away the figures of an earlier run, which has frozen its findings before it drew.
+    """Delete the figures of an earlier run.
 
-    Where none has, one that was brought there is somebody else's.
+    A run freezes its findings before it draws. Without a freeze file the figures are not ours.
     """
     if (folder / FREEZE).is_file():
         for path in sorted(folder.iterdir()):
@@ -137,5 +137,5 @@ def _clear_figures(folder: Path) -> None:
 
 
 def results_in(folder: Path) -> list[Path]:
-    """Return what an analysis has left in a folder that it cleared, its figures left out."""
+    """Return the result files of an analysis, without its figures."""
     return [folder / name for name in RESULTS if (folder / name).is_file()]

@@ -1,4 +1,4 @@
-"""The parent run of an analysis: opened, or gone on with where an attempt was cut short."""
+"""The MLflow parent run of an analysis: opened, or resumed after an interruption."""
 
 from __future__ import annotations
 
@@ -11,8 +11,14 @@ from dashred.core.errors import InputError
 from dashred.core.job_control import lock_folder
 from dashred.core.mlflow.store import INTERRUPTED, Store, open_store, status_of
 from dashred.core.mlflow.tracker import Tracker
-from dashred.pipeline.run.run_manifest import begin, differences, point_to, pointed_to, read_began
-from dashred.pipeline.run.run_tags import name_of
+from dashred.pipeline.run.run_manifest import (
+    differences,
+    read_manifest,
+    read_pointer,
+    write_manifest,
+    write_pointer,
+)
+from dashred.pipeline.run.run_tags import run_name
 
 
 def experiment_of(config: Config) -> str:
@@ -22,55 +28,61 @@ def experiment_of(config: Config) -> str:
 
 @contextmanager
 def open_parent(
-    config: Config, named: Path | None, began: dict[str, str]
+    config: Config, named: Path | None, manifest: dict[str, str]
 ) -> Iterator[tuple[Tracker, Path]]:
-    """Open the run, or go on with the one that was cut short; yields it and its checkpoints.
+    """Open a run, or resume an interrupted one; yield it and its checkpoint folder.
 
     Args:
-        config: which store, and the id of a run that is open already.
-        named: the folder that the user named.
-        began: what this attempt begins with.
+        config: the configuration; it names the store and, optionally, the id of an open run.
+        named: the output folder that the user named.
+        manifest: the manifest of this attempt.
 
     Raises:
-        InputError: the run is worked on by another process, or what it was begun with has changed.
+        InputError: another process is working on the run, or its manifest has changed.
     """
-    keep, experiment = config.tracking, experiment_of(config)
-    store = open_store(keep.root, experiment)
-    earlier = None if keep.run else cut_short(store, pointed_to(named), began)
+    tracking, experiment = config.tracking, experiment_of(config)
+    store = open_store(tracking.root, experiment)
+    earlier = None if tracking.run else interrupted_run(store, read_pointer(named), manifest)
     with ExitStack() as stack:
-        if known := keep.run or earlier:
-            # Before it is opened: one that another process works on must not be touched.
-            stack.enter_context(lock_folder(store.checkpoints(known), "analysis"))
+        if run_id := tracking.run or earlier:
+            # Locked before it is opened: a run that another process works on must not be touched.
+            stack.enter_context(lock_folder(store.checkpoints(run_id), "analysis"))
         opened = (
-            Tracker.reopen(keep.root, experiment, earlier)
+            Tracker.reopen(tracking.root, experiment, earlier)
             if earlier
-            else Tracker.open(keep.root, experiment, name_of(config), keep.run, parent=keep.parent)
+            else Tracker.open(
+                tracking.root,
+                experiment,
+                run_name(config),
+                tracking.run,
+                parent=tracking.parent,
+            )
         )
         run = stack.enter_context(opened)
         folder = store.checkpoints(run.run_id)
-        if not known:
+        if not run_id:
             stack.enter_context(lock_folder(folder, "analysis"))
-        _begin(folder, config, began)
+        _check_or_write_manifest(folder, config, manifest)
         if named is not None:
-            point_to(named, run.run_id)
+            write_pointer(named, run.run_id)
         yield run, folder
 
 
-def cut_short(store: Store, run_id: str | None, began: dict[str, str]) -> str | None:
-    """Return the id, if that run was cut short and began with the same input and code."""
+def interrupted_run(store: Store, run_id: str | None, manifest: dict[str, str]) -> str | None:
+    """Return the id if that run was interrupted and has the same manifest."""
     if run_id is None or status_of(store, run_id) not in INTERRUPTED:
         return None
-    return run_id if read_began(store.checkpoints(run_id)) == began else None
+    return run_id if read_manifest(store.checkpoints(run_id)) == manifest else None
 
 
-def _begin(folder: Path, config: Config, began: dict[str, str]) -> None:
-    before = read_began(folder)
+def _check_or_write_manifest(folder: Path, config: Config, manifest: dict[str, str]) -> None:
+    before = read_manifest(folder)
     if before is None:
-        begin(folder, config, began)
+        write_manifest(folder, config, manifest)
         return
-    if changed := differences(before, began):
+    if changed := differences(before, manifest):
         raise InputError(
-            f"this run cannot be gone on with: {'; '.join(changed)}",
+            f"this run cannot be resumed: {'; '.join(changed)}",
             where=f"run {config.tracking.run}",
-            hint="begin it anew, without resume=",
+            hint="start a new run, without resume=",
         )

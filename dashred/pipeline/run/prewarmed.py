@@ -1,8 +1,8 @@
 """A process that imports its modules, then waits for its command line.
 
-The processes of a twin experiment follow each other, and each needs seconds for its imports. While
-one works, the next imports. ``python -m dashred.pipeline.run.prewarmed ENTRY MODULE...`` reads the
-words of ENTRY's command line from stdin, as one line of JSON.
+The processes of a twin experiment run one after another, and each needs seconds for its imports.
+The next process imports while the current one runs. ``python -m dashred.pipeline.run.prewarmed
+ENTRY MODULE...`` reads the arguments of ENTRY from stdin, as one line of JSON.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ WATCH_SECONDS = 0.5
 
 
 def main(argv: list[str]) -> int:
-    """Import an entry point, and whatever else is named, then run it on the words from stdin.
+    """Import an entry point and other modules, then run it on the arguments from stdin.
 
-    Nothing is run, if stdin ends without a line.
+    Nothing is run if stdin ends without a line.
     """
-    Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+    Thread(target=_exit_with_parent, args=(os.getppid(),), daemon=True).start()
     entry, *others = argv
     for module in others:
         import_module(module)
-    found = import_module(entry)
+    entry_module = import_module(entry)
     line = sys.stdin.readline()
-    return int(found.main(json.loads(line))) if line else DONE
+    return int(entry_module.main(json.loads(line))) if line else DONE
 
 
-def _end_with(leader: int) -> None:
-    """End this process when the one that started it is gone, killed before it could say so.
+def _exit_with_parent(parent: int) -> None:
+    """End this process when its parent has died without ending it.
 
-    Otherwise it would go on, and write to a folder where the same command is running again.
+    Otherwise it could write to a folder in which the same command is running again.
     """
-    while os.getppid() == leader:
+    while os.getppid() == parent:
         time.sleep(WATCH_SECONDS)
     os._exit(OUR_FAILURE)
 

@@ -1,4 +1,4 @@
-"""Processes that are started before they are needed, and what they end with."""
+"""Start processes ahead of time, send them their arguments, and wait for them."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from contextlib import contextmanager, suppress
 
 from dashred.core.errors import DONE, OUR_FAILURE
 
-# MLflow, with the module by which it reaches an SQLite store.
+# The module with which MLflow accesses an SQLite store; importing it imports MLflow.
 STORE = "mlflow.store.tracking.sqlalchemy_store"
-# The analysis of a recording: its entry point, and what it imports late.
+# The analysis of a recording: its entry point and the modules that it imports late.
 ANALYSIS = ("dashred.pipeline.analyse", "dashred.pipeline.outputs.report", STORE)
 
 
-class EndedError(Exception):
-    """A process ended with an exit code that is not 0."""
+class ProcessFailedError(Exception):
+    """A process ended with a nonzero exit code."""
 
     def __init__(self, code: int) -> None:
         super().__init__(code)
-        # A process ended by a signal has a negative code, which no shell would show.
+        # A process ended by a signal has a negative code, which is no valid exit code of ours.
         self.code = code if code > 0 else OUR_FAILURE
 
 
 @contextmanager
 def prewarmed(entry: str, *modules: str) -> Iterator[subprocess.Popen[str]]:
-    """Start a process that imports an entry point and more modules, then waits for its words.
+    """Start a process that imports an entry point and other modules, then waits for its arguments.
 
-    The process is ended with the block.
+    The process is terminated at the end of the block.
     """
     command = [sys.executable, "-m", "dashred.pipeline.run.prewarmed", entry, *modules]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, text=True)
@@ -40,19 +40,19 @@ def prewarmed(entry: str, *modules: str) -> Iterator[subprocess.Popen[str]]:
         process.wait()
 
 
-def tell(process: subprocess.Popen[str], words: list[str]) -> None:
-    """Run the entry point of a process with the words of its command line."""
+def send_arguments(process: subprocess.Popen[str], words: list[str]) -> None:
+    """Send a process the arguments of its entry point."""
     assert process.stdin is not None
-    # A process that has died is noticed by its exit code.
+    # A process that has died is detected by its exit code.
     with suppress(BrokenPipeError), process.stdin as stdin:
         stdin.write(json.dumps(words) + "\n")
 
 
-def wait(process: subprocess.Popen[str]) -> None:
+def wait_for(process: subprocess.Popen[str]) -> None:
     """Wait for a process to end.
 
     Raises:
-        EndedError: its exit code is not 0.
+        EndedError: the exit code is not 0.
     """
     if (code := process.wait()) != DONE:
-        raise EndedError(code)
+        raise ProcessFailedError(code)

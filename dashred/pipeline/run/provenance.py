@@ -1,4 +1,4 @@
-"""What a run leaves behind about itself: commit, host, seconds, tags, the printed summary."""
+"""Provenance of a run: commit, host, run times, tags, and the printed summary."""
 
 from __future__ import annotations
 
@@ -26,30 +26,30 @@ from dashred.reporting.text.summary import print_summary, summary
 
 
 def prepare_torch(config: Config) -> None:
-    """Set threads and determinism, and refuse a device that is not there.
+    """Set threads and determinism, and check the device.
 
     Raises:
-        InputError: this machine has no such device.
+        InputError: the machine does not have the device.
     """
     use_threads(config.threads)
-    # Arrays here are too small to share; on a busy machine torch's threads, and those of NumPy's
-    # linear algebra, would spend their time waiting for each other. And with more than one, the LU
-    # of a batch of matrices that are larger than 150 is wrong in torch 2.13 with MKL 2024.2: one of
-    # 200 was off by 1e14, without an error, or hung.
+    # The arrays are too small for several threads: on a busy machine the threads of torch and of
+    # NumPy's linear algebra would mostly wait for each other. Moreover, with several threads the
+    # batched LU of matrices larger than 150 is wrong in torch 2.13 with MKL 2024.2: one of 200 was
+    # off by 1e14 without an error, or the call hung.
     torch.set_num_threads(1)
     threadpool_limits(1)
     torch.use_deterministic_algorithms(True, warn_only=True)
-    # Lightning advertises, and speaks of GPUs that nobody asked for; our stages tell the story.
+    # Lightning prints tips and notes about GPUs that do not concern the user.
     logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)
-    # Lightning still reads a torch class that torch deprecates: nothing a user could act on.
+    # Lightning uses a class that torch deprecates; the user cannot do anything about it.
     warnings.filterwarnings("ignore", message=".*LeafSpec.*", category=FutureWarning)
     check_device(config)
 
 
 def git_commit() -> str:
-    """Return the commit of dashred's own checkout, with ``+`` if it has changes, or ``unknown``.
+    """Return the commit of the checkout, with ``+`` if files have changed, or ``unknown``.
 
-    An installed package, or a copy that lies in another repository, has no commit.
+    An installed package, or a copy inside another repository, has no commit.
     """
     if INSTALLED:
         return "unknown"
@@ -98,7 +98,7 @@ def finish(
     seconds: dict[str, float],
     config_sha256: str,
 ) -> None:
-    """Write ``run.json``, log what this run has written and no other file, print the summary."""
+    """Write ``run.json``, log the files of this run and no others, and print the summary."""
     run.set_tags({"config sha256": config_sha256})
     text = write_summary(output, findings, {"findings": output, "MLflow store": run.uri})
     write_record(output, seconds, {"mlflow_run": run.run_id})

@@ -1,7 +1,6 @@
 """Resume a run that was interrupted: ``dashred train resume=RUN_ID``.
 
-The analysis is a process of its own. It gets the configuration that the run began with, and nothing
-else.
+The analysis runs in its own process, with the configuration with which the run was started.
 """
 
 from __future__ import annotations
@@ -20,14 +19,20 @@ from dashred.core.job_control import lock_folder
 from dashred.core.mlflow.store import INTERRUPTED, Store, status_of, store_of_run, tags_of
 from dashred.core.mlflow.tracker import Tracker
 from dashred.pipeline.run.output_dir import make_output
-from dashred.pipeline.run.processes import ANALYSIS, EndedError, prewarmed, tell, wait
+from dashred.pipeline.run.processes import (
+    ANALYSIS,
+    ProcessFailedError,
+    prewarmed,
+    send_arguments,
+    wait_for,
+)
 from dashred.pipeline.run.run_manifest import (
     FROZEN,
     differences,
-    end,
-    present,
-    read_began,
-    words_of,
+    environment_manifest,
+    read_manifest,
+    remove_checkpoints,
+    stored_arguments,
 )
 
 
@@ -56,57 +61,57 @@ def resume(argv: list[str], conclude: Callable[[Tracker, Path, str, str], None])
     """Resume a run; return the exit code of the first process that fails.
 
     Args:
-        argv: the words of the command line.
-        conclude: what is done after the analysis, with the run, the folder of its findings, the
-            MLflow store and the experiment.
+        argv: arguments of the command line.
+        conclude: called after the analysis with the run, the folder of its findings, the MLflow
+            store and the experiment.
 
     Raises:
-        InputError: there is no such run, it has ended, another process works on it, or what it
-            began with is not there any more.
+        InputError: the run does not exist or has finished, another process is working on it, or
+            its input or code has changed.
     """
     words = read_words(argv)
     run_id, root = words.resume, _root(words.root)
     store, experiment = store_of_run(root, run_id)
     _refuse_finished(store, run_id)
     folder, analysed = store.checkpoints(run_id), FROZEN in tags_of(store, run_id)
-    told = [] if analysed else _told(folder, run_id)
+    arguments = [] if analysed else _read_arguments(folder, run_id)
     with lock_folder(folder, "analysis"):
         pass
     output = make_output(named_folder(words.output)) if words.output else store.artifact_dir(run_id)
-    told += [f"trust={words.trust}"] if words.trust else []
-    told += [f"output={output}", f"tracking.root={root}", f"tracking.experiment={experiment}"]
+    arguments += [f"trust={words.trust}"] if words.trust else []
+    arguments += [f"output={output}", f"tracking.root={root}", f"tracking.experiment={experiment}"]
     try:
         with Tracker.reopen(root, experiment, run_id) as run:
             if analysed:
                 run.fetch_artifacts(output)
             else:
                 with prewarmed(*ANALYSIS) as analyser:
-                    tell(analyser, [*told, f"tracking.run={run_id}"])
-                    wait(analyser)
+                    send_arguments(analyser, [*arguments, f"tracking.run={run_id}"])
+                    wait_for(analyser)
             conclude(run, output, root, experiment)
-    except EndedError as ended:
+    except ProcessFailedError as ended:
         return ended.code
-    end(folder, output)
+    remove_checkpoints(folder, output)
     return DONE
 
 
 def read_words(argv: list[str]) -> Words:
-    """Return the words of the command line.
+    """Read the arguments of the command line.
 
     Raises:
-        InputError: one that does not go with ``resume=``, is empty, or is given twice.
+        InputError: an argument cannot be combined with ``resume=``, is empty, or is given twice.
     """
-    known = [one.name for one in declared(Words)]
+    known = [field.name for field in declared(Words)]
     for key, _ in pairs(argv):
         if key not in known:
-            what = f"resume= does not go with {key}="
-            hint = "the run is resumed with the configuration that it began with"
+            what = f"resume= cannot be combined with {key}="
+            hint = "a run is resumed with its own configuration"
             raise InputError(what, where=PLACE, hint=f"{hint}; {nearest(key, known)}")
     return COMMAND.read(argv)
 
 
 def named_folder(output: str) -> str:
-    """Return the folder of ``output=`` as it is from anywhere, the home folder spelt out."""
+    """Return the absolute path of ``output=``, with the home folder expanded."""
     return absolute_path(output, folder=Path.cwd(), where=PLACE)
 
 
@@ -121,25 +126,25 @@ def _root(named: str | None) -> str:
 def _refuse_finished(store: Store, run_id: str) -> None:
     if status_of(store, run_id) not in INTERRUPTED:
         raise InputError(
-            "this run has come to its end: there is nothing to go on with",
+            "this run has finished and cannot be resumed",
             where=f"run {run_id}",
-            hint=f"what it found: {store.artifact_dir(run_id)}",
+            hint=f"its results: {store.artifact_dir(run_id)}",
         )
 
 
-def _told(folder: Path, run_id: str) -> list[str]:
-    """Return the words of the analysis: the configuration that it began with."""
-    words, began = words_of(folder), read_began(folder)
-    if words is None or began is None:
+def _read_arguments(folder: Path, run_id: str) -> list[str]:
+    """Return the arguments of the analysis: its original configuration."""
+    words, manifest = stored_arguments(folder), read_manifest(folder)
+    if words is None or manifest is None:
         raise InputError(
-            "this run left nothing to go on with",
+            "this run has no checkpoints to resume from",
             where=f"run {run_id}",
-            hint="it was cut short before it began, or on another machine: begin it anew",
+            hint="it ended before its analysis started, or on another machine: start a new run",
         )
-    if changed := differences(began, present()):
+    if changed := differences(manifest, environment_manifest()):
         raise InputError(
-            f"this run cannot be gone on with: {'; '.join(changed)}",
+            f"this run cannot be resumed: {'; '.join(changed)}",
             where=f"run {run_id}",
-            hint="go back to what it began with, or begin it anew, without resume=",
+            hint="restore its original input and code, or start a new run without resume=",
         )
     return words

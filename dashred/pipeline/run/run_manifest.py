@@ -1,8 +1,8 @@
-"""An attempt at an analysis: what it began with, so that one that was cut short can go on.
+"""The manifest of a run: its input and its code, so that an interrupted run can be resumed.
 
-Beside a run's artifacts, in the folder `checkpoints`, lie its configuration, what it began with,
-and what its stages have found. A folder that the user named holds a pointer to that run.
-Everything is gone when the run has ended well.
+The folder `checkpoints`, next to the artifacts of a run, holds its configuration, its manifest and
+the results of its stages. An output folder that the user named holds a pointer to the run. All of
+them are deleted when the run has succeeded.
 """
 
 from __future__ import annotations
@@ -30,31 +30,32 @@ ROOT = PACKAGE.parent
 PACKAGES = ("dashred", "datamodules", "callbacks")
 CONFIGURATION, RECORDING = "the configuration", "the recording"
 SNAPSHOTS, CODE = "the snapshots", "the code of dashred"
-# In the folder that the user named: which run writes there.
+# File in the output folder with the id of the run that writes there.
 POINTER = ".run"
-# The tag of a run whose findings are frozen and logged: it has nothing left to analyse.
+# Tag of a run whose findings are frozen and logged: its analysis is complete.
 FROZEN = "findings sha256"
-BEGAN, SETTLED, WORDS = "began.json", "config", "words.json"
+MANIFEST, CONFIG_DIR, WORDS = "began.json", "config", "words.json"
 MODEL = "tracking.model"
 SECTIONS = {field.name for field in fields(Settings)} - {*OUTPUT_SECTIONS}
-# Of a file's recording: what is told anew, or is of a twin alone and no business of the analysis.
-OF_ONE_RECORDING = ("twin", "path", "sensors", *TWIN_ONLY)
+# Keys of `recording` that are not stored: the input paths are stored separately, and keys of a twin
+# must not reach the analysis.
+RECORDING_ONLY = ("twin", "path", "sensors", *TWIN_ONLY)
 
 
 def manifest_of(config: Config, recording_sha256: str) -> dict[str, str]:
-    """Return everything that determines the findings, each as a text to compare."""
-    found = {CONFIGURATION: config_sha256(config), RECORDING: recording_sha256}
-    return found | present()
+    """Return everything that determines the findings, by name, as strings to compare."""
+    inputs = {CONFIGURATION: config_sha256(config), RECORDING: recording_sha256}
+    return inputs | environment_manifest()
 
 
-def present() -> dict[str, str]:
-    """Return the part of it that is the machine's: versions, and the code itself."""
+def environment_manifest() -> dict[str, str]:
+    """Return the part of the manifest that does not depend on the input: versions and code."""
     return {CODE: code_sha256(), **versions()}
 
 
 @cache
 def code_sha256() -> str:
-    """SHA-256 over the sources of the analysis: a commit does not tell of changes in the folder."""
+    """Return the SHA-256 of the sources; a commit would not cover uncommitted changes."""
     digest = hashlib.sha256()
     for package in PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
@@ -68,105 +69,105 @@ def begin(folder: Path, config: Config, began: dict[str, str]) -> None:
     values = deepcopy(config.written)
     for key in OUTPUT_SECTIONS:
         values.pop(key, None)
-    for key in OF_ONE_RECORDING:
+    for key in RECORDING_ONLY:
         values.get("recording", {}).pop(key, None)
-    # JSON is YAML in which no text passes for a number.
+    # JSON is YAML in which a string is never read as a number.
     text = json.dumps(values, indent=1, ensure_ascii=False, allow_nan=False)
-    (folder / SETTLED).mkdir(parents=True, exist_ok=True)
-    write_text_atomic(folder / SETTLED / f"{config.name}.yaml", text)
-    write_json_atomic(folder / WORDS, _words(config))
-    write_json_atomic(folder / BEGAN, began)
+    (folder / CONFIG_DIR).mkdir(parents=True, exist_ok=True)
+    write_text_atomic(folder / CONFIG_DIR / f"{config.name}.yaml", text)
+    write_json_atomic(folder / WORDS, _overrides(config))
+    write_json_atomic(folder / MANIFEST, manifest)
 
 
-def words_of(folder: Path) -> list[str] | None:
-    """Return the words that say again what an attempt analyses; None where none has begun.
+def stored_arguments(folder: Path) -> list[str] | None:
+    """Return the arguments that repeat the analysis of a run; None if there is no manifest.
 
     Raises:
-        InputError: one among them says what only the user does, such as ``trust=``.
+        InputError: an argument may be given by the user only, such as ``trust=``.
     """
-    if read_began(folder) is None:
+    if read_manifest(folder) is None:
         return None
-    place = folder / WORDS
+    path = folder / WORDS
     try:
-        [settled] = (folder / SETTLED).glob("*.yaml")
-        words = json.loads(place.read_text(encoding="utf-8"))
+        [config_file] = (folder / CONFIG_DIR).glob("*.yaml")
+        words = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     for word in words if isinstance(words, list) else [words]:
-        if not isinstance(word, str) or not _may_be_kept(word.partition("=")[0]):
+        if not isinstance(word, str) or not _may_be_stored(word.partition("=")[0]):
             raise InputError(
-                f"{word!r} is no word that a run keeps: this file was tampered with",
-                where=str(place),
-                hint="begin the run anew, without resume=",
+                f"a run does not store {word!r}: this file was tampered with",
+                where=str(path),
+                hint="start a new run, without resume=",
             )
-    return [f"conf={settled}", *words]
+    return [f"conf={config_file}", *words]
 
 
-def _may_be_kept(key: str) -> bool:
-    """Whether an attempt may keep the value of a key: whose code runs and where results go, no."""
+def _may_be_stored(key: str) -> bool:
+    """Whether a run may store the value of a key: not trusted code, and not output locations."""
     section, _, name = key.partition(".")
     if section == "recording":
-        return f"{section}.{name}" in PATHS or name not in OF_ONE_RECORDING
+        return f"{section}.{name}" in PATHS or name not in RECORDING_ONLY
     return key == MODEL or section in SECTIONS
 
 
-def read_began(folder: Path) -> dict[str, str] | None:
-    """Return what an attempt began with; None where none has."""
+def read_manifest(folder: Path) -> dict[str, str] | None:
+    """Return the manifest of a run; None if there is none."""
     try:
-        began = json.loads((folder / BEGAN).read_text(encoding="utf-8"))
+        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return began if isinstance(began, dict) else None
+    return manifest if isinstance(manifest, dict) else None
 
 
-def differences(began: dict[str, str], now: dict[str, str]) -> list[str]:
-    """Say what is other now than it was: ``torch was 2.12, is 2.13``."""
-    found = []
+def differences(manifest: dict[str, str], now: dict[str, str]) -> list[str]:
+    """Describe the changes of a manifest: ``torch was 2.12, is 2.13``."""
+    changes = []
     for name, value in now.items():
-        before = began.get(name)
+        before = manifest.get(name)
         if before == value:
             continue
-        plain = name in (CONFIGURATION, RECORDING, SNAPSHOTS, CODE)
-        found.append(f"{name} has changed" if plain else f"{name} was {before}, is {value}")
-    return found
+        is_hash = name in (CONFIGURATION, RECORDING, SNAPSHOTS, CODE)
+        changes.append(f"{name} has changed" if is_hash else f"{name} was {before}, is {value}")
+    return changes
 
 
-def point_to(output: Path, run_id: str) -> None:
-    """Note in the folder that the user named which run writes there."""
+def write_pointer(output: Path, run_id: str) -> None:
+    """Write the id of the run to the output folder that the user named."""
     write_text_atomic(output / POINTER, f"{run_id}\n")
 
 
-def pointed_to(output: Path | None) -> str | None:
-    """Return the id of the run that was cut short while it wrote to this folder."""
+def read_pointer(output: Path | None) -> str | None:
+    """Return the id of the interrupted run that wrote to this folder."""
     if output is None or not (output / POINTER).is_file():
         return None
     return (output / POINTER).read_text(encoding="utf-8", errors="replace").strip() or None
 
 
-def end(folder: Path, output: Path) -> None:
-    """Take away what only going on needs."""
+def remove_checkpoints(folder: Path, output: Path) -> None:
+    """Delete the checkpoints and the pointer of a run."""
     (output / POINTER).unlink(missing_ok=True)
     shutil.rmtree(folder, ignore_errors=True)
 
 
-def _words(config: Config) -> list[str]:
-    """Return what the command line had, where results go left out, and where the input lies."""
-    settled, kept = asdict(config), config.tracking
-    found = {MODEL: kept.model}
+def _overrides(config: Config) -> list[str]:
+    """Return the command-line settings, without output locations, and the paths of the input."""
+    values = asdict(config)
+    settings = {MODEL: config.tracking.model}
     for key, line in config.lines.items():
         section, _, name = key.partition(".")
         if line != config.override_place or not key or "[" in key or section in OUTPUT_SECTIONS:
             continue
-        if section != "recording" or name not in OF_ONE_RECORDING:
-            found[key] = _at(settled, key)
+        if section != "recording" or name not in RECORDING_ONLY:
+            settings[key] = _value_at(values, key)
     for key in PATHS:
-        if key.partition(".")[0] not in OUTPUT_SECTIONS and isinstance(_at(settled, key), str):
-            found[key] = _at(settled, key)
-    return [f"{key}={json.dumps(value, ensure_ascii=False)}" for key, value in found.items()]
+        if key.partition(".")[0] not in OUTPUT_SECTIONS and isinstance(_value_at(values, key), str):
+            settings[key] = _value_at(values, key)
+    return [f"{key}={json.dumps(value, ensure_ascii=False)}" for key, value in settings.items()]
 
 
-def _at(values: Any, key: str) -> Any:
+def _value_at(values: Any, key: str) -> Any:
     for part in key.split("."):
-        # `class` is `class_` to Python.
+        # The key `class` is the attribute `class_`.
         values = values[part if part in values else f"{part}_"]
     return values

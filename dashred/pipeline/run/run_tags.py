@@ -1,6 +1,6 @@
-"""Names, tags, notes and headline numbers of the runs in MLflow's list.
+"""Names, tags, notes and summary metrics of a run in MLflow.
 
-All of it is written before a seal is opened, so it holds nothing of a twin's truth.
+They contain nothing of a twin's truth, because they are written before its seal is opened.
 """
 
 from __future__ import annotations
@@ -16,78 +16,79 @@ from dashred.core.mlflow.run import NOTE, MlflowRun, flatten
 from dashred.core.mlflow.tracker import Tracker
 from dashred.reporting.text.verdict import verdict_lines
 
-MOST_IN_A_NAME = 3
-PROOFS = {"test_sensors": "test sensors", "heldout_time": "held-out time"}
+MAX_TERMS = 3
+TESTS = {"test_sensors": "test sensors", "heldout_time": "held-out time"}
 
 EXPERIMENT = """\
-**{title}**: what does its simulation leave out? One run a command of `dashred train`;
+**{title}**: what does the simulation leave out? Each command `dashred train` is one run;
 its stages are nested below it.
 
-- *Which run is the best?* Sort by `test_sensors/corrected`: the RMSE of the corrected simulation at
-  sensors that no fit has seen, in standard deviations. `gain/test_sensors` is by how much it beats
-  the simulation's own best.
-- *Compare:* tick several runs, then **Compare**. `coef/<equation>/<term>` are the coefficients that
-  were found, `assimilate/rmse/sensors_validate` and `horizon/chi2` are curves; `terms.json` tells a
-  slug's term.
-- *Read:* a run's note says what was found; its artifacts hold `report.html` and `findings.json`.
+- *Find the best run:* Sort by `test_sensors/corrected`: the RMSE of the corrected simulation at
+  sensors that were not fitted, in standard deviations. `gain/test_sensors` is the ratio of the
+  RMSE of the refitted simulation to it.
+- *Compare:* Select several runs, then **Compare**. `coef/<equation>/<term>` are the coefficients
+  found, `assimilate/rmse/sensors_validate` and `horizon/chi2` are curves; `terms.json` maps a
+  slug to its term.
+- *Read:* The note of a run summarises its findings; its artifacts include `report.html` and
+  `findings.json`.
 """
 
 
-def name_of(config: Config) -> str:
-    """Return the name of a run that has found nothing yet."""
+def run_name(config: Config) -> str:
+    """Return the name of a run that has no findings yet."""
     return f"{config.name} seed {config.seed}"
 
 
-def describe(run: MlflowRun, config: Config, git_commit: str) -> None:
-    """Log what a run is of."""
+def log_input(run: MlflowRun, config: Config, git_commit: str) -> None:
+    """Log the input of a run and describe its experiment."""
     run.log_params(flatten(frozen_input(config)))
     run.set_tags({"system": config.name, "seed": config.seed, "git commit": git_commit})
     run.describe_experiment(EXPERIMENT.format(title=config.system.title or config.name))
 
 
-def conclude(run: Tracker, config: Config, findings: Findings, output: Path) -> None:
-    """Name the run by what it found, and log what it can be found and compared by."""
-    run.log_metrics(headline(findings), 0)
+def log_result(run: Tracker, config: Config, findings: Findings, output: Path) -> None:
+    """Log the summary metrics, terms and verdict of a run, and rename it by its verdict."""
+    run.log_metrics(headline_metrics(findings), 0)
     run.log_terms(term["term"] for term in findings["terms"] or [])
     run.set_tags({"verdict": findings["verdict"] or "none yet", NOTE: note(findings, output)})
-    run.rename(run.run_id, f"{name_of(config)}: {short_verdict(findings)}")
+    run.rename(run.run_id, f"{run_name(config)}: {short_verdict(findings)}")
 
 
-def headline(findings: Mapping[str, Any]) -> dict[str, float]:
-    """Return the numbers that runs are sorted and compared by.
+def headline_metrics(findings: Mapping[str, Any]) -> dict[str, float]:
+    """Return the metrics by which runs are sorted and compared.
 
-    ``test_sensors/…`` and ``heldout_time/…`` are RMSEs in std, ``gain/…`` how many times smaller
-    the corrected simulation's is than the simulation's own best, ``coef/…`` the law.
+    ``test_sensors/…`` and ``heldout_time/…`` are RMSEs in std, ``gain/…`` is the RMSE of the
+    refitted simulation over that of the corrected one, ``coef/…`` are the coefficients of the law.
     """
-    found: dict[str, float | None] = {"chi2": findings["fit"]["chi2"]}
-    for proof in PROOFS:
-        errors = findings["fit"][proof]
-        found |= {f"{proof}/{method}": value for method, value in errors.items()}
+    metrics: dict[str, float | None] = {"chi2": findings["fit"]["chi2"]}
+    for test in TESTS:
+        errors = findings["fit"][test]
+        metrics |= {f"{test}/{method}": value for method, value in errors.items()}
         refit, corrected = errors["simulation_refit"], errors["corrected"]
         if refit and corrected:
-            found[f"gain/{proof}"] = refit / corrected
+            metrics[f"gain/{test}"] = refit / corrected
     for term in findings["terms"] or []:
         name = metric_name("coef", term["equation"] or "parameter", term["term"])
-        found[name] = term["coefficient"]
-    return {name: float(value) for name, value in found.items() if value is not None}
+        metrics[name] = term["coefficient"]
+    return {name: float(value) for name, value in metrics.items() if value is not None}
 
 
 def short_verdict(findings: Mapping[str, Any]) -> str:
     """Return ``missing-term: u, u**3``."""
     terms = [term["term"] for term in findings["terms"] or []]
-    more = ["…"] if len(terms) > MOST_IN_A_NAME else []
-    listed = ", ".join([*terms[:MOST_IN_A_NAME], *more])
+    more = ["…"] if len(terms) > MAX_TERMS else []
+    listed = ", ".join([*terms[:MAX_TERMS], *more])
     return f"{findings['verdict']}{': ' if listed else ''}{listed}"
 
 
 def note(findings: Mapping[str, Any], output: Path) -> str:
-    """Return the verdict in plain words and where the report is, as Markdown."""
+    """Return the verdict and the location of the report, as Markdown."""
     head, *lines = verdict_lines(findings) or ["There is no verdict yet."]
     points = "\n".join(f"- {_escaped(line.strip())}" for line in lines)
-    place = f"The whole report is `report.html` among the artifacts, and in `{output}`."
+    place = f"The full report is `report.html`, among the artifacts and in `{output}`."
     return f"**{_escaped(head)}**\n\n{points}\n\n{place}\n"
 
 
 def _escaped(text: str) -> str:
-    """Return a text in which Markdown takes no star or underscore of a formula for its own."""
+    """Escape the characters of a formula that Markdown would interpret."""
     return "".join(f"\\{sign}" if sign in "\\*_`[]<>#|" else sign for sign in text)

@@ -1,1 +1,1 @@
-"""Runs of a simulator that is known by snapshots alone."""
+"""Analysis with snapshots in place of a simulator."""

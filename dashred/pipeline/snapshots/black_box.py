@@ -1,4 +1,4 @@
-"""The analysis of a simulator that is known by snapshots alone: everything but refinement."""
+"""The analysis with snapshots in place of a simulator, without discovery of a law."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from dashred.pipeline.run import provenance
 from dashred.pipeline.run.checkpoints import Checkpoints, Stages
 from dashred.pipeline.run.output_dir import clear_output, named_output
 from dashred.pipeline.run.parent_run import open_parent
-from dashred.pipeline.run.run_manifest import SNAPSHOTS, end, manifest_of
-from dashred.pipeline.run.run_tags import conclude, describe
+from dashred.pipeline.run.run_manifest import SNAPSHOTS, manifest_of, remove_checkpoints
+from dashred.pipeline.run.run_tags import log_input, log_result
 from dashred.pipeline.snapshots import black_box_findings, black_box_report, snapshot_runs
 from dashred.pipeline.snapshots.black_box_analysis import BlackBoxAnalysis, analyse_runs
 from dashred.pipeline.snapshots.snapshot_runs import SnapshotRuns
@@ -48,10 +48,10 @@ def discover(
 
 
 def analyse_snapshots(config: Config) -> Path:
-    """Analyse one recording, top to bottom; returns the folder of the findings.
+    """Analyse one recording; return the folder of the findings.
 
     Raises:
-        InputError: the input is wrong; nothing is written then, though the folder may be made.
+        InputError: the input is wrong; the output folder may have been created, but is empty.
     """
     provenance.prepare_torch(config)
     posed = problem.build_problem(config)
@@ -60,11 +60,11 @@ def analyse_snapshots(config: Config) -> Path:
     clock = time.perf_counter()
     posed, runs = read_snapshots(posed, seconds)
 
-    began = manifest_of(config, posed.recording_sha256) | {SNAPSHOTS: runs.sha256}
-    with open_parent(config, named, began) as (run, folder):
+    manifest = manifest_of(config, posed.recording_sha256) | {SNAPSHOTS: runs.sha256}
+    with open_parent(config, named, manifest) as (run, folder):
         output = named or run.artifact_dir
         clear_output(output)
-        describe(run, config, provenance.git_commit())
+        log_input(run, config, provenance.git_commit())
 
         kept = Checkpoints(folder, seconds)
         analysis = discover(posed, runs, run, kept, seconds)
@@ -72,8 +72,8 @@ def analyse_snapshots(config: Config) -> Path:
         black_box_findings.write(posed, analysis, findings, output)
         figures = black_box_report.report(posed, analysis, findings, output, seconds)
 
-        seconds["in all"] = time.perf_counter() - clock + kept.earlier
-        conclude(run, config, findings, output)
-        provenance.finish(run, output, findings, figures, seconds, config_sha256(config))
-        end(folder, output)
+        seconds["in all"] = time.perf_counter() - clock + checkpoints.earlier
+        log_result(run, config, findings, output)
+        provenance.write_record(run, output, findings, figures, seconds, config_sha256(config))
+        remove_checkpoints(folder, output)
     return output

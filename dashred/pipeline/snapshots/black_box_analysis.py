@@ -1,4 +1,4 @@
-"""What can be found from snapshots alone: SHRED, assimilation, latent SINDy and a mismatch test."""
+"""Analysis from snapshots: SHRED, assimilation, latent SINDy and a mismatch test."""
 
 from __future__ import annotations
 
@@ -22,22 +22,21 @@ from dashred.pipeline.problem import Problem
 from dashred.pipeline.snapshots import mismatch, snapshot_runs
 from dashred.pipeline.snapshots.snapshot_runs import SnapshotRuns
 
-# The longest step that is learnt is such a part of the fit window: drift shows over long ones.
-LONG = 5
+# The longest learned step is this part of the fit window, because drift shows over long steps.
+LONG_STEP_DIVISOR = 5
 
 
 @dataclass(frozen=True)
 class BlackBoxAnalysis:
-    """What can be found out from snapshots.
+    """Results of an analysis from snapshots.
 
     Attributes:
         runs: the snapshots.
         learned: SHRED on them.
         found: SHRED and DA-SHRED on the recording.
-        steps: the simulator's steps, learnt from the snapshots' increments.
-        compared: whether the recording is like the snapshots at all.
-        fields: by method, ``(time, field, *grid)``, over the whole record where the method reaches
-            so far.
+        steps: steps of the simulator, learned from the increments of the snapshots.
+        compared: comparison of the recording with the snapshots.
+        fields: by method, ``(time, field, *grid)``, over as much of the record as available.
     """
 
     runs: SnapshotRuns
@@ -55,11 +54,11 @@ def analyse_runs(
     run: RunTracker,
     seconds: dict[str, float],
 ) -> BlackBoxAnalysis:
-    """Assimilate, propose terms, and tell whether anything is missing at all."""
+    """Assimilate, propose terms, and test for a mismatch."""
     with stage("learn the snapshots' steps", seconds) as report:
         steps = _learn_steps(posed, runs, learned)
         worst = max(steps.errors.values())
-        report(1.0, f"increments to {worst:.1%} on runs that it has not seen")
+        report(1.0, f"relative error of increments {worst:.1%} on unseen runs")
     latent = _latent_problem(posed, runs, steps)
     found, encoder = assimilation.fit_transform(posed, latent, learned.shred, run, seconds)
     compared = mismatch.compare(posed, learned, runs, steps, found.shred)
@@ -71,7 +70,7 @@ def analyse_runs(
 def _learn_steps(posed: Problem, runs: SnapshotRuns, learned: training.Learned) -> SnapshotSteps:
     states, pod = runs.ensemble.states, learned.shred.pod
     shortest = min(states.shape[1], len(posed.split.fit.times))
-    wanted = {*posed.config.latent_sindy.steps, max(1, shortest // LONG)}
+    wanted = {*posed.config.latent_sindy.steps, max(1, shortest // LONG_STEP_DIVISOR)}
     strides = sorted(n for n in wanted if n <= shortest // 2)
     return SnapshotSteps.learn(posed.system, posed.library, pod, states, runs.held_out, strides)
 
@@ -94,7 +93,7 @@ def _latent_problem(posed: Problem, runs: SnapshotRuns, steps: SnapshotSteps) ->
 
 
 def _term_scales(posed: Problem, runs: SnapshotRuns, dt: float) -> Tensor:
-    """Return ``rms(Δu/Δt)/rms(θ_j)`` over the first stretch, ``(term,)``."""
+    """Return ``rms(Δu/Δt)/rms(θ_j)`` over the first segment, ``(term,)``."""
     first = runs.ensemble.states[0]
     rates = (first[1:] - first[:-1]).transpose(0, 1).flatten(1).square().mean(dim=1).sqrt() / dt
     columns = evaluate_terms(posed.system, posed.library, first, float(posed.times[0]))
@@ -110,9 +109,9 @@ def _estimates(
     found: assimilation.Assimilated,
     encoder: AssimilatedEncoder,
 ) -> dict[str, Tensor]:
-    """Return the field by method; what was held out is read here for the first time."""
+    """Return the field by method; this is the first use of held-out samples."""
     count = len(posed.split.fit.times)
-    seen = torch.from_numpy(whole(posed, posed.split.inputs).values)
+    seen = torch.from_numpy(full_record(posed, posed.split.inputs).values)
     late = windows(seen, posed.config.shred.lags).float().contiguous()[count:]
     shred = learned.shred
     fields = {
@@ -123,8 +122,8 @@ def _estimates(
     return fields if nearest is None else {"nearest_snapshots": nearest} | fields
 
 
-def whole(posed: Problem, names: tuple[str, ...]) -> Recording:
-    """Return some of the sensors that are no test sensors over the whole record."""
+def full_record(posed: Problem, names: tuple[str, ...]) -> Recording:
+    """Return the readings of sensors that are not test sensors over the full record."""
     split = posed.split
     columns = []
     for name in names:
@@ -132,5 +131,5 @@ def whole(posed: Problem, names: tuple[str, ...]) -> Recording:
         parts = (early.select([name]).values, split.heldout.select([name]).values)
         columns.append(np.concatenate(parts))
     sensors = {sensor.name: sensor for sensor in split.heldout.sensors}
-    kept = tuple(sensors[name] for name in names)
-    return Recording(kept, posed.times.numpy(), np.concatenate(columns, axis=1))
+    chosen = tuple(sensors[name] for name in names)
+    return Recording(chosen, posed.times.numpy(), np.concatenate(columns, axis=1))

@@ -14,19 +14,19 @@ from dashred.core.findings.schema import Findings, Fit, Latent, errors_by_method
 from dashred.data.recording import Recording
 from dashred.pipeline.outputs.field_files import fields_dataset
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.snapshots.black_box_analysis import BlackBoxAnalysis, whole
-from dashred.pipeline.snapshots.mismatch import Missed
+from dashred.pipeline.snapshots.black_box_analysis import BlackBoxAnalysis, full_record
+from dashred.pipeline.snapshots.mismatch import ErrorComparison
 from dashred.pipeline.verification.held_out import relative_rmse
-from dashred.pipeline.verification.verification import freeze_findings, proposals, source_of
+from dashred.pipeline.verification.verification import build_input, freeze_findings, proposals
 from dashred.reporting.text.causes import limits_of_snapshots
 from dashred.reporting.wording.findings_text import add_text
 
 
 def verify(problem: Problem, analysis: BlackBoxAnalysis) -> Findings:
-    """Compare the methods with the test sensors and the held-out time, for the first time."""
+    """Compare the methods with the held-out data and return the findings."""
     found = {n: proposals(problem, fit) for n, fit in analysis.found.proposals.items()}
     kind: Verdict = "mismatch" if analysis.compared.seen else "no-mismatch-seen"
-    source = source_of(problem)
+    source = build_input(problem)
     source["snapshots_sha256"] = analysis.runs.sha256
     findings = new_findings(
         source,
@@ -75,7 +75,7 @@ def _cause(kind: Verdict, analysis: BlackBoxAnalysis) -> Cause:
     }
 
 
-def _numbers(missed: Missed) -> dict[str, Any]:
+def _numbers(missed: ErrorComparison) -> dict[str, Any]:
     return {
         "p": missed.p,
         "error": missed.error,
@@ -91,7 +91,7 @@ def _test_errors(problem: Problem, analysis: BlackBoxAnalysis) -> dict[str, floa
 
 
 def _heldout_errors(problem: Problem, analysis: BlackBoxAnalysis) -> dict[str, float]:
-    """Return errors at the sensors that SHRED does not read; at the others it would echo them."""
+    """Return the errors at sensors that are not input of SHRED."""
     split, count = problem.split, len(problem.split.fit.times)
     if split.test:
         late = split.tested.between(float(problem.times[count]), float(problem.times[-1]))
@@ -111,7 +111,7 @@ def _errors(
     if split.test:
         earlier = split.tested.between(float(problem.times[0]), split.time_end)
     else:
-        earlier = whole(problem, names).between(float(problem.times[0]), split.time_end)
+        earlier = full_record(problem, names).between(float(problem.times[0]), split.time_end)
     scale: np.ndarray = earlier.trace_scale()
     return {
         name: relative_rmse(operator(states[begin:end]).numpy(), recorded.values, scale)

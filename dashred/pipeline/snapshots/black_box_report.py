@@ -1,4 +1,4 @@
-"""The figures and the page of an analysis of snapshots."""
+"""Figures and report of an analysis from snapshots."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def report(
     output: Path,
     seconds: dict[str, float],
 ) -> list[Path]:
-    """Save the figures in ``output``, and the page that holds them; returns the figures."""
+    """Save the figures and the report in ``output``; return the figures."""
     gallery = Gallery(output)
     with stage("draw figures", seconds):
         gallery.draw(figures_of(problem, analysis))

@@ -1,4 +1,4 @@
-"""Whether a recording is like the snapshots at all: the one question that needs no simulator."""
+"""Test whether a recording is consistent with the snapshots, without a simulator."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from dashred.pipeline.problem import Problem
 from dashred.pipeline.snapshots.snapshot_runs import SnapshotRuns
 from dashred.pipeline.training import Learned
 
-# A recording is unlike the snapshots if it is missed by more than any of the runs that were not
-# learnt from, by so many standard deviations of the logarithm of theirs, which has a floor.
-BEYOND, FLOOR = 3.0, 0.1
+# A recording is inconsistent if its error exceeds that of all validation runs, and the mean of the
+# logarithm of theirs by this many standard deviations, which are at least FLOOR.
+THRESHOLD, FLOOR = 3.0, 0.1
 
 
 @dataclass(frozen=True)
-class Missed:
-    """How the recording is missed, and runs of the simulation that were not learnt from.
+class ErrorComparison:
+    """Error of the recording, compared with validation runs of the simulation.
 
     Attributes:
         error: RMSE on the recording, in units of each sensor's std over the snapshots.
-        usual: the same on each stretch that was not learnt from, ``(stretch,)``.
-        sensors: ratio of the recording's error to the usual one, by sensor.
+        usual: the same on each validation segment, ``(segment,)``.
+        sensors: error of the recording over the usual error, by sensor.
     """
 
     error: float
@@ -36,35 +36,35 @@ class Missed:
 
     @property
     def beyond(self) -> bool:
-        """Whether no run of the simulation is missed so."""
+        """Whether the error is larger than that of any validation run."""
         logs = self.usual.clamp(min=1e-300).log()
         spread = max(float(logs.std()) if len(logs) > 1 else 0.0, FLOOR)
         distance = (torch.tensor(self.error).log() - logs.mean()) / spread
-        return bool(self.error > self.usual.max()) and float(distance) > BEYOND
+        return bool(self.error > self.usual.max()) and float(distance) > THRESHOLD
 
     @property
     def p(self) -> float:
-        """Share of runs that are missed as much, the recording counted as one of them."""
+        """Share of runs with an error at least as large, counting the recording as a run."""
         return (1 + int((self.usual >= self.error).sum())) / (1 + len(self.usual))
 
 
 @dataclass(frozen=True)
 class Mismatch:
-    """How a recording is missed by what has learnt the snapshots alone.
+    """Comparison of a recording with models learned from the snapshots.
 
     Attributes:
-        states: by SHRED, which reads the field from its sensors' histories.
-        changes: by the steps learnt from the snapshots, from SHRED's field over some samples.
-        samples: so many.
+        states: errors of SHRED, which reconstructs the field from sensor histories.
+        changes: errors of the learned steps, from the field of SHRED over `samples` samples.
+        samples: number of samples of a step.
     """
 
-    states: Missed
-    changes: Missed
+    states: ErrorComparison
+    changes: ErrorComparison
     samples: int
 
     @property
     def seen(self) -> bool:
-        """Whether the recording is unlike the snapshots."""
+        """Whether the recording is inconsistent with the snapshots."""
         return self.states.beyond or self.changes.beyond
 
 
@@ -72,16 +72,16 @@ class Mismatch:
 def compare(
     problem: Problem, learned: Learned, runs: SnapshotRuns, steps: SnapshotSteps, shred: Tensor
 ) -> Mismatch:
-    """Hold what the recording is missed by against the same on runs that were not learnt from.
+    """Compare the errors on the recording with those on validation runs.
 
-    The fit and the validation sensors are looked at, in the fit window.
+    Uses the fit and the validation sensors in the fit window.
 
     Args:
         problem: the recording.
         learned: SHRED.
         runs: the snapshots.
-        steps: learnt from them.
-        shred: the field as SHRED reads it from the recording, ``(time, field, *grid)``.
+        steps: steps learned from them.
+        shred: field of SHRED from the recording, ``(time, field, *grid)``.
     """
     split = problem.split
     parts = [split.fit, split.validation] if split.validate else [split.fit]
@@ -102,11 +102,13 @@ def compare(
     found = torch.stack([reconstruct(network.encode, network, h.contiguous()) for h in histories])
     unit = read(runs.ensemble.states).flatten(0, 1).std(dim=0).clamp(min=1e-300)
 
-    def missed(error: Tensor, usual: Tensor) -> Missed:
+    def error_comparison(error: Tensor, usual: Tensor) -> ErrorComparison:
         squared, known = (error / unit).square(), (usual / unit).square()
         ratios = squared.nanmean(dim=0) / known.mean(dim=(0, 1)).clamp(min=1e-300)
         by_sensor = dict(zip(names, ratios.sqrt().tolist(), strict=True))
-        return Missed(float(squared.nanmean().sqrt()), known.mean(dim=(1, 2)).sqrt(), by_sensor)
+        return ErrorComparison(
+            float(squared.nanmean().sqrt()), known.mean(dim=(1, 2)).sqrt(), by_sensor
+        )
 
     samples = max(steps.by_stride)
 
@@ -117,7 +119,7 @@ def compare(
         return made - (seen[..., samples:, :] - seen[..., :-samples, :])
 
     return Mismatch(
-        missed(read(shred) - recorded, read(found) - noisy),
-        missed(change(shred, recorded), change(found, noisy)),
+        error_comparison(read(shred) - recorded, read(found) - noisy),
+        error_comparison(change(shred, recorded), change(found, noisy)),
         samples,
     )

@@ -1,4 +1,4 @@
-"""The runs of a black-box simulator, as SHRED learns from them and as they stand by themselves."""
+"""Read the runs of a black-box simulator and cut them into training segments."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from dashred.inference.initial_state.analogs import window_misfits
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.pipeline.problem import Problem
 
-# Runs are cut until there are so many trajectories, and there must be so many.
-ENOUGH, FEWEST = 12, 4
-# So many runs measure what was learnt, of up to four times as many.
-MEASURING = 8
-# States on which the library's columns are compared.
-COMPARED = 400
+# Runs are cut into at least the first number of segments if possible; the second is required.
+TARGET_SEGMENTS, MIN_SEGMENTS = 12, 4
+# Largest number of segments for validation, at most a quarter of all.
+VALIDATION_RUNS = 8
+# Number of states on which the columns of the library are compared.
+LIBRARY_STATES = 400
 
 
 @dataclass(frozen=True)
 class SnapshotRuns:
-    """The runs that were read.
+    """The runs and their segments.
 
     Attributes:
-        states: whole runs on the clock's step, ``(member, time, field, *grid)``.
-        ensemble: the same cut into stretches, the runs that are not trained on last.
-        held_out: so many stretches at its end are not trained on.
-        sha256: hash of what was read.
+        states: full runs at the step of the clock, ``(member, time, field, *grid)``.
+        ensemble: the same cut into segments, with validation segments last.
+        held_out: number of validation segments at its end.
+        sha256: hash of the snapshots.
     """
 
     states: Tensor
@@ -39,13 +39,13 @@ class SnapshotRuns:
     sha256: str
 
     @property
-    def some(self) -> Tensor:
-        """States on which the library's columns are compared, ``(state, field, *grid)``."""
+    def sample_states(self) -> Tensor:
+        """States on which the columns of the library are compared, ``(state, field, *grid)``."""
         states = self.ensemble.states.flatten(0, 1)
-        return states[:: max(1, len(states) // COMPARED)]
+        return states[:: max(1, len(states) // LIBRARY_STATES)]
 
     def configured(self, config: Config) -> Config:
-        """Return the settings with the number of trajectories that there are."""
+        """Return the configuration with the actual number of segments."""
         members, settings = len(self.ensemble.states), config.simulation
         counted = replace(settings, members=members, held_out=self.held_out)
         return replace(config, simulation=counted)
@@ -53,7 +53,7 @@ class SnapshotRuns:
 
 @torch.no_grad()
 def read_runs(problem: Problem, seconds: dict[str, float]) -> SnapshotRuns:
-    """Read the runs and cut them into stretches no longer than the fit window.
+    """Read the runs and cut them into segments no longer than the fit window.
 
     Raises:
         InputError: a value is not finite, or the runs are too few or too short.
@@ -64,18 +64,20 @@ def read_runs(problem: Problem, seconds: dict[str, float]) -> SnapshotRuns:
     with stage("read the snapshots", seconds) as report:
         states, sha256 = snapshots.read(settings.members, every, problem.rng("snapshots"))
         members, samples = states.shape[:2]
-        length = stretch_length(problem, members, samples)
+        length = segment_length(problem, members, samples)
         each = samples // length
         cut = states[:, : each * length].unflatten(1, (each, length)).flatten(0, 1)
         ensemble = Ensemble(problem.times[:length], cut, torch.zeros((len(cut), 0)).double())
         share = settings.held_out / settings.members
         held_out = _held_out(members, each, share)
-        report(1.0, f"{members} runs of {samples}, as {len(cut)} stretches of {length} samples")
+        report(
+            1.0, f"{members} runs of {samples} samples, cut into {len(cut)} segments of {length}"
+        )
     return SnapshotRuns(states, ensemble, held_out, sha256)
 
 
-def stretch_length(problem: Problem, members: int, samples: int) -> int:
-    """Return samples of the stretches that runs on the clock's step are cut into.
+def segment_length(problem: Problem, members: int, samples: int) -> int:
+    """Return the number of samples of the segments.
 
     Raises:
         InputError: the runs are too few or too short.
@@ -83,23 +85,23 @@ def stretch_length(problem: Problem, members: int, samples: int) -> int:
     assert problem.snapshots is not None
     lags, every = problem.config.shred.lags, float(problem.times[1] - problem.times[0])
     length = _length(members, samples, len(problem.split.fit.times), lags)
-    if members * (samples // length) >= FEWEST and samples >= length:
+    if members * (samples // length) >= MIN_SEGMENTS and samples >= length:
         return length
     raise InputError(
-        f"{members} runs of {samples} snapshots each, at the clock's step of {every:g}, "
-        "are too few to learn from and to check what was learnt",
+        f"{members} runs of {samples} snapshots each, at a step of {every:g}, "
+        "are too few for training and validation",
         where=problem.snapshots.path,
-        hint=f"at least {FEWEST} stretches of {lags + 1} are needed (shred.lags + 1): give more "
-        "or longer runs",
+        hint=f"at least {MIN_SEGMENTS} segments of {lags + 1} samples (shred.lags + 1) are needed: "
+        "give more or longer runs",
     )
 
 
 @torch.no_grad()
 def nearest_run(problem: Problem, runs: SnapshotRuns) -> Tensor | None:
-    """Return the stretch of the runs that is nearest to the fit sensors, from any time on.
+    """Return the part of a run that fits the fit sensors best, ``(time, field, *grid)``.
 
-    ``(time, field, *grid)``, over the whole record if the run goes on so long, else over the fit
-    window; None if no run is as long as that.
+    It covers the full record if the run is long enough, or else the fit window; None if no run is
+    as long as the fit window.
     """
     fit = problem.split.fit
     window, total = len(fit.times), len(problem.times)
@@ -115,15 +117,15 @@ def nearest_run(problem: Problem, runs: SnapshotRuns) -> Tensor | None:
 
 
 def _length(members: int, samples: int, window: int, lags: int) -> int:
-    """Return samples of a stretch: of the fit window, or fewer where there would be too few."""
+    """Return the samples of a segment: the fit window, or fewer to get enough segments."""
     shortest = lags + 1
-    if members * (samples // max(1, min(window, samples))) >= ENOUGH:
+    if members * (samples // max(1, min(window, samples))) >= TARGET_SEGMENTS:
         return min(window, samples)
-    each = -(-ENOUGH // members)
+    each = -(-TARGET_SEGMENTS // members)
     return max(shortest, min(window, samples, samples // each))
 
 
 def _held_out(members: int, each: int, share: float) -> int:
-    """Return the stretches not trained on: of whole runs, where there are enough of these."""
-    size, of = (each, members) if members >= FEWEST else (1, members * each)
-    return size * min(of - 2, max(2, round(share * of), min(MEASURING, of // 4)))
+    """Return the number of validation segments, from whole runs if there are enough."""
+    size, of = (each, members) if members >= MIN_SEGMENTS else (1, members * each)
+    return size * min(of - 2, max(2, round(share * of), min(VALIDATION_RUNS, of // 4)))

@@ -1,4 +1,4 @@
-"""How much energy the corrected system loses, cycle by cycle."""
+"""Energy loss of the corrected system per cycle."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from dashred.inference.forward.candidates import forcing_of
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 
-# Laws drawn from the posterior for the error bars.
+# Number of laws drawn from the posterior for the error bars.
 DRAWS = 32
 
 
 @torch.no_grad()
-def energy_lost(
+def energy_loss(
     system: System, law: Law, times: Tensor, rng: np.random.Generator
 ) -> EnergyLost | None:
-    """Return what share of its energy the corrected system loses in its first and last cycle.
+    """Return the share of energy that the corrected system loses in its first and last cycle.
 
-    A cycle lies between two upward passages of the first field through its mean, and its share is
-    ``1 - E(end)/E(begin)``. Null where ``system.energy`` is, and where there is no whole cycle,
-    or none under any law that is drawn.
+    A cycle lies between two upward crossings of the mean by the first field; its share is
+    ``1 - E(end)/E(begin)``. None if ``system.energy`` is not given, or if there is no complete
+    cycle under the law or under any drawn law.
 
     Args:
-        system: the simulator; its ``energy`` is meant.
-        law: what it leaves out.
-        times: how long to look, ``(time,)``.
-        rng: draws laws from the posterior for the error bars, the fitted start kept.
+        system: the simulator, with its ``energy``.
+        law: the law.
+        times: times of the simulation, ``(time,)``.
+        rng: random generator for laws from the posterior; the fitted start is fixed.
     """
     if system.config.energy is None:
         return None
@@ -39,10 +39,10 @@ def energy_lost(
     starts = law.start[:1].expand(len(laws), *law.start.shape[1:])
     paths = simulate(system, starts, times, forcing_of(law.candidates, laws))
     best, *drawn = (_shares(system, path, times.numpy()) for path in paths)
-    swung = [each for each in drawn if len(each)]
-    if not len(best) or not swung:
+    with_cycles = [each for each in drawn if len(each)]
+    if not len(best) or not with_cycles:
         return None
-    spread = np.std([[each[0], each[-1]] for each in swung], axis=0)
+    spread = np.std([[each[0], each[-1]] for each in with_cycles], axis=0)
     return EnergyLost(
         expression=system.config.energy,
         cycles=len(best),
@@ -60,16 +60,18 @@ def _draws(law: Law, rng: np.random.Generator) -> Tensor:
 
 
 def _shares(system: System, states: Tensor, times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the share of its energy that each cycle loses, ``(cycle,)``."""
+    """Return the share of energy lost in each cycle, ``(cycle,)``."""
     assert system.config.energy is not None
     energy = _mean(system.evaluate(system.config.energy, states))
-    at = np.interp(_passages(_mean(states[:, 0]), times), times, energy)
+    at = np.interp(_upward_crossings(_mean(states[:, 0]), times), times, energy)
     found: NDArray[np.float64] = 1 - at[1:] / at[:-1]
     return found
 
 
-def _passages(values: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return when values pass their mean upwards, between samples by a straight line."""
+def _upward_crossings(
+    values: NDArray[np.float64], times: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the times of upward crossings of the mean, by linear interpolation."""
     rest = values - values.mean()
     before = np.flatnonzero((rest[:-1] < 0) & (rest[1:] >= 0))
     share = rest[before] / (rest[before] - rest[before + 1])

@@ -1,4 +1,4 @@
-"""RMSE on what was held out: test sensors, the end of the time, and whole episodes."""
+"""RMSE on held-out data: test sensors, held-out time, and held-out episodes."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from dashred.pipeline.verification.restart import restart
 Errors = dict[str, tuple[float, int]]
 
 
-def errors_of_held_out(problem: Problem, analysis: Analysis) -> HeldOut:
+def held_out_errors(problem: Problem, analysis: Analysis) -> HeldOut:
     """Return the RMSE of every method: at the test sensors, in the held-out time, and on.
 
     Of several episodes over all samples together.
     """
     episodes = analysis.episodes(problem)
     found = HeldOut(
-        test_sensors=errors_by_method(**_pooled(_test_errors, episodes)),
-        heldout_time=errors_by_method(**_pooled(_heldout_errors, episodes)),
-        heldout_restarted=errors_by_method(**_pooled(_restarted_errors, episodes)),
+        test_sensors=errors_by_method(**_pooled_rmse(_test_errors, episodes)),
+        heldout_time=errors_by_method(**_pooled_rmse(_heldout_errors, episodes)),
+        heldout_restarted=errors_by_method(**_pooled_rmse(_restarted_errors, episodes)),
     )
     if problem.whole:
-        found["heldout_episode"] = errors_by_method(**_whole_errors(problem, analysis))
+        found["heldout_episode"] = errors_by_method(**_held_out_episode_errors(problem, analysis))
     return found
 
 
-def _pooled(
+def _pooled_rmse(
     errors: Callable[[Problem, Analysis], Errors], episodes: Sequence[tuple[Problem, Analysis]]
 ) -> dict[str, float]:
-    """Return the RMSE of each method over all samples of all episodes."""
+    """Return the RMSE of each method pooled over the samples of all episodes."""
     found = [errors(problem, analysis) for problem, analysis in episodes]
     if len(found) == 1:
         return {name: rmse for name, (rmse, _) in found[0].items()}
@@ -69,27 +69,29 @@ def _heldout_errors(problem: Problem, analysis: Analysis) -> Errors:
     begin = total - len(problem.split.heldout.times)
     ends = {"simulation": analysis.nominal.states, **analysis.free.states}
     runs = {name: states[begin:total] for name, states in ends.items()}
-    return _on_heldout(problem, runs, [problem])
+    return _errors_at_heldout_times(problem, runs, [problem])
 
 
 def _restarted_errors(problem: Problem, analysis: Analysis) -> Errors:
     corrected = analysis.free.states["corrected"][: len(problem.split.fit.times)]
     restarted = restart(problem, analysis.discovered.best, corrected)
-    return _on_heldout(problem, restarted, [problem])
+    return _errors_at_heldout_times(problem, restarted, [problem])
 
 
-def _whole_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
-    """Return the RMSE of free runs over what follows the beginning of the whole episode."""
+def _held_out_episode_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
+    """Return the RMSE of free runs after the fitted beginning of the held-out episode."""
     [whole], [simulated], [free] = problem.whole, analysis.nominal.whole, analysis.free.whole
     ends = slice(len(whole.split.fit.times), len(whole.times))
     states = {"simulation": simulated, **free.states}
     runs = {name: path[ends] for name, path in states.items()}
-    errors = _on_heldout(whole, runs, problem.episodes)
+    errors = _errors_at_heldout_times(whole, runs, problem.episodes)
     return {name: rmse for name, (rmse, _) in errors.items()}
 
 
-def _on_heldout(problem: Problem, runs: Mapping[str, Tensor], fitted: Sequence[Problem]) -> Errors:
-    """Return the RMSE of states over the held-out time, in units of each trace's fitted std."""
+def _errors_at_heldout_times(
+    problem: Problem, runs: Mapping[str, Tensor], fitted: Sequence[Problem]
+) -> Errors:
+    """Return the RMSE over the held-out time, in std of each trace in the fit window."""
     heldout = problem.split.heldout
     scale = np.array([_fitted_std(name, fitted) for name in heldout.names])
     operator = problem.operator(heldout)
@@ -101,7 +103,7 @@ def _on_heldout(problem: Problem, runs: Mapping[str, Tensor], fitted: Sequence[P
 
 
 def _fitted_std(name: str, fitted: Sequence[Problem]) -> float:
-    """Return the std of a sensor's trace while it was fitted, of several episodes its rms."""
+    """Return the std of a trace in the fit window, as rms over several episodes."""
     stds = []
     for problem in fitted:
         split = problem.split
@@ -111,9 +113,9 @@ def _fitted_std(name: str, fitted: Sequence[Problem]) -> float:
 
 
 def relative_rmse(read: np.ndarray, recorded: np.ndarray, scale: np.ndarray) -> float:
-    """RMSE over all sensors, each in units of its trace's std; not finite if a run blows up.
+    """Return the RMSE over all sensors in units of their std; not finite if a run blows up.
 
-    Missing samples are left out, and they alone: what a lost run would read is not missing.
+    Only missing recorded samples are excluded; simulated values that are not finite are included.
     """
     seen = ~np.isnan(recorded)
     error = ((read - recorded) / scale)[seen]

@@ -1,8 +1,8 @@
-"""Is the simulator resolved where the recording begins, too?
+"""Numerical error of the corrected simulator at the start of the recording.
 
-Before anything is fitted, the resolution is checked from the simulator's own start
+Before any fit, the resolution is checked from the simulator's nominal start
 (:mod:`dashred.physics.runs.resolution`). A recording may begin far from that, where the same step
-is too long: what the simulator gets wrong there could pass for physics that acts at large values
+is too long: what the simulator gets error there could pass for physics that acts at large values
 alone.
 """
 
@@ -21,24 +21,23 @@ from dashred.physics.solvers.simulate import simulate
 from dashred.pipeline.problem import Problem
 
 # How much of the fit is looked at: later on, in chaos, every difference grows.
-BEGINNING, FEWEST = 0.1, 4
+CHECKED_SHARE, MIN_SAMPLES = 0.1, 4
 # More than that is no longer a number to compare.
-LARGEST = 1e6
+MAX_ERROR = 1e6
 
 
 @torch.no_grad()
 def numerical_error(problem: Problem, law: Law, noise: Tensor) -> float:
-    """Return the largest error of the corrected simulator, in standard deviations of the noise.
+    """Return the largest numerical error of the corrected simulator, in std of the noise.
 
-    It is the rms over the sensors of ``(H x − H x_fine)/σ`` in the sample where that is largest,
-    x the corrected run from the start that was fitted, x_fine the same at doubled resolution; of
-    the worst episode, in the beginning of the fit.
+    It is the rms over the sensors of ``(H x − H x_fine)/σ``, maximised over the first samples and
+    the episodes; x is the corrected run from the fitted start, x_fine the same at doubled
+    resolution.
 
     Args:
         problem: the simulator and the episodes.
-        law: what was found.
-        noise: σ under which it was, ``(sensor,)``: all that it leaves, which may be more than the
-            sensors' own noise. What is small beside that is not what the law lacks.
+        law: the law.
+        noise: σ of the residuals of the law, ``(sensor,)``, which may exceed the sensor noise.
     """
     episodes = zip(problem.episodes, law.start, strict=True)
     return max(_error(e, law, start, noise) for e, start in episodes)
@@ -46,11 +45,11 @@ def numerical_error(problem: Problem, law: Law, noise: Tensor) -> float:
 
 def _error(problem: Problem, law: Law, start: Tensor, noise: Tensor) -> float:
     fitted = len(problem.split.fit.times)
-    times = problem.times[: max(FEWEST, math.ceil(BEGINNING * fitted))]
+    times = problem.times[: max(MIN_SAMPLES, math.ceil(CHECKED_SHARE * fitted))]
     own = correct(problem.system, law)
     runs = ((own, start[None]), refine(own, start[None]))
     sensors = problem.split.fit.sensors
     coarse, fine = (ObservationOperator(sensors, s)(simulate(s, z, times)) for s, z in runs)
-    wrong = (coarse - fine)[0] / noise
-    largest = wrong.square().mean(dim=-1).sqrt().max()
-    return float(largest.nan_to_num(nan=LARGEST).clamp(max=LARGEST))
+    error = (coarse - fine)[0] / noise
+    largest = error.square().mean(dim=-1).sqrt().max()
+    return float(largest.nan_to_num(nan=MAX_ERROR).clamp(max=MAX_ERROR))

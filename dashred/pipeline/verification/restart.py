@@ -1,4 +1,4 @@
-"""Forecasts from a fresh state: fitted to the last samples before the held-out time alone."""
+"""Forecasts of the held-out time from a state fitted to the last samples before it."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from dashred.inference.results.corrected_system import correct
 from dashred.pipeline.discovery.objectives import sound_noise
 from dashred.pipeline.problem import Problem
 
-# Samples that a state is fitted to: two seconds of a pendulum's twenty a second.
-SAMPLES = 40
+# Samples to which a state is fitted: two seconds of a pendulum at 20 Hz.
+FIT_SAMPLES = 40
 STEPS, TOLERANCE = 30, 1e-8
 
 
@@ -30,18 +30,18 @@ STEPS, TOLERANCE = 30, 1e-8
 def restart(problem: Problem, law: Law, corrected: Tensor) -> dict[str, Tensor]:
     """Return free runs over the held-out time, by method, ``(time, field)``.
 
-    The simulator without the law and with it, each from the state that fits best the last samples
-    of the fit window. For ODE systems alone: of a whole field so few samples say too little.
+    The simulator runs without and with the law, each from the state that best fits the last samples
+    of the fit window. Empty for fields in space, which so few samples do not determine.
 
     Args:
         problem: the recording.
-        law: what the simulator leaves out.
-        corrected: the corrected simulator's free run over the fit window, ``(time, field)``; the
-            state is looked for about its last part, within its own spread.
+        law: the law.
+        corrected: free run of the corrected simulator over the fit window, ``(time, field)``; its
+            last part is the prior mean of the state, and its std the prior std.
     """
     if problem.system.axes or len(problem.times) == len(corrected):
         return {}
-    first = max(0, len(corrected) - SAMPLES)
+    first = max(0, len(corrected) - FIT_SAMPLES)
     fit = problem.split.fit
     values = torch.from_numpy(fit.values[first:])
     noise = sound_noise(problem, law)

@@ -1,4 +1,4 @@
-"""The port-Hamiltonian structure of the simulator, and what a law does to it."""
+"""The port-Hamiltonian structure of the simulator and its change by a law."""
 
 from __future__ import annotations
 
@@ -12,41 +12,44 @@ from dashred.physics.port_hamiltonian import PortHamiltonian
 from dashred.physics.sampled_states import SampledStates
 from dashred.physics.system import System
 
-# States, spread evenly over a trajectory, at which a structure is looked at.
-STATES = 20
+# Number of states along a trajectory at which a structure is checked.
+SAMPLE_COUNT = 20
 
 
 @torch.no_grad()
 def check_structure(system: System, times: Tensor, states: Tensor) -> None:
-    """Hold the structure that a system claims, if it claims one, against its equations.
+    """Check the declared structure of a system, if any, against its equations.
 
     Args:
         system: the simulator.
-        times: of the states, ``(time,)``.
-        states: of a simulation, ``(time, field, *grid)``.
+        times: times of the states, ``(time,)``.
+        states: states of a simulation, ``(time, field, *grid)``.
 
     Raises:
         InputError: see :meth:`dashred.physics.port_hamiltonian.PortHamiltonian.check`.
     """
     if system.config.structure is not None:
-        PortHamiltonian.of(system, system.config.structure).check(_some(times, states))
+        PortHamiltonian.of(system, system.config.structure).check(_sample_states(times, states))
 
 
 @torch.no_grad()
-def structure_changed(
+def structure_change(
     system: System, law: Law, times: Tensor, states: Tensor
 ) -> StructureFound | None:
-    """Return what a law does to the structure; null where none is claimed.
+    """Return the change of the structure by a law; None if no structure is declared.
 
     Args:
         system: the simulator.
-        law: what it leaves out.
-        times: of the states, ``(time,)``.
-        states: of the corrected simulation, ``(time, field, *grid)``.
+        law: the law.
+        times: times of the states, ``(time,)``.
+        states: states of the corrected simulation, ``(time, field, *grid)``.
     """
     if system.config.structure is None or not law.candidates:
         return None
-    form, visited = PortHamiltonian.of(system, system.config.structure), _some(times, states)
+    form, visited = (
+        PortHamiltonian.of(system, system.config.structure),
+        _sample_states(times, states),
+    )
     changes = structure_changes(form, law, visited)
     return StructureFound(
         changes=[
@@ -57,7 +60,7 @@ def structure_changed(
     )
 
 
-def _some(times: Tensor, states: Tensor) -> SampledStates:
+def _sample_states(times: Tensor, states: Tensor) -> SampledStates:
     finite = torch.nonzero(torch.isfinite(states.flatten(1)).all(dim=1)).flatten()
-    chosen = finite[:: max(1, len(finite) // STATES)]
+    chosen = finite[:: max(1, len(finite) // SAMPLE_COUNT)]
     return SampledStates(states[chosen], times[chosen])

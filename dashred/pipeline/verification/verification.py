@@ -1,4 +1,4 @@
-"""Verify on what was held out, and freeze the findings."""
+"""Compute the errors on held-out data, build the findings and freeze them."""
 
 from __future__ import annotations
 
@@ -33,39 +33,39 @@ from dashred.pipeline.outputs.corrected_config import NAME as CORRECTED
 from dashred.pipeline.outputs.corrected_config import write_corrected
 from dashred.pipeline.outputs.field_files import episodes_dataset
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.verification.energy import energy_lost
-from dashred.pipeline.verification.held_out import errors_of_held_out
+from dashred.pipeline.verification.energy import energy_loss
+from dashred.pipeline.verification.held_out import held_out_errors
 from dashred.pipeline.verification.numerical_error import numerical_error
-from dashred.pipeline.verification.structure import structure_changed
+from dashred.pipeline.verification.structure import structure_change
 from dashred.reporting.wording.findings_text import add_text
 
 
 def verify(problem: Problem, analysis: Analysis) -> Findings:
-    """Compare every method with the test sensors and the held-out time, for the first time."""
+    """Compare every method with the held-out data and return the findings."""
     discovered = analysis.discovered
     units = problem.system.units
     names = problem.split.fit.names
     left = unexplained(problem.noise_of(names).repeat(len(problem.episodes)), discovered.noise)
     kind, causes = verdict(discovered, left, problem.fault_details)
     fit = Fit(
-        # Of several episodes the same in each.
+        # The noise is the same in all episodes.
         noise_std=problem.noise | dict(zip(names, discovered.noise.std.tolist(), strict=False)),
         noise_correlation=float(discovered.noise.correlation.max()),
         own_error=numerical_error(problem, discovered.best, discovered.noise.std[: len(names)]),
         chi2=discovered.best.chi2,
         unexplained=left,
-        **errors_of_held_out(problem, analysis),
+        **held_out_errors(problem, analysis),
     )
     proposed = {n: proposals(problem, f) for n, f in analysis.found.proposals.items()}
     latent = Latent(alg1=proposed["alg1"], alg2=proposed["alg2"])
     if kind == "not-converged":
         failed = new_findings(
-            source_of(problem), fit=fit, latent=latent, verdict=kind, causes=causes, units=units
+            build_input(problem), fit=fit, latent=latent, verdict=kind, causes=causes, units=units
         )
         return add_text(failed, problem.system)
     count = len(problem.split.fit.times)
     findings = new_findings(
-        source_of(problem),
+        build_input(problem),
         fit=fit,
         latent=latent,
         verdict=kind,
@@ -80,13 +80,13 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         terms=explain(problem.system, discovered),
         alternatives=alternatives(discovered, problem.system),
         smaller=smaller(discovered, problem.system),
-        energy=energy_lost(
+        energy=energy_loss(
             problem.system,
             discovered.best,
             problem.times[:count],
             problem.rng("energy"),
         ),
-        structure=structure_changed(
+        structure=structure_change(
             problem.system,
             discovered.best,
             problem.times[:count],
@@ -98,7 +98,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     return add_text(findings, problem.system)
 
 
-def refuse_unresolved(problem: Problem, resolution: Resolution) -> Findings:
+def unresolved_findings(problem: Problem, resolution: Resolution) -> Findings:
     """Return the findings of a simulator whose numerical error is too large to fit a law."""
     points = {axis.name: axis.points for axis in problem.system.axes}
     enough = None
@@ -113,7 +113,7 @@ def refuse_unresolved(problem: Problem, resolution: Resolution) -> Findings:
         "enough": enough,
     }
     findings = new_findings(
-        source_of(problem),
+        build_input(problem),
         verdict="unresolved-numerics",
         causes=[cause],
         units=problem.system.units,
@@ -137,7 +137,7 @@ def write_findings(problem: Problem, analysis: Analysis, findings: Findings, out
 def estimates_dataset(problem: Problem, analysis: Analysis) -> xr.Dataset:
     """Return the fields by method over the fit window of every episode."""
     fields = []
-    for episode, mine in analysis.episodes(problem):
+    for episode, part in analysis.episodes(problem):
         count = len(episode.split.fit.times)
         fields.append((episode, episode.times[:count], mine.estimates(count)))
     return episodes_dataset(fields)
@@ -147,7 +147,7 @@ def forecast_dataset(problem: Problem, analysis: Analysis) -> xr.Dataset:
     """Return the free runs beyond the recording, of every episode."""
     free = analysis.free
     runs = zip((*problem.episodes, *problem.whole), (free, *free.others, *free.whole), strict=True)
-    beyond = []
+    forecasts = []
     for episode, run in runs:
         ahead = slice(run.recorded, len(run.times))
         beyond.append((episode, run.times[ahead], run.over(ahead)))
@@ -155,13 +155,13 @@ def forecast_dataset(problem: Problem, analysis: Analysis) -> xr.Dataset:
 
 
 def freeze_findings(output: Path, findings: Findings, others: list[str]) -> None:
-    """Write ``findings.json`` and fix its hash, before any seal can be opened."""
+    """Write ``findings.json`` and freeze its hash before any seal can be opened."""
     write_json_atomic(output / "findings.json", findings)
     freeze(output, others)
 
 
-def source_of(problem: Problem) -> Input:
-    """Return everything that determines the findings."""
+def build_input(problem: Problem) -> Input:
+    """Return the record of everything that determines the findings."""
     split, config = problem.split, problem.config
     sizes = {
         equation: sum(term.equation == equation for term in problem.library)
@@ -195,7 +195,7 @@ def source_of(problem: Problem) -> Input:
 
 
 def _episodes(problem: Problem) -> list[EpisodeSplit]:
-    """Return what was fitted of every episode, and what was held out."""
+    """Return the fitted and held-out times of every episode."""
     every = [*((p, False) for p in problem.episodes), *((p, True) for p in problem.whole)]
     return [
         EpisodeSplit(
@@ -203,14 +203,14 @@ def _episodes(problem: Problem) -> list[EpisodeSplit]:
             begin=float(episode.times[0]),
             end=float(episode.times[-1]),
             time_end=episode.split.time_end,
-            held_out_whole=whole,
+            held_out_whole=held_out,
         )
-        for episode, whole in every
+        for episode, held_out in every
     ]
 
 
 def proposals(problem: Problem, fit: SparseFit) -> LatentSindy:
-    """Return what one of the two algorithms proposes, the likest term first."""
+    """Return the proposals of one of the two algorithms, best first."""
     proposed = [
         Proposal(
             equation=problem.library[j].equation,

@@ -23,7 +23,7 @@ import pytest
 
 from dashred.core.errors import InputError
 from dashred.core.mlflow.tracker import Tracker
-from dashred.pipeline.run.run_manifest import pointed_to
+from dashred.pipeline.run.run_manifest import read_pointer
 from tests.conftest import CHECKOUT, Ended
 from tests.documents import snippets
 from tests.killing import kill_when, start
@@ -111,7 +111,7 @@ def test_a_killed_run_is_resumed_in_the_same_run_on_the_server(
     process = start([f"conf={quick}", recording, f"output={output}", store])
     kill_when(process, lambda printed: any(point in line for line in printed))
     assert process.returncode == -signal.SIGKILL and not (output / "run.json").exists()
-    run_id = pointed_to(output)
+    run_id = read_pointer(output)
     assert client_of(server).get_run(run_id).info.status == "RUNNING"
 
     again = start([f"resume={run_id}", f"output={output}", store])

@@ -273,7 +273,7 @@ def test_every_row_is_run_once_with_its_own_words(stub: Stub, capsys: Any) -> No
     assert {w["tracking.experiment"] for w in ran} == {"bench"}
     assert len({w["tracking.parent"] for w in ran}) == 1
     out = capsys.readouterr().out
-    assert "4 rows, 0 of them done already" in out and "[4/4]" in out
+    assert "4 rows, 0 of them already finished" in out and "[4/4]" in out
     assert stub.bench(*words) == 0
     assert stub.started() == []
     assert "4 rows, 4 of them done already" in capsys.readouterr().out
@@ -302,7 +302,7 @@ def test_a_run_without_results_is_not_done(stub: Stub, monkeypatch: pytest.Monke
     monkeypatch.setattr(processes, "train_command", lambda _: command)
     assert stub.bench("twins=a") == 1
     [row] = stub.table()["rows"]
-    assert row["exit_code"] == 0 and "left no results" in row["problem"]
+    assert row["exit_code"] == 0 and "has no results" in row["problem"]
 
 
 @pytest.mark.parametrize("change", ["config", "law", "half written"])

@@ -16,13 +16,13 @@ from dashred.core.findings.findings import write_json_atomic
 from dashred.core.system_errors import ExternalServiceError
 from dashred.evaluation.baselines import kalman_filter
 from dashred.evaluation.baselines.analyse import FIELDS, LAWS, attempt
-from dashred.evaluation.baselines.estimate import Estimated
+from dashred.evaluation.baselines.estimate import Estimate
 from dashred.evaluation.benchmark.arguments import read_words
 from dashred.evaluation.benchmark.plan import Row, plan
 from dashred.evaluation.comparison import method_scores, other_methods
-from dashred.evaluation.comparison.kept_comparison import UNRESOLVED, read_compared
-from dashred.evaluation.comparison.method_scores import _compared, compare
-from dashred.evaluation.comparison.run import _finished, _settled, compared_row
+from dashred.evaluation.comparison.comparison_file import UNRESOLVED, read_comparison
+from dashred.evaluation.comparison.method_scores import _score, compare
+from dashred.evaluation.comparison.run import _finished, _is_final, compared_row
 from dashred.evaluation.twins.sealing import Concealed, SealedTerm
 from dashred.inference.initial_state.ensemble_filter import FilterLostError
 
@@ -38,7 +38,7 @@ def test_a_method_that_raises_is_its_own_failure() -> None:
 
 def test_a_field_that_is_not_finite_is_a_failure() -> None:
     states = torch.tensor([[1.0, torch.nan]])
-    ended = attempt(lambda: Estimated(states, None, ""), 0.0)
+    ended = attempt(lambda: Estimate(states, None, ""), 0.0)
     assert ended.found is None and ended.failed == "its field is not finite"
 
 
@@ -51,7 +51,7 @@ def test_a_field_that_is_not_finite_is_a_failure() -> None:
     ],
 )
 def test_what_the_machine_refuses_is_no_failure_of_a_method(refusal: Exception) -> None:
-    def refused() -> Estimated:
+    def refused() -> Estimate:
         raise refusal
 
     with pytest.raises(type(refusal), match=re.escape(str(refusal))):
@@ -85,7 +85,7 @@ def test_a_method_without_a_law_has_missed_all_terms(
     true: Any = {("u", "u", None): -0.1}
     errors = {} if error is None else {name: error}
     ended = {"terms": None, "note": "", "failed": failed, "seconds": 1.0}
-    told = _compared({}, true, errors, name, ended)
+    told = _score({}, true, errors, name, ended)
     assert told["missed"] == missed
     assert told["exact"] is (None if missed is None else False)
     if name == "filter_state":
@@ -185,14 +185,14 @@ def test_a_row_whose_scoring_died_says_of_what(tmp_path: Path) -> None:
     _finished(row, 1, 2.0)
     told = compared_row(row)
     assert told.problem == "not compared: KeyError: 'noise'"
-    assert not _settled(row)
+    assert not _is_final(row)
 
 
 def test_an_unresolved_row_is_settled(tmp_path: Path) -> None:
     row = row_of(tmp_path, "c")
     unresolved(row.folder)
     keep(row, verdict="unresolved-numerics")
-    assert not _settled(row)
+    assert not _is_final(row)
     write_json_atomic(row.folder / "compared.json", compare(row.folder, row.noise, row.seed))
-    assert read_compared(row.folder) is not None and _settled(row)
+    assert read_comparison(row.folder) is not None and _is_final(row)
     assert compared_row(row).problem == UNRESOLVED

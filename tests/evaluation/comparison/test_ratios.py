@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+from dashred.evaluation.comparison.comparison_file import MethodScore
 from dashred.evaluation.comparison.document import write_results
-from dashred.evaluation.comparison.kept_comparison import Compared
 from dashred.evaluation.comparison.outcomes import count_claims
 from dashred.evaluation.comparison.ratios import (
     LAWS,
@@ -26,9 +26,9 @@ def method(
     law: tuple[int, int, int, float | None] | None,
     failed: str | None = None,
     note: str = "",
-) -> Compared:
+) -> MethodScore:
     found, spurious, missed, error = law or (None, None, None, None)
-    return Compared(
+    return MethodScore(
         rmse=rmse,
         exact=None if law is None else not spurious and not missed,
         found=found,
@@ -127,7 +127,7 @@ def test_an_analysis_that_died_is_lost_and_not_exact(tmp_path: Path) -> None:
     others = count_laws(rows, "pde_find")
     assert others is not None and (others.rows, others.failed) == (3, 0)
     claims = count_claims(rows)
-    assert (claims.laws, claims.exact, claims.others, claims.told) == (4, 1, 1, 1)
+    assert (claims.laws, claims.exact, claims.others, claims.right) == (4, 1, 1, 1)
     assert (claims.wrong_unflagged, claims.failed) == (1, 2)
     write_results(rows, tmp_path / "results.md")
     text = (tmp_path / "results.md").read_text()

@@ -1,4 +1,4 @@
-"""Records of cases that never ran."""
+"""Invented records of cases."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def dead(number: int = 0, kind: str = "terms") -> CaseRecord:
 
 
 def wrong(number: int = 0, kind: str = "terms", **more: Any) -> CaseRecord:
-    """Return the record of a case in which something else was told, and as if it were certain."""
+    """Return the record of a case with a wrong, unflagged verdict."""
     told: dict[str, Any] = {"right": False, "listed": False, "exact": False, "coefficients": []}
     told |= {"verdict": "parameter", "causes": ["parameter"], "told": "b is 0.7, not 0.8"}
     return case(number, kind, **told | more)

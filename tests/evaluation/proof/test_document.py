@@ -12,7 +12,7 @@ from dashred.evaluation.proof.cases.case_record import CaseRecord
 from dashred.evaluation.proof.document import document, write_document
 from dashred.evaluation.proof.figures import FIGURES
 from dashred.evaluation.proof.protocol import ProtocolFacts
-from dashred.evaluation.proof.scoring.outcomes import failings
+from dashred.evaluation.proof.scoring.outcomes import shortcomings
 from dashred.evaluation.proof.scoring.targets import TARGETS
 from tests.evaluation.proof.invented import case, dead, null, proof, wrong
 
@@ -40,9 +40,9 @@ def test_every_target_has_its_line() -> None:
     page = document([case(number, right=number > 0) for number in range(6)], FACTS)
     lines = {line[0].partition(" (")[0]: line[1:] for line in table(page, "Targets")}
     assert set(lines) == {target.name for target in TARGETS}
-    assert "for those of numerics: 4 were" in " ".join(page.split())
+    assert "The number of redraws was 4" in " ".join(page.split())
     assert lines["verdict right"] == ["83 %", "6", "44-97 %", "≥ 80 %", "met"]
-    assert lines["hidden field: right equation"] == ["", "0", "", "≥ 90 %", "nothing to judge by"]
+    assert lines["hidden field: right equation"] == ["", "0", "", "≥ 90 %", "no data"]
     assert lines["95 % intervals that cover"][3:] == ["90-98 %", "not met"]
     assert lines["seconds of an fhn case, mean"] == ["61.2 s", "6", "", "≤ 90 s", "met"]
     assert lines["gain of the forecast, median"][3] == "≥ 10×"
@@ -52,18 +52,18 @@ def test_every_target_has_its_line() -> None:
 def test_every_case_that_falls_short_is_listed_with_what_was_hidden_and_told() -> None:
     records = proof()
     page = document(records, FACTS)
-    below = page.split("\n## Every failure\n")[1].split("\n## ")[0]
+    below = page.split("\n## Shortcomings\n")[1].split("\n## ")[0]
     listed = re.findall(r"^\| ((?:case|null) \d+):", below, flags=re.MULTILINE)
-    failed = [r for r in records if failings(r)]
+    failed = [r for r in records if shortcomings(r)]
     assert listed == [f"{r['group'][:-1]} {r['number']}" for r in failed]
     assert 10 < len(failed) < 60
-    assert f"{len(failed) - 1} of 120 cases fall short" in below
-    assert "1 of 100 nulls fall short" in below
+    assert f"{len(failed) - 1} of 120 cases have shortcomings" in below
+    assert "1 of 100 nulls have shortcomings" in below
 
 
 def test_a_failure_reads_in_one_line() -> None:
     bad = wrong(17, "box", hidden="u: -0.15*u**2\nfor u|v <b>", told="b is 0.7", probability=0.93)
-    [[about, hidden, told, what]] = table(document([bad, case()], FACTS), "Every failure")
+    [[about, hidden, told, what]] = table(document([bad, case()], FACTS), "Shortcomings")
     assert about == "case 17: fhn, a term in a region, noise 3 %, 12 sensors, effect 4.2 σ"
     assert hidden == r"u: -0.15\*u\*\*2 for u\|v \<b>"
     assert told == "b is 0.7 (leading cause: parameter, 0.93)"
@@ -71,19 +71,19 @@ def test_a_failure_reads_in_one_line() -> None:
 
 
 def test_a_case_that_died_is_listed_without_a_verdict() -> None:
-    [[_, _, told, what]] = table(document([dead(4)], FACTS), "Every failure")
-    assert (told, what) == ("", "died: exit code -9")
+    [[_, _, told, what]] = table(document([dead(4)], FACTS), "Shortcomings")
+    assert (told, what) == ("", "failed: exit code -9")
 
 
 def test_classes_are_scored_alone_and_pooled() -> None:
     records = [case(kind="start"), wrong(1, "fault"), case(2, "numerics", oracle=None), null()]
     lines = {
-        line[0]: line[1:] for line in table(document(records, FACTS), "By class of what was hidden")
+        line[0]: line[1:] for line in table(document(records, FACTS), "By kind of hidden effect")
     }
     assert lines["a faulty sensor"][:2] == ["1", "0/1 = 0 % (0-79 %)"]
     assert lines["pooled: start, numerics, sensor"][1].startswith("2/3 = 67 %")
     assert lines["pooled: start, numerics, sensor"][4].startswith("2/2 ")
-    assert lines["all cases"][0] == "3" and lines["nulls, apart"][0] == "1"
+    assert lines["all cases"][0] == "3" and lines["nulls, separately"][0] == "1"
     assert "missing terms" not in lines
 
 
@@ -91,8 +91,8 @@ def test_calibration_tells_what_was_stated_and_what_came_of_it() -> None:
     records = [case(n, probability=0.8 if n < 4 else 0.95, right=n != 0) for n in range(10)]
     records[0] |= {"causes": ["parameter"]}
     lines = {line[0]: line[1:] for line in table(document(records, FACTS), "Calibration")}
-    stated = lines["leading cause, stated with 0.7 to 0.9"]
-    assert stated == ["75 %", "4", "30-95 %", "80 %, as stated on average"]
+    stated = lines["leading cause, probability 0.7 to 0.9"]
+    assert stated == ["75 %", "4", "30-95 %", "80 %, the mean stated"]
     assert lines["95 % intervals, terms everywhere; rms of z: 1"][:2] == ["100 %", "10"]
     assert lines["95 % intervals, terms in a region"][:2] == ["", "0"]
 
@@ -110,7 +110,7 @@ def test_the_protocol_tells_its_facts_and_the_headline_counts() -> None:
     page = document([], FACTS)
     for fact in ("0123abc", "77", "120 cases", "100 nulls", "Finished: 0", "5.2 h", "2 processes"):
         assert fact in page
-    assert f"0 of {len(TARGETS)} targets are met, 0 missed, and {len(TARGETS)} have nothing" in page
+    assert f"0 of {len(TARGETS)} targets are met, 0 missed, and {len(TARGETS)} have no data" in page
 
 
 def test_the_page_shows_every_figure_that_is_drawn() -> None:
@@ -144,11 +144,9 @@ def test_an_appendix_stands_at_the_end(tmp_path) -> None:
 
 def test_a_draw_for_practice_is_not_passed_off_as_the_proof() -> None:
     practice = replace(FACTS, commit=None, draw="mine")
-    assert "this is a draw for practice, and not the proof" in document([case()], practice)
+    assert "this is a practice draw, not the proof" in document([case()], practice)
     page = document([case()], FACTS)
-    assert "Scored again" not in page
-    assert "Scored again by commit 4567def" in document(
-        [case()], replace(FACTS, scored_by="4567def")
-    )
+    assert "Rescored by" not in page
+    assert "Rescored by commit 4567def" in document([case()], replace(FACTS, scored_by="4567def"))
     assert "practice" not in page and "the commit under test (0123abc)" in page
     assert "4 to 40 (`fhn`) or 20 to 100 (`rde`)" in " ".join(page.split())

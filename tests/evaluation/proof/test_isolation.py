@@ -7,7 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from dashred.evaluation.proof.isolation import WorkerLostError, isolated_copy, python, worker
+from dashred.evaluation.proof.isolation import (
+    WorkerLostError,
+    isolated_copy,
+    isolated_python,
+    worker,
+)
 from tests.test_seal import reached_from
 
 
@@ -31,7 +36,7 @@ def test_all_that_the_analysis_imports_is_in_the_copy(copy) -> None:
 def test_a_worker_imports_from_the_copy_only(copy) -> None:
     code = "import dashred; from importlib.util import find_spec as f; "
     code += "print(dashred.__file__, f('dashred.evaluation'), f('tests'))"
-    command, surroundings = python(copy)
+    command, surroundings = isolated_python(copy)
     told = subprocess.run(
         [*command, "-c", code],
         cwd=copy,

@@ -15,7 +15,7 @@ import pytest
 from dashred.core.errors import InputError
 from dashred.evaluation.proof import run as proof
 from dashred.evaluation.proof.arguments import read_words
-from dashred.evaluation.proof.cases import kept_case
+from dashred.evaluation.proof.cases import case_store
 from dashred.evaluation.proof.cases.draw import draw_cases, seed_of
 from dashred.evaluation.proof.isolation import Worker, WorkerLostError
 from dashred.evaluation.proof.request import Request
@@ -34,7 +34,7 @@ def keep(folder: Path, seed: str, cases: int) -> None:
     for case in draw_cases(seed_of(seed), cases, 0):
         place = folder / str(case).replace(" ", "-")
         place.mkdir(parents=True)
-        kept_case.keep(case, folder, kept_case.Kept(record_of(case.number), 10.0, 1))
+        case_store.store_case(case, folder, case_store.StoredCase(record_of(case.number), 10.0, 1))
 
 
 @pytest.fixture

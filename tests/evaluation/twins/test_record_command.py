@@ -1,4 +1,4 @@
-"""The recorder: what it writes is what the truth would have given to noisy sensors."""
+"""The recorder writes noisy readings of the truth."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_validation_and_test_sensors_come_on_top(quick, tmp_path) -> None:
     assert min(np.diff(places)) > 0.05
 
 
-def test_the_truth_goes_on_half_as_long_again_for_forecasts(quick, tmp_path) -> None:
+def test_the_truth_extends_past_the_recording_for_forecasts(quick, tmp_path) -> None:
     recording, sealed, _ = recorded(quick, tmp_path)
     assert recording.times[[0, -1]] == pytest.approx([0, 4])
     assert sealed["time"].values[-1] == pytest.approx(6)
@@ -109,11 +109,11 @@ def test_a_term_may_act_in_a_window_alone(quick, tmp_path, window, sealed) -> No
 @pytest.mark.parametrize(
     ("window", "problem"),
     [
-        ("{y: [1, 2], edge: 0.2}", "a window bounds one axis, field or t"),
-        ("{x: [1, 2]}", "a window bounds one axis, field or t"),
-        ("{x: [1, null], edge: 0.2}", "of a field or t one of them is null"),
-        ("{u: [0, 1], edge: 0.2}", "of a field or t one of them is null"),
-        ("{t: [null, 2], edge: 0.2}", "begins at a time"),
+        ("{y: [1, 2], edge: 0.2}", "needs bounds of one axis, field or t"),
+        ("{x: [1, 2]}", "needs bounds of one axis, field or t"),
+        ("{x: [1, null], edge: 0.2}", "for a field or t, one of them must be null"),
+        ("{u: [0, 1], edge: 0.2}", "for a field or t, one of them must be null"),
+        ("{t: [null, 2], edge: 0.2}", "needs a start time"),
         ("{x: 3, edge: 0.2}", r"needs \[from, to\]"),
     ],
 )
@@ -171,7 +171,7 @@ def test_sensors_may_be_faulty_and_all_of_it_is_sealed(quick, tmp_path, kind, va
     assert np.abs(found["sound"]).max() < 1e-9
 
 
-def test_noise_may_remember_itself(quick, tmp_path) -> None:
+def test_noise_can_be_autocorrelated(quick, tmp_path) -> None:
     (tmp_path / "twins").mkdir()
     (tmp_path / "twins" / "quick.yaml").write_text(CONCEALED.replace("FAULT", ""))
     copied = tmp_path / "quick.yaml"
@@ -185,13 +185,13 @@ def test_noise_may_remember_itself(quick, tmp_path) -> None:
     ("text", "problem"),
     [
         ("parameters: {mu: 1}", "true values by name"),
-        ("faults: [{sensor: s1, kind: broken, value: 1}]", "a fault has a sensor"),
-        ("faults: [{sensor: s1, kind: bias}]", "a fault has a sensor"),
-        ("correlation: 1.0", "between 0 and 1"),
+        ("faults: [{sensor: s1, kind: broken, value: 1}]", "a fault needs a sensor"),
+        ("faults: [{sensor: s1, kind: bias}]", "a fault needs a sensor"),
+        ("correlation: 1.0", "at least 0 and below 1"),
         ("sensors: 3", "may have"),
     ],
 )
-def test_what_cannot_be_concealed_is_refused(quick, tmp_path, text, problem) -> None:
+def test_a_malformed_twin_is_refused(quick, tmp_path, text, problem) -> None:
     (tmp_path / "twins").mkdir()
     (tmp_path / "twins" / "quick.yaml").write_text(f"a: {{terms: [], {text}}}\n")
     copied = tmp_path / "quick.yaml"
@@ -225,7 +225,7 @@ def twin_of(folder: Path, quick: Path, entry: str) -> Path:
     return folder / "mine.yaml"
 
 
-def test_a_noise_that_is_misstated_is_the_twins_secret(quick, tmp_path) -> None:
+def test_misstated_noise_is_hidden(quick, tmp_path) -> None:
     path = twin_of(tmp_path, quick, "{terms: [], stated: 1.5}")
     recording, sealed, system = recorded(path, tmp_path / "out", "recording.every=0.02")
     stated = recording.sensors[0].std
@@ -259,7 +259,7 @@ def test_an_ode_has_no_places_and_its_sensors_take_turns(tmp_path) -> None:
     assert [(s.reads, s.position) for s in recording.sensors] == [("a", ()), ("w", ()), ("a", ())]
 
 
-def test_it_must_know_where_to_write(quick) -> None:
+def test_an_output_folder_is_required(quick) -> None:
     with pytest.raises(InputError, match="output=DIR"):
         record_command.main([f"conf={quick}", "twin=a"])
 

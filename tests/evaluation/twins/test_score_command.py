@@ -283,7 +283,7 @@ def test_forecasts_are_compared_with_the_truth_of_their_own_times(
     for names in (FORECASTS, OLD_FORECASTS):
         assert [found["forecast"][name] for name in names] == pytest.approx([2.0, 1.0, 0.5])
     assert found["field_rmse"]["simulation"] == pytest.approx(2.0)
-    assert "Forecast beyond the recording" in capsys.readouterr().out
+    assert "Forecast RMSE after the end of the recording" in capsys.readouterr().out
 
 
 def test_a_forecast_is_no_forecast_within_the_recording(no_figures, frozen, system, truth) -> None:
@@ -302,7 +302,7 @@ def test_what_is_known_is_logged(no_figures, frozen, system, truth, capsys) -> N
     found |= {"exact_support": True, "coefficient_error": 0.02}
     logged = score_command.metrics(found)
     assert (logged["score/exact_support"], logged["score/coefficient_error"]) == (1.0, 0.02)
-    score_command._print(found)
+    score_command._print_score(found)
     assert (
-        "The law found is the true one, its coefficients within 2.0 %." in capsys.readouterr().out
+        "The law found is the true law, with coefficients within 2.0 %." in capsys.readouterr().out
     )

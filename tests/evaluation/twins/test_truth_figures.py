@@ -1,4 +1,4 @@
-"""A scorer's figures: SHRED and DA-SHRED are one where nothing tells them apart."""
+"""The scorer's figures: SHRED and DA-SHRED are drawn once if they are equal."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import xarray as xr
 
 from dashred.core.findings.methods import LABELS, SHRED_UNCHANGED
 from dashred.evaluation.comparison.ratios import FIELDS
-from dashred.evaluation.twins.truth_figures import joined
+from dashred.evaluation.twins.truth_figures import methods_to_draw
 
 
 def estimates(change: float) -> xr.Dataset:
@@ -19,8 +19,8 @@ def estimates(change: float) -> xr.Dataset:
 
 
 def test_fields_that_are_equal_are_drawn_once() -> None:
-    assert joined(estimates(0.0)) == {SHRED_UNCHANGED: "shred", "corrected": "corrected"}
-    assert list(joined(estimates(1e-3))) == ["shred", "dashred", "corrected"]
+    assert methods_to_draw(estimates(0.0)) == {SHRED_UNCHANGED: "shred", "corrected": "corrected"}
+    assert list(methods_to_draw(estimates(1e-3))) == ["shred", "dashred", "corrected"]
 
 
 def test_figures_call_methods_what_the_tables_call_them() -> None:

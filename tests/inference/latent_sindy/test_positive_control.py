@@ -13,7 +13,7 @@ import torch
 
 from dashred.config import load_config
 from dashred.data.observation_operator import ObservationOperator
-from dashred.evaluation.twins.recorder import clock_of, observe, simulate_truth
+from dashred.evaluation.twins.recorder import observe, simulate_truth, truth_times
 from dashred.evaluation.twins.twin_file import read_twin
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem, LatentSindy
 from dashred.models.assimilation import AssimilatedEncoder, LatentTransform
@@ -39,7 +39,7 @@ def test_algorithm_1_finds_the_law_of_the_rde_in_the_true_field(twin, tolerance)
     hidden = read_twin(config)
     system, rng = System(config.system, config.where), np.random.default_rng(0)
     with torch.no_grad():
-        times = clock_of(config)
+        times = truth_times(config)
         states = simulate_truth(system, hidden, config, times, rng, None)
         count = int((times <= config.recording.duration * (1 + 1e-9)).sum())
         times, states = times[:count], states[:count]

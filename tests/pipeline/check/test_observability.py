@@ -1,4 +1,4 @@
-"""What sensors tell of a start, against closed forms."""
+"""Observability of an initial state, against closed forms."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from dashred.config import load_config
-from dashred.pipeline.check.context import check_context
-from dashred.pipeline.check.observability import look
+from dashred.pipeline.check.context import build_check_context
+from dashred.pipeline.check.observability import linearised_observations
 from dashred.pipeline.check.simulator import run_nominal
 
 DECAY = """\
@@ -37,13 +37,13 @@ def test_what_stays_unknown_of_a_decay_is_the_kalman_smoother_s(
     (tmp_path / "decay.csv").write_text("\n".join(["time,s", *rows]) + "\n")
     (tmp_path / "table.csv").write_text(f"name,field,std\ns,u,{SIGMA}\n")
     (tmp_path / "decay.yaml").write_text(DECAY.format(method=method))
-    situation = check_context(load_config([f"conf={tmp_path / 'decay.yaml'}"], entry="check"))
-    seen = look(situation, run_nominal(situation))
-    assert seen is not None
-    sampled = t[: seen.samples]
+    context = build_check_context(load_config([f"conf={tmp_path / 'decay.yaml'}"], entry="check"))
+    observed = linearised_observations(context, run_nominal(context))
+    assert observed is not None
+    sampled = t[: observed.samples]
     information = 1 / SPREAD**2 + np.exp(-0.6 * sampled).sum() / SIGMA**2
     expected = 1 / np.sqrt(information) / SPREAD
-    assert seen.samples > 20
+    assert observed.samples > 20
     torch.testing.assert_close(
-        seen.unknown(), torch.tensor([expected], dtype=torch.float64), rtol=1e-4, atol=0
+        observed.posterior_ratio(), torch.tensor([expected], dtype=torch.float64), rtol=1e-4, atol=0
     )

@@ -12,7 +12,7 @@ from dashred.core.errors import InputError
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
 from dashred.pipeline.problem import Problem, build_problem
 from dashred.pipeline.simulation import simulate_nominal
-from dashred.pipeline.verification.verification import source_of
+from dashred.pipeline.verification.verification import build_input
 
 TEXT = """
 system:
@@ -50,9 +50,9 @@ def test_a_field_that_is_never_negative_is_its_own_magnitude(tmp_path: Path) -> 
     assert not {("a", "sign(a)"), ("b", "a*abs(a)"), ("a", "b*abs(b)")} & names
     assert len(apart.library) == len(problem.library) - 8
     assert all(part.library == apart.library for part in (*apart.others, *apart.whole))
-    left_out = source_of(apart)["library_left_out"]
+    left_out = build_input(apart)["library_left_out"]
     assert left_out["a: sign(a)"] == "is 1 times a number" and len(left_out) == 8
-    assert "library_left_out" not in source_of(problem)
+    assert "library_left_out" not in build_input(problem)
 
 
 def test_a_list_of_ones_own_is_refused_with_both_named(tmp_path: Path) -> None:
@@ -74,4 +74,4 @@ def test_where_nothing_moves_the_user_is_told(tmp_path: Path) -> None:
     problem = posed(tmp_path, *still)
     apart = keep_identifiable_terms(problem, simulate_nominal(problem, {}).states, problem.times)
     assert {str(term) for term in apart.library} == {"1"}
-    assert source_of(apart)["library_left_out"]["a: a"] == "vanishes"
+    assert build_input(apart)["library_left_out"]["a: a"] == "vanishes"

@@ -1,4 +1,4 @@
-"""What a run says of itself, and the machine it asks for."""
+"""Provenance, device checks and the output folder of a run."""
 
 from __future__ import annotations
 
@@ -81,11 +81,11 @@ def test_an_output_folder_is_made_and_cleared_of_results_alone(tmp_path) -> None
         (folder / name).touch()
     clear_output(folder)
     assert {path.name for path in folder.iterdir()} == {"recording.nc", "sealed.nc", "notes.txt"}
-    with pytest.raises(InputError, match="cannot be made"):
+    with pytest.raises(InputError, match="cannot be created"):
         make_output(str(folder / "notes.txt" / "c"))
 
 
-def test_figures_of_an_earlier_run_are_cleared_and_nobody_elses(tmp_path) -> None:
+def test_only_figures_of_an_earlier_run_are_cleared(tmp_path) -> None:
     ours = {"where.png", "learning.png", "sensor_traces_12.png", "front_truth.png"}
     theirs = {"sensor_traces_mine.png", "my_truth.png", "where.png.bak", "photo.png"}
     for name in ours | theirs:
@@ -105,11 +105,11 @@ def of_a_run(output: Path) -> Config:
 
 
 @pytest.mark.parametrize("name", ["summary.txt", "report.html", "run.json", "score.json"])
-def test_a_folder_with_such_files_of_somebody_else_is_left_alone(tmp_path: Path, name: str) -> None:
+def test_a_folder_with_foreign_results_is_refused(tmp_path: Path, name: str) -> None:
     config = of_a_run(tmp_path)
     (tmp_path / name).write_text("mine")
     for checked in (named_output, check_output):
-        with pytest.raises(InputError, match=f"{name} is there, not from a run of dashred"):
+        with pytest.raises(InputError, match=f"replace {name}, which was not written by dashred"):
             checked(config)
     assert (tmp_path / name).read_text() == "mine"
 
@@ -122,13 +122,13 @@ def test_a_folder_that_a_run_has_left_is_used_again(tmp_path: Path, mark: str) -
     check_output(of_a_run(tmp_path))
 
 
-def test_a_run_does_not_take_away_what_it_is_to_read(tmp_path: Path) -> None:
+def test_a_run_does_not_overwrite_its_input(tmp_path: Path) -> None:
     for name in ("freeze.json", "findings.json"):
         (tmp_path / name).touch()
     corrected = tmp_path / "corrected.yaml"
     corrected.write_text(Path("conf/rde.yaml").read_text())
     config = load_config([f"conf={corrected}", f"output={tmp_path}"], entry="train")
-    with pytest.raises(InputError, match=r"write its corrected\.yaml over the one"):
+    with pytest.raises(InputError, match=r"overwrite its own input corrected\.yaml"):
         named_output(config)
 
 

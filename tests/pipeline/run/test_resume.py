@@ -1,4 +1,4 @@
-"""A run that was cut short goes on: to the same bytes, in the same run, with no word of a twin."""
+"""A resumed run gives the same bytes in the same MLflow run, without access to a twin."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from dashred.config import bundled, frozen_input, load_config
 from dashred.core.errors import InputError
 from dashred.pipeline.run.checkpoints import Checkpoints
 from dashred.pipeline.run.resume import named_folder, read_words
-from dashred.pipeline.run.run_manifest import BEGAN, WORDS, begin, words_of
+from dashred.pipeline.run.run_manifest import MANIFEST, WORDS, stored_arguments, write_manifest
 
 # Of a twin's noise: a number that nothing else has.
 NOISE = "0.0213578"
@@ -28,7 +28,7 @@ def interrupted(*_: object, **__: object) -> None:
 
 
 def no_second_time(*_: object, **__: object) -> None:
-    pytest.fail("this stage had come to its end before the interruption")
+    pytest.fail("this stage had finished before the interruption")
 
 
 def rows(root: Path, query: str) -> list[tuple[Any, ...]]:
@@ -50,7 +50,7 @@ def children_of(root: Path) -> list[tuple[Any, ...]]:
     return sorted(rows(root, query))
 
 
-def test_a_twin_goes_on_to_the_same_bytes_in_the_same_run(
+def test_a_resumed_twin_gives_the_same_bytes_in_the_same_run(
     quick, twin_run, train, monkeypatch, tmp_path, own_state
 ) -> None:
     with monkeypatch.context() as patch:
@@ -84,10 +84,10 @@ def test_a_twin_goes_on_to_the_same_bytes_in_the_same_run(
     assert not list((own_state / "dashred" / "recorder").glob(run_id))
 
     again = train(f"resume={run_id}")
-    assert again.code == 2 and "has come to its end" in again.err
+    assert again.code == 2 and "has finished" in again.err
 
 
-def test_the_same_command_in_the_same_folder_goes_on(
+def test_the_same_command_in_the_same_folder_resumes(
     quick, twin_run, train, monkeypatch, tmp_path
 ) -> None:
     with monkeypatch.context() as patch:
@@ -101,7 +101,7 @@ def test_the_same_command_in_the_same_folder_goes_on(
     assert parent_of(ended.root) == (run_id, "FINISHED")
 
 
-def test_an_own_recording_goes_on_where_it_was_analysed_and_not_with_another(
+def test_a_run_resumes_with_its_own_recording_only(
     quick, twin_run, train, monkeypatch, tmp_path
 ) -> None:
     own = tmp_path / "own.nc"
@@ -112,19 +112,19 @@ def test_an_own_recording_goes_on_where_it_was_analysed_and_not_with_another(
     root = tmp_path / "mlruns"
     run_id, _ = parent_of(root)
     kept = root / "artifacts" / run_id / "checkpoints"
-    began = json.loads((kept / BEGAN).read_text())
+    began = json.loads((kept / MANIFEST).read_text())
 
-    (kept / BEGAN).write_text(json.dumps(began | {"torch": "1.0"}))
+    (kept / MANIFEST).write_text(json.dumps(began | {"torch": "1.0"}))
     refused = train(f"resume={run_id}")
     assert refused.code == 2
     assert f"torch was 1.0, is {torch.__version__}" in refused.err
 
-    (kept / BEGAN).write_text(json.dumps(began | {"the recording": "0"}))
+    (kept / MANIFEST).write_text(json.dumps(began | {"the recording": "0"}))
     refused = train(f"resume={run_id}")
     assert refused.code == 2 and "the recording has changed" in refused.err
     assert "Traceback" not in refused.err
 
-    (kept / BEGAN).write_text(json.dumps(began))
+    (kept / MANIFEST).write_text(json.dumps(began))
     monkeypatch.setattr("dashred.pipeline.training.train_shred", no_second_time)
     ended = train(f"resume={run_id}")
     assert ended.code == 0, ended.err
@@ -141,7 +141,7 @@ def test_nothing_of_a_twin_lies_where_the_analysis_or_the_store_shows_it(
     assert train(f"conf={quick}", *words).code == 130
     run_id, _ = parent_of(tmp_path / "mlruns")
     shown = [path for path in tmp_path.rglob("*") if path.is_file()]
-    assert {"mlflow.db", "recording.nc", BEGAN, "quick.yaml"} <= {path.name for path in shown}
+    assert {"mlflow.db", "recording.nc", MANIFEST, "quick.yaml"} <= {path.name for path in shown}
     for path in shown:
         assert path.name != "sealed.nc"
         held = path.read_bytes()
@@ -154,21 +154,23 @@ def test_nothing_of_a_twin_lies_where_the_analysis_or_the_store_shows_it(
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("words", "message"),
     [
         (("resume=0123",), "there is no run '0123'"),
         (("resume=",), "resume= is empty"),
-        (("resume=0123", "seed=1"), "resume= does not go with seed="),
+        (("resume=0123", "seed=1"), "resume= cannot be combined with seed="),
     ],
 )
-def test_what_cannot_be_gone_on_with_is_refused(twin_run, capsys, monkeypatch, words, says) -> None:
+def test_invalid_resume_arguments_are_refused(
+    twin_run, capsys, monkeypatch, words, message
+) -> None:
     from dashred.core.errors import run_entry
     from dashred.train import main
 
     monkeypatch.setattr("sys.argv", ["train", *words, f"tracking.root={twin_run.root}"])
     assert run_entry(main) == 2
     error = capsys.readouterr().err
-    assert says in error and "Traceback" not in error
+    assert message in error and "Traceback" not in error
 
 
 def test_a_folder_without_a_store_is_refused_and_left_alone(tmp_path, capsys, monkeypatch) -> None:
@@ -185,8 +187,8 @@ def test_a_folder_without_a_store_is_refused_and_left_alone(tmp_path, capsys, mo
 def test_a_settled_configuration_reads_back_as_the_same_input(name: str, tmp_path: Path) -> None:
     words = [f"recording.path={tmp_path / 'mine.csv'}", "seed=3", "shred.rate=1e-4"]
     config = load_config([f"conf={name}", *words, "output=there"], entry="train")
-    begin(tmp_path, config, {})
-    kept = words_of(tmp_path)
+    write_manifest(tmp_path, config, {})
+    kept = stored_arguments(tmp_path)
     assert kept is not None and not any("there" in word for word in kept)
     again = load_config(kept, entry="train")
     assert frozen_input(again) == frozen_input(config)
@@ -201,36 +203,36 @@ def test_a_settled_configuration_reads_back_as_the_same_input(name: str, tmp_pat
         *("tracking.root=http://evil", "tracking.run=0123", "recording.twin=a", "tracking={}"),
     ],
 )
-def test_a_stored_word_that_only_the_user_says_is_refused(word, tmp_path) -> None:
-    """A run may lie in a stranger's store: whoever goes on with it trusts no code of theirs."""
+def test_a_stored_argument_reserved_for_the_user_is_refused(word, tmp_path) -> None:
+    """A run may come from a foreign store: resuming it must not run foreign code."""
     config = load_config(["conf=rde", "recording.path=mine.csv", "seed=3"], entry="train")
-    begin(tmp_path, config, {})
+    write_manifest(tmp_path, config, {})
     kept = json.loads((tmp_path / WORDS).read_text())
-    assert (words_of(tmp_path) or [])[1:] == kept and "seed=3" in kept
+    assert (stored_arguments(tmp_path) or [])[1:] == kept and "seed=3" in kept
     (tmp_path / WORDS).write_text(json.dumps(["system.class=evil.E", word]))
     with pytest.raises(InputError, match="tampered with") as caught:
-        words_of(tmp_path)
+        stored_arguments(tmp_path)
     assert caught.value.where == str(tmp_path / WORDS) and str(word) in caught.value.what
     (tmp_path / WORDS).write_text("no words at all")
-    assert words_of(tmp_path) is None
+    assert stored_arguments(tmp_path) is None
 
 
 @pytest.mark.parametrize(
-    ("word", "says"),
+    ("word", "message"),
     [
         *(("output=", "is empty"), ("tracking.root=", "is empty"), ("trust=", "is empty")),
         ("output", "expected key=value"),
-        ("seed=1", "resume= does not go with seed="),
+        ("seed=1", "resume= cannot be combined with seed="),
         ("resume=4567", "given twice"),
     ],
 )
-def test_a_wrong_word_beside_resume_is_refused(word, says) -> None:
-    """An empty `output=` would be the folder one is in."""
-    with pytest.raises(InputError, match=says):
+def test_a_wrong_argument_with_resume_is_refused(word, message) -> None:
+    """An empty `output=` would be the current folder."""
+    with pytest.raises(InputError, match=message):
         read_words(["resume=0123", word])
 
 
-def test_home_and_relative_folders_are_those_of_any_other_command(tmp_path, monkeypatch) -> None:
+def test_home_and_relative_folders_are_resolved(tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     monkeypatch.chdir(tmp_path)
     assert named_folder("~/found") == str(tmp_path / "home" / "found")
@@ -238,10 +240,10 @@ def test_home_and_relative_folders_are_those_of_any_other_command(tmp_path, monk
 
 
 class Runs:
-    """A class that no checkpoint may name."""
+    """A class that a checkpoint must not name."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Ask whoever reads it to run a command."""
+        """Run a command when unpickled."""
         return os.system, ("echo run > ran.txt",)
 
 
@@ -266,7 +268,7 @@ def test_seconds_of_an_earlier_attempt_are_counted_once(tmp_path, monkeypatch) -
     assert second.earlier == 7.5
 
 
-def test_a_checkpoint_that_was_cut_off_is_made_anew(tmp_path) -> None:
+def test_a_truncated_checkpoint_is_computed_again(tmp_path) -> None:
     kept = Checkpoints(tmp_path, {})
     assert kept.stage("shred", lambda: {"a": torch.ones(9)})["a"].sum() == 9
     path = tmp_path / "shred.pt"
@@ -275,7 +277,7 @@ def test_a_checkpoint_that_was_cut_off_is_made_anew(tmp_path) -> None:
     assert Checkpoints(tmp_path, {}).stage("shred", lambda: pytest.fail("kept")) == {"a": 1}
 
 
-def test_what_other_code_has_found_is_found_again(tmp_path: Path, monkeypatch) -> None:
+def test_a_checkpoint_of_another_version_is_computed_again(tmp_path: Path, monkeypatch) -> None:
     kept = Checkpoints(tmp_path, {})
     assert kept.stage("count", lambda: 1) == kept.stage("count", lambda: 2) == 1
     monkeypatch.setattr("dashred.pipeline.run.checkpoints.git_commit", lambda: "another")

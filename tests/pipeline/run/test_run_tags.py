@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from dashred.core.findings.schema import errors_by_method, new_findings
-from dashred.pipeline.run.run_tags import headline, note, short_verdict
+from dashred.pipeline.run.run_tags import headline_metrics, note, short_verdict
 
 
 def findings(**known: Any) -> dict[str, Any]:
@@ -29,7 +29,7 @@ def test_a_run_is_named_by_its_verdict_and_the_first_of_its_terms() -> None:
 def test_the_headline_has_coefficients_errors_and_gains() -> None:
     found = findings(terms=law("u**3"))
     found["fit"]["test_sensors"] = errors_by_method(simulation_refit=0.6, corrected=0.2)
-    numbers = headline(found)
+    numbers = headline_metrics(found)
     assert numbers["coef/u/u.pow3"] == -0.5
     assert numbers["test_sensors/corrected"] == 0.2
     assert round(numbers["gain/test_sensors"], 12) == 3
@@ -38,11 +38,11 @@ def test_the_headline_has_coefficients_errors_and_gains() -> None:
 
 def test_a_parameter_is_a_coefficient_of_no_equation() -> None:
     change = {"equation": None, "parameter": "nu", "term": "nu", "coefficient": 0.01}
-    assert headline(findings(terms=[change]))["coef/parameter/nu"] == 0.01
+    assert headline_metrics(findings(terms=[change]))["coef/parameter/nu"] == 0.01
 
 
 def test_findings_without_a_fit_have_no_numbers() -> None:
-    assert headline(findings(verdict="unresolved-numerics")) == {}
+    assert headline_metrics(findings(verdict="unresolved-numerics")) == {}
 
 
 def test_a_note_is_markdown_in_which_formulas_stay_as_they_are() -> None:

@@ -20,7 +20,7 @@ from dashred.data.sensors import Sensor
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.pipeline.check import command
-from dashred.pipeline.snapshots.mismatch import Mismatch, Missed
+from dashred.pipeline.snapshots.mismatch import ErrorComparison, Mismatch
 
 CONFIG = """\
 system:
@@ -170,12 +170,14 @@ def test_the_report_is_drawn_and_says_what_it_cannot_know(given, train) -> None:
 
 def test_a_mismatch_is_what_no_run_of_the_simulation_shows() -> None:
     usual = torch.tensor([0.05, 0.06, 0.055, 0.07, 0.05])
-    assert Missed(0.4, usual, {}).beyond
-    assert Missed(0.4, usual, {}).p == pytest.approx(1 / 6)
-    assert not Missed(0.065, usual, {}).beyond
-    assert not Missed(0.08, torch.tensor([0.03, 0.07, 0.05]), {}).beyond
+    assert ErrorComparison(0.4, usual, {}).beyond
+    assert ErrorComparison(0.4, usual, {}).p == pytest.approx(1 / 6)
+    assert not ErrorComparison(0.065, usual, {}).beyond
+    assert not ErrorComparison(0.08, torch.tensor([0.03, 0.07, 0.05]), {}).beyond
     for states, changes in ((0.4, 0.05), (0.05, 0.4), (0.05, 0.05)):
-        either = Mismatch(Missed(states, usual, {}), Missed(changes, usual, {}), 8)
+        either = Mismatch(
+            ErrorComparison(states, usual, {}), ErrorComparison(changes, usual, {}), 8
+        )
         assert either.seen == (max(states, changes) > 0.1)
 
 
@@ -211,8 +213,8 @@ def test_a_check_tells_what_there_is_to_learn_from(given, capsys) -> None:
     own = f"conf={given / 'box.yaml'}"
     assert command.main([own]) == 0
     said = capsys.readouterr().out
-    assert "32 runs of 51 snapshots at the clock's step of 0.1, cut into" in " ".join(said.split())
+    assert "32 runs of 51 snapshots at a step of 0.1, cut into" in " ".join(said.split())
     assert "times as much as in the snapshots" in said
     few = ("simulation.members=3", "simulation.held_out=1", "shred.lags=30")
-    with pytest.raises(InputError, match="too few to learn from"):
+    with pytest.raises(InputError, match="too few for training"):
         command.main([own, *few])

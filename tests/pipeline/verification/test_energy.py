@@ -13,7 +13,7 @@ import torch
 from dashred.core.errors import InputError
 from dashred.inference.fit.law import Law
 from dashred.physics.system import System
-from dashred.pipeline.verification.energy import energy_lost
+from dashred.pipeline.verification.energy import energy_loss
 from tests import laws
 
 TEXT = """
@@ -45,7 +45,7 @@ def damped(system: System, damping: float) -> Law:
 
 def test_viscous_damping_loses_the_same_share_in_every_cycle(tmp_path: Path) -> None:
     system = swing(tmp_path)
-    found = energy_lost(system, damped(system, DAMPING), TIMES, np.random.default_rng(0))
+    found = energy_loss(system, damped(system, DAMPING), TIMES, np.random.default_rng(0))
     assert found is not None and found["expression"] == "p**2/2 + k*x**2/2"
     # x'' = -4x - 0.1 x': the amplitude falls by exp(-0.05 T), T = 2π/√(4 - 0.05²).
     period = 2 * math.pi / math.sqrt(4 - (DAMPING / 2) ** 2)
@@ -59,20 +59,20 @@ def test_viscous_damping_loses_the_same_share_in_every_cycle(tmp_path: Path) -> 
 def test_growth_is_a_negative_loss_and_no_law_loses_nothing(tmp_path: Path) -> None:
     system = swing(tmp_path)
     rng = np.random.default_rng(0)
-    grown = energy_lost(system, damped(system, 0.1), TIMES, rng)
+    grown = energy_loss(system, damped(system, 0.1), TIMES, rng)
     assert grown is not None and grown["first"]["lost"] < -0.3
     start = torch.tensor([[1.0, 0.0]], dtype=torch.float64)
     none = Law((), torch.zeros(0).double(), torch.zeros(0, 0).double(), start, 0.0, 1.0, start)
-    kept = energy_lost(system, none, TIMES, rng)
+    kept = energy_loss(system, none, TIMES, rng)
     assert kept is not None and abs(kept["last"]["lost"]) < 1e-3 and kept["last"]["std"] == 0.0
 
 
 def test_without_an_expression_or_a_cycle_nothing_is_said(tmp_path: Path) -> None:
     system = swing(tmp_path, "null")
-    assert energy_lost(system, damped(system, DAMPING), TIMES, np.random.default_rng(0)) is None
+    assert energy_loss(system, damped(system, DAMPING), TIMES, np.random.default_rng(0)) is None
     system = swing(tmp_path)
     few = TIMES[:100]
-    assert energy_lost(system, damped(system, DAMPING), few, np.random.default_rng(0)) is None
+    assert energy_loss(system, damped(system, DAMPING), few, np.random.default_rng(0)) is None
 
 
 def test_a_cycle_that_no_other_likely_law_has_is_not_reported(tmp_path: Path) -> None:
@@ -80,8 +80,8 @@ def test_a_cycle_that_no_other_likely_law_has_is_not_reported(tmp_path: Path) ->
     law = damped(system, DAMPING)
     # A damping this uncertain is an overdamped creep, or a blow-up, in every draw.
     vague = replace(law, covariance=torch.tensor([[1e6]], dtype=torch.float64))
-    assert energy_lost(system, law, TIMES, np.random.default_rng(0)) is not None
-    assert energy_lost(system, vague, TIMES, np.random.default_rng(0)) is None
+    assert energy_loss(system, law, TIMES, np.random.default_rng(0)) is not None
+    assert energy_loss(system, vague, TIMES, np.random.default_rng(0)) is None
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from torch import Tensor
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import Law
 from dashred.physics.system import System
-from dashred.pipeline.verification.numerical_error import BEGINNING, LARGEST, numerical_error
+from dashred.pipeline.verification.numerical_error import CHECKED_SHARE, MAX_ERROR, numerical_error
 from tests import laws
 
 TEXT = """
@@ -57,7 +57,7 @@ def test_it_is_the_methods_own_in_the_worst_sample_of_the_beginning(tmp_path, st
     system = laws.declared(tmp_path, TEXT)
     law = from_start(start, torch.tensor([added], dtype=torch.float64), system)
     rate = added - 1.0
-    beginning = range(int(BEGINNING * COUNT) + 1)
+    beginning = range(int(CHECKED_SHARE * COUNT) + 1)
     known = [abs(start * (rk4(rate / 2) ** (2 * n) - rk4(rate / 4) ** (4 * n))) for n in beginning]
     assert numerical_error(problem(system), law, SIGMA) == pytest.approx(
         max(known) / float(SIGMA), rel=1e-6
@@ -67,7 +67,7 @@ def test_it_is_the_methods_own_in_the_worst_sample_of_the_beginning(tmp_path, st
 def test_of_a_run_that_blows_up_it_is_the_largest_number(tmp_path) -> None:
     system = laws.declared(tmp_path, TEXT)
     law = from_start(1e300, torch.tensor([9e3], dtype=torch.float64), system)
-    assert numerical_error(problem(system), law, SIGMA) == LARGEST
+    assert numerical_error(problem(system), law, SIGMA) == MAX_ERROR
 
 
 def test_of_several_episodes_the_worst_one_tells(tmp_path) -> None:

@@ -14,7 +14,7 @@ from dashred.inference.fit.law import Law, SensorFault
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.pipeline.problem import Problem, build_problem
-from dashred.pipeline.verification.restart import SAMPLES, restart
+from dashred.pipeline.verification.restart import FIT_SAMPLES, restart
 from tests import laws
 
 TEXT = """
@@ -89,7 +89,7 @@ def test_only_the_last_samples_are_fitted(tmp_path: Path) -> None:
     fit = len(problem.split.fit.times)
     found = law(problem.system, states[0])
     runs = restart(problem, found, states[:fit])
-    problem.split.fit.values[: fit - SAMPLES] += 3.0
+    problem.split.fit.values[: fit - FIT_SAMPLES] += 3.0
     again = restart(problem, found, states[:fit])
     # σ keeps its floor in the traces' std, which has grown: it weighs all samples alike.
     torch.testing.assert_close(again["corrected"], runs["corrected"], rtol=1e-4, atol=1e-4)

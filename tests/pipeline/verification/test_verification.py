@@ -22,7 +22,7 @@ def posed(quick, twin_run):
 
 
 def test_a_refusal_names_the_points_that_would_do(posed) -> None:
-    found = verification.refuse_unresolved(posed, Resolution(0.034, 0.01, 2))
+    found = verification.unresolved_findings(posed, Resolution(0.034, 0.01, 2))
     assert found["verdict"] == "unresolved-numerics" and found["causes"] is not None
     [cause] = found["causes"]
     assert cause["enough"] == {"x": 64}
@@ -32,7 +32,7 @@ def test_a_refusal_names_the_points_that_would_do(posed) -> None:
 
 
 def test_a_refusal_says_so_when_twice_the_points_are_not_enough(posed) -> None:
-    found = verification.refuse_unresolved(posed, Resolution(0.5, 0.01, None))
+    found = verification.unresolved_findings(posed, Resolution(0.5, 0.01, None))
     assert found["causes"] is not None
     assert found["causes"][0]["enough"] is None
     assert "doubling it twice is not enough" in found["causes"][0]["says"]
@@ -68,7 +68,7 @@ def test_estimates_are_written_by_method_on_the_grid(posed, tmp_path) -> None:
 
 
 def test_the_sources_name_every_sensor_once(posed) -> None:
-    splits = verification.source_of(posed)["splits"]
+    splits = verification.build_input(posed)["splits"]
     assert splits is not None
     roles = [splits["inputs"], splits["extra"], splits["validate"], splits["test"]]
     assert sorted(name for role in roles for name in role) == [f"s{i}" for i in range(1, 7)]

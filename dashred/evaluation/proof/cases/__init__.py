@@ -1,1 +1,1 @@
-"""The concealed cases of the proof: drawn, recorded, described."""
+"""The cases of the proof: drawing, recording and describing them."""

@@ -1,6 +1,6 @@
-"""The schema of `case.json`, which a finished case leaves.
+"""Schema of `case.json`, the record of a finished case.
 
-What was not looked for, or has no meaning for a case, is null.
+A value that was not sought or does not apply to a case is null.
 """
 
 from __future__ import annotations
@@ -36,17 +36,17 @@ KINDS: dict[Kind, str] = {
     "outside": "outside of the library",
     "masked": "masked",
 }
-"""What was hidden, as a reader knows it, in the order of all tables and figures."""
+"""Labels of the kinds of hidden effects, in the order of all tables and figures."""
 
 
 class Region(TypedDict):
-    """How well the window was found; null where the truth has none of that sort or none was found.
+    """Errors of the window that was found; null if the truth has no such window or none was found.
 
     Attributes:
         overlap: intersection over union of a box.
-        onset: how far off, as a share of the record.
-        threshold: how far off, as a share of the state's range.
-        threshold_z: the same in its own standard deviations.
+        onset: error as a share of the record.
+        threshold: error as a share of the range of the state.
+        threshold_z: error of the threshold in its stated standard deviations.
     """
 
     overlap: float | None
@@ -59,12 +59,12 @@ class Coefficient(TypedDict):
     """One coefficient of a law whose form is exact.
 
     Attributes:
-        name: of the term: ``u: u**2``.
-        true: what was hidden.
-        found: what was told.
-        std: as told.
-        covered: whether the 95 % interval that was told holds the true one.
-        window: what bounds the term; null for one that acts everywhere.
+        name: equation and term: ``u: u**2``.
+        true: true value.
+        found: estimate.
+        std: stated standard deviation.
+        covered: whether the stated 95 % interval contains the true value.
+        window: kind of window; null for a term that acts everywhere.
     """
 
     name: str
@@ -76,15 +76,15 @@ class Coefficient(TypedDict):
 
 
 class Oracle(TypedDict):
-    """The true form, fitted from the true start, in the score by which all laws are compared.
+    """Score differences of the true form, fitted from the true start, to other laws.
 
     Attributes:
-        over_null: by how much it beats the simulator as it is.
-        over_rival: by how much it beats the best other law listed.
-        decidable: whether it beats both by more than 6.
-        lost: by how much the law that was returned is worse; negative if that one is better. Where
-            none was returned, the simulator as it is stands for it.
-        over_library: by how much it beats the best law of the library.
+        over_null: to the unchanged simulator.
+        over_rival: to the best other law listed.
+        decidable: whether both differences exceed 6.
+        lost: to the returned law, or to the unchanged simulator if none was returned; negative if
+            the returned law is better.
+        over_library: to the best law of the library.
     """
 
     over_null: float
@@ -95,13 +95,13 @@ class Oracle(TypedDict):
 
 
 class Gains(TypedDict):
-    """Errors against the truth without noise, over that of `corrected`; null if that one blows up.
+    """Errors against the noise-free truth, divided by that of `corrected`; null if it blows up.
 
     Attributes:
-        test_sensors: error of `before_refit`, the simulation with its own best start.
-        forecast: the same beyond the record.
-        test_sensors_before: error of `before`, the simulation from the corrected one's start.
-        forecast_before: the same beyond the record.
+        test_sensors: error of `before_refit`, the simulation from its fitted start.
+        forecast: the same after the end of the record.
+        test_sensors_before: error of `before`, the simulation from the start of the corrected one.
+        forecast_before: the same after the end of the record.
     """
 
     test_sensors: float | None
@@ -114,34 +114,34 @@ Gain = Literal["test_sensors", "forecast", "test_sensors_before", "forecast_befo
 
 
 class CaseRecord(TypedDict):
-    """One case: what was hidden, what was told, and how right that is.
+    """Record of one case: hidden effect, findings and scores.
 
     Attributes:
-        number: within its group.
-        system: name of the config.
-        group: the scored cases, or the nulls, which are counted apart.
-        kind: class of what was hidden.
-        noise: as a fraction of each field's standard deviation.
-        sensors: how many.
-        hidden: what was hidden, in words.
-        told: what the tool said, in words.
-        mismatch: rms effect of what was hidden on the sensors, in standard deviations of the noise.
-        verdict: as in the findings.
-        probability: of the leading cause.
-        causes: kinds listed in the findings, the leading one first.
-        right: whether the verdict, and what it names, is right.
-        listed: right, or flagged ambiguous with the truth among at most three listed.
-        exact: whether the form of the law is exact; null where no law was looked for.
-        flagged: whether the findings themselves call the verdict uncertain.
-        problem: what a case without findings died of.
-        equation_right: whether the right equation of a hidden field, or its class, was named.
-        region: how well the window was found.
-        peak_inside: whether the map's peak lies inside of the hidden region.
-        coefficients: of laws whose form is exact.
-        oracle: the true form's score against the others.
-        gains: of the corrected simulation; only of cases with a law, where one was found.
-        noisy_test: `after` over `before_refit` less 1, on the noisy data of the test sensors.
-        seconds: of the analysis.
+        number: number within the group.
+        system: name of the configuration.
+        group: scored cases, or nulls, which are counted separately.
+        kind: kind of the hidden effect.
+        noise: noise as a fraction of the standard deviation of each field.
+        sensors: number of fit sensors.
+        hidden: description of the hidden effect.
+        told: description of the findings.
+        mismatch: rms of the hidden effect at the sensors, in standard deviations of the noise.
+        verdict: verdict of the findings.
+        probability: probability of the leading cause.
+        causes: kinds of the causes in the findings, the leading one first.
+        right: whether the verdict and the cause that it names are right.
+        listed: right, or ambiguous with the truth among the first three explanations.
+        exact: whether the form of the law is exact; null if no law was sought.
+        flagged: whether the findings call the verdict uncertain.
+        problem: why a case has no findings.
+        equation_right: whether the law of a hidden field was found in the right equation.
+        region: errors of the window.
+        peak_inside: whether the peak of the forcing map lies inside the hidden region.
+        coefficients: coefficients of laws whose form is exact.
+        oracle: score of the true form against others.
+        gains: gains of the corrected simulation, if a law was hidden and one was found.
+        noisy_test: `after` over `before_refit`, minus 1, on noisy data of the test sensors.
+        seconds: CPU seconds of the analysis.
     """
 
     number: int
@@ -172,5 +172,5 @@ class CaseRecord(TypedDict):
 
 
 def name_of(record: CaseRecord) -> str:
-    """Return what a reader calls it: ``case 17``, ``null 3``."""
+    """Return the name of a case: ``case 17``, ``null 3``."""
     return f"{record['group'].removesuffix('s')} {record['number']}"

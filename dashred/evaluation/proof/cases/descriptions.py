@@ -1,4 +1,4 @@
-"""What was hidden, and what the findings say, in one line each."""
+"""One-line descriptions of the hidden effect and of the findings."""
 
 from __future__ import annotations
 
@@ -10,44 +10,44 @@ from dashred.evaluation.proof.cases.case_record import CaseRecord
 from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.twins.sealing import Truth
 
-BETWEEN = "; "
+SEPARATOR = "; "
 
 
-def hidden_in_words(case: Case, truth: Truth, config: Config) -> str:
-    """Say what a case hides."""
+def describe_hidden(case: Case, truth: Truth, config: Config) -> str:
+    """Describe the hidden effect of a case."""
     hidden, known = truth.concealed, config.system.parameters
-    said = [f"{t.equation}: {t.coefficient:+.3g}·{t.term}{_window(t.window)}" for t in truth.terms]
-    said += [f"{n} is {value:g}, not {known[n]:g}" for n, value in hidden.parameters.items()]
-    said += [f"{fault.kind} of {fault.sensor} ({fault.value:g})" for fault in hidden.faults]
+    parts = [f"{t.equation}: {t.coefficient:+.3g}·{t.term}{_window(t.window)}" for t in truth.terms]
+    parts += [f"{n} is {value:g}, not {known[n]:g}" for n, value in hidden.parameters.items()]
+    parts += [f"{fault.kind} of {fault.sensor} ({fault.value:g})" for fault in hidden.faults]
     if hidden.spread > 1:
-        said.append(f"start off by {hidden.spread:g} times its spread")
+        parts.append(f"start off by {hidden.spread:g} times its spread")
     if hidden.correlation:
-        said.append(f"noise correlated by {hidden.correlation:g}")
+        parts.append(f"noise correlated by {hidden.correlation:g}")
     if "stated" in case.hidden:
-        said.append(f"noise stated {case.hidden['stated']:g} times its size")
+        parts.append(f"noise stated {case.hidden['stated']:g} times its size")
     if case.words:
-        said.append(f"a simulator that is too coarse ({', '.join(case.words)})")
-    return BETWEEN.join(said) or "nothing"
+        parts.append(f"a simulator that is too coarse ({', '.join(case.words)})")
+    return SEPARATOR.join(parts) or "nothing"
 
 
-def ended_in_words(record: CaseRecord) -> str:
-    """Say how a case ended."""
+def describe_outcome(record: CaseRecord) -> str:
+    """Describe the outcome of a case."""
     how = "right" if record["right"] else "listed" if record["listed"] else "NOT RIGHT"
-    return f"{how}; hidden: {record['hidden']}; told: {record['problem'] or record['told']}"
+    return f"{how}; hidden: {record['hidden']}; found: {record['problem'] or record['told']}"
 
 
-def told_in_words(findings: Mapping[str, Any]) -> str:
-    """Say what findings say: the verdict, and its best explanation."""
+def describe_findings(findings: Mapping[str, Any]) -> str:
+    """Describe the verdict and its best explanation."""
     verdict = findings["verdict"]
     if verdict is None:
         return "nothing"
-    said = [_term(entry) for entry in findings["terms"] or []]
+    parts = [_term(entry) for entry in findings["terms"] or []]
     causes = findings["causes"] or []
-    if causes and not said and "says" in causes[0]:
-        said.append(str(causes[0]["says"]))
+    if causes and not parts and "says" in causes[0]:
+        parts.append(str(causes[0]["says"]))
     if verdict == "ambiguous":
-        said.append("or " + ", or ".join(_alternatives(findings)))
-    return f"{verdict}: {BETWEEN.join(said)}" if said else str(verdict)
+        parts.append("or " + ", or ".join(_alternatives(findings)))
+    return f"{verdict}: {SEPARATOR.join(parts)}" if parts else str(verdict)
 
 
 def _alternatives(findings: Mapping[str, Any]) -> Iterable[str]:

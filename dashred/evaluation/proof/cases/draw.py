@@ -1,8 +1,8 @@
-"""Draw the cases: what is hidden in each, and how it is recorded.
+"""Draw the cases: their hidden effects and their recordings.
 
-All comes from one number, the seed of the draw, which the hash of the commit under test gives: no
-method can have been tuned to it. Only how large the hidden effect is in the sensors needs a
-simulation, and is settled when the case is recorded.
+Everything follows from the seed of the draw, which is the hash of the commit under test, so that no
+method can be tuned to it. Only the size of the hidden effect at the sensors needs a simulation; it
+is determined when the case is recorded.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ import numpy as np
 
 from dashred.evaluation.proof.cases.case_record import Kind
 from dashred.evaluation.proof.cases.hidden_causes import (
-    HIDE,
+    DRAW,
+    draw_masked,
+    draw_nuisance,
     log_uniform,
-    masked,
-    nuisance,
-    rounded,
+    round_to_three,
 )
-from dashred.evaluation.proof.cases.systems import SYSTEMS, Proved
+from dashred.evaluation.proof.cases.systems import SYSTEMS, ProofSystem
 
-# Kinds of cases by system, dealt out over and over, each time in another order.
-DECKS: dict[str, tuple[Kind, ...]] = {
+# Kinds of cases by system. They are repeated, each time in a new random order.
+KIND_DECKS: dict[str, tuple[Kind, ...]] = {
     "fhn": (
         *("terms", "fault", "hidden", "box", "parameter", "outside", "gate", "terms", "start"),
         *("onset", "fault", "masked", "null", "box", "terms", "numerics", "hidden", "parameter"),
@@ -41,32 +41,32 @@ DECKS: dict[str, tuple[Kind, ...]] = {
         *("gate", "numerics"),
     ),
 }
-# Systems of the cases, and of the nulls, dealt out likewise.
-TABLES = {
+# Systems of the cases and of the nulls, repeated in this order.
+SYSTEM_CYCLES = {
     "cases": ("fhn", "fhn", "rde", "fhn", "fhn", "ks1d", "fhn", "rde", "fhn", "fhn"),
     "nulls": (*("fhn",) * 9, "rde"),
 }
-# Of masked cases: below what a single sample shows.
-FAINT = (0.7, 1.0)
+# Effect of faint masked cases: below the noise of a single sample.
+FAINT_EFFECT = (0.7, 1.0)
 
 
 @dataclass(frozen=True)
 class Case:
-    """One case.
+    """One case. The names of its attributes determine its hash in ``case.json``.
 
     Attributes:
-        number: in its group.
+        number: number in its group.
         group: ``cases`` or ``nulls``.
-        system: its name.
-        kind: what is hidden.
-        key: of its random streams.
-        noise: share of each trace's std.
+        system: name of the system.
+        kind: kind of the hidden effect.
+        key: key of its random streams.
+        noise: noise as a share of the std of each trace.
         sensors: number of fit sensors.
-        hidden: a twin's entry, its coefficients relative to each other alone.
-        effect: rms over the sensors in units of the noise that what is hidden shall have; None
-            where the entry is final.
-        share: its size, where that is drawn and not the effect.
-        words: of the analysis, beside the recording.
+        hidden: entry of a twin, with relative coefficients.
+        effect: wanted rms of the hidden effect at the sensors, in units of the noise; None if the
+            entry is final.
+        share: size of the hidden effect if it is drawn instead of `effect`.
+        words: arguments of the analysis besides the recording.
     """
 
     number: int
@@ -82,17 +82,17 @@ class Case:
     words: tuple[str, ...] = ()
 
     def stream(self, of: str) -> np.random.Generator:
-        """Return the random stream of one of its draws: none can shift another's."""
+        """Return the random stream of one of its draws; the streams are independent."""
         return np.random.default_rng([*self.key, *of.encode()])
 
     @property
     def analysis_seed(self) -> int:
-        """The seed that the analysis is handed: it says nothing of the case."""
+        """Seed of the analysis; it contains no information about the case."""
         return int(self.stream("analysis").integers(2**31))
 
     @property
     def analysis_words(self) -> tuple[str, ...]:
-        """The words of its analysis, but for the system and where recording and results are."""
+        """Arguments of its analysis, without the system and the paths of recording and results."""
         return (*SYSTEMS[self.system].analysis, *self.words, f"seed={self.analysis_seed}")
 
     def __str__(self) -> str:
@@ -101,91 +101,95 @@ class Case:
 
 
 def seed_of(text: str) -> int:
-    """Return the seed that a commit's hash, or any text, gives."""
+    """Return the seed derived from the hash of a commit or from any text."""
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8])
 
 
 def draw_cases(seed: int, cases: int, nulls: int) -> list[Case]:
-    """Return the cases, then the nulls; the first of them do not depend on how many there are."""
-    found = []
+    """Return the cases, then the nulls; the first ones do not depend on their number."""
+    drawn = []
     for group, count in (("cases", cases), ("nulls", nulls)):
-        table = TABLES[group]
-        dealt: dict[str, int] = {}
+        cycle = SYSTEM_CYCLES[group]
+        counts: dict[str, int] = {}
         for number in range(count):
-            system = table[number % len(table)]
-            turn = dealt.get(system, 0)
-            dealt[system] = turn + 1
-            kind = _dealt(seed, system, turn) if group == "cases" else "null"
-            key = (seed, list(TABLES).index(group), number)
-            found.append(_draw(SYSTEMS[system], group, number, kind, key))
-    return found
+            system = cycle[number % len(cycle)]
+            turn = counts.get(system, 0)
+            counts[system] = turn + 1
+            kind = _next_kind(seed, system, turn) if group == "cases" else "null"
+            key = (seed, list(SYSTEM_CYCLES).index(group), number)
+            drawn.append(_draw(SYSTEMS[system], group, number, kind, key))
+    return drawn
 
 
-def draw_again(case: Case, times: int) -> Case:
-    """Return another case in the place of one, of the same kind, when it was drawn so many times.
+def redraw(case: Case, times: int) -> Case:
+    """Return another case of the same kind in place of a rejected one.
 
     Args:
-        case: as it was drawn first, or later.
-        times: how often already: every time has streams of its own.
+        case: the rejected case.
+        times: number of draws so far; it selects the random streams.
     """
     key = (*case.key[:3], times)
     return _draw(SYSTEMS[case.system], case.group, case.number, case.kind, key)
 
 
-def _dealt(seed: int, system: str, turn: int) -> Kind:
-    """Return the kind of a system's next case: no order tells it beforehand."""
-    deck = DECKS[system]
-    again, place = divmod(turn, len(deck))
-    order = np.random.default_rng([seed, again, *system.encode()]).permutation(len(deck))
-    return deck[order[place]]
+def _next_kind(seed: int, system: str, turn: int) -> Kind:
+    """Return the kind of the next case of a system, in a random order."""
+    deck = KIND_DECKS[system]
+    repeat, position = divmod(turn, len(deck))
+    order = np.random.default_rng([seed, repeat, *system.encode()]).permutation(len(deck))
+    return deck[order[position]]
 
 
-def _draw(proved: Proved, group: str, number: int, kind: Kind, key: tuple[int, ...]) -> Case:
+def _draw(
+    proof_system: ProofSystem, group: str, number: int, kind: Kind, key: tuple[int, ...]
+) -> Case:
     rng = np.random.default_rng([*key, *b"what"])
-    noise = rounded(log_uniform(rng, *proved.noise))
-    sensors = int(rng.integers(proved.sensors[0], proved.sensors[1] + 1))
-    effect: float | None = float(log_uniform(rng, *_sizes(kind, proved.effect)))
+    noise = round_to_three(log_uniform(rng, *proof_system.noise))
+    sensors = int(rng.integers(proof_system.sensors[0], proof_system.sensors[1] + 1))
+    effect: float | None = float(log_uniform(rng, *_sizes(kind, proof_system.effect)))
     words: tuple[str, ...] = ()
     hidden: dict[str, Any] = {"terms": []}
     if kind == "null":
         effect = None
         if group == "nulls":
-            hidden |= nuisance(proved, key, rng)
+            hidden |= draw_nuisance(proof_system, key, rng)
     elif kind == "start":
         effect = None
-        hidden["spread"] = rounded(rng.uniform(*proved.starts))
+        hidden["spread"] = round_to_three(rng.uniform(*proof_system.starts))
     elif kind == "numerics":
-        effect, words = None, (str(rng.choice(proved.coarse)),)
+        effect, words = None, (str(rng.choice(proof_system.coarse)),)
     elif kind == "masked":
-        hidden |= masked(proved, rng)
+        hidden |= draw_masked(proof_system, rng)
         if len(hidden) == 1:
-            effect = float(log_uniform(rng, *FAINT))
+            effect = float(log_uniform(rng, *FAINT_EFFECT))
     else:
-        hidden |= HIDE[kind](proved, rng)
+        hidden |= DRAW[kind](proof_system, rng)
     return Case(
         number=number,
         group=group,
-        system=proved.name,
+        system=proof_system.name,
         kind=kind,
         key=key,
         noise=noise,
         sensors=sensors,
         hidden=hidden,
         effect=effect,
-        share=_share(proved, kind, rng) if effect is not None else None,
+        share=_share(proof_system, kind, rng) if effect is not None else None,
         words=words,
     )
 
 
-def _share(proved: Proved, kind: Kind, rng: np.random.Generator) -> float | None:
-    return None if proved.share is None else log_uniform(rng, *_sizes(kind, proved.share))
+def _share(proof_system: ProofSystem, kind: Kind, rng: np.random.Generator) -> float | None:
+    return (
+        None if proof_system.share is None else log_uniform(rng, *_sizes(kind, proof_system.share))
+    )
 
 
 def _sizes(kind: Kind, known: tuple[float, float]) -> tuple[float, float]:
-    """Return the range of a kind's sizes.
+    """Return the range of sizes of a kind.
 
-    A gate is open in states that are alike: what a term does there another does as well, unless it
-    is large. So they are of the upper half.
+    A gate is open in similar states, in which small terms cannot be told apart. Its sizes are
+    therefore from the upper half of the range.
     """
     low, high = known
     return (math.sqrt(low * high), high) if kind == "gate" else known

@@ -1,6 +1,6 @@
-"""Make a case's recording: size what is hidden by its effect on the sensors, and read the truth.
+"""Record a case: scale the hidden effect by its size at the sensors, then observe the truth.
 
-The truth stays in memory until the findings are frozen: while a case is analysed, it is on no disk.
+The truth stays in memory until the findings are frozen; it is not on disk during the analysis.
 """
 
 from __future__ import annotations
@@ -14,27 +14,27 @@ from dashred.core.errors import InputError
 from dashred.data.recording import Recording
 from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.proof.cases.sizes import Sizes
-from dashred.evaluation.twins.recorder import observe, run_truth, with_law
+from dashred.evaluation.twins.recorder import observe, run_truth, true_system
 from dashred.evaluation.twins.sealing import Truth
 from dashred.physics.system import System
 
-# How often what blows up is halved.
-RETREATS = 6
+# Number of times that the size is halved if the truth blows up.
+MAX_HALVINGS = 6
 
 
 @dataclass(frozen=True)
-class Concealed:
-    """A recorded case, and what nobody may know yet.
+class CaseTruth:
+    """The recording of a case and its truth.
 
     Attributes:
-        config: of the system, as it was recorded.
+        config: configuration of the recording.
         system: the simulator.
-        recording: what the analysis is handed.
-        truth: what it is not.
-        effect: rms of what is hidden over the sensors, in units of the noise; None where nothing
-            was to be sized.
-        numerics: what the simulator's own numerical error adds to χ²: its run from the true start
-            under the true law, against the truth at doubled resolution.
+        recording: the recording that the analysis receives.
+        truth: the truth, which it does not receive.
+        effect: rms of the hidden effect at the sensors, in units of the noise; None if the effect
+            was not scaled.
+        numerics: χ² of the simulator's numerical error: its run with the true start and law
+            against the truth at doubled resolution.
     """
 
     config: Config
@@ -46,11 +46,11 @@ class Concealed:
 
 
 @torch.no_grad()
-def conceal(case: Case) -> Concealed:
-    """Record one case.
+def record_truth(case: Case) -> CaseTruth:
+    """Simulate the truth of a case and record it.
 
     Raises:
-        InputError: the truth blows up, however small.
+        InputError: the truth blows up at every size.
     """
     words = [f"conf={case.system}", "twin=null", f"seed={case.analysis_seed}"]
     words += [f"recording.noise={case.noise:g}", f"recording.sensors={case.sensors}"]
@@ -60,22 +60,22 @@ def conceal(case: Case) -> Concealed:
     size, effect = 0.0, None
     if case.effect is not None and (case.hidden["terms"] or "parameters" in case.hidden):
         size, effect = sizes.fitting_size(case)
-    for _ in range(RETREATS):
+    for _ in range(MAX_HALVINGS):
         twin = sizes.twin(sizes.sized(case.hidden, size))
         try:
-            states = run_truth(with_law(system, twin), sizes.start, sizes.times)
+            states = run_truth(true_system(system, twin), sizes.start, sizes.times)
             break
         except InputError:
-            # Within the record it was well: it blows up where only forecasts go.
+            # The truth is finite within the record but blows up later, in the time of forecasts.
             size /= 2
             effect = sizes.effect(case.hidden, size)
     else:
-        raise InputError("what was to be hidden blows the simulator up")
+        raise InputError("the hidden effect makes the simulation blow up")
     count = sizes.recorded
     recording = observe(
         system, states[:count], sizes.times[:count], twin, config, case.stream("read")
     )
     duration = config.recording.duration
     truth = Truth(str(case), twin.terms, sizes.times, duration, states, twin.concealed)
-    numerics = sizes.numerical_error(with_law(system, twin), states[:count])
-    return Concealed(config, system, recording, truth, effect, numerics)
+    numerics = sizes.numerical_error(true_system(system, twin), states[:count])
+    return CaseTruth(config, system, recording, truth, effect, numerics)

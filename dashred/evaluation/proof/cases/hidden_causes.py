@@ -1,4 +1,4 @@
-"""What a case of each kind hides, drawn: as a twin's entry, its sizes still relative."""
+"""Draw the hidden effect of a case by kind, as the entry of a twin with relative sizes."""
 
 from __future__ import annotations
 
@@ -7,47 +7,47 @@ from typing import Any
 
 import numpy as np
 
-from dashred.evaluation.proof.cases.systems import Proved
+from dashred.evaluation.proof.cases.systems import ProofSystem
 from dashred.evaluation.twins.twin_file import FAULTS
 
-# What a third of the nulls suffer from without anything being missing.
+# Difficulties of a third of the nulls, in which no physics is missing.
 NUISANCES = ("correlated", "stated", "misplaced")
 
 
-def _terms(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
-    """Return a law of one to three terms, of whatever equations."""
-    every = _pairs(proved.terms)
+def _terms(proof_system: ProofSystem, rng: np.random.Generator) -> dict[str, Any]:
+    """Draw a law of one to three terms in any equations."""
+    every = _pairs(proof_system.terms)
     count = int(rng.choice([1, 2, 3], p=[0.5, 0.35, 0.15]))
     chosen = rng.choice(len(every), size=count, replace=False)
     return {"terms": [_term(*every[int(j)], rng) for j in chosen]}
 
 
-def _in_the_hidden_equation(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
-    assert proved.hidden is not None
-    term = str(rng.choice(proved.terms[proved.hidden]))
-    return {"terms": [_term(proved.hidden, term, rng)]}
+def _in_the_hidden_equation(proof_system: ProofSystem, rng: np.random.Generator) -> dict[str, Any]:
+    assert proof_system.hidden is not None
+    term = str(rng.choice(proof_system.terms[proof_system.hidden]))
+    return {"terms": [_term(proof_system.hidden, term, rng)]}
 
 
-def _box(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
-    axis, length = proved.axis
+def _box(proof_system: ProofSystem, rng: np.random.Generator) -> dict[str, Any]:
+    axis, length = proof_system.axis
     width = length * rng.uniform(0.15, 0.45)
     begin = rng.uniform(0.0, length - width)
     edge = length * rng.uniform(0.01, 0.03)
-    return _in_window(proved.local, {axis: [begin, begin + width], "edge": edge}, rng)
+    return _in_window(proof_system.local, {axis: [begin, begin + width], "edge": edge}, rng)
 
 
-def _onset(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
-    begin = proved.duration * rng.uniform(0.2, 0.55)
-    edge = proved.duration * rng.uniform(0.005, 0.03)
-    return _in_window(proved.local, {"t": [begin, None], "edge": edge}, rng)
+def _onset(proof_system: ProofSystem, rng: np.random.Generator) -> dict[str, Any]:
+    begin = proof_system.duration * rng.uniform(0.2, 0.55)
+    edge = proof_system.duration * rng.uniform(0.005, 0.03)
+    return _in_window(proof_system.local, {"t": [begin, None], "edge": edge}, rng)
 
 
-def _gate(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
-    of, low, high = proved.gated
-    threshold = rounded(rng.uniform(low, high))
+def _gate(proof_system: ProofSystem, rng: np.random.Generator) -> dict[str, Any]:
+    of, low, high = proof_system.gated
+    threshold = round_to_three(rng.uniform(low, high))
     bounds = [threshold, None] if rng.random() < 0.5 else [None, threshold]
     window = {of: bounds, "edge": (high - low) * rng.uniform(0.03, 0.12)}
-    return _in_window(proved.switched, window, rng)
+    return _in_window(proof_system.switched, window, rng)
 
 
 def _in_window(
@@ -58,51 +58,55 @@ def _in_window(
     return {"terms": [entry | {"window": ends}]}
 
 
-def _outside(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
-    """Return a law of a term that the analysis' library lacks, its constants drawn, too."""
-    equation, form = _one_of(proved.beyond, rng)
-    text = form.format(a=rounded(rng.uniform(1.2, 3.2)), p=rounded(rng.uniform(0.0, 6.28)))
+def _outside(proof_system: ProofSystem, rng: np.random.Generator) -> dict[str, Any]:
+    """Draw a term outside the library of the analysis, with random constants."""
+    equation, form = _one_of(proof_system.beyond, rng)
+    text = form.format(
+        a=round_to_three(rng.uniform(1.2, 3.2)), p=round_to_three(rng.uniform(0.0, 6.28))
+    )
     return {"terms": [_term(equation, text, rng)]}
 
 
-def _parameter(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
-    """Return the share by which a parameter is off; how much, the effect decides."""
-    name = str(rng.choice(proved.parameters))
+def _parameter(proof_system: ProofSystem, rng: np.random.Generator) -> dict[str, Any]:
+    """Draw a parameter and the sign of its error; the effect determines the size."""
+    name = str(rng.choice(proof_system.parameters))
     return {"parameters": {name: _sign(rng)}}
 
 
-def _fault(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
-    """Return a fault of an effect of one on a sensor that is drawn when there are some."""
+def _fault(proof_system: ProofSystem, rng: np.random.Generator) -> dict[str, Any]:
+    """Draw a fault of unit effect; its sensor is chosen once the sensors are placed."""
     kind = str(rng.choice(FAULTS))
     return {"faults": [{"sensor": float(rng.random()), "kind": kind, "value": _sign(rng)}]}
 
 
-def masked(proved: Proved, rng: np.random.Generator) -> dict[str, Any]:
-    """Return a law beside a fault, or behind a parameter that makes up for it, or faint."""
-    how = int(rng.integers(3))
-    law = {"terms": [_term(*_one_of(proved.terms, rng), rng)]}
-    if how == 0:
-        return law | {"masked_by": str(rng.choice(proved.parameters))}
-    return law | _fault(proved, rng) if how == 1 else law
+def draw_masked(proof_system: ProofSystem, rng: np.random.Generator) -> dict[str, Any]:
+    """Draw a law with a sensor fault, with a compensating parameter, or of faint effect."""
+    variant = int(rng.integers(3))
+    law = {"terms": [_term(*_one_of(proof_system.terms, rng), rng)]}
+    if variant == 0:
+        return law | {"masked_by": str(rng.choice(proof_system.parameters))}
+    return law | _fault(proof_system, rng) if variant == 1 else law
 
 
-def nuisance(proved: Proved, key: tuple[int, ...], rng: np.random.Generator) -> dict[str, Any]:
-    """Return what one of every three nulls suffers from."""
+def draw_nuisance(
+    proof_system: ProofSystem, key: tuple[int, ...], rng: np.random.Generator
+) -> dict[str, Any]:
+    """Draw the difficulty of one in three nulls; empty for the others."""
     seed, group, number = key
     block, place = divmod(number, 3)
     if np.random.default_rng([seed, group, block]).integers(3) != place:
         return {}
     kind = NUISANCES[block % len(NUISANCES)]
     if kind == "correlated":
-        return {"correlation": rounded(rng.uniform(0.3, 0.6))}
+        return {"correlation": round_to_three(rng.uniform(0.3, 0.6))}
     if kind == "stated":
         return {"stated": float(rng.choice([0.9, 1.1]))}
-    distance = 0.0025 * proved.axis[1] * _sign(rng)
+    distance = 0.0025 * proof_system.axis[1] * _sign(rng)
     fault = {"sensor": float(rng.random()), "kind": "misplaced", "value": distance}
     return {"faults": [fault]}
 
 
-HIDE = {
+DRAW = {
     "terms": _terms,
     "hidden": _in_the_hidden_equation,
     "box": _box,
@@ -115,7 +119,7 @@ HIDE = {
 
 
 def _pairs(terms: Mapping[str, Sequence[str]]) -> list[tuple[str, str]]:
-    """Return every equation with each of its terms."""
+    """Return all pairs of equation and term."""
     return [(equation, term) for equation in terms for term in terms[equation]]
 
 
@@ -125,7 +129,7 @@ def _one_of(terms: Mapping[str, Sequence[str]], rng: np.random.Generator) -> tup
 
 
 def _term(equation: str, term: str, rng: np.random.Generator) -> dict[str, Any]:
-    """Return a term; its coefficient is a share of the equation's tendency, between its like."""
+    """Return a term whose coefficient is a relative share of the tendency of its equation."""
     share = _sign(rng) * log_uniform(rng, 0.7, 1.4)
     return {"equation": equation, "term": term, "coefficient": share}
 
@@ -139,12 +143,12 @@ def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def rounded(value: float) -> float:
-    """Return a number to three digits, as it is told."""
+def round_to_three(value: float) -> float:
+    """Round to three significant digits."""
     return float(f"{value:.3g}")
 
 
 def _rounded_ends(value: Any) -> Any:
     if isinstance(value, list):
-        return [None if end is None else rounded(end) for end in value]
-    return rounded(value)
+        return [None if end is None else round_to_three(end) for end in value]
+    return round_to_three(value)

@@ -1,8 +1,8 @@
-"""Whether a recording can tell a hidden law from all others: foreseen by algebra, unanalysed.
+"""Identifiability of a hidden law from its recording, by linearisation about the truth.
 
-About the true trajectory all laws are linear, ``H S(z, ξ) ≈ y + J_z δz + J_ξ δξ``. On readings
-without noise the true form then leaves nothing, and every other form the part of ``J_ξ ξ`` that
-neither its own columns nor another start can imitate.
+Near the true trajectory, ``H S(z, ξ) ≈ y + J_z δz + J_ξ δξ``. On noise-free readings the true form
+then has no residual. The residual of another form is the part of ``J_ξ ξ`` outside the span of its
+own columns and of ``J_z``.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from torch import Tensor
 from dashred.config import load_config
 from dashred.evaluation.proof.cases.case_record import Kind
 from dashred.evaluation.proof.cases.draw import Case
-from dashred.evaluation.proof.cases.effect_size import Concealed
-from dashred.evaluation.proof.cases.oracle import DECIDABLE, known
-from dashred.evaluation.twins.recorder import expression_of
+from dashred.evaluation.proof.cases.effect_size import CaseTruth
+from dashred.evaluation.proof.cases.oracle import DECIDABLE, prior_and_library
+from dashred.evaluation.twins.recorder import true_expression
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.subset_search import ProfiledProblem, small_sets
 from dashred.inference.forward.candidates import Candidate, indices_by_name
@@ -32,31 +32,31 @@ from dashred.physics.window import window_shapes
 from dashred.pipeline.discovery.objectives import build_least_squares, exact_simulator
 from dashred.pipeline.problem import Problem, build_problem
 
-# Kinds whose laws act everywhere: of these alone all rivals can be listed.
-FORESEEN: tuple[Kind, ...] = ("terms", "hidden", "parameter")
-# Noise moves scores by some units: what shall be decidable is ahead by more without it.
-CLEAR = 2 * DECIDABLE
-LARGEST = 3
-COMPILED: dict[str, Simulator] = {}
+# Kinds whose laws act everywhere; only for these can all rivals be enumerated.
+ENUMERABLE_KINDS: tuple[Kind, ...] = ("terms", "hidden", "parameter")
+# Margin of a clear case. It exceeds the threshold because noise changes scores by a few units.
+CLEAR_MARGIN = 2 * DECIDABLE
+MAX_TERMS = 3
+SIMULATOR_CACHE: dict[str, Simulator] = {}
 
 
 @torch.no_grad()
-def lead(case: Case, concealed: Concealed, recording: Path) -> float:
-    """Return by how much the true form is ahead of every other one, in the score of laws.
+def score_margin(case: Case, case_truth: CaseTruth, recording: Path) -> float:
+    """Return the margin of the true form over all other forms, in the score of laws.
 
     Args:
-        case: of a kind that is foreseen.
-        concealed: the truth.
-        recording: what the analysis will be handed.
+        case: a case of an enumerable kind.
+        case_truth: its truth.
+        recording: the recording of the analysis.
 
     Returns:
-        The lead over the best of all sets of up to three candidates that do not hold the true one;
-        minus infinity where the trajectory blows up.
+        The margin over the best set of up to three candidates that does not contain the true set;
+        minus infinity if the trajectory blows up.
     """
     words = [f"conf={case.system}", *case.analysis_words, f"recording.path={recording}"]
     problem = build_problem(load_config(words, entry="train"))
-    objective, true = _about_the_truth(case.system, problem, concealed)
-    normal = objective.linearise(_unknowns(objective, true, concealed))
+    objective, true = _problem_at_truth(case.system, problem, case_truth)
+    normal = objective.linearise(_unknowns(objective, true, case_truth))
     if not normal.finite:
         return -torch.inf
     clean = replace(normal, residuals=torch.zeros_like(normal.residuals))
@@ -68,49 +68,49 @@ def lead(case: Case, concealed: Concealed, recording: Path) -> float:
         p = len(objective.prior_std)
         return eliminated.costs(sets) + law.penalty(samples, p, shapes)
 
-    mine = float(scores([tuple(sorted(true))]))
-    others = _not_holding(len(objective.prior_std), set(true))
-    return min(float(scores(sets).min()) for sets in others) - mine
+    true_score = float(scores([tuple(sorted(true))]))
+    others = _other_supports(len(objective.prior_std), set(true))
+    return min(float(scores(sets).min()) for sets in others) - true_score
 
 
-def _not_holding(count: int, true: set[int]) -> list[list[tuple[int, ...]]]:
-    """Return all small sets, size by size, but for those that hold the true one, and more."""
-    sets = ([s for s in sets if not true <= set(s)] for sets in small_sets(count, LARGEST))
-    return [some for some in sets if some]
+def _other_supports(count: int, true: set[int]) -> list[list[tuple[int, ...]]]:
+    """Return the small sets by size, without those that contain the true set."""
+    sets = ([s for s in sets if not true <= set(s)] for sets in small_sets(count, MAX_TERMS))
+    return [group for group in sets if group]
 
 
-def _about_the_truth(
-    name: str, problem: Problem, concealed: Concealed
+def _problem_at_truth(
+    name: str, problem: Problem, case_truth: CaseTruth
 ) -> tuple[LeastSquaresProblem, dict[int, float]]:
-    """Return F with every candidate, of the noise that was made, and the true coefficients."""
-    start, library = known(name, problem)
-    if name not in COMPILED:
-        COMPILED[name] = exact_simulator(problem, library)
+    """Return the problem with all candidates and the true noise, and the true coefficients."""
+    start, library = prior_and_library(name, problem)
+    if name not in SIMULATOR_CACHE:
+        SIMULATOR_CACHE[name] = exact_simulator(problem, library)
     weak = problem.config.discovery.weak
-    posed = build_least_squares(problem, COMPILED[name], start, library, weak)
+    posed = build_least_squares(problem, SIMULATOR_CACHE[name], start, library, weak)
     noise = replace(posed.noise, std=problem.noise_of(problem.split.fit.names))
-    true = chain(_terms(library, concealed), _parameters(library, concealed))
+    true = chain(_terms(library, case_truth), _parameters(library, case_truth))
     return replace(posed, noise=noise), dict(true)
 
 
-def _terms(library: Sequence[Candidate], concealed: Concealed) -> Iterator[tuple[int, float]]:
-    system, index = concealed.system, indices_by_name(library)
-    for hidden in concealed.truth.terms:
-        term = Term(hidden.equation, expression_of(system, hidden))
+def _terms(library: Sequence[Candidate], case_truth: CaseTruth) -> Iterator[tuple[int, float]]:
+    system, index = case_truth.system, indices_by_name(library)
+    for hidden in case_truth.truth.terms:
+        term = Term(hidden.equation, true_expression(system, hidden))
         yield index[f"{term.equation}: {term}"], hidden.coefficient
 
 
-def _parameters(library: Sequence[Candidate], concealed: Concealed) -> Iterator[tuple[int, float]]:
-    stated = concealed.system.config.parameters
-    for name, value in concealed.truth.concealed.parameters.items():
+def _parameters(library: Sequence[Candidate], case_truth: CaseTruth) -> Iterator[tuple[int, float]]:
+    stated = case_truth.system.config.parameters
+    for name, value in case_truth.truth.concealed.parameters.items():
         j = next(j for j, c in enumerate(library) if name in (c.name, *c.aliases))
         yield j, value - stated[name]
 
 
 def _unknowns(
-    objective: LeastSquaresProblem, true: dict[int, float], concealed: Concealed
+    objective: LeastSquaresProblem, true: dict[int, float], case_truth: CaseTruth
 ) -> Tensor:
-    z = nearest(objective.forward_model.start, concealed.truth.states[0])
+    z = nearest(objective.forward_model.start, case_truth.truth.states[0])
     xi = torch.zeros_like(objective.prior_std)
     xi[list(true)] = torch.tensor(list(true.values()), dtype=xi.dtype)
     return torch.cat([z, xi])

@@ -1,8 +1,7 @@
-"""The oracle: the true form, fitted from the true start, in the score by which laws are compared.
+"""The oracle: the true form fitted from the true start, in the score that compares laws.
 
-Where it does no better than another law, the recording cannot tell them apart: the case is
-undecidable, and no analysis is to be blamed. Where it does better than what was returned, the
-search has failed.
+If another law scores as well, the recording cannot separate them, and the case is undecidable. If
+the true form scores better than the law that was returned, the search has failed.
 """
 
 from __future__ import annotations
@@ -20,10 +19,10 @@ from torch import Tensor
 from dashred.config import load_config
 from dashred.evaluation.proof.cases.case_record import Oracle
 from dashred.evaluation.proof.cases.draw import Case
-from dashred.evaluation.proof.cases.effect_size import Concealed
-from dashred.evaluation.twins.kept_findings import read_findings
-from dashred.evaluation.twins.recorder import expression_of
-from dashred.evaluation.twins.window_kinds import WindowKind, kind_found, kind_of, kind_of_region
+from dashred.evaluation.proof.cases.effect_size import CaseTruth
+from dashred.evaluation.twins.findings_reader import read_findings
+from dashred.evaluation.twins.recorder import true_expression
+from dashred.evaluation.twins.window_kinds import WindowKind, bounds_kind, region_kind, window_kind
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 from dashred.inference.fit.noise_model import NoiseModel
@@ -38,46 +37,48 @@ from dashred.pipeline.discovery.objectives import build_least_squares, exact_sim
 from dashred.pipeline.problem import Problem, build_problem
 from dashred.pipeline.simulation import simulate_nominal
 
-# What a true form has to beat others by for a case to be decidable.
+# Difference in score by which the true form must be better than others in a decidable case.
 DECIDABLE = 6.0
 STEPS, TOLERANCE = 12, 1e-4
-WORST = 1e6
-# In units of its size, the prior of a true coefficient: hardly any, as of those returned.
-FREE = 100.0
-KEPT: dict[str, tuple[StartModel, list[Candidate]]] = {}
+MAX_LOSS = 1e6
+# Prior std of a true coefficient over its value: a weak prior, as for the returned coefficients.
+PRIOR_FACTOR = 100.0
+CACHE: dict[str, tuple[StartModel, list[Candidate]]] = {}
 
 
 @torch.no_grad()
-def consult(case: Case, concealed: Concealed, folder: Path, *, exact: bool) -> Oracle | None:
-    """Return how the true form compares with what was returned; None where no law was hidden.
+def compute_oracle(
+    case: Case, case_truth: CaseTruth, folder: Path, *, exact: bool
+) -> Oracle | None:
+    """Return the score of the true form against the returned law; None if no law was hidden.
 
-    The form that was returned keeps its coefficients; start and noise are everybody's own and the
-    true form's own. Where none was returned, the simulator as it is stands for it.
+    The returned law keeps its coefficients, its start is fitted, and the noise is that of the true
+    form. If no law was returned, the unchanged simulator takes its place.
 
     Args:
-        case: what was drawn.
-        concealed: the truth.
-        folder: of the frozen findings.
-        exact: whether these have the true form, or one that does the same and says so.
+        case: the case.
+        case_truth: its truth.
+        folder: folder of the frozen findings.
+        exact: whether the findings have the true form or a declared equivalent.
     """
-    truth = concealed.truth
-    lawful = bool(truth.terms or truth.concealed.parameters)
-    if not lawful or truth.concealed.faults:
+    truth = case_truth.truth
+    has_law = bool(truth.terms or truth.concealed.parameters)
+    if not has_law or truth.concealed.faults:
         return None
     findings = read_findings(folder)
     words = (*case.analysis_words, f"recording.path={folder / 'recording.nc'}")
     simulator = build_problem(load_config([f"conf={case.system}", *words], entry="train"))
-    start, library = known(case.system, simulator)
+    start, library = prior_and_library(case.system, simulator)
     z, p = nearest(start, truth.states[0]), len(library)
 
-    candidates = _true_candidates(simulator, library, concealed)
-    mine = _objective(simulator, start, candidates, None)
-    begin = torch.cat([z, torch.tensor(_coefficients(concealed), dtype=torch.float64)])
-    fitted = minimise(mine, begin, STEPS, TOLERANCE)
-    normal = mine.linearise(fitted.phi, fitted.readings)
-    noise = mine.noise_left(fitted.readings, normal.spent(range(len(begin))))
-    fitted = minimise(replace(mine, noise=noise), fitted.phi, STEPS, TOLERANCE)
-    kinds = [kind_of(term.window) for term in truth.terms]
+    candidates = _true_candidates(simulator, library, case_truth)
+    objective = _objective(simulator, start, candidates, None)
+    begin = torch.cat([z, torch.tensor(_coefficients(case_truth), dtype=torch.float64)])
+    fitted = minimise(objective, begin, STEPS, TOLERANCE)
+    normal = objective.linearise(fitted.phi, fitted.readings)
+    noise = objective.noise_left(fitted.readings, normal.spent(range(len(begin))))
+    fitted = minimise(replace(objective, noise=noise), fitted.phi, STEPS, TOLERANCE)
+    kinds = [window_kind(term.window) for term in truth.terms]
     kinds += [None] * len(truth.concealed.parameters)
     score = fitted.cost + _penalty(kinds, noise, p, simulator)
 
@@ -87,13 +88,13 @@ def consult(case: Case, concealed: Concealed, folder: Path, *, exact: bool) -> O
         corrected = build_problem(
             load_config([f"conf={folder / 'corrected.yaml'}", *words], entry="train")
         )
-        found = [kind_found(entry["region"]) for entry in findings["terms"]]
-        # Under chaos a law that is a little off cannot be brought from the true start to its own.
-        begins = (z, nearest(start, _start_found(folder, simulator)))
+        found = [region_kind(entry["region"]) for entry in findings["terms"]]
+        # In a chaotic system a slightly wrong law cannot be fitted from the true start to its own.
+        begins = (z, nearest(start, _estimated_start(folder, simulator)))
         cost = min(_fit_start(corrected, start, begin, noise).cost for begin in begins)
         returned = cost + _penalty(found, noise, p, simulator)
-    # What blows up from the true start is worse than anything that does not.
-    lost, over_null = (min(value - score, WORST) for value in (returned, null))
+    # A simulation that blows up from the true start gets the largest loss.
+    lost, over_null = (min(value - score, MAX_LOSS) for value in (returned, null))
     rival = _nearest_rival(findings) if exact else 0.0
     over_rival = None if rival is None else lost + rival
     of_library = _nearest_of_library(simulator, findings)
@@ -112,7 +113,7 @@ def _objective(
     candidates: Sequence[Candidate],
     noise: NoiseModel | None,
 ) -> LeastSquaresProblem:
-    """Return F of a law over the fit window."""
+    """Return the least-squares problem of a law over the fit window."""
     simulator = exact_simulator(problem, candidates)
     weak = problem.config.discovery.weak
     posed = build_least_squares(problem, simulator, start, candidates, weak)
@@ -120,12 +121,12 @@ def _objective(
 
 
 def _fit_start(problem: Problem, start: StartModel, z: Tensor, noise: NoiseModel) -> Fitted:
-    """Fit the start alone, of a simulator as it is."""
+    """Fit only the start of an unchanged simulator."""
     return minimise(_objective(problem, start, (), noise), z, STEPS, TOLERANCE)
 
 
-def _start_found(folder: Path, problem: Problem) -> Tensor:
-    """Return the start that the findings say the recording had, ``(field, *grid)``."""
+def _estimated_start(folder: Path, problem: Problem) -> Tensor:
+    """Return the estimated initial state of the recording, ``(field, *grid)``."""
     with xr.open_dataset(folder / "estimates.nc", engine="h5netcdf") as estimates:
         first = estimates.sel({"method": "corrected"}).isel(time=0)
         fields = [torch.from_numpy(first[field].values) for field in problem.system.fields]
@@ -133,31 +134,31 @@ def _start_found(folder: Path, problem: Problem) -> Tensor:
 
 
 def _true_candidates(
-    problem: Problem, library: Sequence[Candidate], concealed: Concealed
+    problem: Problem, library: Sequence[Candidate], case_truth: CaseTruth
 ) -> list[Candidate]:
-    """Return what is true as candidates, the terms with their windows as they are."""
-    system, truth = problem.system, concealed.truth
+    """Return the true terms, with their windows, and parameters as candidates."""
+    system, truth = problem.system, case_truth.truth
     found = []
     for term in truth.terms:
-        whole = Term(term.equation, expression_of(system, term))
-        [ready] = resolve(system, [whole])
-        scale = FREE * abs(term.coefficient)
-        found.append(Candidate(str(whole), term.equation, (ready,), scale))
+        windowed = Term(term.equation, true_expression(system, term))
+        [resolved] = resolve(system, [windowed])
+        scale = PRIOR_FACTOR * abs(term.coefficient)
+        found.append(Candidate(str(windowed), term.equation, (resolved,), scale))
     for name in truth.concealed.parameters:
         found.append(next(c for c in library if name == c.name or name in c.aliases))
     return found
 
 
-def _coefficients(concealed: Concealed) -> list[float]:
-    truth, known = concealed.truth, concealed.system.config.parameters
-    changes = [value - known[name] for name, value in truth.concealed.parameters.items()]
+def _coefficients(case_truth: CaseTruth) -> list[float]:
+    truth, stated = case_truth.truth, case_truth.system.config.parameters
+    changes = [value - stated[name] for name, value in truth.concealed.parameters.items()]
     return [*(term.coefficient for term in truth.terms), *changes]
 
 
 def _penalty(
     kinds: Sequence[WindowKind | None], noise: NoiseModel, p: int, problem: Problem
 ) -> float:
-    """Return what a law's freedom costs, by the windows of its terms."""
+    """Return the penalty for the degrees of freedom of a law with these kinds of windows."""
     everywhere = tuple(range(kinds.count(None)))
     inside = tuple(range(len(kinds) - len(everywhere)))
     guess = None
@@ -171,23 +172,23 @@ def _penalty(
 
 
 def _nearest_rival(findings: Mapping[str, Any]) -> float | None:
-    """Return by how much the best law of another form is worse than the best.
+    """Return the score difference of the best law of another form to the best law.
 
-    A law that holds the best one, and more, is no rival of it; nor is the same in a window.
+    A law that contains the best one is not a rival, and neither is the same law in a window.
     """
-    mine = {(e["equation"], e["term"]) for e in findings["terms"]}
-    window = {kind_found(e["region"]) for e in findings["terms"]} - {None}
+    best = {(e["equation"], e["term"]) for e in findings["terms"]}
+    window = {region_kind(e["region"]) for e in findings["terms"]} - {None}
 
     def holds(terms: Sequence[Mapping[str, Any]]) -> bool:
-        windows = {kind_of_region(t["window"]) for t in terms} - {None}
-        return mine <= {(t["equation"], t["term"]) for t in terms} and window <= windows
+        windows = {bounds_kind(t["window"]) for t in terms} - {None}
+        return best <= {(t["equation"], t["term"]) for t in terms} and window <= windows
 
     laws = [(a["delta_bic"], a["terms"]) for a in findings["alternatives"]]
     return min((delta for delta, terms in laws if not holds(terms)), default=None)
 
 
 def _nearest_of_library(problem: Problem, findings: Mapping[str, Any]) -> float | None:
-    """Return by how much the best law of the library is worse than the one that was returned."""
+    """Return the score difference of the best law of the library to the returned law."""
     known = {(term.equation, str(term)) for term in problem.library}
 
     def inside(terms: Sequence[Mapping[str, Any]]) -> bool:
@@ -199,11 +200,11 @@ def _nearest_of_library(problem: Problem, findings: Mapping[str, Any]) -> float 
     return min(others, default=None)
 
 
-def known(name: str, problem: Problem) -> tuple[StartModel, list[Candidate]]:
-    """Return a system's start prior and its candidates: the same for all of its cases."""
-    if name not in KEPT:
+def prior_and_library(name: str, problem: Problem) -> tuple[StartModel, list[Candidate]]:
+    """Return the start prior and the candidates of a system, cached for all its cases."""
+    if name not in CACHE:
         nominal = simulate_nominal(problem, {})
         apart = keep_identifiable_terms(problem, nominal.states, problem.times)
         library = build_candidates(problem.system, apart.library, nominal.states, problem.times)
-        KEPT[name] = nominal.start, library
-    return KEPT[name]
+        CACHE[name] = nominal.start, library
+    return CACHE[name]

@@ -1,6 +1,6 @@
-"""A fixed set of cases for everybody: recordings whose truths are told by their hashes alone.
+"""A public set of cases: recordings whose truths are published only as hashes.
 
-Whoever claims to know a truth can be checked; whoever looks for it in the repository finds nothing.
+A claimed truth can be checked against its hash; the repository does not contain the truths.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ import yaml
 from dashred.core.errors import InputError
 from dashred.core.findings.findings import canonical, sha256_of, write_json_atomic
 from dashred.data.recording import Recording
-from dashred.evaluation.proof.cases.descriptions import hidden_in_words
+from dashred.evaluation.proof.cases.descriptions import describe_hidden
 from dashred.evaluation.proof.cases.draw import Case, draw_cases, seed_of
-from dashred.evaluation.proof.cases.effect_size import Concealed, conceal
+from dashred.evaluation.proof.cases.effect_size import CaseTruth, record_truth
 from dashred.pipeline.run.output_dir import make_output
 
 HASHES = "hashes.json"
-# Enough to read σ off the noise, and no digits that would tell one machine from another.
+# Enough digits to estimate the noise, and few enough to be the same on every machine.
 DIGITS = 6
 
 
-def choose(draw: str, count: int) -> list[Case]:
-    """Return some of many cases: the kinds are dealt out in an order that everybody can read."""
+def select_cases(draw: str, count: int) -> list[Case]:
+    """Return a random selection of cases, because the order of the kinds is public."""
     many = [case for case in draw_cases(seed_of(draw), 8 * count, 0) if not case.words]
     order = np.random.default_rng(seed_of(draw)).permutation(len(many))
     return [many[j] for j in order[:count]]
@@ -42,32 +42,32 @@ def publish(cases: Sequence[Case], folder: Path, truths: Path) -> None:
     """Write recordings and configurations into a folder, and the truths elsewhere.
 
     Args:
-        cases: what is published.
-        folder: in the repository.
-        truths: file outside of it, to be kept by whoever answers claims.
+        cases: cases to publish.
+        folder: folder in the repository.
+        truths: private file outside the repository.
     """
     make_output(str(folder))
     hashes: dict[str, Any] = {}
     kept: dict[str, Any] = {}
     for number, case in enumerate(cases, 1):
         name = f"{case.system}-{number}"
-        concealed = conceal(case)
+        case_truth = record_truth(case)
         _write_recording(
-            concealed.recording, folder / f"{name}.csv", folder / f"{name}-sensors.csv"
+            case_truth.recording, folder / f"{name}.csv", folder / f"{name}-sensors.csv"
         )
-        _write_config(concealed, folder, name)
-        kept[name] = _truth(case, concealed)
+        _write_config(case_truth, folder, name)
+        kept[name] = _truth(case, case_truth)
         hashes[name] = {
             "recording_sha256": sha256_of(folder / f"{name}.csv"),
             "truth_sha256": hash_of(kept[name]),
         }
-    # The truths first: without their salts nobody could show them any more.
+    # The truths are written first: without their salts, the hashes could not be verified.
     write_json_atomic(truths, kept)
     write_json_atomic(folder / HASHES, hashes)
 
 
 def check(folder: Path, truths: Path) -> dict[str, bool]:
-    """Return, by name, whether claimed truths are those that were hashed.
+    """Return, by name, whether claimed truths match the hashes.
 
     Raises:
         InputError: a file cannot be read, or a name is unknown.
@@ -76,28 +76,28 @@ def check(folder: Path, truths: Path) -> dict[str, bool]:
         known = json.loads((folder / HASHES).read_text(encoding="utf-8"))
         claimed = json.loads(truths.read_text(encoding="utf-8"))
         return {
-            name: hash_of(told) == known[name]["truth_sha256"] for name, told in claimed.items()
+            name: hash_of(claim) == known[name]["truth_sha256"] for name, claim in claimed.items()
         }
     except KeyError as error:
-        raise InputError(f"no public case is called {error}", where=str(truths)) from None
+        raise InputError(f"there is no public case {error}", where=str(truths)) from None
     except (OSError, ValueError) as error:
         raise InputError(f"cannot be read: {error}", where=str(truths)) from None
 
 
 def hash_of(truth: Any) -> str:
-    """Return the SHA-256 of a truth, written in one way only."""
+    """Return the SHA-256 of the canonical JSON of a truth."""
     text = json.dumps(canonical(truth), sort_keys=True, separators=(",", ":"), ensure_ascii=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _truth(case: Case, concealed: Concealed) -> dict[str, Any]:
-    truth = concealed.truth
+def _truth(case: Case, case_truth: CaseTruth) -> dict[str, Any]:
+    truth = case_truth.truth
     return {
-        "hidden": hidden_in_words(case, truth, concealed.config),
+        "hidden": describe_hidden(case, truth, case_truth.config),
         "kind": case.kind,
         "terms": [asdict(term) for term in truth.terms],
         "concealed": asdict(truth.concealed),
-        # Without it, short truths could be guessed one after another.
+        # Without a salt, short truths could be found by trying them.
         "salt": secrets.token_hex(16),
     }
 

@@ -1,4 +1,4 @@
-"""One case's start, sensors and clock, on which the size of what is hidden is tried."""
+"""Find the size of a hidden effect from its effect on the sensors."""
 
 from __future__ import annotations
 
@@ -21,34 +21,34 @@ from dashred.data.splits import split_recording
 from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.proof.cases.systems import SYSTEMS
 from dashred.evaluation.twins.recorder import (
-    clock_of,
+    coarsen,
     draw_start,
     run_truth,
-    simulators_points,
-    with_law,
+    true_system,
+    truth_times,
 )
-from dashred.evaluation.twins.twin_file import Twin, twin_of
+from dashred.evaluation.twins.twin_file import Twin, parse_twin
 from dashred.physics.library import evaluate_terms
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
 
-# Shares of an equation's tendency, or of a parameter's value: where the search begins, and the most
-# that may be hidden.
-FIRST, MOST = 0.03, 0.5
-ROUNDS, CLOSE = 6, 0.2
-# The real trajectory may differ from the simulator's by at most this share of a trace's std.
-FARTHEST = 0.7
-# At which the effect of a law, or of a parameter, is about linear.
-SMALL = 0.01
-# A misplaced sensor is off by such shares of the axis.
-NEAR, FAR = 0.0025, 0.03
-# A spike exceeds what noise does now and then.
-SPIKE = 6.0
+# Sizes as a share of the tendency of an equation, or of the value of a parameter: the start of the
+# search and the largest size.
+INITIAL_SIZE, MAX_SIZE = 0.03, 0.5
+ROUNDS, TOLERANCE = 6, 0.2
+# Largest difference of the true and the simulated readings, as a share of the std of a trace.
+MAX_DIFFERENCE = 0.7
+# Size at which the effect of a law or a parameter is approximately linear.
+LINEAR_SIZE = 0.01
+# Range of the displacement of a sensor, as a share of the axis.
+MIN_DISPLACEMENT, MAX_DISPLACEMENT = 0.0025, 0.03
+# Size of a spike beyond its effect, in standard deviations, to exceed occasional noise.
+SPIKE_OFFSET = 6.0
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """One case's start, sensors and clock, on which sizes are tried."""
+    """The start, sensors and clock of a case, on which sizes are tried."""
 
     case: Case
     system: System
@@ -61,52 +61,52 @@ class Sizes:
 
     @classmethod
     def of(cls, case: Case, system: System, config: Config) -> Sizes:
-        """Draw start and places; run the simulator as it is."""
-        times = clock_of(config)
+        """Draw the start and the sensor positions; run the unchanged simulator."""
+        times = truth_times(config)
         recorded = int((times <= config.recording.duration * (1 + 1e-9)).sum())
         spread = {"terms": [], "spread": case.hidden.get("spread", 1.0)}
-        only_start = twin_of(str(case), spread, str(case), config)
+        only_start = parse_twin(str(case), spread, str(case), config)
         start = draw_start(system, system, only_start, config, case.stream("start"))
         sensors = place_sensors(system, config, case.stream("read"))
         plain = run_truth(system, start, times[:recorded])
         return cls(case, system, config, start, times, recorded, sensors, plain)
 
     def twin(self, entry: dict[str, Any]) -> Twin:
-        """Return the twin that an entry describes."""
-        return twin_of(str(self.case), entry, str(self.case), self.config)
+        """Return the twin of an entry."""
+        return parse_twin(str(self.case), entry, str(self.case), self.config)
 
     def fitting_size(self, case: Case) -> tuple[float, float | None]:
-        """Return the size of what is hidden, and its effect.
+        """Return the size of the hidden effect and its rms at the sensors in σ.
 
         Raises:
-            InputError: nothing that was tried could be simulated.
+            InputError: no size that was tried could be simulated.
         """
         if case.share is not None:
             return case.share, self.effect(case.hidden, case.share)
         assert case.effect is not None
-        wanted = min(case.effect, FARTHEST / case.noise)
+        wanted = min(case.effect, MAX_DIFFERENCE / case.noise)
         return _search(lambda size: self.effect(case.hidden, size), wanted)
 
     def effect(self, hidden: dict[str, Any], size: float) -> float | None:
-        """Return by how many σ a hidden law moves the readings, rms; None if it blows up."""
+        """Return the rms change of the readings due to a hidden law, in σ; None if it blows up."""
         try:
-            return float(self._moved(self.sized(hidden, size)).square().mean().sqrt())
+            return float(self._reading_change(self.sized(hidden, size)).square().mean().sqrt())
         except InputError:
             return None
 
-    def numerical_error(self, lawful: System, truth: Tensor) -> float:
-        """Return χ² of the simulator's own run, law and start as they are, against the truth.
+    def numerical_error(self, true_law_system: System, truth: Tensor) -> float:
+        """Return χ² of the simulator's run with the true law and start against the truth.
 
         Args:
-            lawful: the system as it really is, at the simulator's resolution.
-            truth: at doubled resolution, ``(time, field, *grid)``.
+            true_law_system: the true system, at the simulator's resolution.
+            truth: the truth at doubled resolution, ``(time, field, *grid)``.
         """
-        own = simulate(lawful, simulators_points(self.start), self.times[: self.recorded])[0]
-        wrong = (self._operator(own) - self._operator(truth)) / self._sigma
-        return float(wrong.square().sum().nan_to_num(torch.inf))
+        own = simulate(true_law_system, coarsen(self.start), self.times[: self.recorded])[0]
+        error = (self._operator(own) - self._operator(truth)) / self._sigma
+        return float(error.square().sum().nan_to_num(torch.inf))
 
     def sized(self, hidden: dict[str, Any], size: float) -> dict[str, Any]:
-        """Return the entry in the user's units: a law of some size, faults by their effect."""
+        """Return the entry with absolute coefficients, parameters and faults."""
         entry = copy.deepcopy(hidden)
         for term in entry["terms"]:
             share = size * term["coefficient"] * self._scale(term["equation"], term["term"])
@@ -125,23 +125,23 @@ class Sizes:
 
     @cached_property
     def _compensation(self) -> float:
-        """Return the share of a parameter, per size of the law, that hides the law best.
+        """Return the change of a parameter, per size of the law, that best compensates the law.
 
-        ``−r·p/p·p``, least squares over the readings, of what either does to them alone.
+        ``−r·p/p·p``: least squares, with r and p the reading changes due to law and parameter.
         """
         law = {"terms": self.case.hidden["terms"]}
         parameter = {"terms": [], "parameters": {self.case.hidden["masked_by"]: 1.0}}
-        r, p = (self._moved(self.sized(entry, SMALL)) for entry in (law, parameter))
+        r, p = (self._reading_change(self.sized(entry, LINEAR_SIZE)) for entry in (law, parameter))
         return -float((r * p).sum() / p.square().sum())
 
-    def _moved(self, entry: dict[str, Any]) -> Tensor:
-        """Return by what an entry moves the readings, ``(time, sensor)``.
+    def _reading_change(self, entry: dict[str, Any]) -> Tensor:
+        """Return the change of the readings due to an entry in σ, ``(time, sensor)``.
 
         Raises:
-            InputError: it blows up.
+            InputError: the simulation blows up.
         """
         states = run_truth(
-            with_law(self.system, self.twin(entry)), self.start, self.times[: self.recorded]
+            true_system(self.system, self.twin(entry)), self.start, self.times[: self.recorded]
         )
         return (self._operator(states) - self._clean) / self._sigma
 
@@ -151,29 +151,29 @@ class Sizes:
 
     @cached_property
     def _clean(self) -> Tensor:
-        """What the sensors read of the simulator as it is, ``(time, sensor)``."""
+        """Noise-free readings of the unchanged simulator, ``(time, sensor)``."""
         return self._operator(self.plain)
 
     @cached_property
     def _sigma(self) -> Tensor:
         reads = [self.system.evaluate(sensor.reads, self.plain) for sensor in self.sensors]
-        return self.case.noise * torch.stack([whole.std() for whole in reads])
+        return self.case.noise * torch.stack([quantity.std() for quantity in reads])
 
     def _scale(self, equation: str, term: str) -> float:
         """Return the coefficient that gives a term the rms of its equation's tendency."""
         own = Term(equation, self.system.equations[equation])
-        mine = Term(equation, self.system.parse(term, str(self.case), equation=equation))
+        added = Term(equation, self.system.parse(term, str(self.case), equation=equation))
         columns = torch.stack(
             [
-                evaluate_terms(self.system, [own, mine], states[None], t)
+                evaluate_terms(self.system, [own, added], states[None], t)
                 for t, states in zip(self.times.tolist(), self.plain, strict=False)
             ]
         )
-        whole, part = columns.transpose(0, 1).flatten(1).square().mean(dim=1).sqrt()
-        return float(whole / part.clamp(min=1e-12))
+        own_rms, added_rms = columns.transpose(0, 1).flatten(1).square().mean(dim=1).sqrt()
+        return float(own_rms / added_rms.clamp(min=1e-12))
 
     def _fault(self, fault: dict[str, Any]) -> dict[str, Any]:
-        """Give a fault its sensor, one that the analysis fits, and its size."""
+        """Assign a fault to a fitted sensor and give it its size."""
         names = self._fitted
         name = names[int(fault["sensor"] * len(names))]
         index = [sensor.name for sensor in self.sensors].index(name)
@@ -192,14 +192,17 @@ class Sizes:
         if kind == "drift":
             return sign * 2 * effect / duration
         if kind == "spikes":
-            return sign * (SPIKE * sigma + effect)
+            return sign * (SPIKE_OFFSET * sigma + effect)
         if kind == "misplaced":
             _, length = SYSTEMS[self.case.system].axis
-            return sign * min(FAR * length, max(NEAR * length, effect / self._slope(index)))
+            return sign * min(
+                MAX_DISPLACEMENT * length,
+                max(MIN_DISPLACEMENT * length, effect / self._slope(index)),
+            )
         return sign * effect
 
     def _slope(self, index: int) -> float:
-        """Return the rms of the field's slope at a sensor."""
+        """Return the rms of the spatial derivative at a sensor."""
         sensor, step = self.sensors[index], 1e-3 * self.system.axes[0].length
         first, *rest = sensor.position
         beside = type(sensor)(sensor.name, sensor.reads, (first + step, *rest), None)
@@ -208,7 +211,7 @@ class Sizes:
 
     @cached_property
     def _fitted(self) -> list[str]:
-        """The sensors that the analysis will fit: a fault of another cannot be found."""
+        """Names of the sensors that the analysis fits; other faults could not be found."""
         times = self.times[: self.recorded].numpy()
         recording = Recording(tuple(self.sensors), times, self._clean.numpy())
         split = split_recording(recording, self.config.splits, self.case.analysis_seed)
@@ -216,12 +219,12 @@ class Sizes:
 
 
 def _search(effect: Callable[[float], float | None], wanted: float) -> tuple[float, float]:
-    """Return a size, and its effect, near the one that is wanted.
+    """Return a size whose effect is close to the wanted one, and its effect.
 
     Raises:
-        InputError: nothing that was tried could be simulated.
+        InputError: no size that was tried could be simulated.
     """
-    size, best = FIRST, None
+    size, best = INITIAL_SIZE, None
     for _ in range(ROUNDS):
         found = effect(size)
         if found is None or found == 0:
@@ -229,9 +232,9 @@ def _search(effect: Callable[[float], float | None], wanted: float) -> tuple[flo
             continue
         if best is None or abs(found - wanted) < abs(best[1] - wanted):
             best = size, found
-        if abs(found / wanted - 1) < CLOSE or (size == MOST and found < wanted):
+        if abs(found / wanted - 1) < TOLERANCE or (size == MAX_SIZE and found < wanted):
             break
-        size = min(MOST, size * min(5.0, max(0.2, wanted / found)))
+        size = min(MAX_SIZE, size * min(5.0, max(0.2, wanted / found)))
     if best is None:
-        raise InputError("what was to be hidden blows the simulator up")
+        raise InputError("the hidden effect makes the simulation blow up")
     return best

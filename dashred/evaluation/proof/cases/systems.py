@@ -1,4 +1,4 @@
-"""The systems of the proof: what may be hidden in each, and how its recordings are made."""
+"""The systems of the proof: their possible hidden effects and their recordings."""
 
 from __future__ import annotations
 
@@ -6,31 +6,30 @@ from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
-class Proved:
-    """One system, and the ranges from which its cases are drawn.
+class ProofSystem:
+    """A system and the ranges from which its cases are drawn.
 
-    Terms that are the effect of one parameter are left to the parameters.
+    Terms that equal the effect of a parameter are not listed; they are drawn as parameters.
 
     Attributes:
-        name: of its configuration.
-        terms: of the analysis' library, by equation.
-        local: those of them, pointwise, that may act within a region, or from an onset on.
-        switched: those that may act in some states of ``gated`` only.
-        beyond: forms that the analysis' library does not have, by equation; a is a number that is
-            drawn, p a phase.
+        name: name of its configuration.
+        terms: terms of the library of the analysis, by equation.
+        local: pointwise terms that may act in a region or from an onset.
+        switched: terms that may be gated by the value of the field ``gated``.
+        beyond: forms outside the library, by equation; a is a random number, p a random phase.
         hidden: the equation of a field that no sensor reads; None if there is none.
-        parameters: those that may be mis-stated.
-        axis: along which boxes lie, with its length.
-        gated: the field whose value may switch a term, with thresholds from and to.
-        duration: of a recording.
-        sensors: fewest and most fit sensors.
-        noise: least and largest, as a share of each trace's std.
-        effect: least and largest rms of what is hidden over the sensors, in units of the noise.
-        starts: least and largest factor on its spread of a start that lies outside of its prior.
-        share: least and largest size of what is hidden, as a share of its equation's tendency, or
-            of a parameter's value; None where the effect decides that.
-        coarse: words that make the simulator too coarse for its own equations.
-        analysis: words of every analysis: the networks are short, since laws are judged here.
+        parameters: parameters that may be misstated.
+        axis: axis of the boxes and its length.
+        gated: field that gates a term, and the range of its threshold.
+        duration: duration of a recording.
+        sensors: range of the number of fit sensors.
+        noise: range of the noise, as a share of the std of each trace.
+        effect: range of the rms of the hidden effect at the sensors, in units of the noise.
+        starts: range of the factor on the spread of a start outside its prior.
+        share: range of the size of the hidden effect, as a share of the tendency of its equation
+            or of the value of a parameter; None if `effect` determines the size.
+        coarse: arguments with which the simulator is not resolved.
+        analysis: arguments of every analysis; training is short, because the proof tests laws.
     """
 
     name: str
@@ -52,10 +51,10 @@ class Proved:
     analysis: tuple[str, ...] = field(default=("assimilation.epochs=1", "threads=1"))
 
 
-FHN = Proved(
+FHN = ProofSystem(
     name="fhn",
-    # Of what the library has, v_x in u's equation and u_x in v's are not drawn: while v is not
-    # measured, a start with another v makes either of the other, and no recording tells them apart.
+    # v_x in u's equation and u_x in v's are not drawn: v is not measured, so that another initial v
+    # turns one into the other, and no recording separates them.
     terms={
         "u": (
             *("u", "v", "u**2", "u*v", "v**2", "u**3", "u**2*v", "u*v**2", "v**3"),
@@ -66,11 +65,11 @@ FHN = Proved(
             *("d(v, x)", "u*d(v, x)", "v*d(v, x)"),
         ),
     },
-    # Nor is a constant in v's equation: in a region it does what another does in u's.
+    # A constant in v's equation is not drawn: in a region it acts like a constant in u's equation.
     local={"u": ("1", "u", "v", "u**2", "u*v"), "v": ("u", "v", "u**2")},
-    # u dwells in two states: of its functions, switched by itself, none is told from another there.
-    # Nor are those of v's equation, while v is not measured: of ten that practice draws hid there,
-    # one could be decided.
+    # u stays near two states, in which functions of u gated by u cannot be separated. Neither can
+    # gated terms of v's equation, because v is not measured: in practice draws one of ten was
+    # decidable.
     switched={"u": ("v", "u*v")},
     beyond={
         "u": (
@@ -84,7 +83,7 @@ FHN = Proved(
         ),
     },
     hidden="v",
-    # Nor are a and I, which another v at the start turns into each other.
+    # a and I are not drawn: another initial v turns one into the other.
     parameters=("c", "D", "eps", "b"),
     axis=("x", 20.0),
     gated=("u", -0.8, 1.0),
@@ -98,7 +97,7 @@ FHN = Proved(
     analysis=("shred.epochs=4", "assimilation.epochs=1", "threads=1"),
 )
 
-RDE = Proved(
+RDE = ProofSystem(
     name="rde",
     terms={
         "u": ("u", "u**3", "lam", "lam*u", "lam**2", "lam*u**2"),
@@ -111,26 +110,26 @@ RDE = Proved(
         "lam": ("exp(-{a}*u)", "cos(x + {p})", "lam*sin({a}*t)"),
     },
     hidden="lam",
-    # s is not drawn: it refills as u_p does, and no front tells them apart.
+    # s is not drawn: it has the same effect on the front as u_p.
     parameters=("q", "eps", "nu", "u_c"),
     axis=("x", 6.283185307179586),
-    # Of lam² a quarter lies below u = 0.75, and an eighth above 1.4: a gate far beyond is open, or
-    # shut, nearly throughout, and is none.
+    # A quarter of lam² lies below u = 0.75 and an eighth above 1.4. A gate far outside this range
+    # would be open or closed nearly everywhere.
     gated=("u", 0.75, 1.4),
     duration=10.0,
     sensors=(10, 16),
-    # Whatever is missing moves the front, and each in much the same way: less is undecidable. The
-    # front can be moved by no more than 14 times a noise of 5 %.
+    # All missing terms move the front in a similar way: smaller effects are undecidable. The front
+    # cannot be moved by more than 14 times a noise of 5 %.
     noise=(0.005, 0.05),
     effect=(20.0, 100.0),
-    # From farther off the front rises so high that the simulator's step does not resolve it.
+    # From a larger distance the front becomes too steep for the time step of the simulator.
     starts=(2.0, 3.0),
     share=None,
     coarse=tuple(f"system.axes.x.points={points}" for points in (48, 64, 72)),
     analysis=("shred.epochs=8", "assimilation.epochs=1", "threads=1"),
 )
 
-KS1D = Proved(
+KS1D = ProofSystem(
     name="ks1d",
     terms={
         "u": (
@@ -155,10 +154,10 @@ KS1D = Proved(
     noise=(0.005, 0.1),
     effect=(3.0, 30.0),
     starts=(3.0, 6.0),
-    # Chaos makes a large effect of whatever is missing, and another start takes it away again.
+    # The effect is not used: chaos amplifies every missing term, and another start can cancel it.
     share=(0.01, 0.1),
     coarse=tuple(f"system.axes.x.points={points}" for points in (24, 28, 32)),
     analysis=("shred.epochs=4", "assimilation.epochs=1", "threads=1"),
 )
 
-SYSTEMS = {proved.name: proved for proved in (FHN, RDE, KS1D)}
+SYSTEMS = {proof_system.name: proof_system for proof_system in (FHN, RDE, KS1D)}

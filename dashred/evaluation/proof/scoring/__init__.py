@@ -1,1 +1,1 @@
-"""Scores of the concealed cases, and the targets they are held to."""
+"""Scores of the cases and the targets of the proof."""

@@ -1,4 +1,4 @@
-"""Judge one case: frozen findings against what was hidden, as the record ``case.json`` has it."""
+"""Score one case: compare frozen findings with its truth and build its record."""
 
 from __future__ import annotations
 
@@ -8,74 +8,77 @@ from typing import Any
 
 from dashred.core.findings.findings import canonical
 from dashred.core.findings.schema import Score
-from dashred.evaluation.proof.cases.case_record import CaseRecord
-from dashred.evaluation.proof.cases.descriptions import hidden_in_words, told_in_words
-from dashred.evaluation.proof.cases.draw import Case
-from dashred.evaluation.proof.cases.effect_size import Concealed
-from dashred.evaluation.proof.cases.nearness import (
+from dashred.evaluation.proof.cases.accuracy import (
     coefficients_found,
     gains,
-    noisy_test,
+    noisy_test_change,
     peak_inside,
-    region_off,
+    region_errors,
 )
-from dashred.evaluation.proof.cases.oracle import consult
-from dashred.evaluation.twins.candidate_laws import LISTED, listed_laws
+from dashred.evaluation.proof.cases.case_record import CaseRecord
+from dashred.evaluation.proof.cases.descriptions import describe_findings, describe_hidden
+from dashred.evaluation.proof.cases.draw import Case
+from dashred.evaluation.proof.cases.effect_size import CaseTruth
+from dashred.evaluation.proof.cases.oracle import compute_oracle
+from dashred.evaluation.twins.candidate_laws import MAX_LISTED, listed_laws
 from dashred.evaluation.twins.cause_scoring import score_cause
-from dashred.evaluation.twins.kept_findings import read_findings
+from dashred.evaluation.twins.findings_reader import read_findings
 from dashred.evaluation.twins.scoring import law_of_findings, law_of_truth, score_law
 
-# Verdicts that themselves say that they may be wrong.
+# Verdicts that state their own uncertainty.
 FLAGGED = ("ambiguous", "not-converged")
 LAWS = ("terms", "hidden", "box", "gate", "onset")
 
 
 def judge(
     case: Case,
-    concealed: Concealed,
+    case_truth: CaseTruth,
     folder: Path,
     score: Score,
     seconds: float | None,
 ) -> CaseRecord:
-    """Return the record of a case whose findings are frozen and whose seal is open."""
+    """Return the record of a case with frozen findings and an open seal."""
     findings = read_findings(folder)
     verdict = findings["verdict"]
-    right = is_right(case, findings, concealed)
+    right = is_right(case, findings, case_truth)
     exact = score["exact_support"]
-    if exact is False and _is_alias(findings, concealed):
+    if exact is False and _is_alias(findings, case_truth):
         exact = True
-    oracle = consult(case, concealed, folder, exact=exact is True)
+    oracle = compute_oracle(case, case_truth, folder, exact=exact is True)
     causes = findings["causes"] or []
-    record = unjudged(case, concealed) | {
-        "told": told_in_words(findings),
+    record = empty_record(case, case_truth) | {
+        "told": describe_findings(findings),
         "verdict": verdict,
         "probability": causes[0]["probability"] if causes else None,
         "causes": [cause["kind"] for cause in causes],
         "right": right,
-        "listed": right or (verdict == "ambiguous" and is_listed(case, findings, concealed)),
+        "listed": right or (verdict == "ambiguous" and is_listed(case, findings, case_truth)),
         "exact": exact,
         "flagged": verdict in FLAGGED,
-        "equation_right": _equation_right(case, findings, concealed),
-        "region": region_off(score, findings, concealed),
-        "peak_inside": peak_inside(case, findings, concealed),
-        "coefficients": coefficients_found(findings, concealed) if score["exact_support"] else [],
+        "equation_right": _equation_right(case, findings, case_truth),
+        "region": region_errors(score, findings, case_truth),
+        "peak_inside": peak_inside(case, findings, case_truth),
+        "coefficients": coefficients_found(findings, case_truth) if score["exact_support"] else [],
         "oracle": oracle,
-        "gains": gains(case, findings, concealed, folder, score),
-        "noisy_test": noisy_test(findings),
+        "gains": gains(case, findings, case_truth, folder, score),
+        "noisy_test": noisy_test_change(findings),
         "seconds": seconds,
     }
-    found: CaseRecord = canonical(record)
-    return found
+    canonical_record: CaseRecord = canonical(record)
+    return canonical_record
 
 
-def unjudged(case: Case, concealed: Concealed | None, problem: str | None = None) -> CaseRecord:
-    """Return the record of a case of which there are no findings yet.
+def empty_record(
+    case: Case, case_truth: CaseTruth | None, problem: str | None = None
+) -> CaseRecord:
+    """Return the record of a case without findings.
 
-    What it hides is not told, unless its seal is open: one that died is analysed again.
+    A failed case is analysed again, so its record describes the hidden effect only if its seal is
+    open.
     """
     hidden = "not opened"
-    if concealed is not None:
-        hidden = hidden_in_words(case, concealed.truth, concealed.config)
+    if case_truth is not None:
+        hidden = describe_hidden(case, case_truth.truth, case_truth.config)
     return {
         "number": case.number,
         "system": case.system,
@@ -85,7 +88,7 @@ def unjudged(case: Case, concealed: Concealed | None, problem: str | None = None
         "sensors": case.sensors,
         "hidden": hidden,
         "told": "nothing",
-        "mismatch": None if concealed is None else concealed.effect,
+        "mismatch": None if case_truth is None else case_truth.effect,
         "verdict": None,
         "probability": None,
         "causes": [],
@@ -105,14 +108,14 @@ def unjudged(case: Case, concealed: Concealed | None, problem: str | None = None
     }
 
 
-def is_right(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> bool:
-    """Return whether the verdict, and what it names, is right: of a law, its exact form."""
-    verdict, truth = findings["verdict"], concealed.truth
+def is_right(case: Case, findings: Mapping[str, Any], case_truth: CaseTruth) -> bool:
+    """Return whether the verdict and the cause that it names are right; a law must be exact."""
+    verdict, truth = findings["verdict"], case_truth.truth
     hidden = truth.concealed
-    if accuses_wrongly(findings, concealed):
+    if names_wrong_fault(findings, case_truth):
         return False
     if case.kind == "null":
-        # A sensor that stands a little off its place may be named, if it is that one.
+        # Naming the sensor that is slightly misplaced is right.
         named = hidden.faults and score_cause(findings, False, hidden)
         return bool(verdict == "nothing-missing" or named)
     if case.kind == "numerics":
@@ -121,11 +124,11 @@ def is_right(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> b
     if case.kind == "outside":
         return bool(verdict == "outside-library" or (exact and verdict == "missing-term"))
     if case.kind in LAWS or case.kind == "parameter":
-        named = exact or _is_alias(findings, concealed)
+        named = exact or _is_alias(findings, case_truth)
         return bool(named and verdict in ("missing-term", "parameter"))
     right = bool(score_cause(findings, bool(truth.terms), hidden))
     if case.kind == "masked":
-        # Each cause that is named has to be a true one; not all need to be seen.
+        # Each named cause has to be true, but not all have to be named.
         found = law_of_findings(findings)
         return (
             right and found.keys() <= law_of_truth(findings, truth.terms, hidden.parameters).keys()
@@ -133,42 +136,42 @@ def is_right(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> b
     return right
 
 
-def accuses_wrongly(findings: Mapping[str, Any], concealed: Concealed) -> bool:
-    """Return whether a sensor without the fault that is told stands beside the best law."""
+def names_wrong_fault(findings: Mapping[str, Any], case_truth: CaseTruth) -> bool:
+    """Return whether the best explanation names a law and a sensor fault that does not exist."""
     causes = list(findings["causes"] or [])
     if findings["verdict"] == "outside-library" and "terms" not in causes[0]:
-        # That no law explains stands before the best of them.
+        # The first cause states that no law explains the data; the best law comes second.
         causes = causes[1:]
     if len(causes) < 2:
         return False
-    law, told = causes[:2]
-    # The cause of a law and the fault beside it are one explanation, of one probability.
-    if told["kind"] != "sensor-fault" or told["probability"] != law["probability"]:
+    law, fault = causes[:2]
+    # A law and a fault that form one explanation have the same probability.
+    if fault["kind"] != "sensor-fault" or fault["probability"] != law["probability"]:
         return False
-    hidden = {(fault.sensor, fault.kind) for fault in concealed.truth.concealed.faults}
-    return (told["sensor"], told["fault"]) not in hidden
+    hidden = {(true.sensor, true.kind) for true in case_truth.truth.concealed.faults}
+    return (fault["sensor"], fault["fault"]) not in hidden
 
 
-def _is_alias(findings: Mapping[str, Any], concealed: Concealed) -> bool:
-    """Return whether a parameter was named that does the same as the true one, and says so."""
-    true = concealed.truth.concealed.parameters
-    if len(findings["terms"] or []) != 1 or len(true) != 1 or concealed.truth.terms:
+def _is_alias(findings: Mapping[str, Any], case_truth: CaseTruth) -> bool:
+    """Return whether a parameter was named that is declared equivalent to the true one."""
+    true = case_truth.truth.concealed.parameters
+    if len(findings["terms"] or []) != 1 or len(true) != 1 or case_truth.truth.terms:
         return False
     [entry], [name] = findings["terms"], true
     return name in entry.get("aliases", ())
 
 
-def is_listed(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> bool:
-    """Return whether the truth is among the explanations that ambiguous findings list."""
-    truth = concealed.truth
+def is_listed(case: Case, findings: Mapping[str, Any], case_truth: CaseTruth) -> bool:
+    """Return whether ambiguous findings list the truth among their first explanations."""
+    truth = case_truth.truth
     parameters = truth.concealed.parameters
     if truth.terms or parameters:
         best, *rivals = listed_laws(findings)
-        laws = rivals if accuses_wrongly(findings, concealed) else [best, *rivals]
+        laws = rivals if names_wrong_fault(findings, case_truth) else [best, *rivals]
         return any(
             score_law({**findings, "terms": law}, truth.terms, parameters)[0] for law in laws
         )
-    for cause in findings["causes"][:LISTED]:
+    for cause in findings["causes"][:MAX_LISTED]:
         alone = {**findings, "verdict": cause["kind"], "causes": [cause]}
         if cause["kind"] in ("missing-term", "parameter"):
             continue
@@ -181,11 +184,11 @@ def is_listed(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> 
     return False
 
 
-def _equation_right(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> bool | None:
-    """Return whether the law of a hidden field stands in its equation, or in one just like it."""
+def _equation_right(case: Case, findings: Mapping[str, Any], case_truth: CaseTruth) -> bool | None:
+    """Return whether the law of a hidden field was found in its equation or an equivalent one."""
     if case.kind != "hidden" or findings["terms"] is None:
         return None
-    true = {term.equation for term in concealed.truth.terms}
+    true = {term.equation for term in case_truth.truth.terms}
     same = [a["terms"] for a in findings["alternatives"] if a["same_as_best"]]
     laws = [findings["terms"], *same]
     return any({term["equation"] for term in law} == true for law in laws)

@@ -1,4 +1,4 @@
-"""Score a kept draw again: its analyses stay as they were frozen, the scorer is this commit's."""
+"""Rescore a finished draw: its frozen findings are unchanged, the scorer is the current one."""
 
 from __future__ import annotations
 
@@ -16,60 +16,66 @@ from dashred.core.errors import InputError
 from dashred.core.findings.findings import check_freeze, sha256_of
 from dashred.core.job_control import lock_folder, signals_as_interrupt
 from dashred.core.progress import CONSOLE
-from dashred.evaluation.proof.cases.descriptions import ended_in_words
+from dashred.evaluation.proof.cases.case_store import (
+    RECORDING,
+    StoredCase,
+    folder_of,
+    read_case,
+    store_case,
+)
+from dashred.evaluation.proof.cases.descriptions import describe_outcome
 from dashred.evaluation.proof.cases.draw import Case, draw_cases, seed_of
-from dashred.evaluation.proof.cases.kept_case import RECORDING, Kept, folder_of, keep, read_kept
 from dashred.evaluation.proof.cases.record_case import record_case
 from dashred.evaluation.proof.request import Request
 from dashred.evaluation.proof.scoring.score_case import score_case
 
 
-def rescore(request: Request) -> list[Kept]:
-    """Score all cases of a draw again that this commit has not scored; returns what they leave.
+def rescore(request: Request) -> list[StoredCase]:
+    """Rescore the cases that this commit has not scored; return all results.
 
     Raises:
-        InputError: a case is not finished, is not what was drawn, was recorded by other code, or
-            its findings are not those that were frozen.
+        InputError: a case is unfinished, does not match the draw, or was recorded by other code, or
+            its findings have changed since they were frozen.
     """
     cases = draw_cases(seed_of(request.draw), request.cases, request.nulls)
     with lock_folder(request.output, "proof"), signals_as_interrupt():
         return list(_scored(request, cases))
 
 
-def _scored(request: Request, cases: list[Case]) -> Iterator[Kept]:
-    # Threads of torch do not outlive a fork.
+def _scored(request: Request, cases: list[Case]) -> Iterator[StoredCase]:
+    # Threads of torch do not survive a fork.
     with ProcessPoolExecutor(
         request.jobs, get_context("spawn"), torch.set_num_threads, (1,)
     ) as pool:
-        score = partial(score_again, output=request.output, commit=request.scored_by)
-        for number, (case, kept) in enumerate(zip(cases, pool.map(score, cases), strict=True), 1):
-            ended = ended_in_words(kept.record)
+        score = partial(rescore_case, output=request.output, commit=request.scored_by)
+        for number, (case, stored) in enumerate(zip(cases, pool.map(score, cases), strict=True), 1):
+            ended = describe_outcome(stored.record)
             text = f"[{number}/{len(cases)}] {case} {case.system} {case.kind}: {ended}"
             CONSOLE.print(text, markup=False, soft_wrap=True)
-            yield kept
+            yield stored
 
 
-def score_again(case: Case, output: Path, commit: str | None) -> Kept:
-    """Score one case again, unless this commit has, or it died; returns what it leaves.
+def rescore_case(case: Case, output: Path, commit: str | None) -> StoredCase:
+    """Rescore one case, unless this commit has scored it or it failed; return its result.
 
     Raises:
         InputError: as :func:`rescore`.
     """
-    folder, kept = folder_of(case, output), read_kept(case, output)
-    if kept is None:
-        hint = "finish the draw first, with the command that began it"
-        raise InputError("no finished case of this draw", where=str(folder), hint=hint)
-    if kept.scored_by == commit or kept.record["problem"] is not None:
-        return kept
+    folder, stored = folder_of(case, output), read_case(case, output)
+    if stored is None:
+        hint = "finish the draw first, with its original command"
+        raise InputError("this case of the draw is not finished", where=str(folder), hint=hint)
+    if stored.scored_by == commit or stored.record["problem"] is not None:
+        return stored
     check_freeze(folder)
     with tempfile.TemporaryDirectory(prefix="dashred-scorer-") as name:
         again = Path(name) / RECORDING
         recorded = record_case(case, again)
         if sha256_of(again) != sha256_of(folder / RECORDING):
-            hint = "score it with the code, and on a machine like that, which recorded it"
-            what = "this commit records another truth than the one that was analysed"
+            hint = "score it with the code and on the kind of machine that recorded it"
+            what = "this commit gives another recording than the one that was analysed"
             raise InputError(what, where=str(folder / RECORDING), hint=hint)
-    record = score_case(recorded, folder, kept.record["seconds"])
-    kept = replace(kept, record=record, scored_by=commit)
-    keep(case, output, kept)
-    return kept
+    record = score_case(recorded, folder, stored.record["seconds"])
+    stored = replace(stored, record=record, scored_by=commit)
+    store_case(case, output, stored)
+    return stored

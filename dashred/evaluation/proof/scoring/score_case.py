@@ -1,4 +1,4 @@
-"""Open and score one case whose findings are frozen: when it was analysed, or again."""
+"""Open the seal of a case with frozen findings and score it."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from dashred.core.findings.findings import write_json_atomic
 from dashred.evaluation.proof.cases.case_record import CaseRecord
 from dashred.evaluation.proof.cases.record_case import RecordedCase
 from dashred.evaluation.proof.scoring.judge import judge
-from dashred.evaluation.twins.kept_seal import SEALED
 from dashred.evaluation.twins.score_command import score_findings
+from dashred.evaluation.twins.seal_store import SEALED
 
 
 def score_case(recorded: RecordedCase, folder: Path, seconds: float | None) -> CaseRecord:
-    """Return the record of a case; leaves ``score.json`` and the figures that show the truth.
+    """Return the record of a case; write ``score.json`` and the figures with the truth.
 
     Args:
-        recorded: what was drawn, and the truth.
-        folder: of the findings, found to be those that were frozen, and of the sealed truth.
-        seconds: that the analysis took.
+        recorded: the case and its truth.
+        folder: folder of the findings, already verified, and of the sealed truth.
+        seconds: CPU seconds of the analysis.
     """
     score, *_ = score_findings(folder, folder / SEALED)
     write_json_atomic(folder / "score.json", score)
-    return judge(recorded.case, recorded.concealed, folder, score, seconds)
+    return judge(recorded.case, recorded.case_truth, folder, score, seconds)

@@ -1,7 +1,7 @@
-"""The numbers that the proof is to reach, as data, and whether the records reach them.
+"""The targets of the proof, and whether the records meet them.
 
-A share is judged by itself, not by its interval. A record that lacks a value does not count
-towards it; how many count is told with each number.
+A share is compared with its target without its interval. Records without a value are not counted;
+the number of counted records is given with each value.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from dashred.evaluation.proof.scoring.statistics import Rate, median_of
 
 Records = Sequence[CaseRecord]
 Unit = Literal[" %", "", "×", " s"]
-Outcome = Literal["met", "not met", "nothing to judge by"]
+Outcome = Literal["met", "not met", "no data"]
 
 LAWLESS: tuple[Kind, ...] = ("start", "fault", "numerics")
-# Classes of fewer cases than this are judged together.
+# Kinds with fewer cases than this are pooled.
 FEW = 30
 POOLS: dict[str, tuple[Kind, ...]] = {
     "start, numerics, sensor": ("start", "numerics", "fault"),
@@ -43,7 +43,7 @@ REGION_OF: dict[Kind, Literal["overlap", "onset", "threshold"]] = {
 
 @dataclass(frozen=True)
 class Measured:
-    """A share, or another number, from `n` values; `note` says what else a reader must know."""
+    """A share or another number from `n` values, with an optional note for the reader."""
 
     value: Rate | float | None
     n: int
@@ -51,7 +51,7 @@ class Measured:
 
     @property
     def number(self) -> float | None:
-        """What is compared with the target; null where nothing counts."""
+        """The number to compare with the target; None if n is 0."""
         if not self.n:
             return None
         return self.value.share if isinstance(self.value, Rate) else self.value
@@ -62,7 +62,7 @@ Measure = Callable[[Records], Measured]
 
 @dataclass(frozen=True)
 class Target:
-    """A number to reach: at least `low`, at most `high`; shares as fractions."""
+    """A target: at least `low`, at most `high`; shares are fractions."""
 
     name: str
     measure: Measure
@@ -71,27 +71,27 @@ class Target:
     unit: Unit = " %"
 
     def outcome(self, measured: Measured) -> Outcome:
-        """Return whether what was measured reaches the target."""
+        """Return whether a measured value meets the target."""
         number = measured.number
         if number is None:
-            return "nothing to judge by"
-        enough = self.low is None or number >= self.low
-        within = self.high is None or number <= self.high
-        return "met" if enough and within else "not met"
+            return "no data"
+        above = self.low is None or number >= self.low
+        below = self.high is None or number <= self.high
+        return "met" if above and below else "not met"
 
 
 def cases(records: Records) -> list[CaseRecord]:
-    """Return the scored cases, without the nulls that are counted apart."""
+    """Return the scored cases, without nulls."""
     return [record for record in records if record["group"] == "cases"]
 
 
 def nulls(records: Records) -> list[CaseRecord]:
-    """Return the nulls that are counted apart."""
+    """Return the nulls, which are counted separately."""
     return [record for record in records if record["group"] == "nulls"]
 
 
 def of_kind(records: Records, *kinds: Kind) -> list[CaseRecord]:
-    """Return the scored cases of these classes."""
+    """Return the scored cases of these kinds."""
     return [record for record in cases(records) if record["kind"] in kinds]
 
 
@@ -101,7 +101,7 @@ def coefficients(records: Records) -> list[Coefficient]:
 
 
 def coverage(found: Iterable[Coefficient]) -> Rate:
-    """Return how many 95 % intervals, as they were told, cover the true coefficient."""
+    """Return how many stated 95 % intervals cover the true coefficient."""
     return Rate.of(coefficient["covered"] for coefficient in found)
 
 
@@ -110,7 +110,7 @@ def _share(
     among: Callable[[Records], list[CaseRecord]] = cases,
     note: Callable[[Records], str] = lambda _: "",
 ) -> Measure:
-    """Return how to measure the share of records of which `outcome` holds."""
+    """Return a function that measures the share of records for which `outcome` is true."""
 
     def measure(records: Records) -> Measured:
         rate = Rate.of(map(outcome, among(records)))
@@ -122,7 +122,7 @@ def _share(
 def _median(
     value: Callable[[CaseRecord], float | None], note: Callable[[Records], str] = lambda _: ""
 ) -> Measure:
-    """Return how to measure the median of a value of the scored cases."""
+    """Return a function that measures the median of a value over the scored cases."""
 
     def measure(records: Records) -> Measured:
         return Measured(*median_of(map(value, cases(records))), note(records))
@@ -130,16 +130,16 @@ def _median(
     return measure
 
 
-def _lacking(kind: Kind) -> Callable[[Records], str]:
-    """Return what says in how many cases no such window was found, and how many count as missed."""
+def _count_missing(kind: Kind) -> Callable[[Records], str]:
+    """Return a function that describes how many cases lack the window and count as missed."""
 
     def note(records: Records) -> str:
         chosen = of_kind(records, kind)
         none = [r for r in chosen if r["region"] is None or r["region"][REGION_OF[kind]] is None]
-        counted = sum(outcomes.could_be_found(record, kind) for record in none)
+        missed = sum(outcomes.could_be_found(record, kind) for record in none)
         if not none:
             return ""
-        return f"{len(none)} of {len(chosen)} cases lack it, {counted} of which count as missed"
+        return f"{len(none)} of {len(chosen)} cases lack it, {missed} of which count as missed"
 
     return note
 
@@ -153,16 +153,16 @@ def _worst_undecidable(records: Records) -> Measured:
     if not counted:
         return Measured(None, 0)
     worst = max(counted, key=lambda name: rates[name].share)
-    return Measured(rates[worst], rates[worst].n, f"the worst class: {worst}")
+    return Measured(rates[worst], rates[worst].n, f"worst class: {worst}")
 
 
 def _classes(records: Records) -> dict[str, tuple[Kind, ...]]:
-    """Return the classes that are judged: those of few cases pooled with their like."""
+    """Return the classes to score: kinds with few cases are pooled."""
     large = [kind for kind in KINDS if len(of_kind(records, kind)) >= FEW]
-    found: dict[str, tuple[Kind, ...]] = {KINDS[kind]: (kind,) for kind in large}
+    classes: dict[str, tuple[Kind, ...]] = {KINDS[kind]: (kind,) for kind in large}
     for name, kinds in POOLS.items():
-        found[name] = tuple(kind for kind in kinds if kind not in large)
-    return found
+        classes[name] = tuple(kind for kind in kinds if kind not in large)
+    return classes
 
 
 def _undecidable(record: CaseRecord) -> bool | None:
@@ -189,12 +189,12 @@ def _worst_on_noisy_data(records: Records) -> Measured:
     if not known:
         return Measured(None, 0)
     value, record = max(known, key=lambda pair: pair[0])
-    return Measured(value, len(known), f"the worst: {name_of(record)}")
+    return Measured(value, len(known), f"worst: {name_of(record)}")
 
 
 def _mean_seconds(records: Records) -> Measured:
-    mine = [record["seconds"] for record in cases(records) if record["system"] == "fhn"]
-    known = [seconds for seconds in mine if seconds is not None]
+    all_seconds = [record["seconds"] for record in cases(records) if record["system"] == "fhn"]
+    known = [seconds for seconds in all_seconds if seconds is not None]
     return Measured(sum(known) / len(known) if known else None, len(known))
 
 
@@ -208,7 +208,7 @@ TARGETS = (
     Target("decidable cases: verdict and exact form", _share(outcomes.decided), low=0.90),
     Target("undecidable cases of a class", _worst_undecidable, high=0.25),
     Target("wrong and unflagged", _share(outcomes.wrong_unflagged), high=0.03),
-    Target("not converged", _share(lambda r: outcomes.told_as("not-converged", r)), high=0.10),
+    Target("not converged", _share(lambda r: outcomes.verdict_is("not-converged", r)), high=0.10),
     Target("search failures", _share(outcomes.search_failed), high=0.03),
     Target(
         "start, sensor fault, numerics: named",
@@ -218,31 +218,33 @@ TARGETS = (
     Target("false alarms on nulls", _share(outcomes.false_alarm, nulls), high=0.03),
     Target(
         "region: intersection over union, median",
-        _median(outcomes.overlap, _lacking("box")),
+        _median(outcomes.overlap, _count_missing("box")),
         low=0.85,
         unit="",
     ),
-    Target("map's peak inside of the region", _share(outcomes.peak_inside), low=0.85),
+    Target("peak of the map inside the region", _share(outcomes.peak_inside), low=0.85),
     Target(
         "onset within 5 % of the record",
-        _share(outcomes.onset_near, note=_lacking("onset")),
+        _share(outcomes.onset_near, note=_count_missing("onset")),
         low=1.0,
     ),
     Target(
         "threshold within 10 % of the range or 2 std",
-        _share(outcomes.threshold_near, note=_lacking("gate")),
+        _share(outcomes.threshold_near, note=_count_missing("gate")),
         low=1.0,
     ),
     Target("hidden field: right equation", _share(outcomes.equation_right), low=0.90),
     Target("coefficients within 5 % or 3 std", _coefficients_within, low=1.0),
     Target("error of coefficients, median", _coefficient_error, high=0.025),
     Target("95 % intervals that cover", _coverage, low=0.90, high=0.98),
-    Target("outside of the library: told", _share(outcomes.outside_told), low=0.85),
-    Target("told to be outside, and is not", _share(outcomes.false_outside), high=0.02),
+    Target("outside the library: reported", _share(outcomes.outside_reported), low=0.85),
+    Target(
+        "reported as outside, but inside the library", _share(outcomes.false_outside), high=0.02
+    ),
     _gain("gain at test sensors, median", "test_sensors_before", 5.0),
-    _gain("gain at test sensors over the best start, median", "test_sensors", 5.0),
+    _gain("gain at test sensors over the fitted start, median", "test_sensors", 5.0),
     _gain("gain of the forecast, median", "forecast_before", 10.0),
-    _gain("gain of the forecast over the best start, median", "forecast", 10.0),
-    Target("worse on noisy test data, by at most", _worst_on_noisy_data, high=0.02),
+    _gain("gain of the forecast over the fitted start, median", "forecast", 10.0),
+    Target("largest increase of the error on noisy test data", _worst_on_noisy_data, high=0.02),
     Target("seconds of an fhn case, mean", _mean_seconds, high=90.0, unit=" s"),
 )

@@ -8,8 +8,8 @@ import pytest
 
 from dashred.config import load_config
 from dashred.evaluation.proof.cases.case_record import KINDS
-from dashred.evaluation.proof.cases.draw import DECKS, Case, draw_cases, seed_of
-from dashred.evaluation.proof.cases.systems import SYSTEMS, Proved
+from dashred.evaluation.proof.cases.draw import KIND_DECKS, Case, draw_cases, seed_of
+from dashred.evaluation.proof.cases.systems import SYSTEMS, ProofSystem
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
 
@@ -33,7 +33,7 @@ def test_every_kind_is_drawn_several_times() -> None:
     kinds = Counter(case.kind for case in CASES if case.group == "cases")
     assert kinds.keys() == set(KINDS)
     assert min(kinds.values()) >= 3
-    assert {kind for deck in DECKS.values() for kind in deck} == set(KINDS)
+    assert {kind for deck in KIND_DECKS.values() for kind in deck} == set(KINDS)
 
 
 def test_a_third_of_the_nulls_have_other_troubles_and_none_a_law() -> None:
@@ -110,7 +110,9 @@ def test_windows_lie_within_the_axis_and_the_record() -> None:
 
 
 @pytest.mark.parametrize("proved", SYSTEMS.values(), ids=SYSTEMS)
-def test_the_terms_are_those_of_the_analysis_and_what_lies_beyond_is_not(proved: Proved) -> None:
+def test_the_terms_are_those_of_the_analysis_and_what_lies_beyond_is_not(
+    proved: ProofSystem,
+) -> None:
     config = load_config([f"conf={proved.name}"], entry="train")
     system = System(config.system, config.where)
     library = build_library(system, config.library)

@@ -10,10 +10,10 @@ import xarray as xr
 
 from dashred.data.io.write_netcdf import write_netcdf
 from dashred.evaluation.proof.cases import record_case as recording
-from dashred.evaluation.proof.cases.draw import Case, draw_again, draw_cases, seed_of
-from dashred.evaluation.proof.cases.effect_size import conceal
-from dashred.evaluation.proof.cases.identifiability import lead
-from dashred.evaluation.proof.cases.record_case import MOST_DRAWS, record_case
+from dashred.evaluation.proof.cases.draw import Case, draw_cases, redraw, seed_of
+from dashred.evaluation.proof.cases.effect_size import record_truth
+from dashred.evaluation.proof.cases.identifiability import score_margin
+from dashred.evaluation.proof.cases.record_case import MAX_DRAWS, record_case
 
 
 def case_of(effect: float, *terms: tuple[str, str, float]) -> Case:
@@ -23,9 +23,9 @@ def case_of(effect: float, *terms: tuple[str, str, float]) -> Case:
 
 
 def lead_of(case: Case, folder: Path) -> float:
-    concealed = conceal(case)
+    concealed = record_truth(case)
     write_netcdf(concealed.recording, folder / "recording.nc", ["x"])
-    return lead(case, concealed, folder / "recording.nc")
+    return score_margin(case, concealed, folder / "recording.nc")
 
 
 def test_a_law_is_the_clearer_the_more_it_does(tmp_path) -> None:
@@ -45,11 +45,11 @@ def test_a_faint_term_beside_a_strong_one_is_not_told_from_its_absence(tmp_path)
 
 def test_a_case_drawn_again_is_another_of_its_kind() -> None:
     case = next(c for c in draw_cases(seed_of("a"), 20, 0) if c.kind == "terms")
-    again, later = draw_again(case, 1), draw_again(draw_again(case, 1), 2)
+    again, later = redraw(case, 1), redraw(redraw(case, 1), 2)
     assert (again.kind, again.system, str(again)) == (case.kind, case.system, str(case))
     assert case.hidden != again.hidden != later.hidden != case.hidden
     assert case.analysis_seed != again.analysis_seed
-    assert draw_again(case, 2) == later
+    assert redraw(case, 2) == later
 
 
 @pytest.mark.parametrize(("leads", "draws"), [([20.0], 1), ([3.0, -8.0, 13.0], 3)])
@@ -61,17 +61,17 @@ def test_unclear_cases_give_way_to_others(leads, draws, tmp_path, monkeypatch) -
     found = record_case(case_of(8.0, ("v", "v**2", 1.0)), path)
     assert found.draws == draws and next(told, None) is None
     with xr.open_dataset(path, engine="h5netcdf") as recorded:
-        assert recorded.sizes["time"] == len(found.concealed.recording.times)
-        assert recorded.sizes["sensor"] == len(found.concealed.recording.sensors)
-    again = conceal(found.case)
-    assert (again.recording.values == found.concealed.recording.values).all()
+        assert recorded.sizes["time"] == len(found.case_truth.recording.times)
+        assert recorded.sizes["sensor"] == len(found.case_truth.recording.sensors)
+    again = record_truth(found.case)
+    assert (again.recording.values == found.case_truth.recording.values).all()
 
 
 def test_nobody_draws_for_ever_and_other_kinds_are_drawn_once(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(recording, "STAYING", 0.0)
     monkeypatch.setattr(recording, "lead", lambda *_: 0.0)
     monkeypatch.setattr(recording, "MOST_DRAWS", 2)
-    assert MOST_DRAWS > 2
+    assert MAX_DRAWS > 2
     assert record_case(case_of(8.0, ("v", "v**2", 1.0)), tmp_path / "recording.nc").draws == 2
     null = next(
         c for c in draw_cases(seed_of("a"), 40, 0) if c.kind == "null" and c.system == "fhn"
@@ -87,9 +87,9 @@ def test_what_the_simulator_does_not_resolve_to_its_noise_is_drawn_again(
     key = seed_of("numerics"), 0, 50
     far = Case(50, "cases", "fhn", "start", key, 0.005, 12, entry, None)
     # From so far off its own step is too long for it in the first samples.
-    assert conceal(far).numerics > 6
+    assert record_truth(far).numerics > 6
     found = record_case(far, path)
-    assert found.draws > 1 and found.concealed.numerics < 6
+    assert found.draws > 1 and found.case_truth.numerics < 6
     assert found.case.hidden["spread"] != 6.5
     loud = replace(far, noise=0.1)
     assert record_case(loud, path).draws == 1

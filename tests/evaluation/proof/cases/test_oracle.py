@@ -14,8 +14,8 @@ import torch
 from dashred.core.findings.findings import write_json_atomic
 from dashred.data.io.write_netcdf import write_netcdf
 from dashred.evaluation.proof.cases.draw import Case
-from dashred.evaluation.proof.cases.effect_size import Concealed, conceal
-from dashred.evaluation.proof.cases.oracle import _nearest_rival, consult
+from dashred.evaluation.proof.cases.effect_size import CaseTruth, record_truth
+from dashred.evaluation.proof.cases.oracle import _nearest_rival, compute_oracle
 from dashred.pipeline.outputs.field_files import write_estimates
 
 CHECKOUT = Path(__file__).resolve().parents[4]
@@ -24,9 +24,9 @@ CASE = Case(0, "cases", "fhn", "terms", (5, 0, 0), 0.03, 10, {"terms": [TERM]}, 
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Concealed]:
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, CaseTruth]:
     folder = tmp_path_factory.mktemp("case")
-    concealed = conceal(CASE)
+    concealed = record_truth(CASE)
     write_netcdf(concealed.recording, folder / "recording.nc", ["x"])
     times = concealed.truth.times[:3]
     # Its start is the true one but for a tenth, as no run would find it.
@@ -58,12 +58,12 @@ def test_a_law_that_was_found_loses_nothing_and_its_rivals_decide(recorded) -> N
     found = {"equation": "v", "term": "v**2", "coefficient": coefficient}
     other = {"equation": "u", "term": "u", "coefficient": 0.1}
     told(folder, f" + {coefficient}*v**2", found, [alternative(other, 9.0)])
-    answer = consult(CASE, concealed, folder, exact=True)
+    answer = compute_oracle(CASE, concealed, folder, exact=True)
     assert answer is not None and abs(answer["lost"]) < 3 < 50 < answer["over_null"]
     assert answer["over_rival"] == pytest.approx(9.0 + answer["lost"])
     assert answer["decidable"] and answer["over_library"] == pytest.approx(answer["lost"])
     told(folder, f" + {coefficient}*v**2", found, [alternative(other, 2.0)])
-    near = consult(CASE, concealed, folder, exact=True)
+    near = compute_oracle(CASE, concealed, folder, exact=True)
     assert near is not None and not near["decidable"]
 
 
@@ -87,7 +87,7 @@ def test_a_law_that_holds_the_best_one_is_no_rival_of_it() -> None:
 def test_what_was_missed_is_lost(recorded) -> None:
     folder, concealed = recorded
     told(folder, "", None, [])
-    answer = consult(CASE, concealed, folder, exact=False)
+    answer = compute_oracle(CASE, concealed, folder, exact=False)
     assert answer is not None and answer["lost"] == pytest.approx(answer["over_null"])
     assert answer["lost"] > 50 and answer["decidable"]
 
@@ -96,7 +96,7 @@ def test_a_law_that_blows_up_loses_all(recorded) -> None:
     folder, concealed = recorded
     wrong = {"equation": "v", "term": "v**3", "coefficient": 50.0}
     told(folder, " + 50*v**3", wrong, [])
-    answer = consult(CASE, concealed, folder, exact=False)
+    answer = compute_oracle(CASE, concealed, folder, exact=False)
     assert answer is not None and answer["lost"] is not None
     assert 1e5 < answer["lost"] < float("inf")
     json.dumps(answer, allow_nan=False)
@@ -108,7 +108,7 @@ def test_where_nothing_was_returned_the_simulator_as_it_is_stands_for_it(
     folder, concealed = recorded
     shutil.copy(folder / "recording.nc", tmp_path)
     write_json_atomic(tmp_path / "findings.json", {"terms": None, "alternatives": None})
-    answer = consult(CASE, concealed, tmp_path, exact=False)
+    answer = compute_oracle(CASE, concealed, tmp_path, exact=False)
     assert answer is not None and answer["decidable"]
     assert answer["lost"] == answer["over_null"] == answer["over_library"]
     assert answer["over_null"] > 50
@@ -117,4 +117,4 @@ def test_where_nothing_was_returned_the_simulator_as_it_is_stands_for_it(
 def test_it_has_nothing_to_say_where_no_law_was_hidden(recorded, tmp_path) -> None:
     _, concealed = recorded
     lawless = replace(concealed, truth=replace(concealed.truth, terms=()))
-    assert consult(CASE, lawless, tmp_path, exact=False) is None
+    assert compute_oracle(CASE, lawless, tmp_path, exact=False) is None

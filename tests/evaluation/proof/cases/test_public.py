@@ -9,7 +9,7 @@ import pytest
 
 from dashred.config import load_config
 from dashred.core.errors import InputError
-from dashred.evaluation.proof.cases.public import HASHES, check, choose, publish
+from dashred.evaluation.proof.cases.public import HASHES, check, publish, select_cases
 from dashred.pipeline.problem import build_problem
 
 CHECKOUT = Path(__file__).resolve().parents[4]
@@ -20,7 +20,7 @@ NAMES = sorted(json.loads((PUBLIC / HASHES).read_text()))
 @pytest.fixture(scope="module")
 def published(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     folder = tmp_path_factory.mktemp("public")
-    cases = [case for case in choose("secret", 4) if case.system == "fhn"][:1]
+    cases = [case for case in select_cases("secret", 4) if case.system == "fhn"][:1]
     publish(cases, folder, folder / "truths.json")
     return folder, folder / "truths.json"
 
@@ -47,8 +47,8 @@ def test_nothing_published_says_what_was_hidden(published) -> None:
 
 
 def test_the_same_secret_chooses_the_same_and_no_order_tells_the_kinds() -> None:
-    assert choose("secret", 10) == choose("secret", 10)
-    kinds = {tuple(case.kind for case in choose(f"secret {j}", 10)) for j in range(5)}
+    assert select_cases("secret", 10) == select_cases("secret", 10)
+    kinds = {tuple(case.kind for case in select_cases(f"secret {j}", 10)) for j in range(5)}
     assert len(kinds) == 5
 
 

@@ -10,7 +10,7 @@ import pytest
 from dashred.config import frozen_input, load_config
 from dashred.evaluation.proof.cases.case_record import Kind
 from dashred.evaluation.proof.cases.draw import Case
-from dashred.evaluation.proof.cases.effect_size import Concealed
+from dashred.evaluation.proof.cases.effect_size import CaseTruth
 from dashred.evaluation.proof.scoring.judge import is_listed, is_right
 from dashred.evaluation.twins.sealing import Concealed as Hidden
 from dashred.evaluation.twins.sealing import SealedFault, SealedTerm
@@ -22,9 +22,9 @@ BOX = ("x", 3.0, 8.0, 0.2)
 V2 = SealedTerm("v", "v**2", 0.03)
 
 
-def concealed(*terms: SealedTerm, **hidden: Any) -> Concealed:
+def concealed(*terms: SealedTerm, **hidden: Any) -> CaseTruth:
     truth = SimpleNamespace(terms=terms, concealed=Hidden(**hidden))
-    return cast(Concealed, SimpleNamespace(truth=truth, system=SYSTEM, config=CONFIG))
+    return cast(CaseTruth, SimpleNamespace(truth=truth, system=SYSTEM, config=CONFIG))
 
 
 def case_of(kind: Kind) -> Case:

@@ -11,9 +11,9 @@ import pytest
 from dashred.core.errors import InputError
 from dashred.core.findings.findings import freeze, write_json_atomic
 from dashred.evaluation.proof.arguments import read_words
+from dashred.evaluation.proof.cases.case_store import StoredCase, folder_of, read_case, store_case
 from dashred.evaluation.proof.cases.draw import draw_cases, seed_of
-from dashred.evaluation.proof.cases.kept_case import Kept, folder_of, keep, read_kept
-from dashred.evaluation.proof.cases.kept_draw import keep_draw, read_draw
+from dashred.evaluation.proof.cases.draw_file import read_draw, write_draw
 from dashred.evaluation.proof.cases.record_case import RecordedCase, record_case
 from dashred.evaluation.proof.scoring import rescore as again
 from tests.evaluation.proof.invented import case as record_of
@@ -26,12 +26,12 @@ CASE = draw_cases(seed_of("test"), 1, 0)[0]
 def drawn(tmp_path: Path) -> Path:
     """Leave the folder of a draw of one case, as the command leaves it."""
     request = read_words(["cases=1", "draw=test", f"output={tmp_path}"])
-    keep_draw(request)
+    write_draw(request)
     folder_of(CASE, tmp_path).mkdir()
     record_case(CASE, folder_of(CASE, tmp_path) / "recording.nc")
     write_json_atomic(folder_of(CASE, tmp_path) / "findings.json", {"verdict": "parameter"})
     freeze(folder_of(CASE, tmp_path), [])
-    keep(CASE, tmp_path, Kept(record_of(0, seconds=17.5), 20.0, 1))
+    store_case(CASE, tmp_path, StoredCase(record_of(0, seconds=17.5), 20.0, 1))
     return tmp_path
 
 
@@ -49,36 +49,36 @@ def scored(monkeypatch: pytest.MonkeyPatch) -> list[RecordedCase]:
 
 
 def test_a_case_is_scored_once_by_a_commit_and_keeps_its_seconds(drawn, scored) -> None:
-    kept = again.score_again(CASE, drawn, "c0ffee")
+    kept = again.rescore_case(CASE, drawn, "c0ffee")
     assert not kept.record["right"] and kept.record["seconds"] == 17.5
     assert (kept.wall, kept.scored_by) == (20.0, "c0ffee")
-    assert read_kept(CASE, drawn) == kept
-    assert again.score_again(CASE, drawn, "c0ffee") == kept and len(scored) == 1
-    again.score_again(CASE, drawn, "beef")
+    assert read_case(CASE, drawn) == kept
+    assert again.rescore_case(CASE, drawn, "c0ffee") == kept and len(scored) == 1
+    again.rescore_case(CASE, drawn, "beef")
     assert len(scored) == 2
 
 
 def test_another_recording_than_the_one_that_was_analysed_is_refused(drawn, scored) -> None:
     path = folder_of(CASE, drawn) / "recording.nc"
     path.write_bytes(path.read_bytes() + b"1")
-    with pytest.raises(InputError, match="records another truth"):
-        again.score_again(CASE, drawn, "c0ffee")
-    assert not scored and read_kept(CASE, drawn) is not None
+    with pytest.raises(InputError, match="gives another recording"):
+        again.rescore_case(CASE, drawn, "c0ffee")
+    assert not scored and read_case(CASE, drawn) is not None
 
 
 def test_findings_that_were_touched_since_are_refused(drawn, scored) -> None:
     write_json_atomic(folder_of(CASE, drawn) / "findings.json", {"verdict": "missing-term"})
     with pytest.raises(InputError):
-        again.score_again(CASE, drawn, "c0ffee")
+        again.rescore_case(CASE, drawn, "c0ffee")
     assert not scored
 
 
 def test_a_draw_that_is_not_finished_is_refused_and_a_dead_case_stays_dead(drawn, scored) -> None:
     other = replace(CASE, number=1)
-    with pytest.raises(InputError, match="no finished case"):
-        again.score_again(other, drawn, "c0ffee")
-    keep(CASE, drawn, Kept(dead(), 20.0, 1))
-    assert again.score_again(CASE, drawn, "c0ffee").record["problem"] and not scored
+    with pytest.raises(InputError, match="is not finished"):
+        again.rescore_case(other, drawn, "c0ffee")
+    store_case(CASE, drawn, StoredCase(dead(), 20.0, 1))
+    assert again.rescore_case(CASE, drawn, "c0ffee").record["problem"] and not scored
 
 
 def test_the_words_take_the_draw_from_its_folder(drawn, monkeypatch) -> None:
@@ -86,7 +86,7 @@ def test_the_words_take_the_draw_from_its_folder(drawn, monkeypatch) -> None:
     request = read_words([f"score={drawn}"])
     assert (request.cases, request.nulls, request.draw, request.practice) == (1, 0, "test", True)
     assert (request.output, request.scored_by) == (drawn, "c0ffee")
-    with pytest.raises(InputError, match="score= goes without cases="):
+    with pytest.raises(InputError, match="score= cannot be combined with cases="):
         read_words([f"score={drawn}", "cases=3"])
 
 
@@ -95,8 +95,8 @@ def test_what_is_no_draw_is_refused(drawn, text) -> None:
     path = drawn / "draw.json"
     known = json.loads(path.read_text())
     path.write_text(json.dumps(known | {"cases": -1}) if text is None else text)
-    with pytest.raises(InputError, match="no record of a draw"):
+    with pytest.raises(InputError, match="does not describe a draw"):
         read_draw(drawn)
     path.unlink()
-    with pytest.raises(InputError, match="no draw here"):
+    with pytest.raises(InputError, match="no draw in this folder"):
         read_draw(drawn)

@@ -7,7 +7,7 @@ from typing import Any, cast
 import pytest
 
 from dashred.evaluation.proof.cases.case_record import KINDS, CaseRecord
-from dashred.evaluation.proof.scoring.outcomes import failings, leading_right
+from dashred.evaluation.proof.scoring.outcomes import leading_right, shortcomings
 from dashred.evaluation.proof.scoring.statistics import Rate
 from dashred.evaluation.proof.scoring.targets import (
     TARGETS,
@@ -80,7 +80,7 @@ FLIPS: list[tuple[str, list[CaseRecord], CaseRecord]] = [
     ("error of coefficients", [SURE], case(coefficients=[coefficient(found=-0.16)] * 30)),
     ("95 % intervals", [SURE] * 9 + [SHAKY], SHAKY),
     ("outside of the library", [case(kind="outside")] * 17 + [INSIDE] * 3, INSIDE),
-    ("told to be outside", [GOOD] * 49 + [OUTSIDE], OUTSIDE),
+    ("reported as outside", [GOOD] * 49 + [OUTSIDE], OUTSIDE),
     ("gain at test sensors, ", [gained(3.0, None)], gained(1.5, 99.0)),
     ("gain at test sensors over", [gained(6.0, None)], gained(3.0, 99.0)),
     ("gain of the forecast, ", [gained(0.1, 6.0)], gained(9.0, 2.0)),
@@ -104,7 +104,7 @@ def test_every_target_is_held_to_that() -> None:
 
 def test_no_record_meets_or_misses_anything() -> None:
     for chosen in TARGETS:
-        assert chosen.outcome(chosen.measure([])) == "nothing to judge by"
+        assert chosen.outcome(chosen.measure([])) == "no data"
 
 
 def test_a_case_that_died_is_not_right_and_was_given_no_verdict() -> None:
@@ -119,7 +119,7 @@ def test_nulls_are_counted_apart() -> None:
     strange = null(right=False, verdict="outside-library")
     records = [case(), strange]
     assert measured("verdict right", records).value == Rate(1, 1)
-    assert measured("told to be outside", records).value == Rate(0, 1)
+    assert measured("reported as outside", records).value == Rate(0, 1)
     assert measured("false alarms", records).value == Rate(1, 1)
 
 
@@ -202,15 +202,15 @@ def test_the_leading_cause_may_be_right_where_the_verdict_is_open() -> None:
     ],
 )
 def test_what_a_case_falls_short_in_is_said(record: CaseRecord, words: str) -> None:
-    assert failings(record) == [words]
+    assert shortcomings(record) == [words]
 
 
 def test_a_null_that_is_not_right_is_a_false_alarm() -> None:
-    assert "false alarm" in failings(null(verdict="sensor-fault", right=False))
-    assert "false alarm" not in failings(null(verdict="sensor-fault"))
+    assert "false alarm" in shortcomings(null(verdict="sensor-fault", right=False))
+    assert "false alarm" not in shortcomings(null(verdict="sensor-fault"))
 
 
 def test_what_went_well_has_no_failings() -> None:
-    assert not failings(case()) and not failings(null())
-    assert not failings(case(kind="outside", exact=False))
-    assert any(failings(record) for record in proof())
+    assert not shortcomings(case()) and not shortcomings(null())
+    assert not shortcomings(case(kind="outside", exact=False))
+    assert any(shortcomings(record) for record in proof())

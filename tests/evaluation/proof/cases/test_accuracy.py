@@ -11,21 +11,21 @@ import torch
 from dashred.core.findings.findings import freeze, write_json_atomic
 from dashred.core.findings.schema import Score
 from dashred.data.sensors import Sensor
-from dashred.evaluation.proof.cases.effect_size import Concealed
-from dashred.evaluation.proof.cases.nearness import (
+from dashred.evaluation.proof.cases.accuracy import (
     coefficients_found,
     gains,
-    noisy_test,
+    noisy_test_change,
     peak_inside,
-    region_off,
+    region_errors,
 )
+from dashred.evaluation.proof.cases.effect_size import CaseTruth
 from dashred.evaluation.twins.sealing import Concealed as Hidden
 from dashred.evaluation.twins.sealing import SealedTerm
 from dashred.pipeline.outputs.field_files import write_estimates
 from tests.evaluation.proof.scoring.test_judge import BOX, SYSTEM, V2, case_of, findings, term
 
 
-def concealed(*terms: SealedTerm, **more: Any) -> Concealed:
+def concealed(*terms: SealedTerm, **more: Any) -> CaseTruth:
     times = torch.arange(31, dtype=torch.float64)
     states = torch.zeros((31, 2, 64), dtype=torch.float64)
     states[:, 0] = torch.linspace(-1, 1, 64, dtype=torch.float64)
@@ -36,7 +36,7 @@ def concealed(*terms: SealedTerm, **more: Any) -> Concealed:
     )
     sensors = [Sensor("s01", "u", (1.0,)), Sensor("s02", "u", (7.0,))]
     recording = SimpleNamespace(sensors=sensors)
-    return cast(Concealed, SimpleNamespace(truth=truth, system=SYSTEM, recording=recording))
+    return cast(CaseTruth, SimpleNamespace(truth=truth, system=SYSTEM, recording=recording))
 
 
 def scored(**region: float | None) -> Score:
@@ -71,7 +71,7 @@ def test_a_term_written_otherwise_is_the_same_coefficient() -> None:
 def test_an_onset_is_a_share_of_the_record_and_a_threshold_of_the_states_range() -> None:
     onset = SealedTerm("v", "v", 0.1, ("t", 10.0, None, 0.1))
     told = findings("missing-term", term("v", "v", [{"axis": "t", "from": 11.0, "std": 0.2}]))
-    assert region_off(scored(onset=1.0), told, concealed(onset)) == {
+    assert region_errors(scored(onset=1.0), told, concealed(onset)) == {
         "overlap": None,
         "onset": 0.05,
         "threshold": None,
@@ -79,12 +79,12 @@ def test_an_onset_is_a_share_of_the_record_and_a_threshold_of_the_states_range()
     }
     gate = SealedTerm("v", "v", 0.1, ("u", 0.5, None, 0.1))
     told = findings("missing-term", term("v", "v", [{"field": "u", "above": 0.6, "std": 0.05}]))
-    found = region_off(scored(threshold=0.1), told, concealed(gate))
+    found = region_errors(scored(threshold=0.1), told, concealed(gate))
     assert found is not None and found["threshold"] == pytest.approx(0.05)
     assert found["threshold_z"] == pytest.approx(2.0)
     # Of another term than the hidden one neither says anything; where it acts it does.
     other = cast(Score, {**scored(threshold=0.1, onset=1.0, overlap=0.9), "exact_support": False})
-    assert region_off(other, told, concealed(gate)) == {
+    assert region_errors(other, told, concealed(gate)) == {
         "overlap": 0.9,
         "onset": None,
         "threshold": None,
@@ -125,8 +125,8 @@ def test_gains_are_against_the_truth_without_noise(tmp_path) -> None:
 
 def test_on_noisy_data_worse_is_above_nothing() -> None:
     told: dict[str, Any] = {"fit": {"test_sensors": {"simulation_refit": 0.5, "corrected": 0.6}}}
-    assert noisy_test(told) == pytest.approx(0.2)
-    assert noisy_test({"fit": None}) is None
+    assert noisy_test_change(told) == pytest.approx(0.2)
+    assert noisy_test_change({"fit": None}) is None
     # A corrected simulation that blows up has no error, and is no better for it.
     endless = {"fit": {"test_sensors": {"simulation_refit": 0.5, "corrected": None}}, "terms": [V2]}
-    assert noisy_test(endless) == 1e6
+    assert noisy_test_change(endless) == 1e6

@@ -8,7 +8,7 @@ import pytest
 
 from dashred.core.findings.findings import write_json_atomic
 from dashred.core.findings.law_schema import Region
-from dashred.evaluation.twins.kept_findings import read_findings, region_of_text
+from dashred.evaluation.twins.findings_reader import read_findings, region_of_text
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
-"""Read findings of this release and of earlier ones, which kept rows and cases hold.
+"""Read the findings of stored rows and cases, which may come from an earlier release.
 
-Earlier findings have the deprecated names of methods alone, and of an alternative's window a text
-alone. Both are translated here, and nowhere else.
+Earlier findings use deprecated names of methods, and give the window of an alternative as text.
+Both are translated here only.
 """
 
 from __future__ import annotations

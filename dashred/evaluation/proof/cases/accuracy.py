@@ -1,4 +1,4 @@
-"""How near a case's law came to what was hidden: its window, its coefficients, its gains."""
+"""Accuracy of the law of a case: its window, its coefficients and its gains."""
 
 from __future__ import annotations
 
@@ -15,31 +15,33 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.evaluation.benchmark.record import ratio_of
 from dashred.evaluation.proof.cases.case_record import Coefficient, Gains, Region
 from dashred.evaluation.proof.cases.draw import Case
-from dashred.evaluation.proof.cases.effect_size import Concealed
+from dashred.evaluation.proof.cases.effect_size import CaseTruth
 from dashred.evaluation.twins.scoring import law_of_findings, law_of_truth
-from dashred.evaluation.twins.window_kinds import WindowKind, kind_of
+from dashred.evaluation.twins.window_kinds import WindowKind, window_kind
 
-# Times that differ by less are the same.
-CLOCK = 1e-9
-# Of an error that is not finite.
-ENDLESS = 1e6
+# Largest difference of equal times.
+TIME_TOLERANCE = 1e-9
+# Ratio that stands for an error that is not finite.
+INFINITE_RATIO = 1e6
 
 
-def region_off(score: Score, findings: Mapping[str, Any], concealed: Concealed) -> Region | None:
-    """Return how well the window was found, in shares.
+def region_errors(
+    score: Score, findings: Mapping[str, Any], case_truth: CaseTruth
+) -> Region | None:
+    """Return the relative errors of the window.
 
-    Where is a question of its own; when, and in which states, are asked of the hidden term, as its
-    coefficient is: another one begins elsewhere to do the same.
+    Onset and threshold are compared only if the support is exact: another term needs another onset
+    or threshold to have the same effect.
     """
     found = score["region"]
     if found is None:
         return None
-    truth = concealed.truth
+    truth = case_truth.truth
     [window] = [t.window for t in truth.terms if t.window is not None]
     exact = score["exact_support"]
     threshold, share, z = found["threshold"], None, None
     if exact and threshold is not None:
-        field = concealed.system.fields.index(window[0])
+        field = case_truth.system.fields.index(window[0])
         values = truth.states[truth.times <= truth.duration, field]
         share = threshold / float(values.max() - values.min())
         [region] = next(e["region"] for e in findings["terms"] if e.get("region"))
@@ -53,34 +55,34 @@ def region_off(score: Score, findings: Mapping[str, Any], concealed: Concealed) 
     }
 
 
-def peak_inside(case: Case, findings: Mapping[str, Any], concealed: Concealed) -> bool | None:
-    """Return whether the map of a free forcing is largest where the hidden law acts."""
+def peak_inside(case: Case, findings: Mapping[str, Any], case_truth: CaseTruth) -> bool | None:
+    """Return whether the peak of the free forcing lies in the region of the hidden law."""
     where = findings["where"]
     if case.kind != "box" or where is None or where["forcing"] is None:
         return None
     [peak] = where["forcing"]["peak"]
-    [window] = [t.window for t in concealed.truth.terms if t.window is not None]
+    [window] = [t.window for t in case_truth.truth.terms if t.window is not None]
     _, begin, end, _ = window
     assert begin is not None and end is not None
     return bool(begin <= peak <= end)
 
 
-def coefficients_found(findings: Mapping[str, Any], concealed: Concealed) -> list[Coefficient]:
-    """Return found and true coefficients of a law whose form is exact."""
-    truth = concealed.truth
+def coefficients_found(findings: Mapping[str, Any], case_truth: CaseTruth) -> list[Coefficient]:
+    """Return the estimated and true coefficients of a law whose form is exact."""
+    truth = case_truth.truth
     found: list[Coefficient] = []
     for entry in findings["terms"]:
         if entry["equation"] is None:
             name, known = entry["parameter"], entry["from"]
             true = truth.concealed.parameters.get(name)
-            # The change is what was found: the old value was known.
+            # The coefficient is the change of the parameter.
             true = None if true is None else true - known
         else:
             name, known = f"{entry['equation']}: {entry['term']}", 0.0
-            mine = law_of_findings({**findings, "terms": [{**entry, "coefficient": 1.0}]})
-            [key] = mine
-            theirs = law_of_truth(findings, truth.terms, truth.concealed.parameters)
-            true = theirs[key] / mine[key]
+            found_law = law_of_findings({**findings, "terms": [{**entry, "coefficient": 1.0}]})
+            [key] = found_law
+            true_law = law_of_truth(findings, truth.terms, truth.concealed.parameters)
+            true = true_law[key] / found_law[key]
         if true is not None:
             window = next((t.window for t in truth.terms if t.window is not None), None)
             low, high = entry["ci95"]
@@ -91,7 +93,7 @@ def coefficients_found(findings: Mapping[str, Any], concealed: Concealed) -> lis
                     "found": entry["coefficient"],
                     "std": entry["std"],
                     "covered": low is not None and low <= known + true <= high,
-                    "window": _window_name(kind_of(window)),
+                    "window": _window_name(window_kind(window)),
                 }
             )
     return found
@@ -108,26 +110,26 @@ def _window_name(kind: WindowKind | None) -> Literal["box", "gate", "onset"] | N
 def gains(
     case: Case,
     findings: Mapping[str, Any],
-    concealed: Concealed,
+    case_truth: CaseTruth,
     folder: Path,
     score: Score,
 ) -> Gains | None:
-    """Return by how much the law brought the simulation nearer to the truth without noise."""
+    """Return the error ratios of the simulation without and with the law, against the truth."""
     if not findings["terms"] or case.kind in ("null", "start", "fault", "numerics"):
         return None
-    truth, system = concealed.truth, concealed.system
+    truth, system = case_truth.truth, case_truth.system
     names = findings["input"]["splits"]["test"]
-    sensors = [s for s in concealed.recording.sensors if s.name in names]
+    sensors = [s for s in case_truth.recording.sensors if s.name in names]
     operator = ObservationOperator(sensors, system)
     with xr.open_dataset(folder / "estimates.nc", engine="h5netcdf") as estimates:
-        at = np.searchsorted(truth.times.numpy(), estimates["time"].values - CLOCK)
+        at = np.searchsorted(truth.times.numpy(), estimates["time"].values - TIME_TOLERANCE)
         real = operator(truth.states[at])
         errors = {}
         for method in ("simulation_same_start", "simulation_refit", "corrected"):
             chosen = estimates.sel({"method": method})
             states = np.stack([chosen[field].values for field in system.fields], axis=1)
-            wrong = operator(torch.from_numpy(states)) - real
-            errors[method] = float(wrong.square().mean().sqrt())
+            error = operator(torch.from_numpy(states)) - real
+            errors[method] = float(error.square().mean().sqrt())
     beyond, after = score["forecast"], errors["corrected"]
     return {
         "test_sensors": ratio_of(errors["simulation_refit"], after),
@@ -137,11 +139,11 @@ def gains(
     }
 
 
-def noisy_test(findings: Mapping[str, Any]) -> float | None:
-    """Return by what share the corrected simulation is worse on the noisy data held out."""
+def noisy_test_change(findings: Mapping[str, Any]) -> float | None:
+    """Return the relative increase of the error on noisy held-out data due to the correction."""
     known = findings["fit"]["test_sensors"] if findings["fit"] else {}
     before, after = known.get("simulation_refit"), known.get("corrected")
     if before is not None and after is None and findings["terms"]:
-        return ENDLESS
+        return INFINITE_RATIO
     ratio = ratio_of(after, before)
     return None if ratio is None else ratio - 1

@@ -10,8 +10,8 @@ import pytest
 
 from dashred.evaluation.benchmark.arguments import Request, read_words
 from dashred.evaluation.benchmark.plan import Row, plan
-from dashred.evaluation.comparison.kept_comparison import write_uncompared
-from dashred.evaluation.comparison.kept_rows import rows_of_page
+from dashred.evaluation.comparison.comparison_file import write_failed_comparison
+from dashred.evaluation.comparison.stored_rows import rows_of_document
 
 
 def asked(output: Path, *words: str) -> tuple[Request, list[Row]]:
@@ -27,7 +27,7 @@ def keep(row: Row, **more: Any) -> None:
     record |= {"key": row.key, "problem": None, "words": list(row.words)} | more
     (row.folder / "row.json").write_text(json.dumps(record))
     (row.folder / "findings.json").write_text("{}")
-    write_uncompared(row.folder, "of this no page cares")
+    write_failed_comparison(row.folder, "of this no page cares")
 
 
 def test_rows_of_other_systems_seeds_and_layouts_are_on_the_page(tmp_path: Path) -> None:
@@ -36,7 +36,7 @@ def test_rows_of_other_systems_seeds_and_layouts_are_on_the_page(tmp_path: Path)
     request, now = asked(tmp_path, "systems=heat", "twins=b,null")
     for row in (*first, *layouts):
         keep(row)
-    page = rows_of_page(request, now)
+    page = rows_of_document(request, now)
     assert [(row.name, row.twin, row.noise, row.sensors, row.seed) for row in page] == [
         ("heat", "b", 0.05, None, 0),
         ("heat", "null", 0.05, None, 0),
@@ -47,7 +47,7 @@ def test_rows_of_other_systems_seeds_and_layouts_are_on_the_page(tmp_path: Path)
     for row in now:
         keep(row)
     again, rows = asked(tmp_path, "systems=rde", "twins=a", "seeds=0-1")
-    assert rows_of_page(again, rows) == page
+    assert rows_of_document(again, rows) == page
 
 
 def test_a_row_that_was_not_compared_yet_is_no_failure_of_this_command(tmp_path: Path) -> None:
@@ -57,7 +57,7 @@ def test_a_row_that_was_not_compared_yet_is_no_failure_of_this_command(tmp_path:
         keep(row, problem="error: blows up" if row is died else None)
         (row.folder / "compared.json").unlink()
     request, rows = asked(tmp_path, "systems=heat", "twins=b")
-    assert rows_of_page(request, rows) == [*rows, died]
+    assert rows_of_document(request, rows) == [*rows, died]
 
 
 @pytest.mark.parametrize("change", ["overrides", "configuration", "no record"])
@@ -71,4 +71,4 @@ def test_rows_of_another_comparison_are_left_out(tmp_path: Path, change: str) ->
     else:
         keep(row)
     request, rows = asked(tmp_path, "systems=heat", "twins=b")
-    assert rows_of_page(request, rows) == rows
+    assert rows_of_document(request, rows) == rows

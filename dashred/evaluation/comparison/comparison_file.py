@@ -1,4 +1,4 @@
-"""What a comparison keeps of one recording: ``compared.json`` beside the findings."""
+"""Write and read ``compared.json``, the comparison of all methods on one recording."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from typing import TypedDict
 from dashred.core.findings.findings import sha256_of, write_json_atomic
 
 COMPARED = "compared.json"
-# Why there is nothing to compare, or not all.
+# Reasons why methods could not be compared.
 UNRESOLVED = "the simulator is not resolved, so that the analysis has no field to compare"
 OTHERS_FAILED = "the other methods failed as a whole"
 
 
-class Compared(TypedDict):
-    """How right one method is.
+class MethodScore(TypedDict):
+    """Scores of one method.
 
-    ``rmse``: of the field over the fit window, in standard deviations. ``exact``: whether its law
-    has all true terms and no others. ``found``, ``spurious`` and ``missed``: terms; of a method
-    that looked for a law and names none, all are missed. ``coefficient_error``: the worst of those
-    found, relative. ``failed``: what it died of. Null is what the method does not tell.
+    ``rmse``: error of the field over the fit window, in standard deviations. ``exact``: whether the
+    law has exactly the true terms. ``found``, ``spurious`` and ``missed``: numbers of terms; if a
+    law was sought and none was found, all are missed. ``coefficient_error``: largest relative error
+    of the terms found. ``failed``: cause of a failure. Null if the method does not provide a value.
     """
 
     rmse: float | None
@@ -35,21 +35,21 @@ class Compared(TypedDict):
 
 
 class Comparison(TypedDict):
-    """``compared.json``: how right every method is on one recording.
+    """``compared.json``: scores of all methods on one recording.
 
-    ``problem``: why nothing could be compared, or the other methods not. ``listed``: of ambiguous
-    findings, whether the true law is among the three listed. ``git_commit``: of the scorer.
+    ``problem``: why some methods could not be compared. ``listed``: whether ambiguous findings list
+    the true law among the first three. ``git_commit``: commit of the scorer.
     """
 
     findings_sha256: str
     problem: str | None
     listed: bool | None
     git_commit: str
-    methods: dict[str, Compared]
+    methods: dict[str, MethodScore]
 
 
-def write_uncompared(folder: Path, problem: str) -> Comparison:
-    """Keep why a row's methods could not be held against its truth."""
+def write_failed_comparison(folder: Path, problem: str) -> Comparison:
+    """Store why the methods of a row could not be compared with its truth."""
     comparison = Comparison(
         findings_sha256=sha256_of(folder / "findings.json"),
         problem=problem,
@@ -61,8 +61,8 @@ def write_uncompared(folder: Path, problem: str) -> Comparison:
     return comparison
 
 
-def read_compared(folder: Path) -> Comparison | None:
-    """Return what was made of these findings; None where nothing was, or of earlier ones."""
+def read_comparison(folder: Path) -> Comparison | None:
+    """Return the stored comparison of these findings; None if there is none."""
     try:
         record: Comparison = json.loads((folder / COMPARED).read_text(encoding="utf-8"))
         same = record["findings_sha256"] == sha256_of(folder / "findings.json")

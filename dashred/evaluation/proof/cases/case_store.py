@@ -1,4 +1,4 @@
-"""What a finished case leaves in its folder, and how it is read again: ``case.json``."""
+"""Write and read ``case.json``, the result of a finished case."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ DOCUMENT, RECORDING = "case.json", "recording.nc"
 
 
 @dataclass(frozen=True)
-class Kept:
-    """What a finished case leaves.
+class StoredCase:
+    """The stored result of a finished case.
 
     Attributes:
-        record: how it ended.
-        wall: seconds by the clock.
-        draws: how often it was drawn.
-        scored_by: commit that scored it again; None of one that was scored when it was analysed.
+        record: record of the case.
+        wall: wall-clock seconds.
+        draws: number of draws.
+        scored_by: commit that rescored the case; None if it has not been rescored.
     """
 
     record: CaseRecord
@@ -37,37 +37,37 @@ def folder_of(case: Case, output: Path) -> Path:
     return output / str(case).replace(" ", "-")
 
 
-def keep(case: Case, output: Path, kept: Kept) -> None:
-    """Write what a case leaves, at once or not at all."""
+def store_case(case: Case, output: Path, stored: StoredCase) -> None:
+    """Write the result of a case atomically."""
     document = {
         "case_sha256": hash_of(case),
-        "draws": kept.draws,
-        "record": kept.record,
-        "scored_by": kept.scored_by,
-        "wall_seconds": kept.wall,
+        "draws": stored.draws,
+        "record": stored.record,
+        "scored_by": stored.scored_by,
+        "wall_seconds": stored.wall,
     }
     write_json_atomic(folder_of(case, output) / DOCUMENT, document)
 
 
-def read_kept(case: Case, output: Path) -> Kept | None:
-    """Return what a case left; None where there is nothing of this very case."""
+def read_case(case: Case, output: Path) -> StoredCase | None:
+    """Return the stored result of a case; None if there is none of the same case."""
     try:
         text = (folder_of(case, output) / DOCUMENT).read_text(encoding="utf-8")
         known: dict[str, Any] = json.loads(text)
         same = known["case_sha256"] == hash_of(case)
         wall, draws = float(known["wall_seconds"]), int(known["draws"])
-        return Kept(known["record"], wall, draws, known.get("scored_by")) if same else None
+        return StoredCase(known["record"], wall, draws, known.get("scored_by")) if same else None
     except (OSError, ValueError, TypeError, KeyError):
         return None
 
 
-def read_done(case: Case, output: Path) -> Kept | None:
-    """Return what a case left that is done; one that died is tried again."""
-    kept = read_kept(case, output)
-    return kept if kept is not None and kept.record["problem"] is None else None
+def read_finished(case: Case, output: Path) -> StoredCase | None:
+    """Return the stored result of a successful case; None if it must be run."""
+    stored = read_case(case, output)
+    return stored if stored is not None and stored.record["problem"] is None else None
 
 
 def hash_of(case: Case) -> str:
-    """Return the hash of all that was drawn first: no record tells from what seed."""
+    """Return the hash of a case, which identifies its draw."""
     text = json.dumps(asdict(case), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""What a draw is made of, kept beside its cases so that they can be scored again: ``draw.json``."""
+"""Write and read ``draw.json``, the settings of a draw, so that it can be rescored."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ DOCUMENT = "draw.json"
 
 
 class Draw(TypedDict):
-    """A draw.
+    """Settings of a draw.
 
     Attributes:
-        draw: what its seed is made of: of the proof the hash of the commit that analyses it.
-        practice: whether it is another text.
-        cases: how many hide something.
-        nulls: how many more do not.
-        jobs: that were analysed at once.
+        draw: text from which the seed is derived: the hash of the commit under test.
+        practice: whether the text is not the hash of the commit.
+        cases: number of cases.
+        nulls: number of nulls.
+        jobs: number of parallel analyses.
     """
 
     draw: str
@@ -31,7 +31,7 @@ class Draw(TypedDict):
     jobs: int
 
 
-def keep_draw(request: Request) -> None:
+def write_draw(request: Request) -> None:
     """Write ``draw.json`` into the folder of the cases."""
     draw = Draw(
         draw=request.draw,
@@ -47,20 +47,20 @@ def read_draw(output: Path) -> Draw:
     """Read ``draw.json``.
 
     Raises:
-        InputError: there is none, or it cannot be read.
+        InputError: the file does not exist or cannot be read.
     """
     path = output / DOCUMENT
-    hint = "name the folder of a draw: output=DIR of the command that made it"
+    hint = "give the folder of a draw: the output=DIR of its command"
     try:
         known = json.loads(path.read_text(encoding="utf-8"))
         kinds = {"draw": str, "practice": bool, "cases": int, "nulls": int, "jobs": int}
-        sound = all(type(known[key]) is kind for key, kind in kinds.items())
+        is_valid = all(type(known[key]) is kind for key, kind in kinds.items())
     except OSError:
-        raise InputError("there is no draw here", where=str(path), hint=hint) from None
+        raise InputError("there is no draw in this folder", where=str(path), hint=hint) from None
     except (ValueError, TypeError, KeyError):
-        sound = False
-    if not sound or min(known["cases"], known["nulls"], known["jobs"] - 1) < 0:
-        raise InputError("this is no record of a draw", where=str(path), hint=hint)
+        is_valid = False
+    if not is_valid or min(known["cases"], known["nulls"], known["jobs"] - 1) < 0:
+        raise InputError("this file does not describe a draw", where=str(path), hint=hint)
     return Draw(
         draw=known["draw"],
         practice=known["practice"],
