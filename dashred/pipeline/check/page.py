@@ -47,7 +47,7 @@ class Page:
 
     def conclude(self) -> None:
         """Print what is to be done now."""
-        words = {"wrong": "wrong", "to do": "left to do", "doubtful": "doubtful"}
+        words = {"error": "wrong", "to do": "left to do", "warning": "doubtful"}
         parts = [f"{self.count[k]} {w} ({MARKS[k]})" for k, w in words.items() if self.count[k]]
         self._put(f"\n{', '.join(parts) or 'Nothing is doubtful'}.")
 
