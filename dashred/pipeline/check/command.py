@@ -25,7 +25,7 @@ def main(argv: list[str]) -> int:
     begin(config, page)
     _check_places(config)
     check(config, page)
-    return WRONG_INPUT if page.wrong or unfinished_lines(config) else DONE
+    return WRONG_INPUT if page.has_errors or unfinished_lines(config) else DONE
 
 
 def begin(config: Config, page: Page) -> None:
@@ -67,9 +67,8 @@ def check(config: Config, page: Page, recorded: Episodes | None = None) -> None:
     from dashred.pipeline.check.ensemble import about_ensemble, about_structure
     from dashred.pipeline.check.observability import about_observability, look
     from dashred.pipeline.check.recording import about_recording
-    from dashred.pipeline.check.run_time import about_run_time, about_snapshots_run_time
+    from dashred.pipeline.check.run_time import about_run_time
     from dashred.pipeline.check.simulator import about_simulator, run_nominal
-    from dashred.pipeline.check.snapshots import about_snapshots
     from dashred.pipeline.check.splits import about_splits
 
     torch.set_num_threads(1)

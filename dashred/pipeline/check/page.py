@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Iterable
 
-from dashred.pipeline.check.remark import Remark, plural
+from dashred.pipeline.check.remark import Remark
 
 MARKS = {"ok": " ", "warning": "?", "to do": "!", "error": "x"}
 WIDTH = 98
@@ -47,9 +47,7 @@ class Page:
 
     def conclude(self) -> None:
         """Print what is to be done now."""
-        words = {"error": "wrong", "to do": "left to do", "warning": "doubtful"}
-        parts = [f"{self.count[k]} {w} ({MARKS[k]})" for k, w in words.items() if self.count[k]]
-        self._put(f"\n{', '.join(parts) or 'Nothing is doubtful'}.")
+        self._put(f"\n{', '.join(parts) or 'No errors and no warnings'}.")
 
     @property
     def has_errors(self) -> bool:
