@@ -47,6 +47,7 @@ class Page:
 
     def conclude(self) -> None:
         """Print what is to be done now."""
+        parts = [f"{text} ({MARKS[kind]})" for kind, text in labels.items() if self.count[kind]]
         self._put(f"\n{', '.join(parts) or 'No errors and no warnings'}.")
 
     @property
