@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Iterable
 
-from dashred.pipeline.check.remark import Remark
+from dashred.pipeline.check.remark import Remark, plural
 
 MARKS = {"ok": " ", "warning": "?", "to do": "!", "error": "x"}
 WIDTH = 98
@@ -47,6 +47,11 @@ class Page:
 
     def conclude(self) -> None:
         """Print what is to be done now."""
+        labels = {
+            "error": plural(self.count["error"], "error"),
+            "to do": f"{self.count['to do']} left to do",
+            "warning": plural(self.count["warning"], "warning"),
+        }
         parts = [f"{text} ({MARKS[kind]})" for kind, text in labels.items() if self.count[kind]]
         self._put(f"\n{', '.join(parts) or 'No errors and no warnings'}.")
 
