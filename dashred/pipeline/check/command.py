@@ -30,10 +30,10 @@ def main(argv: list[str]) -> int:
 
 def begin(config: Config, page: Page) -> None:
     """Show what is checked, and what is left to do in its file."""
-    from dashred.pipeline.check.placeholders import left_to_do
+    from dashred.pipeline.check.placeholders import placeholder_remarks
 
     page.title(f"{config.system.title}: {config.where('')}")
-    page.section("Left to do", left_to_do(config))
+    page.section("Left to do", placeholder_remarks(config))
 
 
 def _check_places(config: Config) -> None:
@@ -62,20 +62,20 @@ def check(config: Config, page: Page, recorded: Episodes | None = None) -> None:
     import torch
 
     from dashred.core.threads import use_threads
-    from dashred.pipeline.check.agreement import about_agreement
+    from dashred.pipeline.check.agreement import agreement_remarks
     from dashred.pipeline.check.context import check_context
-    from dashred.pipeline.check.ensemble import about_ensemble, about_structure
-    from dashred.pipeline.check.observability import about_observability, look
-    from dashred.pipeline.check.recording import about_recording
-    from dashred.pipeline.check.run_time import about_run_time
-    from dashred.pipeline.check.simulator import about_simulator, run_nominal
-    from dashred.pipeline.check.splits import about_splits
+    from dashred.pipeline.check.ensemble import ensemble_remarks, structure_remarks
+    from dashred.pipeline.check.observability import linearised_observations, observability_remarks
+    from dashred.pipeline.check.recording import recording_remarks
+    from dashred.pipeline.check.run_time import run_time_remark
+    from dashred.pipeline.check.simulator import run_nominal, simulator_remarks
+    from dashred.pipeline.check.splits import splits_remarks
 
     torch.set_num_threads(1)
     use_threads(config.threads)
     situation = check_context(config, recorded)
-    page.section("Recording", about_recording(situation))
-    page.section("Splits", about_splits(situation))
+    page.section("Recording", recording_remarks(situation))
+    page.section("Splits", splits_remarks(situation))
     if config.system.snapshots is not None:
         assert context.problem is not None
         page.section("Snapshots", snapshots_remarks(context.problem))
@@ -83,10 +83,10 @@ def check(config: Config, page: Page, recorded: Episodes | None = None) -> None:
         page.conclude()
         return
     simulated = run_nominal(situation)
-    looks = (about_simulator, about_structure, about_ensemble)
+    looks = (simulator_remarks, structure_remarks, ensemble_remarks)
     page.section("Simulator", chain.from_iterable(about(situation, simulated) for about in looks))
-    seen = look(situation, simulated)
-    page.section("What the sensors can see", about_observability(situation, seen))
-    page.section("Simulator and recording", about_agreement(situation, simulated, seen))
-    page.section("A run", [about_run_time(situation, simulated, seen)])
+    seen = linearised_observations(situation, simulated)
+    page.section("What the sensors can see", observability_remarks(situation, seen))
+    page.section("Simulator and recording", agreement_remarks(situation, simulated, seen))
+    page.section("A run", [run_time_remark(situation, simulated, seen)])
     page.conclude()
