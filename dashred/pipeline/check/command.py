@@ -63,7 +63,7 @@ def check(config: Config, page: Page, recorded: Episodes | None = None) -> None:
 
     from dashred.core.threads import use_threads
     from dashred.pipeline.check.agreement import agreement_remarks
-    from dashred.pipeline.check.context import check_context
+    from dashred.pipeline.check.context import build_check_context
     from dashred.pipeline.check.ensemble import ensemble_remarks, structure_remarks
     from dashred.pipeline.check.observability import linearised_observations, observability_remarks
     from dashred.pipeline.check.recording import recording_remarks
@@ -73,7 +73,7 @@ def check(config: Config, page: Page, recorded: Episodes | None = None) -> None:
 
     torch.set_num_threads(1)
     use_threads(config.threads)
-    situation = check_context(config, recorded)
+    situation = build_check_context(config, recorded)
     page.section("Recording", recording_remarks(situation))
     page.section("Splits", splits_remarks(situation))
     if config.system.snapshots is not None:

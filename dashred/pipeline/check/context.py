@@ -74,7 +74,7 @@ class CheckContext:
         return torch.tensor([share * sizes[s.reads] for s in self.sensors], dtype=torch.float64)
 
 
-def check_context(config: Config, recorded: Episodes | None = None) -> CheckContext:
+def build_check_context(config: Config, recorded: Episodes | None = None) -> CheckContext:
     """Read what there is.
 
     Args:

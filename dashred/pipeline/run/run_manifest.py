@@ -64,7 +64,7 @@ def code_sha256() -> str:
     return digest.hexdigest()
 
 
-def begin(folder: Path, config: Config, began: dict[str, str]) -> None:
+def write_manifest(folder: Path, config: Config, manifest: dict[str, str]) -> None:
     """Note what an attempt begins with, in the folder of its checkpoints."""
     values = deepcopy(config.written)
     for key in OUTPUT_SECTIONS:
