@@ -102,7 +102,7 @@ def read_twin(config: Config) -> Twin:
     Raises:
         InputError: the file or the twin does not exist, or the entry is malformed.
     """
-    name, (_, label) = str(config.recording.twin), _path_and_label(config)
+    name, (_, label) = str(config.recording.twin), _place(config)
     return parse_twin(name, read_entry(config, name), label, config)
 
 
