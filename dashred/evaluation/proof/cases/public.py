@@ -116,14 +116,12 @@ def _write_recording(recording: Recording, path: Path, table: Path) -> None:
             writer.writerow([sensor.name, sensor.reads, *place, f"{sensor.std:.{DIGITS}g}"])
 
 
-def _write_config(concealed: Concealed, folder: Path, name: str) -> None:
+def _write_config(case_truth: CaseTruth, folder: Path, name: str) -> None:
     """Write the system's own configuration, with this recording."""
-    config = concealed.config
+    config = case_truth.config
     assert config.source is not None
     values, every = deepcopy(config.written), config.recording.every
     values["recording"] = {"path": f"{name}.csv", "sensors": f"{name}-sensors.csv", "every": every}
     body = yaml.safe_dump(values, sort_keys=False, allow_unicode=True, width=96)
-    header = (
-        f"# conf/{config.source.name} with a recording whose truth nobody tells; see {HASHES}.\n"
-    )
+    header = f"# conf/{config.source.name} with a recording whose truth is not published; see {HASHES}.\n"
     (folder / f"{name}.yaml").write_text(header + body, encoding="utf-8")
