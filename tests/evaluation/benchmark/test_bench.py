@@ -276,7 +276,7 @@ def test_every_row_is_run_once_with_its_own_words(stub: Stub, capsys: Any) -> No
     assert "4 rows, 0 of them already finished" in out and "[4/4]" in out
     assert stub.bench(*words) == 0
     assert stub.started() == []
-    assert "4 rows, 4 of them done already" in capsys.readouterr().out
+    assert "4 rows, 4 of them already finished" in capsys.readouterr().out
     assert stub.bench(*words[:-1]) == 0
     assert len(stub.started()) == 4
 
@@ -500,5 +500,5 @@ def test_the_page_has_as_many_cells_in_every_line() -> None:
 def test_rows_of_several_commits_are_pointed_out() -> None:
     assert not any("Warning" in note for note in notes(SOME))
     mixed = " ".join(notes([*SOME, record(git_commit="89ab+")]))
-    assert "Warning: these rows were made by 2 versions of the code: 0123abc, 89ab+" in mixed
-    assert "not committed" in mixed
+    assert "Warning: these rows were run by 2 versions of the code: 0123abc, 89ab+" in mixed
+    assert "uncommitted" in mixed

@@ -186,7 +186,7 @@ def test_ambiguous_findings_that_list_the_truth_are_counted(tmp_path: Path) -> N
 def test_rows_of_several_commits_are_warned_of_above_the_tables(tmp_path: Path) -> None:
     write_results([*ROWS, replace(ROWS[0], git_commit="89ab")], tmp_path / "results.md")
     text = (tmp_path / "results.md").read_text()
-    assert "Warning: these rows were made by 2 versions of the code: 0123abc, 89ab" in text
+    assert "Warning: these rows were run by 2 versions of the code: 0123abc, 89ab" in text
     assert text.index("Warning") < text.index("| ---")
 
 

@@ -61,7 +61,7 @@ def test_scores_have_a_bar_and_a_count_for_each_class_that_there_is() -> None:
     records = [case(kind="box"), wrong(kind="box"), case(kind="fault"), null()]
     figure = scores_figure(records)
     names = [label.get_text() for label in figure.axes[0].get_yticklabels()]
-    assert names == ["all cases", "a faulty sensor", "a term in a region", "nulls, apart"]
+    assert names == ["all cases", "a faulty sensor", "a term in a region", "nulls, separately"]
     counts = [text for text in texts(figure) if "/" in text]
     assert counts == ["2/3", "1/1", "1/2", "1/1"]
 

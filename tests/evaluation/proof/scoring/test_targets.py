@@ -72,20 +72,20 @@ FLIPS: list[tuple[str, list[CaseRecord], CaseRecord]] = [
     ("start, sensor fault", [*NAMED, wrong(kind="fault")], wrong(kind="numerics")),
     ("false alarms", [null()] * 97 + [null(right=False)] * 3, null(right=False)),
     ("region", [case(region=region(overlap=0.9))], case(region=region(overlap=0.7))),
-    ("map's peak", [case(peak_inside=True)] * 17 + [OFF_PEAK] * 3, OFF_PEAK),
+    ("peak of the map", [case(peak_inside=True)] * 17 + [OFF_PEAK] * 3, OFF_PEAK),
     ("onset", [case(region=region(onset=0.05))], case(region=region(onset=0.06))),
     ("threshold", NEAR, case(region=region(threshold=0.2, threshold_z=2.5))),
     ("hidden field", [case(kind="hidden")] * 9 + [ELSEWHERE], ELSEWHERE),
     ("coefficients within", [ROUGH], case(coefficients=[coefficient(found=-0.16)])),
     ("error of coefficients", [SURE], case(coefficients=[coefficient(found=-0.16)] * 30)),
     ("95 % intervals", [SURE] * 9 + [SHAKY], SHAKY),
-    ("outside of the library", [case(kind="outside")] * 17 + [INSIDE] * 3, INSIDE),
+    ("outside the library", [case(kind="outside")] * 17 + [INSIDE] * 3, INSIDE),
     ("reported as outside", [GOOD] * 49 + [OUTSIDE], OUTSIDE),
     ("gain at test sensors, ", [gained(3.0, None)], gained(1.5, 99.0)),
     ("gain at test sensors over", [gained(6.0, None)], gained(3.0, 99.0)),
     ("gain of the forecast, ", [gained(0.1, 6.0)], gained(9.0, 2.0)),
     ("gain of the forecast over", [gained(1.0, 11.0)], gained(9.0, 2.0)),
-    ("worse on noisy", [case(noisy_test=0.02)] * 50, case(noisy_test=0.03)),
+    ("largest increase of the error on noisy", [case(noisy_test=0.02)] * 50, case(noisy_test=0.03)),
     ("seconds", [case(seconds=90.0)] * 3, case(seconds=91.0)),
 ]
 
@@ -137,7 +137,7 @@ def test_what_could_have_been_found_and_was_not_counts_as_missed() -> None:
     found = measured("region", [case(kind="box"), lost, cast(CaseRecord, blurred)])
     note = "2 of 3 cases lack it, 1 of which count as missed"
     assert (found.value, found.n, found.note) == (0.48, 2, note)
-    assert measured("map's peak", [case(kind="box"), lost]).value == Rate(1, 2)
+    assert measured("peak of the map", [case(kind="box"), lost]).value == Rate(1, 2)
     for name, kind in (("onset", "onset"), ("threshold", "gate")):
         unfound = case(kind=kind, region=region())
         assert measured(name, [case(kind=kind), unfound]).value == Rate(1, 2)
@@ -161,19 +161,19 @@ def test_what_has_not_converged_is_no_failure_of_the_search_and_yet_not_decided(
 
 def test_what_the_library_imitates_is_no_case_of_outside() -> None:
     near = wrong(kind="outside", oracle=oracle(over_library=20.0))
-    assert measured("outside of the library", [near]).n == 0
+    assert measured("outside the library", [near]).n == 0
 
 
 def test_the_worst_class_and_the_worst_case_are_named() -> None:
     blurred = case(kind="masked", oracle=oracle(decidable=False))
     found = measured("undecidable", [case(), case(), blurred])
-    assert (found.value, found.note) == (Rate(1, 1), "the worst class: outside, masked")
+    assert (found.value, found.note) == (Rate(1, 1), "worst class: outside, masked")
     # A class of enough cases is judged by itself.
     many = [case(kind="gate")] * 20 + [case(kind="gate", oracle=oracle(decidable=False))] * 10
     found = measured("undecidable", [*many, case(kind="box")])
-    assert (found.value, found.note) == (Rate(10, 30), f"the worst class: {KINDS['gate']}")
-    worst = measured("worse on noisy", [case(3), null(8, noisy_test=0.5)])
-    assert (worst.value, worst.note) == (0.5, "the worst: null 8")
+    assert (found.value, found.note) == (Rate(10, 30), f"worst class: {KINDS['gate']}")
+    worst = measured("largest increase of the error on noisy", [case(3), null(8, noisy_test=0.5)])
+    assert (worst.value, worst.note) == (0.5, "worst: null 8")
 
 
 def test_the_leading_cause_may_be_right_where_the_verdict_is_open() -> None:
@@ -189,16 +189,16 @@ def test_the_leading_cause_may_be_right_where_the_verdict_is_open() -> None:
     [
         (wrong(), "wrong and unflagged"),
         (wrong(flagged=True), "wrong, flagged"),
-        (case(right=False, flagged=True), "left open, the truth listed"),
+        (case(right=False, flagged=True), "ambiguous, truth listed"),
         (case(exact=False), "not the exact form"),
-        (dead(), "died: exit code -9"),
-        (case(oracle=oracle(lost=7.25)), "search failure: the true form is better by 7.25"),
-        (case(noisy_test=0.031), "noisy test data worse by 3.1 %"),
-        (case(kind="hidden", equation_right=False), "not the hidden field's equation"),
-        (case(kind="box", peak_inside=False), "the map's peak lies elsewhere"),
-        (case(region=region(onset=0.2)), "the onset is off"),
-        (case(region=region(threshold=0.2)), "the threshold is off"),
-        (case(coefficients=[coefficient(found=-0.3)]), "the coefficient of u: u**2 is off"),
+        (dead(), "failed: exit code -9"),
+        (case(oracle=oracle(lost=7.25)), "search failure: the true form scores better by 7.25"),
+        (case(noisy_test=0.031), "error on noisy test data larger by 3.1 %"),
+        (case(kind="hidden", equation_right=False), "wrong equation of the hidden field"),
+        (case(kind="box", peak_inside=False), "the peak of the map is outside the region"),
+        (case(region=region(onset=0.2)), "the onset is wrong"),
+        (case(region=region(threshold=0.2)), "the threshold is wrong"),
+        (case(coefficients=[coefficient(found=-0.3)]), "the coefficient of u: u**2 is wrong"),
     ],
 )
 def test_what_a_case_falls_short_in_is_said(record: CaseRecord, words: str) -> None:
