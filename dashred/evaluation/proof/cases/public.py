@@ -123,6 +123,8 @@ def _write_config(case_truth: CaseTruth, folder: Path, name: str) -> None:
     values, every = deepcopy(config.written), config.recording.every
     values["recording"] = {"path": f"{name}.csv", "sensors": f"{name}-sensors.csv", "every": every}
     body = yaml.safe_dump(values, sort_keys=False, allow_unicode=True, width=96)
-        f"# conf/{config.source.name} with a recording whose truth is not published;"
-        f" see {HASHES}.\n"
+    header = (
+        f"# conf/{config.source.name} with a recording whose truth is not published; "
+        f"see {HASHES}.\n"
+    )
     (folder / f"{name}.yaml").write_text(header + body, encoding="utf-8")
