@@ -128,6 +128,6 @@ def analyse_equations(config: Config) -> Path:
 
         seconds["in all"] = time.perf_counter() - clock + kept.earlier
         log_result(run, config, findings, output)
-        provenance.write_record(run, output, findings, figures, seconds, config_sha256(config))
+        provenance.finish(run, output, findings, figures, seconds, config_sha256(config))
         remove_checkpoints(folder, output)
     return output

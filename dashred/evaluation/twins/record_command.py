@@ -60,7 +60,7 @@ def record_twin(config: Config) -> tuple[Recording, Truth, System]:
     from dashred.core.progress import stage
     from dashred.core.threads import use_threads
     from dashred.data.inputs import drive_signals, with_inputs
-    from dashred.evaluation.twins.recorder import observe, simulate_truth
+    from dashred.evaluation.twins.recorder import observe, simulate_truth, truth_times
     from dashred.evaluation.twins.sealing import Truth
     from dashred.evaluation.twins.twin_file import read_twin
     from dashred.physics.system import System

@@ -53,7 +53,7 @@ def _of_equations(posed: Problem, seconds: dict[str, float]) -> Result:
     posed = simulated.problem
     if simulated.ensemble is None:
         return _unresolved(
-            posed, verification.refuse_unresolved(posed, simulated.resolution), seconds
+            posed, verification.unresolved_findings(posed, simulated.resolution), seconds
         )
     analysis = equations.discover(
         simulated, simulated.ensemble, NullTracker(), NoCheckpoints(), seconds

@@ -67,26 +67,27 @@ def check(config: Config, page: Page, recorded: Episodes | None = None) -> None:
     from dashred.pipeline.check.ensemble import ensemble_remarks, structure_remarks
     from dashred.pipeline.check.observability import linearised_observations, observability_remarks
     from dashred.pipeline.check.recording import recording_remarks
-    from dashred.pipeline.check.run_time import run_time_remark
+    from dashred.pipeline.check.run_time import run_time_remark, snapshots_run_time_remark
     from dashred.pipeline.check.simulator import run_nominal, simulator_remarks
+    from dashred.pipeline.check.snapshots import snapshots_remarks
     from dashred.pipeline.check.splits import splits_remarks
 
     torch.set_num_threads(1)
     use_threads(config.threads)
-    situation = build_check_context(config, recorded)
-    page.section("Recording", recording_remarks(situation))
-    page.section("Splits", splits_remarks(situation))
+    context = build_check_context(config, recorded)
+    page.section("Recording", recording_remarks(context))
+    page.section("Splits", splits_remarks(context))
     if config.system.snapshots is not None:
         assert context.problem is not None
         page.section("Snapshots", snapshots_remarks(context.problem))
         page.section("Run time", [snapshots_run_time_remark(config)])
         page.conclude()
         return
-    simulated = run_nominal(situation)
+    simulated = run_nominal(context)
     looks = (simulator_remarks, structure_remarks, ensemble_remarks)
-    page.section("Simulator", chain.from_iterable(about(situation, simulated) for about in looks))
-    seen = linearised_observations(situation, simulated)
-    page.section("What the sensors can see", observability_remarks(situation, seen))
-    page.section("Simulator and recording", agreement_remarks(situation, simulated, seen))
-    page.section("A run", [run_time_remark(situation, simulated, seen)])
+    page.section("Simulator", chain.from_iterable(about(context, simulated) for about in looks))
+    seen = linearised_observations(context, simulated)
+    page.section("What the sensors can see", observability_remarks(context, seen))
+    page.section("Simulator and recording", agreement_remarks(context, simulated, seen))
+    page.section("A run", [run_time_remark(context, simulated, seen)])
     page.conclude()

@@ -55,16 +55,16 @@ UNREADABLE = (OSError, EOFError, RuntimeError, KeyError, pickle.UnpicklingError)
 class Stages(Protocol):
     """Runs the stages of an analysis."""
 
-    def stage(self, name: str, find: Callable[[], Found]) -> Found:
+    def stage(self, name: str, compute: Callable[[], Result]) -> Result:
         """Return what a stage finds."""
 
 
 class NoCheckpoints:
     """Runs every stage, and keeps nothing of it."""
 
-    def stage(self, name: str, find: Callable[[], Found]) -> Found:
+    def stage(self, name: str, compute: Callable[[], Result]) -> Result:
         """Return what a stage finds now."""
-        return find()
+        return compute()
 
 
 class Checkpoints:
@@ -93,7 +93,7 @@ class Checkpoints:
             say(f"  {name:<28} found before the interruption")
             return _restored(kept["found"])
         before, began = dict(self.seconds), time.perf_counter()
-        found = find()
+        found = compute()
         took = time.perf_counter() - began
         mine = {title: s for title, s in self.seconds.items() if before.get(title) != s}
         kept = {"found": _plain(found), "seconds": mine, "took": took, "code": code}

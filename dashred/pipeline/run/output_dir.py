@@ -54,7 +54,7 @@ def check_output(config: Config) -> None:
     if not is_server(config.tracking.root):
         _check_possible(config.tracking.root, "choose another folder: tracking.root=DIR")
     if config.output:
-        _check_possible(config.output, ANOTHER)
+        _check_possible(config.output, HINT)
         check_ours(Path(config.output), _inputs(config), config.output)
 
 
@@ -85,10 +85,10 @@ def check_ours(folder: Path, inputs: Sequence[Path], where: str) -> None:
     for path in taken:
         if any(path.samefile(given) for given in inputs if given.exists()):
             what = f"a run would write its {path.name} over the one that it is to read"
-            raise InputError(what, where=where, hint=ANOTHER)
+            raise InputError(what, where=where, hint=HINT)
     if taken and not any((folder / mark).is_file() for mark in (FREEZE, POINTER)):
         what = f"{taken[0].name} is there, not from a run of dashred, and a run would replace it"
-        raise InputError(what, where=where, hint=ANOTHER)
+        raise InputError(what, where=where, hint=HINT)
 
 
 def make_output(path: str) -> Path:

@@ -29,7 +29,7 @@ def read_snapshots(posed: Problem, seconds: dict[str, float]) -> tuple[Problem, 
         InputError: the input is wrong.
     """
     runs = snapshot_runs.read_runs(posed, seconds)
-    return keep_identifiable_terms(posed, runs.some, float(posed.times[0])), runs
+    return keep_identifiable_terms(posed, runs.sample_states, float(posed.times[0])), runs
 
 
 def discover(
@@ -72,8 +72,8 @@ def analyse_snapshots(config: Config) -> Path:
         black_box_findings.write(posed, analysis, findings, output)
         figures = black_box_report.report(posed, analysis, findings, output, seconds)
 
-        seconds["in all"] = time.perf_counter() - clock + checkpoints.earlier
+        seconds["in all"] = time.perf_counter() - clock + kept.earlier
         log_result(run, config, findings, output)
-        provenance.write_record(run, output, findings, figures, seconds, config_sha256(config))
+        provenance.finish(run, output, findings, figures, seconds, config_sha256(config))
         remove_checkpoints(folder, output)
     return output

@@ -139,7 +139,7 @@ def estimates_dataset(problem: Problem, analysis: Analysis) -> xr.Dataset:
     fields = []
     for episode, part in analysis.episodes(problem):
         count = len(episode.split.fit.times)
-        fields.append((episode, episode.times[:count], mine.estimates(count)))
+        fields.append((episode, episode.times[:count], part.estimates(count)))
     return episodes_dataset(fields)
 
 
@@ -150,8 +150,8 @@ def forecast_dataset(problem: Problem, analysis: Analysis) -> xr.Dataset:
     forecasts = []
     for episode, run in runs:
         ahead = slice(run.recorded, len(run.times))
-        beyond.append((episode, run.times[ahead], run.over(ahead)))
-    return episodes_dataset(beyond)
+        forecasts.append((episode, run.times[ahead], run.over(ahead)))
+    return episodes_dataset(forecasts)
 
 
 def freeze_findings(output: Path, findings: Findings, others: list[str]) -> None:

@@ -116,9 +116,9 @@ def _write_recording(recording: Recording, path: Path, table: Path) -> None:
             writer.writerow([sensor.name, sensor.reads, *place, f"{sensor.std:.{DIGITS}g}"])
 
 
-def _write_config(concealed: Concealed, folder: Path, name: str) -> None:
+def _write_config(truth: CaseTruth, folder: Path, name: str) -> None:
     """Write the system's own configuration, with this recording."""
-    config = concealed.config
+    config = truth.config
     assert config.source is not None
     values, every = deepcopy(config.written), config.recording.every
     values["recording"] = {"path": f"{name}.csv", "sensors": f"{name}-sensors.csv", "every": every}
