@@ -14,21 +14,21 @@ class Check:
 
     Attributes:
         text: every remark, by section.
-        wrong: count of remarks on what a run would refuse.
+        errors: count of remarks on what a run would refuse.
         left_to_do: count of lines that are still to be filled in.
-        doubtful: count of remarks to look at before a run is trusted.
+        warnings: count of remarks to look at before a run is trusted.
     """
 
     text: str
-    wrong: int
+    errors: int
     left_to_do: int
-    doubtful: int
+    warnings: int
 
     @classmethod
     def of(cls, page: Page) -> Check:
         """Take it from what a check has shown."""
         count = page.count
-        return cls("\n".join(page.lines), count["wrong"], count["to do"], count["doubtful"])
+        return cls("\n".join(page.lines), count["error"], count["to do"], count["warning"])
 
     def __str__(self) -> str:
         """Every remark, by section."""

@@ -85,7 +85,7 @@ def test_a_wrong_equation_names_its_place_in_the_dict() -> None:
 def test_the_check_is_the_command_s(quick: Path, recorded: xr.Dataset) -> None:
     check = dashred.Problem.from_yaml(quick, recording=recorded).check()
     assert "41 samples of 6 sensors" in str(check) and repr(check) == str(check)
-    assert (check.wrong, check.left_to_do) == (0, 0) and check.doubtful > 0
+    assert (check.errors, check.left_to_do) == (0, 0) and check.warnings > 0
     assert check._repr_html_().startswith("<pre>Burgers")
 
 
