@@ -22,10 +22,11 @@ test: $(READY)  ## the fast tests
 test-all: $(READY)  ## the slow tests too
 	$(BIN)/python -m pytest -n auto
 
-lint: $(READY)  ## style, format, types
+lint: $(READY)  ## style, format, types, layers
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
 
 docs: $(READY)  ## the documentation as a site, in build/site
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
