@@ -25,7 +25,7 @@ MAX_BYTES = 2**28
 # Column separators of tables that are almost CSV.
 SEPARATORS = ";\t "
 NUMBER = re.compile(r"[+-]?\d+(\.\d*)?")
-SECONDS_AS_NUMBERS = "write times as numbers: seconds (or another unit) since the start, as 0.25"
+SECONDS_AS_NUMBERS = "write times as numbers, for example seconds since the start: 0.25"
 # 2024-05-17, 17.05.24, 5/17/2024, 12:30.
 DATE = re.compile(r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}|\d{1,2}:\d{2}")
 

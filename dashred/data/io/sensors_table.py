@@ -36,7 +36,7 @@ def read_sensors(
     axes = [axis.name for axis in system.axes]
     _check_columns(table, axes)
     if not len(table):
-        raise InputError("the table names no sensor", where=table.path)
+        raise InputError("the table has no sensors", where=table.path)
     names = table.texts("name")
     check_names(names, table.path)
     positions = [table.numbers(axis) for axis in axes]

@@ -124,7 +124,7 @@ def _of_places(table: Table) -> Guessed:
         problem = f"{len(coordinates)} coordinates, {', '.join(coordinates)}: 2 are the most"
         raise InputError(problem, where=table.path)
     if not table.rows:
-        raise InputError("the table names no sensor", where=table.path)
+        raise InputError("the table has no sensors", where=table.path)
     fields = tuple(dict.fromkeys(table.texts("field")))
     _check_names((*coordinates, *fields), "name", table.path)
     for field in fields:
