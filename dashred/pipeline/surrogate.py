@@ -1,4 +1,7 @@
-"""The corrected surrogate: SHRED retrained on the corrected simulator (design §4.4)."""
+"""The corrected surrogate: SHRED retrained on the corrected simulator.
+
+See docs/method.md#corrected-surrogate.
+"""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ def first_samples(objective: LeastSquaresProblem) -> int:
 
 
 def fit_first_window(objective: LeastSquaresProblem, trace_std: Tensor) -> Fitted:
-    """Fit the start alone to the first samples, from coarse to fine (design §4.2.4).
+    """Fit the start alone to the first samples, from coarse to fine (docs/method.md#first-window).
 
     Args:
         objective: F over the whole record.

@@ -1,7 +1,8 @@
 """Walk the fit from the first samples to the whole record: a growing horizon.
 
 Over a long stretch the misfit of a wrong start has countless false minima; over a short one
-it has none, and its solution is a good beginning for a slightly longer one (design §4.2.2-3).
+it has none, and its solution is a good beginning for a slightly longer one
+(docs/method.md#growing-horizon).
 """
 
 from __future__ import annotations

@@ -146,7 +146,8 @@ def posterior(
 ) -> Law:
     """Return the law at a minimum of F, its covariance from the Hessian.
 
-    ``cov = (JᵀWᵀWJ + P)⁻¹`` over the start and the law's own coefficients (design §4.2.7).
+    ``cov = (JᵀWᵀWJ + P)⁻¹`` over the start and the law's own coefficients
+    (docs/method.md#error-bars).
 
     Args:
         objective: F.

@@ -1,6 +1,7 @@
 """What every fit minimises, and its normal equations about a point.
 
-Regularised least squares through the simulator, in the unknowns ``φ = (z, ξ)`` (design §4.2)::
+Regularised least squares through the simulator, in the unknowns ``φ = (z, ξ)``
+(docs/method.md#fit-through-the-simulator)::
 
     F(φ) = ‖W(H S(φ) - y)‖² + ‖z‖² + ‖ξ/d‖²
 """

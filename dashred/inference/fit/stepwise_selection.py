@@ -108,7 +108,10 @@ def polish(
 
 
 def penalty(objective: LeastSquaresProblem) -> float:
-    """Return the cost of one candidate more: ``ln n + 2 ln p`` (design §4.2.5)."""
+    """Return the cost of one candidate more: ``ln n + 2 ln p``.
+
+    See docs/method.md#selection-of-the-law.
+    """
     candidates = len(objective.prior_std)
     return math.log(objective.noise.effective_count) + 2 * math.log(candidates)
 

@@ -172,7 +172,7 @@ def stable_limit(system: System, terms: Sequence[Term]) -> float:
     """Return the |ξ| at which the fastest mode of ``ξ θ`` grows e-fold within a step.
 
     Only of what is linear in it: at fourth order the natural scale lies far above it, and the first
-    trial would blow up (design §4.2.3).
+    trial would blow up (docs/method.md#scales-and-priors).
 
     Args:
         system: the simulator.

@@ -54,7 +54,7 @@ class Places(NamedTuple):
 
 @dataclass(frozen=True)
 class ForwardModel:
-    """``(z, ξ) → y`` and its derivative (design §4.2).
+    """``(z, ξ) → y`` and its derivative (docs/method.md#fit-through-the-simulator).
 
     Attributes:
         simulator: N, of every episode.

@@ -1,7 +1,7 @@
 """What a law leaves unexplained: a free forcing, as large as the evidence allows.
 
 Of all models it can imitate any other, and so it says two things: how good a law could be at
-best, and near which trajectory to look for one (design §4.3.5-6).
+best, and near which trajectory to look for one (docs/method.md#free-forcing).
 """
 
 from __future__ import annotations

@@ -11,9 +11,10 @@ from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.forcing_map import ForcingMap
 
-# Evidence that a free forcing has to gain for something to be missing (design §4.3.8).
+# Evidence that a free forcing has to gain for something to be missing
+# (docs/method.md#repeated-screening).
 MISSING = 4.0
-# A rival within this of the best is as good as the best (design §4.2.6).
+# A rival within this of the best is as good as the best (docs/method.md#ambiguity-and-convergence).
 AMBIGUOUS = 6.0
 
 

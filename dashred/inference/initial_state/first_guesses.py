@@ -1,6 +1,7 @@
 """First guesses of the start: the state at a recording's first sample, from several sources.
 
-A fit begins from each and the validation sensors choose (design §4.2). ``prior`` is right
+A fit begins from each and the validation sensors choose
+(docs/method.md#first-guesses). ``prior`` is right
 where the recording begins as the simulator would; where a front stands at a phase that nobody
 knows, only the others are: ``blue``, ``filter`` and ``dashred``.
 """

@@ -14,7 +14,9 @@ PROJECTIONS, DIFFERENCE = 4, 1e-5
 
 
 class StartModel(Protocol):
-    """A prior on starts: ``u₀ = start(z)`` with z ~ N(0, I) (design §4.2).
+    """A prior on starts: ``u₀ = start(z)`` with z ~ N(0, I).
+
+    See docs/method.md#fit-through-the-simulator.
 
     A fit looks for z, so the model is both the first guess (z = 0) and its scale.
     :class:`dashred.physics.runs.initial_state_prior.StartPrior` is one, and it is not affine.

@@ -25,7 +25,7 @@ def compressed_search(
     """Algorithm 1: explain what the simulator's forecast of each step misses, in the latent.
 
     ``E(û_t) - E(ũ⁰_t) ≈ Σ_j ξ_j ∂E(ũ_t)/∂ξ_j`` with ``ũ⁰_t = Φ_Δt(û_{t-Δt})``
-    (Bao & Kutz 2025, Algorithm 1; design §4.0).
+    (Bao & Kutz 2025, Algorithm 1; docs/method.md#latent-sindy).
 
     Args:
         encoder: E, with the history of ``fields``.

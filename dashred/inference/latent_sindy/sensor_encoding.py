@@ -17,7 +17,7 @@ Encode = Callable[[Float[Tensor, "batch lag sensor"]], Float[Tensor, "batch late
 class HistoryEncoder:
     """``E(v_t)``: the latent of a reconstructed field's history with ``v_t`` as its last sample.
 
-    See design §4.0.
+    See docs/method.md#latent-sindy.
 
     Args:
         encode: G or G_R, from windows to the latent, in float64.

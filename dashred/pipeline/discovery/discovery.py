@@ -55,7 +55,10 @@ def discover(
     run: RunTracker,
     seconds: dict[str, float],
 ) -> Discovery:
-    """Guess the start, walk the horizon, select, and fit to the end (design §4.2)."""
+    """Guess the start, walk the horizon, select, and fit to the end.
+
+    See docs/method.md#fit-through-the-simulator.
+    """
     candidates = build_candidates(problem.system, problem.library, nominal.states, problem.times)
     proposals = _proposals(problem, candidates, found)
     with run.child("discover") as child:

@@ -108,7 +108,8 @@ def build_least_squares(
         simulator: with at least these candidates in reach.
         start: where it is looked for.
         candidates: what may be missing.
-        prior: std of each coefficient, in units of its natural scale (design §4.2.3).
+        prior: std of each coefficient, in units of its natural scale
+        (docs/method.md#scales-and-priors).
     """
     episodes = problem.episodes
     sensors = SensorBlock(problem.operator(problem.split.fit), len(episodes))

@@ -1,6 +1,7 @@
 """Weigh the law that was found against other causes: a sensor, the start, a law somewhere only.
 
-Every explanation is fitted with its own start and compared by the same score (design §4.3).
+Every explanation is fitted with its own start and compared by the same score
+(docs/method.md#comparison-of-hypotheses).
 """
 
 from __future__ import annotations

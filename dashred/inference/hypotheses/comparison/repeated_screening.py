@@ -1,4 +1,7 @@
-"""Screen again on top of the best law, while a free forcing still gains there (design §4.3.8)."""
+"""Screen again on top of the best law, while a free forcing still gains there.
+
+See docs/method.md#repeated-screening.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,8 @@ def repeat_screening(
     """Screen, and screen again about the best law's trajectory while a free forcing gains there.
 
     A law that is nearly right, under a forcing, comes nearer to the truth than a forcing alone,
-    which is as coarse as its cells (design §4.3.8). So about one in a window terms are screened
+    which is as coarse as its cells
+    (docs/method.md#repeated-screening). So about one in a window terms are screened
     again in any case.
 
     Args:

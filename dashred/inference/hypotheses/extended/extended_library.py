@@ -1,4 +1,7 @@
-"""Laws one step beyond the library, for recordings that no law of it explains (design §4.3.8)."""
+"""Laws one step beyond the library, for recordings that no law of it explains.
+
+See docs/method.md#extended-library.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 """Which sensor is at fault, and how: bias, drift, stuck, spikes, or not where it is said to be.
 
 A faulty sensor pulls the fit towards itself, so each is judged by the others: the start is fitted
-without it, on the linearised problem, and its fault read off what then remains (design §4.3.4).
+without it, on the linearised problem, and its fault read off what then remains
+(docs/method.md#sensor-faults).
 """
 
 from __future__ import annotations

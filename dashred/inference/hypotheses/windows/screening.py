@@ -2,7 +2,7 @@
 
 The columns are taken about a trajectory that a free forcing, or a law under one, has brought to the
 recording, with forcing and law taken out: about the uncorrected trajectory a large mismatch
-misleads (design §4.3.6).
+misleads (docs/method.md#screening).
 """
 
 from __future__ import annotations

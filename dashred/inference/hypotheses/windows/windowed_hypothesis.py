@@ -55,7 +55,7 @@ class Hypothesis:
         return self.guess.shape.kind if self.guess else f"{len(self.global_terms)} everywhere"
 
     def penalty(self, samples: float, candidates: int, windows: int) -> float:
-        """Return what its freedom costs, beside its priors (design §4.3.7).
+        """Return what its freedom costs, beside its priors (docs/method.md#windows).
 
         Args:
             samples: n, the effective number.

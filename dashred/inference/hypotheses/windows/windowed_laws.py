@@ -1,7 +1,7 @@
 """Fit the laws that screening finds: single terms with windows, and pairs that act everywhere.
 
 Successive halving: all that screen well get a few steps, the best of these are fitted to the end,
-edges, widths and all (design §4.3.7).
+edges, widths and all (docs/method.md#windows).
 """
 
 from __future__ import annotations
