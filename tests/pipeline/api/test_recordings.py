@@ -62,7 +62,7 @@ Change = Callable[[xr.Dataset], Any]
     [
         (lambda ds: ds.drop_vars("time"), "recording: the recording has no variable 'time'"),
         (lambda ds: ds.drop_vars("value"), "has no variable 'value'"),
-        (lambda ds: ds.transpose(), r"recording: 'value' has the dimensions \(sensor, time\), not"),
+        (lambda ds: ds.transpose(), r"recording: 'value' has the dimensions \(sensor, time\) instead of"),
         (lambda ds: ds.assign(value=ds["value"].astype(object)), "its dtype is object"),
         (
             lambda ds: ds.assign_coords(time=pd.date_range("2020", periods=41)),
@@ -72,7 +72,7 @@ Change = Callable[[xr.Dataset], Any]
             lambda ds: ds.assign_coords(time=np.r_[ds["time"][:-1], np.nan]),
             "recording, sample 41, 'time': the time is missing",
         ),
-        (lambda ds: ds.assign_coords(time=np.r_[ds["time"][:-1], 0.0]), "time goes back"),
+        (lambda ds: ds.assign_coords(time=np.r_[ds["time"][:-1], 0.0]), "time decreases"),
         (
             lambda ds: ds.assign_coords(name=("sensor", ["s1"] * 6)),
             "recording: 's1' occurs twice",
@@ -125,7 +125,7 @@ FrameChange = Callable[[pd.DataFrame], Any]
             lambda df: df.assign(time=df["time"].where(df.index != 3)),
             r"recording.iloc\[3\], column 'time': the time is missing",
         ),
-        (lambda df: df.assign(time=df["time"].to_numpy()[::-1]), r"iloc\[1\].*time goes back"),
+        (lambda df: df.assign(time=df["time"].to_numpy()[::-1]), r"iloc\[1\].*time decreases"),
         (lambda df: pd.concat([df, df[["theta"]]], axis=1), "'theta' occurs twice"),
         (lambda df: df.rename(columns={"theta": "theta [deg]"}), "sensor 'theta' is in deg"),
         (lambda df: df.rename(columns={"theta": "thet"}), "(.|\n)*did you mean theta"),
@@ -134,7 +134,7 @@ FrameChange = Callable[[pd.DataFrame], Any]
         (lambda df: df.iloc[:0], "the DataFrame is empty"),
         (lambda df: pd.DataFrame(), "the DataFrame is empty"),
         (lambda df: df.iloc[:10], "10 samples are too few"),
-        (lambda df: df.assign(theta=np.nan), "'theta' has no value at all"),
+        (lambda df: df.assign(theta=np.nan), "'theta' has no values"),
         (lambda df: df.T.set_index([[1, 2], [3, 4]]).T, "several levels"),
         (lambda df: df["theta"], "type Series"),
     ],
@@ -147,7 +147,7 @@ def test_wrong_frames(swing: pd.DataFrame, change: FrameChange, says: str) -> No
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (lambda df: None, "the places of the sensors"),
+        (lambda df: None, "the positions of the sensors"),
         (lambda df: df.drop(columns="x"), "sensors: the table of sensors has no column 'x'"),
         (lambda df: df.assign(x=99.0), r"sensors.iloc\[0\]: .*outside the axis"),
         (lambda df: df.assign(field="w"), "'w', which the system does not have"),
