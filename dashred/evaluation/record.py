@@ -1,4 +1,4 @@
-"""A twin's recording in Python: what its sensors read, and nothing of its truth."""
+"""Record a twin in Python: the readings of its sensors, without its truth."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ def record(
     overrides: Mapping[str, Any] | None = None,
     progress: bool = False,
 ) -> xr.Dataset:
-    """Record a twin: a hidden truth that obeys other laws than the simulator.
+    """Record a twin, a hidden truth with other laws than the simulator.
 
-    Twins lie beside a system's configuration, in the folder ``twins``; those of the bundled systems
-    come with a checkout of dashred, and not with an installed package.
+    Twins are in the folder ``twins`` next to the configuration of their system. Those of bundled
+    systems are part of a checkout of dashred, but not of an installed package.
 
     Args:
         system: the name of a bundled system, or the path of a YAML file.
         twin: the name of the twin.
-        seed: of the sensors' places, the noise and the start.
-        overrides: values over the configuration's, such as ``{"recording.noise": 0.01}``.
-        progress: whether to show a bar.
+        seed: seed of the sensor positions, the noise and the start.
+        overrides: values that replace configured ones, such as ``{"recording.noise": 0.01}``.
+        progress: whether to show a progress bar.
 
     Returns:
-        What the sensors read, ``value`` over ``(time, sensor)``; nothing of the truth.
+        The readings, ``value`` over ``(time, sensor)``, without the truth.
 
     Raises:
-        InputError: the system has no such twin, or no twins at all; or the truth blows up.
+        InputError: the system does not have the twin, or the truth blows up.
     """
     definition = from_file(system, {**(overrides or {}), "recording.twin": twin}, {}, None)
     config = definition.config(seed)
 
-    # Imported late: what is wrong in the words is reported at once.
+    # Imported late, so that wrong arguments are reported at once.
     from dashred.data.io.write_netcdf import recording_dataset
     from dashred.evaluation.twins.record_command import record_twin
     from dashred.pipeline.api.session import session

@@ -29,7 +29,7 @@ def main(argv: list[str]) -> int:
 
 
 def begin(config: Config, page: Page) -> None:
-    """Show what is checked, and what is left to do in its file."""
+    """Show the title and the lines of the file that are left to do."""
     from dashred.pipeline.check.placeholders import placeholder_remarks
 
     page.title(f"{config.system.title}: {config.where('')}")
@@ -48,17 +48,17 @@ def _check_places(config: Config) -> None:
 
 
 def check(config: Config, page: Page, recorded: Episodes | None = None) -> None:
-    """Show what there is to say about a configuration, section by section.
+    """Show the remarks on a configuration, section by section.
 
     Args:
-        config: the system, and how it is analysed.
-        page: gets what is found.
-        recorded: the recording; None reads the one that ``recording.path`` names, if it names one.
+        config: the configuration.
+        page: page that shows the remarks.
+        recorded: the recording; None to read the one named by ``recording.path``, if any.
 
     Raises:
         InputError: a run would refuse the configuration.
     """
-    # Imported late: torch takes a second, and what is left to do needs none of it.
+    # Imported late: torch takes a second to import, and the first section does not need it.
     import torch
 
     from dashred.core.threads import use_threads
@@ -83,11 +83,13 @@ def check(config: Config, page: Page, recorded: Episodes | None = None) -> None:
         page.section("Run time", [snapshots_run_time_remark(config)])
         page.conclude()
         return
-    simulated = run_nominal(context)
-    looks = (simulator_remarks, structure_remarks, ensemble_remarks)
-    page.section("Simulator", chain.from_iterable(about(context, simulated) for about in looks))
-    seen = linearised_observations(context, simulated)
-    page.section("What the sensors can see", observability_remarks(context, seen))
-    page.section("Simulator and recording", agreement_remarks(context, simulated, seen))
-    page.section("A run", [run_time_remark(context, simulated, seen)])
+    nominal = run_nominal(context)
+    sources = (simulator_remarks, structure_remarks, ensemble_remarks)
+    page.section("Simulator", chain.from_iterable(source(context, nominal) for source in sources))
+    observed = linearised_observations(context, nominal)
+    page.section("Observability", observability_remarks(context, observed))
+    page.section(
+        "Agreement of simulator and recording", agreement_remarks(context, nominal, observed)
+    )
+    page.section("Run time", [run_time_remark(context, nominal, observed)])
     page.conclude()

@@ -75,7 +75,7 @@ class CheckContext:
 
 
 def build_check_context(config: Config, recorded: Episodes | None = None) -> CheckContext:
-    """Read what there is.
+    """Read the configuration and its recording.
 
     Args:
         config: the system, and how it is analysed.

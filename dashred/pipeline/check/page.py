@@ -1,4 +1,4 @@
-"""What a check has found: printed as it is found, or kept."""
+"""Collect the remarks of a check and show them as they arrive."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ def _print(text: str) -> None:
 
 
 class Page:
-    """Keeps remarks, by section, and shows each as it is found.
+    """Collects the remarks of a check by section and shows each as it arrives.
 
     Attributes:
-        lines: what was shown.
-        count: remarks of each kind.
+        lines: the text that was shown.
+        count: number of remarks of each kind.
     """
 
     def __init__(self, show: Callable[[str], None] = _print) -> None:
-        """Begin with nothing; ``show`` gets every line."""
+        """Start with no remarks; ``show`` is called with every line."""
         self.count = dict.fromkeys(MARKS, 0)
         self.lines: list[str] = []
         self._show = show
 
     def title(self, text: str) -> None:
-        """Show what is checked."""
+        """Show the title of the check."""
         self._put(text)
 
     def section(self, title: str, remarks: Iterable[Remark]) -> None:
-        """Print a section, each remark as soon as it arrives; nothing if there is none."""
+        """Show a section, each remark as soon as it arrives; nothing if there is none."""
         has_title = False
         for remark in remarks:
             if not has_title:
@@ -46,7 +46,7 @@ class Page:
                 self._put(_wrapped("      ", remark.hint))
 
     def conclude(self) -> None:
-        """Print what is to be done now."""
+        """Show the number of remarks that need attention."""
         labels = {
             "error": plural(self.count["error"], "error"),
             "to do": f"{self.count['to do']} left to do",

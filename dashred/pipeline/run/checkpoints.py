@@ -56,14 +56,14 @@ class Stages(Protocol):
     """Runs the stages of an analysis."""
 
     def stage(self, name: str, compute: Callable[[], Result]) -> Result:
-        """Return what a stage finds."""
+        """Return the result of a stage."""
 
 
 class NoCheckpoints:
-    """Runs every stage, and keeps nothing of it."""
+    """Runs every stage without storing its result."""
 
     def stage(self, name: str, compute: Callable[[], Result]) -> Result:
-        """Return what a stage finds now."""
+        """Compute the result of a stage."""
         return compute()
 
 
@@ -85,20 +85,19 @@ class Checkpoints:
     def stage(self, name: str, compute: Callable[[], Result]) -> Result:
         """Return the result of a stage: from its checkpoint if there is one, or computed now."""
         path = self.folder / f"{name}.pt"
-        kept, code = _read(path), git_commit()
-        # Records of other code may lack what this one reads, and findings are of one code.
-        if kept is not None and kept.get("code") == code:
-            self.seconds |= kept["seconds"]
-            self.earlier += kept["took"]
-            say(f"  {name:<28} found before the interruption")
-            return _restored(kept["found"])
-        before, began = dict(self.seconds), time.perf_counter()
-        found = compute()
-        took = time.perf_counter() - began
-        mine = {title: s for title, s in self.seconds.items() if before.get(title) != s}
-        kept = {"found": _plain(found), "seconds": mine, "took": took, "code": code}
-        _write(path, kept)
-        return found
+        stored, code = _read(path), git_commit()
+        # Records of another version may lack attributes, and findings must come from one version.
+        if stored is not None and stored.get("code") == code:
+            self.seconds |= stored["seconds"]
+            self.earlier += stored["took"]
+            say(f"  {name:<28} read from its checkpoint")
+            return _restored(stored["found"])
+        before, started = dict(self.seconds), time.perf_counter()
+        result = compute()
+        took = time.perf_counter() - started
+        own = {title: s for title, s in self.seconds.items() if before.get(title) != s}
+        _write(path, {"found": _plain(result), "seconds": own, "took": took, "code": code})
+        return result
 
 
 def _plain(result: Any) -> Any:

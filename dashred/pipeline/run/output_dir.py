@@ -74,20 +74,20 @@ def _inputs(config: Config) -> list[Path]:
 
 
 def check_ours(folder: Path, inputs: Sequence[Path], where: str) -> None:
-    """Refuse a folder of which a run would take away files that no run has left there.
+    """Refuse a folder in which a run would delete files that no run has written.
 
     A finished run leaves its freeze file; an interrupted run leaves a pointer to itself.
 
     Raises:
         InputError: there are such files, or the input of the run is among its results.
     """
-    taken = [folder / name for name in (*RESULTS, SCORE) if (folder / name).exists()]
-    for path in taken:
+    existing = [folder / name for name in (*RESULTS, SCORE) if (folder / name).exists()]
+    for path in existing:
         if any(path.samefile(given) for given in inputs if given.exists()):
-            what = f"a run would write its {path.name} over the one that it is to read"
+            what = f"a run would overwrite its own input {path.name}"
             raise InputError(what, where=where, hint=HINT)
-    if taken and not any((folder / mark).is_file() for mark in (FREEZE, POINTER)):
-        what = f"{taken[0].name} is there, not from a run of dashred, and a run would replace it"
+    if existing and not any((folder / mark).is_file() for mark in (FREEZE, POINTER)):
+        what = f"a run would replace {existing[0].name}, which was not written by dashred"
         raise InputError(what, where=where, hint=HINT)
 
 

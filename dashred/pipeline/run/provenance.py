@@ -73,7 +73,7 @@ def git_commit() -> str:
 
 
 def write_record(output: Path, seconds: dict[str, float], more: Mapping[str, str]) -> None:
-    """Write ``run.json``: how long the stages took, and where and by which code they ran."""
+    """Write ``run.json``: the seconds of the stages, the host and the commit."""
     record = {
         "seconds": {title: float(f"{value:.3g}") for title, value in seconds.items()},
         "host": platform.node(),
@@ -84,7 +84,7 @@ def write_record(output: Path, seconds: dict[str, float], more: Mapping[str, str
 
 
 def write_summary(output: Path, findings: Findings, paths: Mapping[str, Path | str]) -> str:
-    """Write ``summary.txt``; returns what it says."""
+    """Write ``summary.txt``; return its text."""
     text = summary(findings, None, paths)
     write_text_atomic(output / "summary.txt", text)
     return text

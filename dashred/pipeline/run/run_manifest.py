@@ -65,7 +65,7 @@ def code_sha256() -> str:
 
 
 def write_manifest(folder: Path, config: Config, manifest: dict[str, str]) -> None:
-    """Note what an attempt begins with, in the folder of its checkpoints."""
+    """Write the configuration, arguments and manifest of a run to its checkpoint folder."""
     values = deepcopy(config.written)
     for key in OUTPUT_SECTIONS:
         values.pop(key, None)

@@ -23,7 +23,7 @@ from dashred.pipeline.snapshots.snapshot_runs import SnapshotRuns
 
 
 def read_snapshots(posed: Problem, seconds: dict[str, float]) -> tuple[Problem, SnapshotRuns]:
-    """Read the snapshots, and keep the terms that the sensors can identify.
+    """Read the snapshots and keep the terms that the sensors can identify.
 
     Raises:
         InputError: the input is wrong.
@@ -39,7 +39,7 @@ def discover(
     kept: Stages,
     seconds: dict[str, float],
 ) -> BlackBoxAnalysis:
-    """Train SHRED, assimilate, propose terms, and tell whether anything is missing."""
+    """Train SHRED, assimilate, propose terms, and test for a mismatch."""
     counted = replace(posed, config=runs.configured(posed.config))
     learned = kept.stage(
         "shred", lambda: training.train_shred(counted, runs.ensemble, run, seconds, "SHRED")

@@ -111,8 +111,8 @@ def _estimates(
 ) -> dict[str, Tensor]:
     """Return the field by method; this is the first use of held-out samples."""
     count = len(posed.split.fit.times)
-    seen = torch.from_numpy(full_record(posed, posed.split.inputs).values)
-    late = windows(seen, posed.config.shred.lags).float().contiguous()[count:]
+    inputs = torch.from_numpy(full_record(posed, posed.split.inputs).values)
+    late = windows(inputs, posed.config.shred.lags).float().contiguous()[count:]
     shred = learned.shred
     fields = {
         "shred_plain": torch.cat([found.shred, reconstruct(shred.encode, shred, late)]),

@@ -49,13 +49,13 @@ def verify(problem: Problem, analysis: BlackBoxAnalysis) -> Findings:
 
 
 def write(problem: Problem, analysis: BlackBoxAnalysis, findings: Findings, output: Path) -> None:
-    """Write the fields over the whole record and the findings; freeze both."""
+    """Write and freeze the fields over the full record and the findings."""
     write_netcdf_atomic(output / "estimates.nc", estimates_dataset(problem, analysis))
     freeze_findings(output, findings, ["estimates.nc"])
 
 
 def estimates_dataset(problem: Problem, analysis: BlackBoxAnalysis) -> xr.Dataset:
-    """Return the fields by method as far as all of them reach."""
+    """Return the fields by method, up to the shortest of them."""
     reach = min(len(states) for states in analysis.fields.values())
     fields = {name: states[:reach] for name, states in analysis.fields.items()}
     return fields_dataset(problem.system, problem.times[:reach], fields)

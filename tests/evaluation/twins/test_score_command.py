@@ -119,9 +119,16 @@ def test_a_file_that_is_no_seal(frozen, content) -> None:
     assert caught.value.where == str(frozen / "sealed.nc")
 
 
-@pytest.mark.parametrize("given", [[], ["findings=x"], ["findings=x", "sealed=y", "truth=z"]])
-def test_wrong_words(given) -> None:
-    with pytest.raises(InputError, match="findings=DIR and sealed=FILE are needed"):
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ([], "findings= and sealed= are missing"),
+        (["findings=x"], "sealed= is missing"),
+        (["findings=x", "sealed=y", "truth=z"], "unknown key truth"),
+    ],
+)
+def test_wrong_arguments_are_refused(given, message) -> None:
+    with pytest.raises(InputError, match=message):
         score_command.main(given)
 
 

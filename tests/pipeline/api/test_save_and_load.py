@@ -68,7 +68,7 @@ def test_a_result_takes_the_place_of_an_earlier_one(saved: Path, tmp_path: Path)
 
 def test_files_of_another_origin_are_left_alone(result: dashred.Result, tmp_path: Path) -> None:
     (tmp_path / "report.html").write_text("mine")
-    with pytest.raises(dashred.InputError, match="not from a run of dashred"):
+    with pytest.raises(dashred.InputError, match="not written by dashred"):
         result.save(tmp_path)
     assert (tmp_path / "report.html").read_text() == "mine"
 

@@ -205,7 +205,7 @@ def test_too_few_runs_are_refused(given, train) -> None:
         "shred.lags=30",
     )
     assert ended.code == 2
-    assert "too few to learn from" in ended.err
+    assert "too few for training" in ended.err
     assert not (ended.output / "findings.json").exists()
 
 
