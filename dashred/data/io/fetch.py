@@ -1,7 +1,7 @@
-"""Fetch the recording of a real pendulum: ``dashred fetch path=pendulum.csv``.
+"""Download the real pendulum's recording: ``dashred fetch path=pendulum.csv``.
 
-It comes from its authors' public repository and is compared with a known hash. A file that is
-already there is left as it is, and nothing half-fetched is ever kept.
+The recording comes from its authors' public repository and is verified against a known hash. An
+existing file is never overwritten, and an incomplete download is never kept.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ class Words:
     path: Path = word(
         read_path,
         "FILE.csv",
-        "where to put it; a file that is there already is checked, and left as it is",
+        "output file; an existing file is verified and not overwritten",
     )
     source: str = word(
         str,
         "URL|FILE",
-        "another place to fetch it from, or a file that you have downloaded",
+        "another URL, or a file that you have downloaded",
         default=PENDULUM.url,
     )
 
@@ -38,22 +38,22 @@ COMMAND = Command(
     "dashred fetch",
     Words,
     f"""\
-Fetches the recording of a real pendulum that the tutorial (docs/tutorial.md) analyses:
+Downloads the recording of a real pendulum that the tutorial (docs/tutorial.md) analyses:
 {PENDULUM.contents}.""",
     after=f"Source:  {PENDULUM.citation}\nLicence: {PENDULUM.licence}",
 )
 
 
 def main(argv: list[str]) -> int:
-    """Fetch the recording, unless it is there."""
+    """Download the recording unless the file already exists."""
     words = COMMAND.read(argv)
     path = words.path
     if _already_exists(path):
-        print(f"already there: {path} (sha256 {PENDULUM.sha256[:12]}… as it should be)")
+        print(f"already exists: {path} (sha256 {PENDULUM.sha256[:12]}… verified)")
         return DONE
-    print(f"fetching {words.source}", flush=True)
+    print(f"downloading {words.source}", flush=True)
     _write(path, fetch_csv(PENDULUM, words.source))
-    print(f"{path}: {PENDULUM.contents}; sha256 {PENDULUM.sha256[:12]}… as it should be")
+    print(f"{path}: {PENDULUM.contents}; sha256 {PENDULUM.sha256[:12]}… verified")
     print(f"source:  {PENDULUM.citation}")
     print(f"licence: {PENDULUM.licence}")
     print(f"next:    dashred train conf=pendulum recording.path={path}")

@@ -62,7 +62,10 @@ Change = Callable[[xr.Dataset], Any]
     [
         (lambda ds: ds.drop_vars("time"), "recording: the recording has no variable 'time'"),
         (lambda ds: ds.drop_vars("value"), "has no variable 'value'"),
-        (lambda ds: ds.transpose(), r"recording: 'value' has the dimensions \(sensor, time\) instead of"),
+        (
+            lambda ds: ds.transpose(),
+            r"recording: 'value' has the dimensions \(sensor, time\) instead of",
+        ),
         (lambda ds: ds.assign(value=ds["value"].astype(object)), "its dtype is object"),
         (
             lambda ds: ds.assign_coords(time=pd.date_range("2020", periods=41)),

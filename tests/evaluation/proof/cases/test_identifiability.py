@@ -54,7 +54,7 @@ def test_a_case_drawn_again_is_another_of_its_kind() -> None:
 
 @pytest.mark.parametrize(("leads", "draws"), [([20.0], 1), ([3.0, -8.0, 13.0], 3)])
 def test_unclear_cases_give_way_to_others(leads, draws, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(recording, "STAYING", 0.0)
+    monkeypatch.setattr(recording, "KEPT_SHARE", 0.0)
     told = iter(leads)
     monkeypatch.setattr(recording, "lead", lambda *_: next(told))
     path = tmp_path / "recording.nc"
@@ -68,9 +68,9 @@ def test_unclear_cases_give_way_to_others(leads, draws, tmp_path, monkeypatch) -
 
 
 def test_nobody_draws_for_ever_and_other_kinds_are_drawn_once(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(recording, "STAYING", 0.0)
+    monkeypatch.setattr(recording, "KEPT_SHARE", 0.0)
     monkeypatch.setattr(recording, "lead", lambda *_: 0.0)
-    monkeypatch.setattr(recording, "MOST_DRAWS", 2)
+    monkeypatch.setattr(recording, "MAX_DRAWS", 2)
     assert MAX_DRAWS > 2
     assert record_case(case_of(8.0, ("v", "v**2", 1.0)), tmp_path / "recording.nc").draws == 2
     null = next(
@@ -82,7 +82,7 @@ def test_nobody_draws_for_ever_and_other_kinds_are_drawn_once(tmp_path, monkeypa
 def test_what_the_simulator_does_not_resolve_to_its_noise_is_drawn_again(
     tmp_path, monkeypatch
 ) -> None:
-    monkeypatch.setattr(recording, "MOST_DRAWS", 3)
+    monkeypatch.setattr(recording, "MAX_DRAWS", 3)
     path, entry = tmp_path / "recording.nc", {"terms": [], "spread": 6.5}
     key = seed_of("numerics"), 0, 50
     far = Case(50, "cases", "fhn", "start", key, 0.005, 12, entry, None)
