@@ -52,14 +52,14 @@ def test_a_case_drawn_again_is_another_of_its_kind() -> None:
     assert redraw(case, 2) == later
 
 
-@pytest.mark.parametrize(("leads", "draws"), [([20.0], 1), ([3.0, -8.0, 13.0], 3)])
-def test_unclear_cases_give_way_to_others(leads, draws, tmp_path, monkeypatch) -> None:
+@pytest.mark.parametrize(("margins", "draws"), [([20.0], 1), ([3.0, -8.0, 13.0], 3)])
+def test_unclear_cases_give_way_to_others(margins, draws, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(recording, "KEPT_SHARE", 0.0)
-    told = iter(leads)
-    monkeypatch.setattr(recording, "lead", lambda *_: next(told))
+    drawn = iter(margins)
+    monkeypatch.setattr(recording, "score_margin", lambda *_: next(drawn))
     path = tmp_path / "recording.nc"
     found = record_case(case_of(8.0, ("v", "v**2", 1.0)), path)
-    assert found.draws == draws and next(told, None) is None
+    assert found.draws == draws and next(drawn, None) is None
     with xr.open_dataset(path, engine="h5netcdf") as recorded:
         assert recorded.sizes["time"] == len(found.case_truth.recording.times)
         assert recorded.sizes["sensor"] == len(found.case_truth.recording.sensors)
@@ -69,7 +69,7 @@ def test_unclear_cases_give_way_to_others(leads, draws, tmp_path, monkeypatch) -
 
 def test_nobody_draws_for_ever_and_other_kinds_are_drawn_once(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(recording, "KEPT_SHARE", 0.0)
-    monkeypatch.setattr(recording, "lead", lambda *_: 0.0)
+    monkeypatch.setattr(recording, "score_margin", lambda *_: 0.0)
     monkeypatch.setattr(recording, "MAX_DRAWS", 2)
     assert MAX_DRAWS > 2
     assert record_case(case_of(8.0, ("v", "v**2", 1.0)), tmp_path / "recording.nc").draws == 2
