@@ -1,0 +1,1 @@
+"""Weak-constraint multiple shooting: short segments of the record, with model error between."""

@@ -1,0 +1,93 @@
+"""Normal equations of a chain of nodes with unknowns that all of them share.
+
+The unknowns are the nodes' deviations and a border ξ. The matrix is block tridiagonal in the
+nodes::
+
+    ( A   B ) (δx)   (a)
+    ( Bᵀ  C ) (δξ) = (b)
+
+A is banded and positive definite: its Cholesky factor costs O(nodes · field³).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded, solve
+
+from dashred.inference.segments.segments import Array
+
+
+@dataclass(frozen=True)
+class BlockNormal:
+    """Normal equations about one point.
+
+    Attributes:
+        diagonal: blocks of A, ``(node, field, field)``.
+        upper: blocks above them, ``(node - 1, field, field)``; zero between episodes.
+        border: B, ``(node, field, shared)``.
+        corner: C, ``(shared, shared)``.
+        node_gradient: a, minus half the gradient, ``(node, field)``.
+        shared_gradient: b, ``(shared,)``.
+        cost: F there.
+    """
+
+    diagonal: Array
+    upper: Array
+    border: Array
+    corner: Array
+    node_gradient: Array
+    shared_gradient: Array
+    cost: float
+
+    def step(self, damping: float) -> tuple[Array, Array] | None:
+        """Return the Levenberg–Marquardt step, ``(node, field)`` and ``(shared,)``.
+
+        None where rounding has left the matrix without a Cholesky factor.
+        """
+        nodes, fields = self.node_gradient.shape
+        band = self._band.copy()
+        band[-1] *= 1 + damping
+        right = np.concatenate([self._flat_border, self.node_gradient.reshape(-1, 1)], axis=1)
+        try:
+            solved = cho_solve_banded((cholesky_banded(band), False), right)
+            corner = self.corner + damping * np.diag(self.corner.diagonal())
+            corner = corner - self._flat_border.T @ solved[:, :-1]
+            rest = self.shared_gradient - self._flat_border.T @ solved[:, -1]
+            shared = solve(corner, rest, assume_a="pos") if len(rest) else rest
+        except (LinAlgError, ValueError):
+            return None
+        return (solved[:, -1] - solved[:, :-1] @ shared).reshape(nodes, fields), shared
+
+    def profiled(self) -> tuple[Array, Array, float] | None:
+        """Return G, g and c of ``F(δξ) = c - 2 gᵀδξ + δξᵀ G δξ``, the nodes at their best."""
+        right = np.concatenate([self._flat_border, self.node_gradient.reshape(-1, 1)], axis=1)
+        try:
+            solved = cho_solve_banded((cholesky_banded(self._band), False), right)
+        except (LinAlgError, ValueError):
+            return None
+        gram = self.corner - self._flat_border.T @ solved[:, :-1]
+        target = self.shared_gradient - self._flat_border.T @ solved[:, -1]
+        gained = float(self.node_gradient.ravel() @ solved[:, -1])
+        return (gram + gram.T) / 2, target, self.cost - gained
+
+    @cached_property
+    def _flat_border(self) -> Array:
+        return self.border.reshape(self.node_gradient.size, self.border.shape[-1])
+
+    @cached_property
+    def _band(self) -> Array:
+        """A in LAPACK's upper banded storage, ``(2·field, node·field)``."""
+        nodes, fields = self.node_gradient.shape
+        band = np.zeros((2 * fields, nodes, fields))
+        for column in range(fields):
+            for row in range(fields):
+                if row <= column:
+                    offset = 2 * fields - 1 + row - column
+                    band[offset, :, column] = self.diagonal[:, row, column]
+                offset = fields - 1 + row - column
+                if nodes > 1:
+                    band[offset, 1:, column] = self.upper[:, row, column]
+        return band.reshape(2 * fields, -1)

@@ -1,0 +1,186 @@
+"""Find the law over segments: anneal the model error, then select sets of candidates.
+
+1. The state alone, under a loose model error.
+2. All candidates with a ridge, while the model error shrinks.
+3. Sets of candidates by beam search on the profiled problem, the best of them refitted; and again
+   about the winner, until it stays.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from dashred.inference.fit.subset_search import ProfiledProblem
+from dashred.inference.segments.gauss_newton import NodeFit, fit_nodes
+from dashred.inference.segments.weak_constraint import Point, WeakConstraintProblem
+
+Set = tuple[int, ...]
+
+# Model error q, in units of rate · duration of a segment, and the prior of the coefficients, in
+# units of their natural scales.
+STATE_ALONE = (0.3, 0.1, 0.05)
+ALL_TERMS = ((0.1, 0.1), (0.03, 0.2), (0.01, 0.3))
+SELECTION, PRIOR = 0.003, 0.3
+ANNEALING_STEPS, REFIT_STEPS = 6, 8
+# The largest set, how many of each size are extended, and how many are refitted in a round.
+LARGEST, BEAM, REFITTED, ROUNDS = 4, 12, 8, 4
+
+
+@dataclass(frozen=True)
+class Natural:
+    """Natural scales of a problem.
+
+    Attributes:
+        rate: rms tendency of every field, ``(field,)``.
+        size: standard deviation of every field, ``(field,)``.
+        coefficient: ξ at which a candidate's tendency has the rms of its equation's own.
+    """
+
+    rate: np.ndarray
+    size: np.ndarray
+    coefficient: np.ndarray
+
+
+@dataclass(frozen=True)
+class SegmentLaw:
+    """One set of candidates, refitted.
+
+    Attributes:
+        members: indices of its candidates, sorted.
+        fit: the nodes and coefficients, and F.
+        score: ``F/s² + k (ln n + 2 ln p)`` with s² the misfit of the best, lower is better.
+    """
+
+    members: Set
+    fit: NodeFit
+    score: float
+
+
+@dataclass(frozen=True)
+class SegmentSearch:
+    """What the search has found.
+
+    Attributes:
+        problem: F as the sets were refitted.
+        laws: every set, the best first.
+    """
+
+    problem: WeakConstraintProblem
+    laws: list[SegmentLaw]
+
+    @property
+    def best(self) -> SegmentLaw:
+        """The set with the lowest score."""
+        return self.laws[0]
+
+
+def search(problem: WeakConstraintProblem, nodes: np.ndarray, natural: Natural) -> SegmentSearch:
+    """Return the laws that explain the record.
+
+    Args:
+        problem: F with its noise and starts; q and d are set here.
+        nodes: first guess, ``(segment, field)``.
+        natural: scales.
+    """
+    point = Point(nodes, np.zeros(len(problem.candidates)))
+    everything = tuple(range(len(problem.candidates)))
+    for q in STATE_ALONE:
+        point = fit_nodes(_weighted(problem, natural, q, 1.0), point, (), ANNEALING_STEPS).point
+    for q, prior in ALL_TERMS:
+        weighted = _weighted(problem, natural, q, prior)
+        point = fit_nodes(weighted, point, everything, ANNEALING_STEPS).point
+    return _select(_weighted(problem, natural, SELECTION, PRIOR), weighted, point)
+
+
+def _weighted(
+    problem: WeakConstraintProblem, natural: Natural, q: float, prior: float
+) -> WeakConstraintProblem:
+    error = np.maximum(q * natural.rate * problem.segments.span, 1e-4 * natural.size)
+    return problem.with_weights(error, prior * natural.coefficient)
+
+
+def _select(
+    problem: WeakConstraintProblem, loose: WeakConstraintProblem, point: Point
+) -> SegmentSearch:
+    """Refit promising sets about the winner of each round, until it stays."""
+    fits: dict[Set, NodeFit] = {}
+    everything, seen = range(len(problem.candidates)), problem.segments.seen
+    about, winner = loose, None
+    for _ in range(ROUNDS):
+        normal = about.linearise(point, everything)
+        profiled = None if normal is None else normal.profiled()
+        if profiled is None:
+            break
+        sets = _promising(_in_coefficients(profiled, point.xi, about.prior_std), fits, seen)
+        for members in sets:
+            if members not in fits:
+                fits[members] = fit_nodes(problem, point, members, REFIT_STEPS)
+        best = _ranked(problem, fits)[0]
+        if not math.isfinite(best.score) or best.members == winner:
+            break
+        point, about, winner = best.fit.point, problem, best.members
+    return SegmentSearch(problem, _ranked(problem, fits))
+
+
+def _in_coefficients(
+    profiled: tuple[np.ndarray, np.ndarray, float], xi: np.ndarray, prior_std: np.ndarray
+) -> ProfiledProblem:
+    """Return the profiled problem in ξ itself, not in its change."""
+    gram, target, cost = profiled
+    shifted = target + gram @ xi
+    constant = cost + float(2 * target @ xi + xi @ gram @ xi)
+    precision = prior_std**-2
+    return ProfiledProblem(
+        torch.from_numpy(gram - np.diag(precision)),
+        torch.from_numpy(shifted),
+        constant,
+        torch.from_numpy(precision),
+    )
+
+
+def _promising(profiled: ProfiledProblem, fits: dict[Set, NodeFit], seen: int) -> list[Set]:
+    """Return the sets with the best predicted scores."""
+    level = _level((fit.cost for fit in fits.values()), seen)
+    price = _price(len(profiled.target), seen)
+    costs: dict[Set, float] = {(): profiled.constant}
+    kept: list[Set] = [()]
+    for _ in range(min(LARGEST, len(profiled.target))):
+        grown = {
+            tuple(sorted((*members, j)))
+            for members in kept
+            for j in range(len(profiled.target))
+            if j not in members
+        }
+        sets = sorted(grown)
+        found = dict(zip(sets, profiled.costs(sets).tolist(), strict=True))
+        kept = sorted(sets, key=found.__getitem__)[:BEAM]
+        costs |= {members: found[members] for members in kept}
+    lowest = min(costs.values())
+    level = min(level, max(1.0, lowest / seen)) if math.isinf(level) else level
+    return sorted(costs, key=lambda s: costs[s] / level + price * len(s))[:REFITTED]
+
+
+def _ranked(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -> list[SegmentLaw]:
+    seen = problem.segments.seen
+    level = _level((fit.cost for fit in fits.values()), seen)
+    price = _price(len(problem.candidates), seen)
+    laws = [
+        SegmentLaw(members, fit, fit.cost / level + price * len(members))
+        for members, fit in fits.items()
+    ]
+    return sorted(laws, key=lambda law: law.score)
+
+
+def _level(costs: Iterator[float], seen: int) -> float:
+    """Return the misfit per reading of the best fit, at least that of the stated noise."""
+    return max(1.0, min(costs, default=math.inf) / seen)
+
+
+def _price(candidates: int, seen: int) -> float:
+    """Return the cost of one candidate more, ``ln n + 2 ln p``."""
+    return math.log(seen) + 2 * math.log(candidates)

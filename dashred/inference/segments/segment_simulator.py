@@ -1,0 +1,208 @@
+"""All segments of an ODE system marched side by side, with their sensitivities.
+
+With the state x of one segment, started at its node x_k, and ``S = ∂x/∂(x_k, ξ)``::
+
+    x' = N(x, t) + Σ_j ξ_j θ_j(x, t)        S' = (N' + Σ_j ξ_j θ_j') S + (0, θ)
+
+Both are stepped by one Runge–Kutta method, so that S is the derivative of the discrete x.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dashred.inference.forward.candidates import Candidate
+from dashred.inference.segments.segments import Array, Segments
+from dashred.physics.backends.numpy_backend import Pointwise
+from dashred.physics.expressions.differentiate import differentiate
+from dashred.physics.runge_kutta import CLASSICAL, Tableau
+from dashred.physics.system import System
+
+# Of explicit methods without a fixed tableau, and as the most accurate for its cost.
+TABLEAU: Tableau = CLASSICAL
+
+
+@dataclass(frozen=True)
+class Tendency:
+    """The right-hand side of one system with some candidates, and its derivatives.
+
+    Attributes:
+        system: without axes.
+        candidates: the terms whose coefficients are ξ.
+    """
+
+    system: System
+    candidates: tuple[Candidate, ...]
+
+    @cached_property
+    def equations(self) -> NDArray[np.intp]:
+        """Index of the equation of every term, ``(term,)``."""
+        fields = self.system.fields
+        return np.array([fields.index(t.equation) for c in self.candidates for t in c.terms], int)
+
+    @cached_property
+    def owners(self) -> NDArray[np.intp]:
+        """Index of the candidate of every term, ``(term,)``."""
+        return np.array([j for j, c in enumerate(self.candidates) for _ in c.terms], int)
+
+    @cached_property
+    def _values(self) -> Pointwise:
+        return Pointwise([*self._own, *self._terms])
+
+    @cached_property
+    def _derivatives(self) -> Pointwise:
+        functions = [*self._own, *self._terms]
+        slopes = [differentiate(f, name) for f in functions for name in self.system.fields]
+        return Pointwise([*functions, *slopes])
+
+    @property
+    def _own(self) -> list:  # type: ignore[type-arg]
+        return [self.system.resolved[name] for name in self.system.fields]
+
+    @property
+    def _terms(self) -> list:  # type: ignore[type-arg]
+        return [term.expression for c in self.candidates for term in c.terms]
+
+    def rates(self, x: Array, xi: Array, clock: Mapping[str, Array]) -> Array:
+        """Return x', ``(segment, field)``.
+
+        Args:
+            x: ``(segment, field)``.
+            xi: ``(candidate,)``.
+            clock: time and inputs, ``(segment,)`` each.
+        """
+        found = self._values(self._named(x, clock), (len(x),))
+        fields = x.shape[1]
+        rates = found[:fields].T.copy()
+        if len(xi):
+            np.add.at(rates.T, self.equations, xi[self.owners, None] * found[fields:])
+        return rates
+
+    def linearise(
+        self, x: Array, xi: Array, clock: Mapping[str, Array]
+    ) -> tuple[Array, Array, Array]:
+        """Return x', its Jacobian ``(segment, field, field)``, and θ ``(term, segment)``."""
+        fields, count = x.shape[1], len(self.equations)
+        found = self._derivatives(self._named(x, clock), (len(x),))
+        rates, values = found[:fields].T.copy(), found[fields : fields + count]
+        slopes = found[fields + count :].reshape(fields + count, fields, len(x))
+        jacobian = slopes[:fields].copy()
+        if count:
+            np.add.at(rates.T, self.equations, xi[self.owners, None] * values)
+            carried = np.flatnonzero(xi[self.owners])
+            weighted = xi[self.owners[carried], None, None] * slopes[fields + carried]
+            np.add.at(jacobian, self.equations[carried], weighted)
+        return rates, np.moveaxis(jacobian, -1, 0), values
+
+    def _named(self, x: Array, clock: Mapping[str, Array]) -> dict[str, Array]:
+        return {**clock, **dict(zip(self.system.fields, x.T, strict=True))}
+
+
+class SegmentSimulator:
+    """One ODE system over all segments.
+
+    Args:
+        systems: of each episode; they differ in their inputs only.
+        segments: of the record.
+        substeps: steps from one sample to the next.
+    """
+
+    def __init__(self, systems: Sequence[System], segments: Segments, substeps: int) -> None:
+        self.systems, self.segments, self.substeps = tuple(systems), segments, substeps
+        self.fields = len(systems[0].fields)
+        intervals = np.diff(segments.times, axis=1)
+        self._steps = np.repeat(intervals, substeps, axis=1).T / substeps
+        parts = np.arange(substeps) / substeps
+        begins = segments.times[:, :-1, None] + intervals[:, :, None] * parts
+        self._begins = begins.reshape(segments.count, -1).T
+        self._tendencies: dict[tuple[Candidate, ...], Tendency] = {}
+
+    def with_substeps(self, substeps: int) -> SegmentSimulator:
+        """Return the same with other steps."""
+        return SegmentSimulator(self.systems, self.segments, substeps)
+
+    def run(self, nodes: Array, candidates: Sequence[Candidate], xi: Array) -> Array:
+        """Return the states of all segments, ``(segment, sample, field)``.
+
+        Args:
+            nodes: states at the first sample of each, ``(segment, field)``.
+            candidates: terms that are added.
+            xi: their coefficients, ``(candidate,)``.
+        """
+        tendency = self._tendency(candidates)
+        x, saved = nodes, [nodes]
+        with np.errstate(all="ignore"):
+            for i, h in enumerate(self._steps[:, :, None]):
+                rates: list[Array] = []
+                for stage, shares in enumerate(TABLEAU.a):
+                    at = x + h * _combined(shares, rates)
+                    rates.append(tendency.rates(at, xi, self._clock(i, stage)))
+                x = x + h * _combined(TABLEAU.b, rates)
+                if (i + 1) % self.substeps == 0:
+                    saved.append(x)
+        return np.stack(saved, axis=1)
+
+    def linearise(
+        self, nodes: Array, candidates: Sequence[Candidate], xi: Array
+    ) -> tuple[Array, Array]:
+        """Return the states, and S ``(segment, sample, field, field + candidate)``."""
+        tendency, fields = self._tendency(candidates), self.fields
+        unknowns = fields + len(xi)
+        x, saved = nodes, [nodes]
+        s = np.zeros((len(nodes), fields, unknowns))
+        s[:, range(fields), range(fields)] = 1.0
+        columns = [s]
+        places = tendency.equations, fields + tendency.owners
+        with np.errstate(all="ignore"):
+            for i, h in enumerate(self._steps[:, :, None]):
+                rates: list[Array] = []
+                slopes: list[Array] = []
+                for stage, shares in enumerate(TABLEAU.a):
+                    at = x + h * _combined(shares, rates)
+                    along = s + h[:, :, None] * _combined(shares, slopes)
+                    rate, jacobian, values = tendency.linearise(at, xi, self._clock(i, stage))
+                    slope = jacobian @ along
+                    slope[:, places[0], places[1]] += values.T
+                    rates.append(rate)
+                    slopes.append(slope)
+                x = x + h * _combined(TABLEAU.b, rates)
+                s = s + h[:, :, None] * _combined(TABLEAU.b, slopes)
+                if (i + 1) % self.substeps == 0:
+                    saved.append(x)
+                    columns.append(s)
+        return np.stack(saved, axis=1), np.stack(columns, axis=1)
+
+    def forecast(self, node: Array, segment: int) -> Array:
+        """Return the state at the end of one segment, ``(field,)``, without any candidate."""
+        alone = SegmentSimulator(
+            [self.systems[self.segments.episode[segment]]],
+            self.segments.only(segment),
+            self.substeps,
+        )
+        alone._tendencies = self._tendencies
+        return alone.run(node[None], (), np.zeros(0))[0, -1]
+
+    def _tendency(self, candidates: Sequence[Candidate]) -> Tendency:
+        key = tuple(candidates)
+        if key not in self._tendencies:
+            self._tendencies[key] = Tendency(self.systems[0], key)
+        return self._tendencies[key]
+
+    def _clock(self, step: int, stage: int) -> dict[str, Array]:
+        """Return time and inputs at one stage, ``(segment,)`` each."""
+        t = self._begins[step] + TABLEAU.c[stage] * self._steps[step]
+        found = {"t": t}
+        for episode, system in enumerate(self.systems):
+            mine = self.segments.episode == episode
+            for name, values in system.measured.at(t[mine]).items():
+                found.setdefault(name, np.empty_like(t))[mine] = values
+        return found
+
+
+def _combined(shares: Sequence[float], rates: Sequence[Array]) -> Array | float:
+    return sum((c * rate for c, rate in zip(shares, rates, strict=True) if c), 0.0)

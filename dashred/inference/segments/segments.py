@@ -1,0 +1,97 @@
+"""Cut the episodes of a recording into short segments, each with a state of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Samples from one node to the next: few enough for a chaotic trajectory to be followed.
+SAMPLES = 4
+# More segments than this cost more than they help: then they get longer.
+LARGEST_COUNT = 400
+
+
+@dataclass(frozen=True)
+class Segments:
+    """The record as consecutive segments; the last sample of one is the first of the next.
+
+    An episode's last segment may be shorter: its clock then stands still.
+
+    Attributes:
+        times: of the samples, ``(segment, 1 + interval)``.
+        readings: ``(segment, 1 + interval, sensor)``; NaN where missing, and at the last sample,
+            which the next segment has, except in the last segment of an episode.
+        episode: of each segment, ``(segment,)``.
+    """
+
+    times: Array
+    readings: Array
+    episode: NDArray[np.intp]
+
+    @property
+    def count(self) -> int:
+        """Number of segments."""
+        return len(self.times)
+
+    @property
+    def follows(self) -> NDArray[np.bool_]:
+        """Whether each segment but the last continues in the next one, ``(segment - 1,)``."""
+        found: NDArray[np.bool_] = self.episode[1:] == self.episode[:-1]
+        return found
+
+    @property
+    def begins(self) -> NDArray[np.intp]:
+        """Index of the first segment of every episode, ``(episode,)``."""
+        return np.flatnonzero(np.r_[True, ~self.follows])
+
+    def only(self, segment: int) -> Segments:
+        """Return one segment alone, as an episode of its own."""
+        chosen = slice(segment, segment + 1)
+        own = np.zeros(1, dtype=np.intp)
+        return Segments(self.times[chosen], self.readings[chosen], own)
+
+    @property
+    def seen(self) -> int:
+        """Number of readings."""
+        return int(np.isfinite(self.readings).sum())
+
+    @property
+    def span(self) -> float:
+        """Median duration of a segment."""
+        return float(np.median(self.times[:, -1] - self.times[:, 0]))
+
+
+def cut(times: Sequence[Array], readings: Sequence[Array]) -> Segments:
+    """Return the segments of some episodes.
+
+    Args:
+        times: clock of each episode, ``(time,)``.
+        readings: of each, ``(time, sensor)``; NaN where missing.
+    """
+    total = sum(map(len, times))
+    intervals = max(SAMPLES, -(-total // LARGEST_COUNT))
+    parts = [
+        _cut_episode(clock, values, intervals, episode)
+        for episode, (clock, values) in enumerate(zip(times, readings, strict=True))
+    ]
+    clocks, found, owners = zip(*parts, strict=True)
+    return Segments(np.concatenate(clocks), np.concatenate(found), np.concatenate(owners))
+
+
+def _cut_episode(
+    times: Array, readings: Array, intervals: int, episode: int
+) -> tuple[Array, Array, NDArray[np.intp]]:
+    count = max(1, -(-(len(times) - 1) // intervals))
+    places = np.arange(count)[:, None] * intervals + np.arange(intervals + 1)
+    beyond = places >= len(times)
+    places = np.minimum(places, len(times) - 1)
+    values = readings[places].copy()
+    values[beyond] = np.nan
+    # The next segment has this sample.
+    values[:-1, -1] = np.nan
+    return times[places], values, np.full(count, episode, dtype=np.intp)
