@@ -60,13 +60,15 @@ def _equations_with_candidates(system: System) -> list[str]:
     others = {
         field: expr
         for field, expr in named.items()
-        if not _is_field(algebra.split_coefficient(expr)[1], set(fields) - {field})
+        if not _is_definition(expr, set(fields) - {field})
     }
     return list(others) or list(fields)
 
 
-def _is_field(expr: algebra.Expr, fields: Set[str]) -> bool:
-    return isinstance(expr, algebra.Name) and expr.id in fields
+def _is_definition(expr: algebra.Expr, fields: Set[str]) -> bool:
+    """Tell whether a tendency is another field times a positive number; ``-x`` is a force."""
+    factor, rest = algebra.split_coefficient(expr)
+    return factor > 0 and isinstance(rest, algebra.Name) and rest.id in fields
 
 
 def default_terms(system: System) -> list[str]:

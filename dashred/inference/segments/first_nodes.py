@@ -1,4 +1,4 @@
-"""First guess of the state at every node: readings, and a forecast that is restarted at them."""
+"""First guesses of the state at every node: readings, and for the other fields a forecast."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ FARTHEST = 8.0
 
 def first_nodes(
     simulator: SegmentSimulator, sensors: StateSensors, start: Array, scale: Array
-) -> Array:
-    """Return nodes ``(segment, field)``.
+) -> list[Array]:
+    """Return first guesses of the nodes, ``(segment, field)`` each.
 
     A field that a sensor reads is taken from the readings. The others are forecast from node to
-    node by the simulator as it is, which is set to the readings at each.
+    node by the simulator as it is, which is set to the readings at each; or they stay at their
+    start, where a forecast goes astray.
 
     Args:
         simulator: of the segments.
@@ -30,15 +31,18 @@ def first_nodes(
     nodes = np.full((segments.count, simulator.fields), np.nan)
     for field in set(sensors.fields[sensors.fields >= 0].tolist()):
         nodes[:, field] = _read(simulator, sensors, field)
+    known = np.isfinite(nodes)
+    still = np.where(known, nodes, start[segments.episode])
+    if known.all():
+        return [nodes]
     current = start[0]
     for k in range(segments.count):
         if k == 0 or not segments.follows[k - 1]:
             current = start[segments.episode[k]]
-        known = np.isfinite(nodes[k])
-        nodes[k] = np.where(known, nodes[k], current)
-        if k + 1 < segments.count and segments.follows[k] and not known.all():
+        nodes[k] = np.where(known[k], nodes[k], current)
+        if k + 1 < segments.count and segments.follows[k]:
             current = _bounded(simulator.forecast(nodes[k], k), nodes[k], start.mean(0), scale)
-    return nodes
+    return [nodes, still]
 
 
 def _read(simulator: SegmentSimulator, sensors: StateSensors, field: int) -> Array:

@@ -9,7 +9,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,7 @@ import torch
 
 from dashred.inference.fit.subset_search import ProfiledProblem
 from dashred.inference.segments.gauss_newton import NodeFit, fit_nodes
+from dashred.inference.segments.natural_scales import NaturalScales
 from dashred.inference.segments.weak_constraint import Point, WeakConstraintProblem
 
 Set = tuple[int, ...]
@@ -29,21 +30,6 @@ SELECTION, PRIOR = 0.003, 0.3
 ANNEALING_STEPS, REFIT_STEPS = 6, 8
 # The largest set, how many of each size are extended, and how many are refitted in a round.
 LARGEST, BEAM, REFITTED, ROUNDS = 4, 12, 8, 4
-
-
-@dataclass(frozen=True)
-class Natural:
-    """Natural scales of a problem.
-
-    Attributes:
-        rate: rms tendency of every field, ``(field,)``.
-        size: standard deviation of every field, ``(field,)``.
-        coefficient: ξ at which a candidate's tendency has the rms of its equation's own.
-    """
-
-    rate: np.ndarray
-    size: np.ndarray
-    coefficient: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -74,31 +60,45 @@ class SegmentSearch:
     laws: list[SegmentLaw]
 
     @property
+    def level(self) -> float:
+        """Misfit per reading of the best law: σ² in units of what it was taken for."""
+        return max(self.best.fit.cost / self.problem.segments.seen, 1e-12)
+
+    @property
     def best(self) -> SegmentLaw:
         """The set with the lowest score."""
         return self.laws[0]
 
 
-def search(problem: WeakConstraintProblem, nodes: np.ndarray, natural: Natural) -> SegmentSearch:
+def search(
+    problem: WeakConstraintProblem, guesses: Sequence[np.ndarray], natural: NaturalScales
+) -> SegmentSearch:
     """Return the laws that explain the record.
 
     Args:
         problem: F with its noise and starts; q and d are set here.
-        nodes: first guess, ``(segment, field)``.
+        guesses: first guesses of the nodes, ``(segment, field)`` each.
         natural: scales.
     """
-    point = Point(nodes, np.zeros(len(problem.candidates)))
     everything = tuple(range(len(problem.candidates)))
-    for q in STATE_ALONE:
-        point = fit_nodes(_weighted(problem, natural, q, 1.0), point, (), ANNEALING_STEPS).point
+    states = [_state_alone(problem, nodes, natural) for nodes in guesses]
+    point = min(states, key=lambda fit: fit.cost).point
     for q, prior in ALL_TERMS:
         weighted = _weighted(problem, natural, q, prior)
         point = fit_nodes(weighted, point, everything, ANNEALING_STEPS).point
     return _select(_weighted(problem, natural, SELECTION, PRIOR), weighted, point)
 
 
+def _state_alone(problem: WeakConstraintProblem, nodes: np.ndarray, natural: NaturalScales) -> NodeFit:
+    """Fit the nodes under the simulator as it is, with a model error that shrinks."""
+    fit = NodeFit(Point(nodes, np.zeros(len(problem.candidates))), math.inf)
+    for q in STATE_ALONE:
+        fit = fit_nodes(_weighted(problem, natural, q, 1.0), fit.point, (), ANNEALING_STEPS)
+    return fit
+
+
 def _weighted(
-    problem: WeakConstraintProblem, natural: Natural, q: float, prior: float
+    problem: WeakConstraintProblem, natural: NaturalScales, q: float, prior: float
 ) -> WeakConstraintProblem:
     error = np.maximum(q * natural.rate * problem.segments.span, 1e-4 * natural.size)
     return problem.with_weights(error, prior * natural.coefficient)
@@ -161,7 +161,7 @@ def _promising(profiled: ProfiledProblem, fits: dict[Set, NodeFit], seen: int) -
         kept = sorted(sets, key=found.__getitem__)[:BEAM]
         costs |= {members: found[members] for members in kept}
     lowest = min(costs.values())
-    level = min(level, max(1.0, lowest / seen)) if math.isinf(level) else level
+    level = min(level, lowest / seen) if math.isinf(level) else level
     return sorted(costs, key=lambda s: costs[s] / level + price * len(s))[:REFITTED]
 
 
@@ -177,8 +177,8 @@ def _ranked(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -> list[Se
 
 
 def _level(costs: Iterator[float], seen: int) -> float:
-    """Return the misfit per reading of the best fit, at least that of the stated noise."""
-    return max(1.0, min(costs, default=math.inf) / seen)
+    """Return the misfit per reading of the best fit: σ² in units of what it was taken for."""
+    return min(costs, default=math.inf) / seen
 
 
 def _price(candidates: int, seen: int) -> float:

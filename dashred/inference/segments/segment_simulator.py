@@ -21,10 +21,11 @@ from dashred.inference.segments.segments import Array, Segments
 from dashred.physics.backends.numpy_backend import Pointwise
 from dashred.physics.expressions.differentiate import differentiate
 from dashred.physics.runge_kutta import CLASSICAL, Tableau
+from dashred.physics.solvers.schedule import round_up
 from dashred.physics.system import System
 
-# Of explicit methods without a fixed tableau, and as the most accurate for its cost.
-TABLEAU: Tableau = CLASSICAL
+# Stands for the adaptive methods, whose derivative would depend on their choice of steps.
+FALLBACK: Tableau = CLASSICAL
 
 
 @dataclass(frozen=True)
@@ -115,6 +116,7 @@ class SegmentSimulator:
     def __init__(self, systems: Sequence[System], segments: Segments, substeps: int) -> None:
         self.systems, self.segments, self.substeps = tuple(systems), segments, substeps
         self.fields = len(systems[0].fields)
+        self.tableau = systems[0].tableau or FALLBACK
         intervals = np.diff(segments.times, axis=1)
         self._steps = np.repeat(intervals, substeps, axis=1).T / substeps
         parts = np.arange(substeps) / substeps
@@ -125,6 +127,11 @@ class SegmentSimulator:
     def with_substeps(self, substeps: int) -> SegmentSimulator:
         """Return the same with other steps."""
         return SegmentSimulator(self.systems, self.segments, substeps)
+
+    def of_step(self, dt: float) -> SegmentSimulator:
+        """Return the same with steps of at most ``dt``."""
+        longest = float(np.diff(self.segments.times, axis=1).max())
+        return self.with_substeps(max(1, round_up(longest / dt)))
 
     def run(self, nodes: Array, candidates: Sequence[Candidate], xi: Array) -> Array:
         """Return the states of all segments, ``(segment, sample, field)``.
@@ -139,10 +146,10 @@ class SegmentSimulator:
         with np.errstate(all="ignore"):
             for i, h in enumerate(self._steps[:, :, None]):
                 rates: list[Array] = []
-                for stage, shares in enumerate(TABLEAU.a):
+                for stage, shares in enumerate(self.tableau.a):
                     at = x + h * _combined(shares, rates)
                     rates.append(tendency.rates(at, xi, self._clock(i, stage)))
-                x = x + h * _combined(TABLEAU.b, rates)
+                x = x + h * _combined(self.tableau.b, rates)
                 if (i + 1) % self.substeps == 0:
                     saved.append(x)
         return np.stack(saved, axis=1)
@@ -162,7 +169,7 @@ class SegmentSimulator:
             for i, h in enumerate(self._steps[:, :, None]):
                 rates: list[Array] = []
                 slopes: list[Array] = []
-                for stage, shares in enumerate(TABLEAU.a):
+                for stage, shares in enumerate(self.tableau.a):
                     at = x + h * _combined(shares, rates)
                     along = s + h[:, :, None] * _combined(shares, slopes)
                     rate, jacobian, values = tendency.linearise(at, xi, self._clock(i, stage))
@@ -170,12 +177,30 @@ class SegmentSimulator:
                     slope[:, places[0], places[1]] += values.T
                     rates.append(rate)
                     slopes.append(slope)
-                x = x + h * _combined(TABLEAU.b, rates)
-                s = s + h[:, :, None] * _combined(TABLEAU.b, slopes)
+                x = x + h * _combined(self.tableau.b, rates)
+                s = s + h[:, :, None] * _combined(self.tableau.b, slopes)
                 if (i + 1) % self.substeps == 0:
                     saved.append(x)
                     columns.append(s)
         return np.stack(saved, axis=1), np.stack(columns, axis=1)
+
+    def tendencies(
+        self, nodes: Array, candidates: Sequence[Candidate]
+    ) -> tuple[Array, Array, NDArray[np.intp], NDArray[np.intp]]:
+        """Return what moves the nodes: of the equations as they are, and of every term.
+
+        Args:
+            nodes: ``(segment, field)``.
+            candidates: terms and parameters.
+
+        Returns:
+            The rates ``(segment, field)``, every term ``(term, segment)``, the equation of each
+            and its candidate, ``(term,)``.
+        """
+        tendency = self._tendency(candidates)
+        with np.errstate(all="ignore"):
+            rates, _, terms = tendency.linearise(nodes, np.zeros(len(candidates)), self._clock(0, 0))
+        return rates, terms, tendency.equations, tendency.owners
 
     def forecast(self, node: Array, segment: int) -> Array:
         """Return the state at the end of one segment, ``(field,)``, without any candidate."""
@@ -195,7 +220,7 @@ class SegmentSimulator:
 
     def _clock(self, step: int, stage: int) -> dict[str, Array]:
         """Return time and inputs at one stage, ``(segment,)`` each."""
-        t = self._begins[step] + TABLEAU.c[stage] * self._steps[step]
+        t = self._begins[step] + self.tableau.c[stage] * self._steps[step]
         found = {"t": t}
         for episode, system in enumerate(self.systems):
             mine = self.segments.episode == episode

@@ -55,6 +55,22 @@ class Segments:
         own = np.zeros(1, dtype=np.intp)
         return Segments(self.times[chosen], self.readings[chosen], own)
 
+    def join(self, values: Array, episode: int) -> Array:
+        """Return values of one episode's segments one after the other, ``(time, …)``.
+
+        Args:
+            values: ``(segment, 1 + interval, …)``.
+            episode: index of the episode.
+        """
+        mine = np.flatnonzero(self.episode == episode)
+        inner, last = values[mine[:-1], :-1], mine[-1]
+        # The last segment ends where its clock begins to stand still.
+        length = 1 + int((np.diff(self.times[last]) > 0).sum())
+        joined: Array = np.concatenate(
+            [inner.reshape(-1, *values.shape[2:]), values[last, :length]]
+        )
+        return joined
+
     @property
     def seen(self) -> int:
         """Number of readings."""

@@ -1,0 +1,73 @@
+"""The laws of a segment search, as every other search returns them."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dashred.inference.fit.law import Law
+from dashred.inference.fit.noise_model import NoiseModel
+from dashred.inference.segments.search import SegmentLaw, SegmentSearch
+from dashred.inference.segments.segments import Array, Segments
+
+
+def segment_noise(search: SegmentSearch, noise: NoiseModel) -> NoiseModel:
+    """Return the noise that the best law's residuals speak for."""
+    return noise.scaled(float(np.sqrt(search.level)))
+
+
+def law_from_segments(search: SegmentSearch, found: SegmentLaw) -> Law:
+    """Return one set of candidates as a law.
+
+    Its covariance is that of the profiled problem, all nodes eliminated. Its start is the first
+    node of every episode. Its residuals are those within the segments.
+
+    Args:
+        search: gives the problem and the noise.
+        found: the set.
+    """
+    problem, point, members = search.problem, found.fit.point, list(found.members)
+    candidates = tuple(problem.candidates[j] for j in members)
+    states = problem.simulator.run(point.nodes, candidates, point.xi[members])
+    normal = problem.linearise(point, members)
+    profiled = None if normal is None else normal.profiled()
+    covariance = np.full((len(members), len(members)), np.inf)
+    if profiled is not None and members:
+        scale = np.sqrt(np.maximum(profiled[0].diagonal(), 1e-300))
+        inverse = np.linalg.pinv(profiled[0] / scale[:, None] / scale, hermitian=True)
+        covariance = search.level * inverse / scale[:, None] / scale
+    seen, segments = problem.segments.seen, problem.segments
+    return Law(
+        candidates=candidates,
+        coefficients=torch.from_numpy(point.xi[members]),
+        covariance=torch.from_numpy(covariance),
+        start=torch.from_numpy(point.nodes[segments.begins]),
+        score=found.score,
+        chi2=problem.misfit(point, members) / seen / search.level,
+        residuals=_by_sample(segments, problem.sensors.read(states) - segments.readings),
+    )
+
+
+def states_by_sample(search: SegmentSearch, found: SegmentLaw) -> list[Tensor]:
+    """Return the states of one law at every sample of each episode, ``(time, field)``.
+
+    They follow the law within the segments, and jump by the model error between them.
+    """
+    problem, point, members = search.problem, found.fit.point, list(found.members)
+    candidates = tuple(problem.candidates[j] for j in members)
+    states = problem.simulator.run(point.nodes, candidates, point.xi[members])
+    segments = problem.segments
+    return [
+        torch.from_numpy(segments.join(states, episode))
+        for episode in range(len(segments.begins))
+    ]
+
+
+def _by_sample(segments: Segments, values: Array) -> Tensor:
+    """Return values by sample, ``(time, episode·sensor)``, NaN after an episode's end."""
+    episodes = [segments.join(values, e) for e in range(len(segments.begins))]
+    longest = max(map(len, episodes))
+    padded = [np.pad(v, ((0, longest - len(v)), (0, 0)), constant_values=np.nan) for v in episodes]
+    return torch.from_numpy(np.concatenate(padded, axis=1))
+
