@@ -87,7 +87,7 @@ def law(
         residuals=torch.full((SAMPLES, SENSORS), misfit, dtype=torch.float64),
         edges=edges,
         fault=fault,
-        widened=widened,
+        start_prior_factor=widened,
     )
 
 

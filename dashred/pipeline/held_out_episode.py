@@ -16,7 +16,7 @@ from dashred.inference.forward.law_block import LawBlock
 from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.initial_state.start_models import StartModel
-from dashred.inference.results.corrected_system import correct
+from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.physics.system import System
 from dashred.pipeline.discovery.objectives import sound_noise, trace_std
 from dashred.pipeline.problem import Problem
@@ -34,7 +34,7 @@ def fit_starts(episode: Problem, prior: StartModel, law: Law) -> tuple[Tensor, T
         law: what the simulator leaves out.
     """
     return (
-        _fitted(episode, prior, law, correct(episode.system, law)),
+        _fitted(episode, prior, law, build_corrected_system(episode.system, law)),
         _fitted(episode, prior, law, episode.system),
     )
 

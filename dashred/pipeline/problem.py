@@ -23,7 +23,7 @@ from dashred.data.resampling import native_step, resample_all
 from dashred.data.sensors import Sensor
 from dashred.data.splits import Split, hold_out_episode, split_recording
 from dashred.inference.fit.law import SensorFault
-from dashred.inference.results.verdict import fault_found
+from dashred.inference.results.verdict import describe_fault
 from dashred.physics.expressions.algebra import names
 from dashred.physics.external.snapshot_file import open_snapshots
 from dashred.physics.external.snapshots import Snapshots
@@ -95,7 +95,7 @@ class Problem:
         reads = {s.name: s.reads for part in parts for s in part.sensors}
         episode = None if fault.episode is None else self.episodes[fault.episode].name
         return {
-            **fault_found(fault),
+            **describe_fault(fault),
             "reads": reads.get(fault.sensor),
             "axis": axes[0].name if len(axes) == 1 else None,
             "episode": episode,

@@ -17,7 +17,7 @@ from dashred.core.progress import Report, stage
 from dashred.core.tracking import RunTracker
 from dashred.inference.fit.law import Law
 from dashred.inference.initial_state.start_models import ScaledStart
-from dashred.inference.results.corrected_system import correct
+from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.models.latency import seconds_per_step
 from dashred.models.shred import reconstruct
 from dashred.models.surrogate_model import log_surrogate
@@ -101,9 +101,9 @@ def log_model(problem: Problem, learned: Learned, run: MlflowRun, seconds: dict[
 
 def _stepped(episode: Problem, law: Law, start: Tensor, times: Tensor) -> System:
     """Return the corrected simulator with the ensemble's step, or its own where that blows up."""
-    quick = correct(episode.ensemble_system, law)
+    quick = build_corrected_system(episode.ensemble_system, law)
     stable = bool(torch.isfinite(simulate(quick, start[None], times)).all())
-    return quick if stable else correct(episode.system, law)
+    return quick if stable else build_corrected_system(episode.system, law)
 
 
 def _members(

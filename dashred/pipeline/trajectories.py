@@ -9,7 +9,7 @@ from torch import Tensor
 
 from dashred.core.progress import stage
 from dashred.inference.fit.law import Law
-from dashred.inference.forward.candidates import forcing_of
+from dashred.inference.forward.candidates import build_forcing
 from dashred.inference.hypotheses.result import Discovery
 from dashred.physics.solvers.simulate import simulate
 from dashred.pipeline.held_out_episode import fit_starts
@@ -75,7 +75,7 @@ def _run(problem: Problem, best: Law, start: Tensor, refitted: Tensor) -> Trajec
     starts = torch.stack([start, refitted, start])
     none = torch.zeros((1, len(best.candidates)), dtype=torch.float64)
     coefficients = torch.cat([none, none, best.coefficients[None]])
-    forcing = forcing_of(best.candidates, coefficients)
+    forcing = build_forcing(best.candidates, coefficients)
     same_start, refit, corrected = simulate(problem.system, starts, clock, forcing)
     states = {
         "simulation_same_start": same_start,

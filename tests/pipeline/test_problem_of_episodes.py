@@ -113,7 +113,7 @@ def test_its_objective_has_a_start_for_each_and_all_samples_once(quick, tmp_path
         len(part.split.fit.times) for part in problem.episodes
     )
     # Five samples of each: a horizon grows in all of them.
-    assert objective.until(5).noise.count == 2 * 5 * fitted
+    assert objective.truncate(5).noise.count == 2 * 5 * fitted
     cost, _ = objective.values(torch.zeros(1, objective.modes).double())
     assert bool(torch.isfinite(cost).all())
     members = problem.config.simulation.members

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
+from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 
 # Over longer stretches a front that is a little off, or chaos, has many false minima. What so few
 # readings leave open of the start the prior holds until there are more, however many modes it has.
@@ -26,14 +26,14 @@ def first_samples(objective: LeastSquaresProblem) -> int:
     return min(len(objective.recorded), SAMPLES)
 
 
-def fit_first_window(objective: LeastSquaresProblem, trace_std: Tensor) -> Fitted:
+def fit_first_window(objective: LeastSquaresProblem, trace_std: Tensor) -> FitResult:
     """Fit the start alone to the first samples, from coarse to fine (docs/method.md#first-window).
 
     Args:
         objective: F over the whole record.
         trace_std: std of each sensor's trace, ``(sensor,)``.
     """
-    window = objective.only([]).until(first_samples(objective))
+    window = objective.subset([]).truncate(first_samples(objective))
     noise = window.noise
     ratio = float((noise.std / trace_std.clamp(min=1e-300)).median())
     rough = [a for a in ANNEALING if a > FINAL_ANNEALING[0] * ratio]

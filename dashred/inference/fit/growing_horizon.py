@@ -15,14 +15,14 @@ from torch import Tensor
 
 from dashred.core.progress import Report
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
+from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from dashred.inference.fit.subset_search import ProfiledProblem
 
 GROWTH = 1.3
 # A stage that fails is tried again with a shorter stretch.
 SMALLEST_GROWTH = 1.03
 # Misfit, relative to the level so far, at which a stage has lost the trajectory.
-LOST = 1.3
+DIVERGED = 1.3
 STAGE_STEPS = 6
 # A step that gains less ends a stage: the next stage moves everything anyway.
 TOLERANCE = 0.02
@@ -44,7 +44,7 @@ class HorizonFit:
         members: the candidates that it carried.
         readings: of the fit, ``(time, sensor)``.
         samples: that horizon.
-        reached: whether it is the whole record.
+        is_complete: whether it is the whole record.
         levels: ``(samples, χ²/n)`` of each stage.
     """
 
@@ -52,7 +52,7 @@ class HorizonFit:
     members: tuple[int, ...]
     readings: Tensor
     samples: int
-    reached: bool
+    is_complete: bool
     levels: list[tuple[int, float]]
 
 
@@ -115,7 +115,7 @@ class _State:
         """Fit more samples; tell whether the misfit stayed near its level."""
         tried = self._fit(self.members, further, steps)
         # A run that blows up has no level, and is not near any.
-        if not self._level(tried, further) <= LOST * self._usual:
+        if not self._level(tried, further) <= DIVERGED * self._usual:
             return False
         self._adopt(tried, further)
         return True
@@ -123,7 +123,7 @@ class _State:
     def exchange(self, members: tuple[int, ...]) -> None:
         """Carry other candidates from here on, if they fit what is fitted."""
         tried = self._fit(members, self.samples, STAGE_STEPS)
-        if members and self._level(tried, self.samples) <= LOST * self._usual:
+        if members and self._level(tried, self.samples) <= DIVERGED * self._usual:
             self.members = members
             self.levels.pop()
             self._adopt(tried, self.samples)
@@ -132,17 +132,17 @@ class _State:
     def _usual(self) -> float:
         return max(1.0, median(level for _, level in self.levels))
 
-    def _fit(self, members: tuple[int, ...], samples: int, steps: int) -> Fitted:
-        mine = self.objective.only(members).until(samples)
-        begin = self.phi[self.objective.places(members)]
+    def _fit(self, members: tuple[int, ...], samples: int, steps: int) -> FitResult:
+        mine = self.objective.subset(members).truncate(samples)
+        begin = self.phi[self.objective.indices(members)]
         fitted = minimise(mine, begin, steps, TOLERANCE)
         self.effort += fitted.jacobians * samples
         return fitted
 
-    def _level(self, fitted: Fitted, samples: int) -> float:
-        return fitted.chi2 / max(1, self.objective.noise.first(samples).count)
+    def _level(self, fitted: FitResult, samples: int) -> float:
+        return fitted.chi2 / max(1, self.objective.noise.truncate(samples).count)
 
-    def _adopt(self, fitted: Fitted, samples: int) -> None:
+    def _adopt(self, fitted: FitResult, samples: int) -> None:
         self.phi = self.objective.embed(fitted.phi, self.members)
         self.readings, self.samples = fitted.readings, samples
         self.levels.append((samples, self._level(fitted, samples)))
@@ -159,8 +159,10 @@ def _telling(
     if count >= len(every):
         return every
     for reach in (AHEAD * samples, samples):
-        window = objective.until(min(len(objective.recorded), reach))
+        window = objective.truncate(min(len(objective.recorded), reach))
         normal = window.linearise(phi)
-        if normal.finite:
-            return ProfiledProblem.of(normal, objective.modes).most_telling(count)
+        if normal.is_finite:
+            return ProfiledProblem.from_normal_equations(normal, objective.modes).most_distinct(
+                count
+            )
     return ()

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
-from dashred.inference.fit.levenberg_marquardt import Fitted
-from dashred.inference.forward.candidates import Candidate, forcing_of
+from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
+from dashred.inference.fit.levenberg_marquardt import FitResult
+from dashred.inference.forward.candidates import Candidate, build_forcing
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.window import Window
 
@@ -56,7 +56,7 @@ class Law:
         threshold: 95 % interval of a gate's threshold; None without one, or where only its std is
             known.
         fault: what is wrong with a sensor, beside the law; None if nothing is.
-        widened: by how much the start lies outside of its prior, as a factor of its spread.
+        start_prior_factor: by how much the start lies outside of its prior, as a factor of its spread.
     """
 
     candidates: tuple[Candidate, ...]
@@ -69,7 +69,7 @@ class Law:
     edges: tuple[float, ...] = ()
     threshold: tuple[float, float] | None = None
     fault: SensorFault | None = None
-    widened: float = 1.0
+    start_prior_factor: float = 1.0
 
     @property
     def std(self) -> Tensor:
@@ -94,22 +94,22 @@ class Law:
         }
         if self.window is not None:
             found.add(f"in a {self.window.shape.kind} of {self.window.shape.of}")
-        return frozenset([*found, *self._lawless])
+        return frozenset([*found, *self._other_causes])
 
     @property
-    def _lawless(self) -> list[str]:
+    def _other_causes(self) -> list[str]:
         """What it says beside its terms."""
         found = []
         if self.fault is not None:
             found.append(f"{self.fault.kind} of {self.fault.sensor}")
-        if self.widened > 1:
+        if self.start_prior_factor > 1:
             found.append("start outside of its prior")
         return found
 
     @property
-    def extended(self) -> bool:
+    def is_extended(self) -> bool:
         """Whether it has terms that the library does not have."""
-        return any(candidate.extended for candidate in self.candidates)
+        return any(candidate.is_extended for candidate in self.candidates)
 
     @property
     def window(self) -> Window | None:
@@ -125,7 +125,7 @@ class Law:
         """Return the model error as the simulator takes it; None for the empty law."""
         if not self.candidates:
             return None
-        return forcing_of(self.candidates, self.coefficients[None])
+        return build_forcing(self.candidates, self.coefficients[None])
 
     def __str__(self) -> str:
         """``u: 0.0249*u - 0.0251*u**3``; ``nothing`` for the empty law."""
@@ -133,12 +133,12 @@ class Law:
             f"{candidate} × {value:.4g}"
             for candidate, value in zip(self.candidates, self.coefficients.tolist(), strict=True)
         ]
-        return ", ".join([*parts, *self._lawless]) or "nothing"
+        return ", ".join([*parts, *self._other_causes]) or "nothing"
 
 
-def posterior(
+def build_selected_law(
     objective: LeastSquaresProblem,
-    normal: Normal,
+    normal: NormalEquations,
     phi: Tensor,
     members: tuple[int, ...],
     readings: Tensor,
@@ -159,7 +159,7 @@ def posterior(
     """
     forward_model = objective.forward_model
     z, xi = objective.split(phi)
-    covariance = normal.covariance(objective.places(members))
+    covariance = normal.covariance(objective.indices(members))
     chi2 = float(objective.residuals(readings).square().sum()) / objective.noise.count
     return Law(
         candidates=tuple(forward_model.law.candidates[j] for j in members),
@@ -172,11 +172,11 @@ def posterior(
     )
 
 
-def law_of(
+def build_law(
     objective: LeastSquaresProblem,
-    fitted: Fitted,
+    fitted: FitResult,
     score: float,
-    known: Normal | None = None,
+    known: NormalEquations | None = None,
 ) -> Law:
     """Return the law at a minimum of F, with the covariance of its coefficients.
 
@@ -186,7 +186,7 @@ def law_of(
         score: of the law.
         known: F linearised there, where it is known already.
     """
-    candidates, modes = found_by(objective, fitted.phi), objective.modes
+    candidates, modes = fitted_candidates(objective, fitted.phi), objective.modes
     count, last = len(candidates), objective.forward_model.law.count
     z, xi = objective.split(fitted.phi)
     normal = known or objective.linearise(fitted.phi, fitted.readings)
@@ -200,19 +200,19 @@ def law_of(
         score=score,
         chi2=fitted.chi2 / objective.noise.count,
         residuals=torch.where(
-            objective.noise.seen, fitted.readings - objective.recorded, torch.nan
+            objective.noise.available, fitted.readings - objective.recorded, torch.nan
         ),
         edges=tuple(stds[modes + count : modes + last]),
     )
 
 
-def found_by(objective: LeastSquaresProblem, phi: Tensor) -> tuple[Candidate, ...]:
+def fitted_candidates(objective: LeastSquaresProblem, phi: Tensor) -> tuple[Candidate, ...]:
     """Return what a fit's coefficients multiply, terms in a window with its edges."""
     forward_model = objective.forward_model
-    return forward_model.law.terms(objective.split(phi)[1][forward_model.places.law])
+    return forward_model.law.terms(objective.split(phi)[1][forward_model.slices.law])
 
 
-def unlike(laws: Sequence[Law]) -> list[Law]:
+def distinct_laws(laws: Sequence[Law]) -> list[Law]:
     """Return the laws, the best first, of several with the same candidates in like windows one."""
     kept: dict[object, Law] = {}
     for law in sorted(laws, key=lambda law: law.score):
@@ -223,7 +223,7 @@ def unlike(laws: Sequence[Law]) -> list[Law]:
 def _form(law: Law) -> object:
     parts = tuple(sorted(_form_of(candidate) for candidate in law.candidates))
     fault = (law.fault.kind, law.fault.sensor) if law.fault else None
-    return parts, fault, law.widened
+    return parts, fault, law.start_prior_factor
 
 
 def _form_of(candidate: Candidate) -> tuple[str, str, str]:

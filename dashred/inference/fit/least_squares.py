@@ -68,23 +68,26 @@ class LeastSquaresProblem:
         ones = torch.ones(self.modes, dtype=torch.float64)
         return torch.cat([ones, self.prior_std.double() ** -2])
 
-    def only(self, members: Sequence[int]) -> LeastSquaresProblem:
+    def subset(self, members: Sequence[int]) -> LeastSquaresProblem:
         """Return F with some of the candidates alone; those of F are its only coefficients."""
         law = LawBlock([self.forward_model.law.candidates[j] for j in members])
         forward_model = replace(self.forward_model, law=law)
         return replace(self, forward_model=forward_model, prior_std=self.prior_std[list(members)])
 
-    def of(self, candidates: Sequence[Candidate]) -> LeastSquaresProblem:
+    def with_candidates(self, candidates: Sequence[Candidate]) -> LeastSquaresProblem:
         """Return F of others, alone in the simulator's reach; their prior is their scale."""
-        simulator, law = self.forward_model.simulator.of(candidates), LawBlock(candidates)
+        simulator, law = (
+            self.forward_model.simulator.with_candidates(candidates),
+            LawBlock(candidates),
+        )
         forward_model = replace(self.forward_model, simulator=simulator, law=law)
         return replace(self, forward_model=forward_model, prior_std=law.scales)
 
-    def about(self, start: StartModel) -> LeastSquaresProblem:
+    def with_start(self, start: StartModel) -> LeastSquaresProblem:
         """Return F about another start."""
         return replace(self, forward_model=replace(self.forward_model, start=start))
 
-    def extended(self, forward_model: ForwardModel, stds: Tensor) -> LeastSquaresProblem:
+    def with_unknowns(self, forward_model: ForwardModel, stds: Tensor) -> LeastSquaresProblem:
         """Return F of a forward model with further unknowns, behind those of this one.
 
         Args:
@@ -94,22 +97,22 @@ class LeastSquaresProblem:
         prior_std = torch.cat([self.prior_std, stds])
         return replace(self, forward_model=forward_model, prior_std=prior_std)
 
-    def until(self, samples: int) -> LeastSquaresProblem:
+    def truncate(self, samples: int) -> LeastSquaresProblem:
         """Return F over the first samples alone."""
         return replace(
             self,
-            forward_model=self.forward_model.until(samples),
+            forward_model=self.forward_model.truncate(samples),
             recorded=self.recorded[:samples],
-            noise=self.noise.first(samples),
+            noise=self.noise.truncate(samples),
         )
 
     def embed(self, phi: Tensor, members: Sequence[int]) -> Tensor:
-        """Return unknowns of :meth:`only` some candidates among those of all."""
+        """Return unknowns of :meth:`subset` some candidates among those of all."""
         whole = torch.zeros(self.modes + len(self.prior_std), dtype=torch.float64)
-        whole[self.places(members)] = phi
+        whole[self.indices(members)] = phi
         return whole
 
-    def places(self, members: Sequence[int]) -> list[int]:
+    def indices(self, members: Sequence[int]) -> list[int]:
         """Return the indices of the start and of some candidates among the unknowns."""
         return [*range(self.modes), *(self.modes + j for j in members)]
 
@@ -121,22 +124,22 @@ class LeastSquaresProblem:
         """Return ``W(H S - y)``, ``(…, time·sensor)``."""
         return self.noise.whiten(readings - self.recorded).flatten(-2)
 
-    def noise_left(self, readings: Tensor, spent: float) -> NoiseModel:
+    def estimate_noise(self, readings: Tensor, spent: float) -> NoiseModel:
         """Return the noise that the residuals of a fit speak for: its size and correlation.
 
         Args:
             readings: of the fit, ``(time, sensor)``.
-            spent: how many numbers it has taken from the recording (:meth:`Normal.spent`).
+            spent: effective number of fitted parameters.
         """
         groups = [sensor.reads for sensor in self.forward_model.sensors.sensors]
-        return self.noise.estimated(readings - self.recorded, groups, spent)
+        return self.noise.estimate(readings - self.recorded, groups, spent)
 
     def penalty(self, phi: Tensor) -> Tensor:
         """Return ``‖z‖² + ‖ξ/d‖²``, ``(…)``."""
         z, xi = self.split(phi)
         return z.square().sum(dim=-1) + (xi / self.prior_std).square().sum(dim=-1)
 
-    def linearise(self, phi: Tensor, readings: Tensor | None = None) -> Normal:
+    def linearise(self, phi: Tensor, readings: Tensor | None = None) -> NormalEquations:
         """Return the normal equations about unknowns ``(unknown,)``.
 
         Args:
@@ -144,11 +147,11 @@ class LeastSquaresProblem:
             readings: there, ``(time, sensor)``, where they are known already.
         """
         point = self.forward_model.linearise(*self.split(phi), readings)
-        columns = torch.cat([point.by_start, point.by_error], dim=-1).movedim(-1, 0)
+        columns = torch.cat([point.by_start, point.by_coefficients], dim=-1).movedim(-1, 0)
         jacobian = self.noise.whiten(columns).flatten(1).T
         residuals = self.residuals(point.readings)
         finite = bool(_in_bounds(jacobian).all() and _in_bounds(residuals).all())
-        return Normal(_or_zero(jacobian), self.precision, phi, _or_zero(residuals), finite)
+        return NormalEquations(_or_zero(jacobian), self.precision, phi, _or_zero(residuals), finite)
 
     def values(self, phi: Float[Tensor, "batch unknown"]) -> tuple[Tensor, Trials]:
         """Return F ``(batch,)``, infinite where a trajectory blows up, and what it is made of."""
@@ -159,7 +162,7 @@ class LeastSquaresProblem:
 
 
 @dataclass(frozen=True)
-class Normal:
+class NormalEquations:
     """F linearised about one point: ``F(φ) ≈ ‖J φ - b‖² + φᵀP φ`` with ``b = J φ₀ - r``.
 
     Attributes:
@@ -167,14 +170,14 @@ class Normal:
         precision: diagonal of P, ``(unknown,)``.
         phi: the point φ₀, ``(unknown,)``.
         residuals: r there, whitened, ``(time·sensor,)``.
-        finite: whether nothing blew up; what did is zero in J and r and so says nothing.
+        is_finite: whether nothing blew up; what did is zero in J and r and so says nothing.
     """
 
     jacobian: Tensor
     precision: Tensor
     phi: Tensor
     residuals: Tensor
-    finite: bool = True
+    is_finite: bool = True
 
     @cached_property
     def hessian(self) -> Tensor:
@@ -191,7 +194,7 @@ class Normal:
         chosen = list(index)
         return solve(self.hessian[chosen][:, chosen], self._goal[chosen, None])[:, 0]
 
-    def least(self) -> float:
+    def minimum(self) -> float:
         """Return the minimum of F, were the model linear."""
         everything = range(len(self.phi))
         return float(self.target.square().sum() - self._goal @ self.solution(everything))
@@ -204,7 +207,7 @@ class Normal:
         eye = torch.eye(len(size), dtype=hessian.dtype)
         return solve(hessian / size[:, None] / size, eye) / size[:, None] / size
 
-    def spent(self, index: Sequence[int]) -> float:
+    def effective_parameters(self, index: Sequence[int]) -> float:
         """Return how many numbers a fit of some unknowns takes from the recording.
 
         ``γ = tr (JᵀJ + P)⁻¹ JᵀJ`` (MacKay, *Bayesian interpolation*, 1992): what the readings say

@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
+from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 
 # One run tries all of a rung; the next, where none of it lowers F. In units of each curvature.
 LADDER = ((0.0, 0.1, 3.0), (30.0, 300.0, 3000.0))
@@ -28,7 +28,7 @@ MOST_DAMPED = 10.0
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FitResult:
     """Where a fit has ended.
 
     Attributes:
@@ -53,8 +53,8 @@ def minimise(
     phi: Float[Tensor, " unknown"],
     steps: int,
     tolerance: float,
-    known: Normal | None = None,
-) -> Fitted:
+    known: NormalEquations | None = None,
+) -> FitResult:
     """Minimise F with a fresh Jacobian at every step.
 
     Args:
@@ -65,13 +65,13 @@ def minimise(
         known: F linearised about the beginning, under any prior, where that is known already.
     """
     [cost], (readings, [residuals]) = objective.values(phi[None])
-    fitted = Fitted(phi, float(cost), float(residuals.square().sum()), readings[0], False, 0)
+    fitted = FitResult(phi, float(cost), float(residuals.square().sum()), readings[0], False, 0)
     while fitted.jacobians < steps and not fitted.converged:
         if known is None or fitted.jacobians:
             normal = objective.linearise(fitted.phi, fitted.readings)
         else:
             normal = replace(known, precision=objective.precision)
-        if not normal.finite:
+        if not normal.is_finite:
             break
         lower = _step(objective, normal, fitted, LADDER)
         converged = fitted.cost - lower.cost < tolerance * fitted.cost
@@ -81,9 +81,9 @@ def minimise(
     return fitted
 
 
-def minimise_on(
+def minimise_in_rounds(
     objective: LeastSquaresProblem, phi: Tensor, steps: int, tolerance: float, worth: float
-) -> Fitted:
+) -> FitResult:
     """Minimise F in rounds of so many steps, while a round gains what it is worth.
 
     Between a law's start, its coefficient and its window there may be a long curved valley.
@@ -105,7 +105,7 @@ def minimise_on(
     return fitted
 
 
-def grow(
+def minimise_growing_horizon(
     objective: LeastSquaresProblem,
     phi: Tensor,
     samples: int,
@@ -113,18 +113,18 @@ def grow(
     steps: int = GROWING_STEPS,
 ) -> Tensor:
     """Return a fit of the whole record, however bad, grown from one of its first samples."""
-    for fitted in growing(objective, phi, samples, growth, steps):
+    for fitted in growing_horizon_fits(objective, phi, samples, growth, steps):
         phi = fitted.phi
     return phi
 
 
-def growing(
+def growing_horizon_fits(
     objective: LeastSquaresProblem,
     phi: Tensor,
     samples: int,
     growth: float = GROWTH,
     steps: int = GROWING_STEPS,
-) -> Iterator[Fitted]:
+) -> Iterator[FitResult]:
     """Yield fits over longer and longer horizons, the last of them the whole record.
 
     Args:
@@ -137,14 +137,14 @@ def growing(
     total = len(objective.recorded)
     while samples < total:
         samples = min(total, max(samples + 1, round(samples * growth)))
-        fitted = minimise(objective.until(samples), phi, steps, GROWING_TOLERANCE)
+        fitted = minimise(objective.truncate(samples), phi, steps, GROWING_TOLERANCE)
         phi = fitted.phi
         yield fitted
 
 
 def _chord_steps(
-    objective: LeastSquaresProblem, normal: Normal, fitted: Fitted, tolerance: float
-) -> Fitted:
+    objective: LeastSquaresProblem, normal: NormalEquations, fitted: FitResult, tolerance: float
+) -> FitResult:
     """Go on with the same Jacobian while it gains: a run costs a tenth of another."""
     for _ in range(CHORDS):
         lower = _step(objective, normal, fitted, LADDER[:1])
@@ -156,10 +156,10 @@ def _chord_steps(
 
 def _step(
     objective: LeastSquaresProblem,
-    normal: Normal,
-    fitted: Fitted,
+    normal: NormalEquations,
+    fitted: FitResult,
     ladder: Sequence[Sequence[float]],
-) -> Fitted:
+) -> FitResult:
     """Return where the best damping leads; the same place, if none lowers F."""
     here = objective.residuals(fitted.readings)
     for rung in ladder:
@@ -199,7 +199,7 @@ class Refits:
 
 def chord_refits(
     objective: LeastSquaresProblem,
-    normal: Normal,
+    normal: NormalEquations,
     phi: Float[Tensor, "set unknown"],
     free: Bool[Tensor, "set unknown"],
     steps: int,

@@ -21,35 +21,35 @@ class NoiseModel:
     Attributes:
         std: σ of each sensor, ``(sensor,)``, in the sensor's unit.
         correlation: ρ of each sensor between neighbouring samples, ``(sensor,)``.
-        seen: which samples there are, ``(time, sensor)``; a gap starts the sequence anew.
+        available: which samples there are, ``(time, sensor)``; a gap starts the sequence anew.
     """
 
     std: Tensor
     correlation: Tensor
-    seen: Tensor
+    available: Tensor
 
     @property
     def count(self) -> int:
         """Samples there are."""
-        return int(self.seen.sum())
+        return int(self.available.sum())
 
     @property
     def effective_count(self) -> float:
         """Independent samples that say as much: ``Σ n (1-ρ)/(1+ρ)`` over the sensors."""
         shares = (1 - self.correlation) / (1 + self.correlation)
-        return float(self.seen.sum(dim=0).double() @ shares)
+        return float(self.available.sum(dim=0).double() @ shares)
 
-    def first(self, samples: int) -> NoiseModel:
+    def truncate(self, samples: int) -> NoiseModel:
         """Return the model of the first samples alone."""
-        return replace(self, seen=self.seen[:samples])
+        return replace(self, available=self.available[:samples])
 
     def whiten(self, values: Float[Tensor, "*batch time sensor"]) -> Tensor:
         """Return values in units of independent noise of variance 1; missing ones are zero."""
-        scaled = torch.where(self.seen, values, 0.0) / self.std
+        scaled = torch.where(self.available, values, 0.0) / self.std
         rho = self.correlation
         if not rho.any():
             return scaled
-        follows = (self.seen[1:] & self.seen[:-1]).to(scaled.dtype)
+        follows = (self.available[1:] & self.available[:-1]).to(scaled.dtype)
         rest = scaled[..., 1:, :] - rho * scaled[..., :-1, :] * follows
         rest = rest / (1 - rho**2 * follows).sqrt()
         return torch.cat([scaled[..., :1, :], rest], dim=-2)
@@ -58,7 +58,7 @@ class NoiseModel:
         """Return the model with all σ multiplied."""
         return replace(self, std=self.std * factor)
 
-    def estimated(
+    def estimate(
         self, residuals: Float[Tensor, "time sensor"], groups: list[str], parameters: float
     ) -> NoiseModel:
         """Return the model that the residuals of a fit speak for.
@@ -74,16 +74,16 @@ class NoiseModel:
         """
         std, correlation = self.std.clone(), torch.zeros_like(self.std)
         left = max(1.0 - parameters / max(1, self.count), 0.1)
-        squares = torch.where(self.seen, residuals / self.std, 0.0).square()
+        squares = torch.where(self.available, residuals / self.std, 0.0).square()
         for group in dict.fromkeys(groups):
             mine = torch.tensor([g == group for g in groups])
-            if not self.seen[:, mine].any():
+            if not self.available[:, mine].any():
                 continue
-            mean = float(squares[:, mine].sum() / self.seen[:, mine].sum())
+            mean = float(squares[:, mine].sum() / self.available[:, mine].sum())
             std[mine] *= max(math.sqrt(mean / left), 1e-12)
             scaled = residuals[:, mine] / std[mine]
-            correlation[mine] = _lag_one(scaled, self.seen[:, mine])
-        return NoiseModel(std, correlation, self.seen)
+            correlation[mine] = _lag_one(scaled, self.available[:, mine])
+        return NoiseModel(std, correlation, self.available)
 
 
 def _lag_one(scaled: Float[Tensor, "time sensor"], seen: Tensor) -> float:

@@ -32,7 +32,7 @@ NOTICEABLE = 0.02
 
 
 @dataclass(frozen=True)
-class Tried:
+class RefittedSet:
     """One set of candidates, refitted.
 
     Attributes:
@@ -59,7 +59,7 @@ class Selection:
     """
 
     objective: LeastSquaresProblem
-    tried: list[Tried]
+    tried: list[RefittedSet]
     exhausted: bool
 
 
@@ -97,17 +97,19 @@ def select(
 
 
 def polish(
-    objective: LeastSquaresProblem, tried: Tried, tolerance: float, steps: int = POLISH_STEPS
-) -> Tried:
+    objective: LeastSquaresProblem, tried: RefittedSet, tolerance: float, steps: int = POLISH_STEPS
+) -> RefittedSet:
     """Return the fit of one set with fresh Jacobians, until a step gains less than a share of F."""
-    mine = objective.only(tried.members)
-    begin = tried.phi[objective.places(tried.members)]
+    mine = objective.subset(tried.members)
+    begin = tried.phi[objective.indices(tried.members)]
     fitted = minimise(mine, begin, steps, tolerance)
-    score = fitted.cost + penalty(objective) * len(tried.members)
-    return Tried(tried.members, objective.embed(fitted.phi, tried.members), fitted.cost, score)
+    score = fitted.cost + term_penalty(objective) * len(tried.members)
+    return RefittedSet(
+        tried.members, objective.embed(fitted.phi, tried.members), fitted.cost, score
+    )
 
 
-def penalty(objective: LeastSquaresProblem) -> float:
+def term_penalty(objective: LeastSquaresProblem) -> float:
     """Return the cost of one candidate more: ``ln n + 2 ln p``.
 
     See docs/method.md#selection-of-the-law.
@@ -116,7 +118,9 @@ def penalty(objective: LeastSquaresProblem) -> float:
     return math.log(objective.noise.effective_count) + 2 * math.log(candidates)
 
 
-def better(objective: LeastSquaresProblem, first: Tensor, second: Tensor) -> tuple[Tensor, float]:
+def choose_better(
+    objective: LeastSquaresProblem, first: Tensor, second: Tensor
+) -> tuple[Tensor, float]:
     """Return the better of two beginnings, ``(unknown,)``, and F there."""
     begins = torch.stack([first, second])
     costs, _ = objective.values(begins)
@@ -129,11 +133,11 @@ class _Search:
 
     def __init__(self, objective: LeastSquaresProblem) -> None:
         self.objective = objective
-        self.tried: dict[Set, Tried] = {}
+        self.tried: dict[Set, RefittedSet] = {}
         self.settled: set[Set] = set()
 
     @property
-    def best(self) -> Tried:
+    def best(self) -> RefittedSet:
         """The set with the lowest score."""
         return min(self.tried.values(), key=lambda found: found.score)
 
@@ -141,15 +145,15 @@ class _Search:
         """Move the linearisation to ``phi``."""
         # What blows up has no derivative, and its fits will not be chosen.
         self.normal = self.objective.linearise(phi)
-        self.problem = ProfiledProblem.of(self.normal, self.objective.modes)
+        self.problem = ProfiledProblem.from_normal_equations(self.normal, self.objective.modes)
 
-    def adopt_noise(self, best: Tried) -> bool:
+    def adopt_noise(self, best: RefittedSet) -> bool:
         """Estimate σ and its correlation from the residuals of the best set; tell if they moved."""
         objective = self.objective
         [readings] = objective.forward_model.readings(*objective.split(best.phi[None]))
-        normal = self.normal if self.normal.finite else objective.linearise(best.phi)
-        spent = normal.spent(objective.places(best.members))
-        noise = objective.noise_left(readings, spent)
+        normal = self.normal if self.normal.is_finite else objective.linearise(best.phi)
+        spent = normal.effective_parameters(objective.indices(best.members))
+        noise = objective.estimate_noise(readings, spent)
         resized = float((noise.std / objective.noise.std - 1).abs().max())
         recorrelated = float((noise.correlation - objective.noise.correlation).abs().max())
         if max(resized, recorrelated) < NOTICEABLE:
@@ -165,7 +169,7 @@ class _Search:
         for members, found in self.tried.items():
             self.tried[members] = replace(found, cost=math.inf, score=math.inf)
         for found, cost in zip(near, costs.tolist(), strict=True):
-            score = cost + penalty(self.objective) * len(found.members)
+            score = cost + term_penalty(self.objective) * len(found.members)
             self.tried[found.members] = replace(found, cost=cost, score=score)
 
     def refit(self, sets: Sequence[Set]) -> None:
@@ -180,9 +184,9 @@ class _Search:
         )
         for row, members in enumerate(sets):
             cost = float(found.cost[row])
-            score = cost + penalty(self.objective) * len(members)
+            score = cost + term_penalty(self.objective) * len(members)
             if members not in self.tried or score < self.tried[members].score:
-                self.tried[members] = Tried(members, found.phi[row], cost, score)
+                self.tried[members] = RefittedSet(members, found.phi[row], cost, score)
 
     def settle_rivals(self) -> bool:
         """Fit the nearest sets that are no larger, parts of the best too, to the end.
@@ -214,20 +218,20 @@ class _Search:
         [expected] = self.problem.costs([members]).tolist()
         return expected < OUT_OF_QUESTION * max(self.best.cost, self.objective.noise.count)
 
-    def _at_start_of(self, best: Tried, rival: Tried) -> Tensor:
+    def _at_start_of(self, best: RefittedSet, rival: RefittedSet) -> Tensor:
         """Return the better beginning: where the rival is, or its law at the best one's start."""
         moved = rival.phi.clone()
         moved[: self.objective.modes] = best.phi[: self.objective.modes]
-        return better(self.objective, rival.phi, moved)[0]
+        return choose_better(self.objective, rival.phi, moved)[0]
 
     def _begin(self, members: Set) -> Tensor:
         """Return the best unknowns of the linearised problem."""
-        solution = self.normal.solution(self.objective.places(members))
+        solution = self.normal.solution(self.objective.indices(members))
         return self.objective.embed(solution, members)
 
 
 def _free(objective: LeastSquaresProblem, sets: Sequence[Set]) -> Tensor:
     free = torch.zeros((len(sets), objective.modes + len(objective.prior_std)), dtype=torch.bool)
     for row, members in enumerate(sets):
-        free[row, objective.places(members)] = True
+        free[row, objective.indices(members)] = True
     return free

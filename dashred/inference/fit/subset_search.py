@@ -14,7 +14,7 @@ from jaxtyping import Float
 from scipy.linalg import qr
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import Normal
+from dashred.inference.fit.least_squares import NormalEquations
 from dashred.inference.fit.normal_equations import solve
 
 CHUNK = 20000
@@ -37,7 +37,7 @@ class ProfiledProblem:
     precision: Float[Tensor, " candidate"]
 
     @classmethod
-    def of(cls, normal: Normal, modes: int) -> ProfiledProblem:
+    def from_normal_equations(cls, normal: NormalEquations, modes: int) -> ProfiledProblem:
         """Eliminate the start.
 
         Args:
@@ -83,7 +83,7 @@ class ProfiledProblem:
         matrix = (self.gram + torch.diag(self.precision))[index][:, index]
         return solve(matrix, self.target[index, None])[:, 0]
 
-    def most_telling(self, count: int) -> tuple[int, ...]:
+    def most_distinct(self, count: int) -> tuple[int, ...]:
         """Return the candidates whose effects, per prior std, span the most: QR with pivoting.
 
         The Gram matrix has the pivots of the columns themselves, and is small.

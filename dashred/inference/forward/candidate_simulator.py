@@ -14,7 +14,7 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-from dashred.inference.forward.candidates import Candidate, forcing_of
+from dashred.inference.forward.candidates import Candidate, build_forcing
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.solvers.batch_coefficients import Columns
 from dashred.physics.solvers.compiled_simulator import CompiledSystem, compiled
@@ -53,7 +53,7 @@ class CandidateSimulator:
     ) -> None:
         self.system, self.shapes = system, shapes
         self.tangent = system.with_step(max(tangent_dt, system.dt))
-        self.terms = forcing_of(candidates, torch.zeros((1, len(candidates)))).terms
+        self.terms = build_forcing(candidates, torch.zeros((1, len(candidates)))).terms
         self._columns: dict[str, list[int]] = {}
         first = 0
         for candidate in candidates:
@@ -79,7 +79,7 @@ class CandidateSimulator:
         other.tangent = self.system
         return other
 
-    def of(self, candidates: Sequence[Candidate]) -> CandidateSimulator:
+    def with_candidates(self, candidates: Sequence[Candidate]) -> CandidateSimulator:
         """Return the same system with other candidates, without windows."""
         return CandidateSimulator(self.system, self.tangent.dt, candidates)
 

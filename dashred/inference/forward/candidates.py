@@ -33,7 +33,7 @@ class Candidate:
         aliases: parameters whose change has the same effect to first order.
         replaces: library terms, ``equation: term``, that a parameter stands for.
         window: where alone it acts; None everywhere.
-        extended: whether it is a term that the library does not have.
+        is_extended: whether it is a term that the library does not have.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Candidate:
     aliases: tuple[str, ...] = ()
     replaces: tuple[str, ...] = ()
     window: Window | None = None
-    extended: bool = False
+    is_extended: bool = False
 
     @property
     def key(self) -> str:
@@ -143,7 +143,7 @@ def indices_by_name(candidates: Sequence[Candidate]) -> dict[str, int]:
     return {name: j for j, found in enumerate(candidates) for name in (str(found), *found.replaces)}
 
 
-def forcing_of(candidates: Sequence[Candidate], coefficients: Tensor) -> Forcing:
+def build_forcing(candidates: Sequence[Candidate], coefficients: Tensor) -> Forcing:
     """Return the model error of coefficients ``(batch, candidate)``, in the user's units."""
     terms = tuple(term for candidate in candidates for term in candidate.terms)
     owner = [j for j, candidate in enumerate(candidates) for _ in candidate.terms]

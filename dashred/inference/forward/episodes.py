@@ -39,7 +39,7 @@ def stack_readings(values: Sequence[Tensor]) -> Tensor:
     return reduce(lambda before, after: torch.hstack((before, after)), padded)
 
 
-def until_end(clock: Tensor) -> Tensor:
+def without_padding(clock: Tensor) -> Tensor:
     """Return a padded clock without its padding."""
     return clock[: 1 + int((clock[1:] > clock[:-1]).sum())]
 
@@ -51,7 +51,7 @@ def concatenate_episodes(values: Tensor, times: Tensor) -> Tensor:
         values: of every sample.
         times: ``(time, episode)``.
     """
-    ends = [len(until_end(clock)) for clock in times.T]
+    ends = [len(without_padding(clock)) for clock in times.T]
     return torch.cat([values[:end, e] for e, end in enumerate(ends)])
 
 

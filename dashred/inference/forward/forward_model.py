@@ -36,15 +36,15 @@ class Linearisation:
     Attributes:
         readings: ``(time, sensor)``.
         by_start: J_z, ``(time, sensor, mode)``.
-        by_error: J_ξ in the user's units, ``(time, sensor, coefficient)``.
+        by_coefficients: J_ξ in the user's units, ``(time, sensor, coefficient)``.
     """
 
     readings: Tensor
     by_start: Tensor
-    by_error: Tensor
+    by_coefficients: Tensor
 
 
-class Places(NamedTuple):
+class UnknownSlices(NamedTuple):
     """Where the unknowns of each block stand in the vector of coefficients."""
 
     law: slice
@@ -73,13 +73,15 @@ class ForwardModel:
     forcing: ForcingBlock | None = None
 
     @property
-    def places(self) -> Places:
+    def slices(self) -> UnknownSlices:
         """Where the unknowns of each block stand in the vector of coefficients."""
         law = self.law.count
         forcing = law + (self.forcing.count if self.forcing else 0)
-        return Places(slice(law), slice(law, forcing), slice(forcing, forcing + self.sensors.count))
+        return UnknownSlices(
+            slice(law), slice(law, forcing), slice(forcing, forcing + self.sensors.count)
+        )
 
-    def until(self, samples: int) -> ForwardModel:
+    def truncate(self, samples: int) -> ForwardModel:
         """Return the same over the first samples alone."""
         return replace(self, times=self.times[:samples])
 
@@ -87,7 +89,7 @@ class ForwardModel:
         self, z: Float[Tensor, "batch mode"], xi: Float[Tensor, "batch coefficient"]
     ) -> Tensor:
         """Return the trajectories ``(batch, time, episode, field, *grid)``."""
-        places = self.places
+        places = self.slices
         weights = self.law.weights(self.simulator, xi[:, places.law])
         forcing = self.forcing.sampled(xi[:, places.forcing]) if self.forcing else None
         return self.simulator.run(self.start.start(z), self.times, weights, forcing)
@@ -101,7 +103,7 @@ class ForwardModel:
 
     def readings(self, z: Tensor, xi: Tensor) -> Float[Tensor, "batch time sensor"]:
         """Return what the sensors read; not finite from where a trajectory blows up."""
-        return self.sensors.read(self.states(z, xi), xi[:, self.places.errors])
+        return self.sensors.read(self.states(z, xi), xi[:, self.slices.errors])
 
     def linearise(
         self,
@@ -125,12 +127,14 @@ class ForwardModel:
         if not whole and simulator.tangent.dt > simulator.system.dt:
             # What is stable in its own steps may not be in the derivative's.
             jacobian = self.finer()._jacobian(z, xi)
-        by_error = jacobian[..., len(z) :]
+        by_coefficients = jacobian[..., len(z) :]
         if self.sensors.errors is not None:
             [states] = self.states(z[None], xi[None])
-            columns = self.sensors.columns(states, xi[self.places.errors])
-            by_error = torch.cat([by_error, columns.to(by_error.dtype)], dim=-1)
-        return Linearisation(readings, jacobian[..., : len(z)], by_error)
+            columns = self.sensors.columns(states, xi[self.slices.errors])
+            by_coefficients = torch.cat(
+                [by_coefficients, columns.to(by_coefficients.dtype)], dim=-1
+            )
+        return Linearisation(readings, jacobian[..., : len(z)], by_coefficients)
 
     def finer(self) -> ForwardModel:
         """Return the same with the simulator's own time steps for its derivative."""
@@ -150,7 +154,7 @@ class ForwardModel:
         eye = torch.eye(len(z), dtype=torch.float64)
         [base] = self.start.start(z[None])
         directions = (self.start.start(z + DIFFERENCE * eye) - base) / DIFFERENCE
-        places, forcing = self.places, self.forcing
+        places, forcing = self.slices, self.forcing
         blocks = self.simulator.tangents(
             base,
             directions,
@@ -178,7 +182,7 @@ class ForwardModel:
 
     def _differences(self, z: Tensor, xi: Tensor) -> Tensor:
         """Return the Jacobian by central differences."""
-        scales, errors = self.scales, xi[self.places.errors]
+        scales, errors = self.scales, xi[self.slices.errors]
         steps = DIFFERENCE * torch.cat([torch.ones_like(z), scales, torch.zeros_like(errors)])
         moves = torch.diag(steps)[: len(z) + len(scales)]
         moved = torch.cat([z, xi]) + torch.cat([moves, -moves])

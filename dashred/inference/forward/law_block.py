@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dashred.inference.forward.candidates import Candidate, forcing_of
+from dashred.inference.forward.candidates import Candidate, build_forcing
 from dashred.inference.forward.simulator import Simulator
 from dashred.physics.expressions.algebra import Number, multiply
 from dashred.physics.solvers.forcing import Forcing
@@ -77,7 +77,7 @@ class LawBlock:
         if self.windowed is None:
             return tuple(self.candidates)
         window = self.windowed.window(unknowns[len(self.candidates) :])
-        return (*self.candidates, *localised(self.windowed.candidates, window))
+        return (*self.candidates, *restrict_to_window(self.windowed.candidates, window))
 
     def weights(self, simulator: Simulator, unknowns: Tensor) -> Tensor:
         """Return the simulator's weights for rows of unknowns, ``(row, weight)``."""
@@ -93,7 +93,7 @@ class LawBlock:
         """Return the law of one vector of unknowns; terms with a coefficient of 0 are left out."""
         terms = self.terms(unknowns)
         carried = torch.nonzero(unknowns[: len(terms)]).flatten().tolist()
-        return forcing_of([terms[j] for j in carried], unknowns[None, carried])
+        return build_forcing([terms[j] for j in carried], unknowns[None, carried])
 
     def sources(self, unknowns: Tensor) -> list[tuple[Term, ...]]:
         """Return the derivative of the tendency by each unknown, as terms."""
@@ -113,7 +113,7 @@ class LawBlock:
         ]
 
 
-def localised(candidates: Sequence[Candidate], window: Window) -> list[Candidate]:
+def restrict_to_window(candidates: Sequence[Candidate], window: Window) -> list[Candidate]:
     """Return candidates that act within a window alone: ``χ θ`` is a term like any other."""
     chi = window.expression
     return [

@@ -74,17 +74,17 @@ class OffsetErrors:
 
 
 @dataclass(frozen=True)
-class MovedSensor:
+class PositionErrors:
     """One sensor reads at ``x + δ``, not at its stated place x; the unknowns are δ.
 
     Attributes:
         sensor: at its stated place.
-        own: its columns among the readings, one for each episode.
+        indices: its columns among the readings, one for each episode.
         system: whose fields it reads.
     """
 
     sensor: Sensor
-    own: list[int]
+    indices: list[int]
     system: System
 
     @property
@@ -96,7 +96,7 @@ class MovedSensor:
         """Return the readings with this sensor at its own place, ``(batch, time, sensor)``."""
         found = stated.clone()
         for row, path, delta in zip(found, states, unknowns, strict=True):
-            row[:, self.own] = self.at(path, delta[None])[..., 0]
+            row[:, self.indices] = self.at(path, delta[None])[..., 0]
         return found
 
     def columns(self, stated: Tensor, states: Tensor, unknowns: Tensor) -> Tensor:
@@ -105,7 +105,7 @@ class MovedSensor:
         for axis, step in enumerate(torch.diag(REACH * self._lengths)):
             places = torch.stack([unknowns + step, unknowns - step])
             ahead, behind = self.at(states, places).unbind(-1)
-            found[:, self.own, axis] = (ahead - behind) / (2 * step[axis])
+            found[:, self.indices, axis] = (ahead - behind) / (2 * step[axis])
         return found
 
     def first_guess(self, states: Tensor, recorded: Tensor, std: Tensor) -> Tensor:
@@ -114,7 +114,7 @@ class MovedSensor:
         every = list(product(shares, repeat=len(self.system.axes)))
         places = torch.tensor(every, dtype=torch.float64)
         found = self.at(states, places * self._lengths)
-        left = (found - recorded[:, self.own, None]) / std[self.own[0]]
+        left = (found - recorded[:, self.indices, None]) / std[self.indices[0]]
         misfits = left.nan_to_num().square().sum(dim=(0, 1))
         misfits = misfits + (places / MISPLACED).square().sum(dim=1)
         return places[int(misfits.argmin())] * self._lengths

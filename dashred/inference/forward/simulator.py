@@ -17,7 +17,7 @@ from torch import Tensor
 
 from dashred.inference.forward.candidate_simulator import CandidateSimulator
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.forward.episodes import until_end
+from dashred.inference.forward.episodes import without_padding
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import Term
@@ -55,9 +55,9 @@ class Simulator:
         """Return the simulators whose derivatives take the system's own time steps."""
         return self._each(CandidateSimulator.finer)
 
-    def of(self, candidates: Sequence[Candidate]) -> Simulator:
+    def with_candidates(self, candidates: Sequence[Candidate]) -> Simulator:
         """Return the same systems with other candidates, without windows."""
-        return self._each(lambda part: part.of(candidates))
+        return self._each(lambda part: part.with_candidates(candidates))
 
     def weights(
         self,
@@ -82,7 +82,7 @@ class Simulator:
         """
         states = start.new_empty((len(start), len(times), *start.shape[1:]))
         for group in self._groups(times):
-            clock, count = until_end(times[:, group[0]]), len(group)
+            clock, count = without_padding(times[:, group[0]]), len(group)
             rows = weights.repeat_interleave(count, dim=0)
             force = forcing and SampledForcing(
                 forcing.knots, forcing.values.repeat_interleave(count, dim=0)
@@ -122,7 +122,7 @@ class Simulator:
         shared = forcing, sources, sampled_forcing, forcing_basis
         each = []
         for e, part in enumerate(self.parts):
-            own, moved = until_end(times[:, e]), moving[:, e]
+            own, moved = without_padding(times[:, e]), moving[:, e]
             samples = part.tangents(start[e], directions[moved, e], own, *shared)
             each.append(_blocks(_held(samples, len(times) - len(own)), moved))
         for blocks in zip(*each, strict=True):

@@ -14,8 +14,8 @@ from itertools import product
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
-from dashred.inference.fit.levenberg_marquardt import grow, minimise
+from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
+from dashred.inference.fit.levenberg_marquardt import minimise, minimise_growing_horizon
 from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.physics.forcing_basis import ForcingBasis
 
@@ -56,7 +56,7 @@ class FreeForcing:
     block: ForcingBlock
     phi: Tensor
     cost: float
-    normal: Normal
+    normal: NormalEquations
     levels: tuple[float, ...]
     equations: tuple[int, ...]
 
@@ -77,7 +77,7 @@ class FreeForcing:
         return self.block.amplitudes(self.phi[-self.block.count :])[0]
 
 
-def evidence(normal: Normal, index: Sequence[int]) -> float:
+def evidence(normal: NormalEquations, index: Sequence[int]) -> float:
     """Return ``-2 ln p(y)`` of a linearised model with some unknowns, up to a constant.
 
     ``min F + ln det(JᵀJ + P) - ln det P`` (Laplace).
@@ -116,7 +116,7 @@ def fit_free_forcing(
         the forcing, and the evidence without one.
     """
     driven = replace(objective.forward_model, forcing=block)
-    whole = objective.extended(driven, _stds(block, LEVELS[-1:] * len(block.size)))
+    whole = objective.with_unknowns(driven, _stds(block, LEVELS[-1:] * len(block.size)))
     begin = torch.cat([phi, torch.zeros(block.count, dtype=torch.float64)])
     first = whole.linearise(begin)
     without = evidence(first, range(len(phi)))
@@ -133,7 +133,7 @@ def _grown(whole: LeastSquaresProblem, begin: Tensor, lost: FreeForcing) -> Free
         loose = replace(
             _as_large(whole, block, (level,) * len(block.size)), noise=whole.noise.scaled(COARSE)
         )
-        phi = grow(loose, begin, BEGIN, GROWTH, GROWING_STEPS)
+        phi = minimise_growing_horizon(loose, begin, BEGIN, GROWTH, GROWING_STEPS)
         grown = _forced(whole, block, phi, lost.equations, whole.linearise(phi))
         found = min(found, grown, key=lambda forced: forced.cost)
         if not _lost(found):
@@ -146,7 +146,7 @@ def _forced(
     block: ForcingBlock,
     phi: Tensor,
     equations: Sequence[int],
-    normal: Normal,
+    normal: NormalEquations,
 ) -> FreeForcing:
     """Fit start, law and forcing from where they are, the forcing's size by the evidence.
 
@@ -182,12 +182,12 @@ def _lost(forced: FreeForcing) -> bool:
     """
     objective, normal = forced.objective, forced.normal
     left = normal.residuals.reshape(objective.recorded.shape).square().sum(dim=0)
-    seen = objective.noise.seen.sum(dim=0)
+    seen = objective.noise.available.sum(dim=0)
     others = torch.ones(len(left), dtype=torch.bool)
     others[(left / seen.clamp(min=1)).argmax()] = len(left) == 1
     ratio = (left[others].sum() / seen[others].sum().clamp(min=1)).sqrt()
     # Of a trajectory that blows up the residuals say nothing.
-    return not normal.finite or float(ratio) > LOST
+    return not normal.is_finite or float(ratio) > LOST
 
 
 def force(objective: LeastSquaresProblem, phi: Tensor, size: Tensor) -> tuple[FreeForcing, float]:
@@ -207,7 +207,7 @@ def force(objective: LeastSquaresProblem, phi: Tensor, size: Tensor) -> tuple[Fr
 
 
 def _best_levels(
-    normal: Normal, block: ForcingBlock, equations: Sequence[int]
+    normal: NormalEquations, block: ForcingBlock, equations: Sequence[int]
 ) -> tuple[float, ...]:
     """Return the levels with the best evidence."""
     choices = _choices(equations, len(block.size))
@@ -219,7 +219,7 @@ def _choices(equations: Sequence[int], fields: int) -> list[tuple[float, ...]]:
     return list(product(*(LEVELS if e in equations else LEVELS[:1] for e in range(fields))))
 
 
-def _with_levels(normal: Normal, block: ForcingBlock, levels: tuple[float, ...]) -> float:
+def _with_levels(normal: NormalEquations, block: ForcingBlock, levels: tuple[float, ...]) -> float:
     """Return the evidence of a forcing of some levels."""
     precision = torch.cat([normal.precision[: -block.count], _stds(block, levels) ** -2])
     return evidence(replace(normal, precision=precision), range(len(precision)))

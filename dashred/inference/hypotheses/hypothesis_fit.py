@@ -7,9 +7,14 @@ from functools import cached_property
 
 from torch import Tensor
 
-from dashred.inference.fit.law import Law, law_of
-from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
-from dashred.inference.fit.levenberg_marquardt import Fitted, grow, minimise, minimise_on
+from dashred.inference.fit.law import Law, build_law
+from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
+from dashred.inference.fit.levenberg_marquardt import (
+    FitResult,
+    minimise,
+    minimise_growing_horizon,
+    minimise_in_rounds,
+)
 
 STEPS, TOLERANCE = 10, 1e-4
 # A score this much worse than the best is out of the question.
@@ -56,7 +61,7 @@ class HypothesisFit:
     left_out: LeftOut | None = None
 
     @cached_property
-    def normal(self) -> Normal:
+    def normal(self) -> NormalEquations:
         """F linearised about its minimum: several questions are put to it, and it is dear."""
         return self.objective.linearise(self.phi)
 
@@ -88,22 +93,24 @@ def settled(cause: HypothesisFit) -> HypothesisFit:
     if cause.law.chi2 > LOST:
         return cause
     objective, total = cause.objective, len(cause.objective.recorded)
-    grown = [grow(objective, cause.phi, round(share * total)) for share in SHARES]
+    grown = [
+        minimise_growing_horizon(objective, cause.phi, round(share * total)) for share in SHARES
+    ]
     loose = [replace(objective, noise=objective.noise.scaled(factor)) for factor in LOOSER]
     freed = [minimise(wide, cause.phi, SETTLING_STEPS, SETTLED).phi for wide in loose]
     begun = (cause.phi, *grown, *freed)
     fits = [minimise(objective, phi, SETTLING_STEPS, SETTLED) for phi in begun]
     lowest = min(fits, key=lambda fitted: fitted.cost)
     if not lowest.converged and lowest.chi2 < FAR * objective.noise.count:
-        lowest = minimise_on(objective, lowest.phi, SETTLING_STEPS, SETTLED, WORTH)
+        lowest = minimise_in_rounds(objective, lowest.phi, SETTLING_STEPS, SETTLED, WORTH)
     return ended(cause, objective, lowest)
 
 
-def ended(cause: HypothesisFit, objective: LeastSquaresProblem, fitted: Fitted) -> HypothesisFit:
+def ended(cause: HypothesisFit, objective: LeastSquaresProblem, fitted: FitResult) -> HypothesisFit:
     """Return an explanation where another fit of it has ended; its score moves with F."""
     law = cause.law
     [before], _ = cause.objective.values(cause.phi[None])
     score = law.score - float(before) + fitted.cost
-    found = law_of(objective, fitted, score)
-    again = replace(found, fault=law.fault, widened=law.widened)
+    found = build_law(objective, fitted, score)
+    again = replace(found, fault=law.fault, start_prior_factor=law.start_prior_factor)
     return HypothesisFit(again, objective, fitted.phi)

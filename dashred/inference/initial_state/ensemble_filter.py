@@ -57,7 +57,7 @@ class FilterSettings:
 
 
 @dataclass(frozen=True)
-class Filtered:
+class FilterResult:
     """What the filter knows after the last sample.
 
     Anomalies are deviations from the mean: the covariance is ``AᵀA/(member − 1)``.
@@ -97,7 +97,7 @@ def ensemble_filter(
     operator: ObservationOperator,
     noise: Float[Tensor, " sensor"],
     settings: FilterSettings,
-) -> Filtered:
+) -> FilterResult:
     """Assimilate a record, sample by sample.
 
     Args:
@@ -135,7 +135,7 @@ def ensemble_filter(
         states, starts, coefficients = tapers.split(joint)
         means[i] = states.mean(dim=0)
     parts = [_mean_and_anomalies(part) for part in (starts, states, coefficients)]
-    return Filtered(*parts[0], *parts[1], *parts[2], innovations, stds, means)
+    return FilterResult(*parts[0], *parts[1], *parts[2], innovations, stds, means)
 
 
 class _Tapers:

@@ -84,7 +84,7 @@ class ScaledStart:
         return self.start(torch.from_numpy(rng.standard_normal((count, self.size))))
 
 
-def nearest(model: StartModel, state: Tensor) -> Tensor:
+def project_state(model: StartModel, state: Tensor) -> Tensor:
     """Return the z whose start is nearest to a state, ``(mode,)``.
 
     Args:

@@ -101,4 +101,4 @@ def _blocks(targets: list[Tensor], designs: list[Tensor]) -> Blocks:
     weights = [1.0 / target.square().mean().sqrt().clamp(min=1e-300) for target in targets]
     target = torch.cat([t * w for t, w in zip(targets, weights, strict=True)], dim=-1)
     design = torch.cat([d * w for d, w in zip(designs, weights, strict=True)], dim=-1)
-    return Blocks.of(target.numpy(), design.numpy())
+    return Blocks.from_arrays(target.numpy(), design.numpy())

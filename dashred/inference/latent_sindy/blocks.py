@@ -27,7 +27,7 @@ class Blocks:
     rows: Array
 
     @classmethod
-    def of(cls, target: Array, columns: Array) -> Blocks:
+    def from_arrays(cls, target: Array, columns: Array) -> Blocks:
         """Sum up targets ``(block, row)`` and columns ``(block, term, row)``."""
         return cls(
             np.einsum("bir,bjr->bij", columns, columns),

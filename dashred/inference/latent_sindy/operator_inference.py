@@ -63,7 +63,7 @@ class SnapshotSteps:
     errors: dict[int, float]
 
     @classmethod
-    def learn(
+    def fit(
         cls,
         system: System,
         library: Sequence[Term],
@@ -112,11 +112,11 @@ class SnapshotSteps:
         start = fields[begins]
         steps = []
         for stride in strides:
-            path = torch.stack([start, self.moved(start, stride)], dim=1)
+            path = torch.stack([start, self.advance(start, stride)], dim=1)
             steps.append(Step(begins, begins + stride, float(times[begins[0]]), path))
         return steps
 
-    def moved(self, states: Float[Tensor, "*dims"], stride: int) -> Float[Tensor, "*dims"]:
+    def advance(self, states: Float[Tensor, "*dims"], stride: int) -> Float[Tensor, "*dims"]:
         """Return states ``(*batch, field, *grid)`` a step on.
 
         The increment is added to the field, so that what no mode expresses stays as it is.

@@ -12,7 +12,7 @@ from dashred.physics.parameter_sensitivity import parameter_slopes
 from dashred.physics.system import System, Term
 
 
-def correct(system: System, law: Law) -> System:
+def build_corrected_system(system: System, law: Law) -> System:
     """Return the corrected system, whose tendency is exactly ``N + Σ ξ θ``.
 
     A parameter gets the value that has the same effect as its term, if there is one

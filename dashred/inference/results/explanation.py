@@ -27,12 +27,12 @@ MOST_ALTERNATIVES = 3
 NEAR = 12.0
 
 
-def explain(system: System, discovered: Discovery) -> list[TermFound | ParameterChange]:
+def terms_of_discovery(system: System, discovered: Discovery) -> list[TermFound | ParameterChange]:
     """Return ``findings["terms"]``: one entry for each candidate of the best law."""
-    return terms_of(system, discovered.best, lambda candidate: inclusion(discovered, candidate))
+    return terms_of_law(system, discovered.best, lambda candidate: inclusion(discovered, candidate))
 
 
-def terms_of(
+def terms_of_law(
     system: System, law: Law, probability: Callable[[Candidate], float] = lambda _: 1.0
 ) -> list[TermFound | ParameterChange]:
     """Return one entry for each candidate of a law.
@@ -79,7 +79,7 @@ def alternatives(discovered: Discovery, system: System) -> list[Alternative]:
     ]
 
 
-def smaller(discovered: Discovery, system: System) -> list[SmallerLaw]:
+def smaller_laws(discovered: Discovery, system: System) -> list[SmallerLaw]:
     """Return the best laws of fewer terms than the best law has, where that acts everywhere.
 
     What one explains is ``(F₀ - F_k) / (F₀ - F)``: F of no law, of k terms, and of all.

@@ -47,9 +47,9 @@ def locate(
     power = ratios.square().sum(dim=1)
     # A sample that either leaves out, as a spike, cannot compare the two.
     left_out = law.residuals.isnan() | discovered.nothing.residuals.isnan()
-    noise = replace(discovered.noise, seen=discovered.noise.seen & ~left_out)
+    noise = replace(discovered.noise, available=discovered.noise.available & ~left_out)
     before, after = noise.whiten(discovered.nothing.residuals), noise.whiten(law.residuals)
-    seen = noise.seen
+    seen = noise.available
     return Where(
         equation={
             field: float(share) / total if total else 0.0

@@ -21,7 +21,7 @@ UNEXPLAINED = 0.75
 STUCK = 1.5
 
 
-def fault_found(fault: SensorFault) -> SensorFaultFound:
+def describe_fault(fault: SensorFault) -> SensorFaultFound:
     """Return a fault as data, without what its sensor reads and where it stands."""
     return {
         "sensor": fault.sensor,
@@ -39,7 +39,7 @@ FaultDetails = Callable[[SensorFault], SensorFaultFound]
 
 
 def verdict(
-    discovered: Discovery, left: float | None = None, details: FaultDetails = fault_found
+    discovered: Discovery, left: float | None = None, details: FaultDetails = describe_fault
 ) -> tuple[Verdict, list[Cause]]:
     """Return the verdict, and its causes by falling probability.
 
@@ -48,7 +48,7 @@ def verdict(
 
     Args:
         discovered: the laws.
-        left: the share of the best law's misfit that is not noise (:func:`unexplained`), if known.
+        left: the share of the best law's misfit that is not noise (:func:`unexplained_share`), if known.
         details: describes a fault of a sensor as data.
     """
     if reason := _not_converged(discovered, left):
@@ -62,7 +62,7 @@ def verdict(
     return (_kind(discovered.best) if clear else "ambiguous"), causes
 
 
-def unexplained(stated: Tensor | None, found: NoiseModel) -> float | None:
+def unexplained_share(stated: Tensor | None, found: NoiseModel) -> float | None:
     """Return the share of the best law's misfit that is not the recording's own noise.
 
     ``max(0, 1 - n / Σ (σ_found/σ_stated)²)`` over the n samples there are: 0 if the residuals are
@@ -74,7 +74,7 @@ def unexplained(stated: Tensor | None, found: NoiseModel) -> float | None:
     """
     if stated is None:
         return None
-    seen = found.seen.sum(dim=0)
+    seen = found.available.sum(dim=0)
     excess = float(((found.std / stated).square() * seen).sum() / seen.sum())
     return max(0.0, 1.0 - 1.0 / excess) if excess > 0 else 0.0
 
@@ -85,7 +85,7 @@ def _not_converged(discovered: Discovery, left: float | None) -> Cause | None:
     if not discovered.reached:
         samples, level = discovered.levels[-1] if discovered.levels else (0, float("nan"))
         cause["reason"], cause["misfit"] = "window-not-reached", level
-        cause["samples"], cause["samples_in_all"] = samples, len(discovered.noise.seen)
+        cause["samples"], cause["samples_in_all"] = samples, len(discovered.noise.available)
         return cause
     if discovered.best.chi2 > STUCK * discovered.free_chi2:
         cause["reason"] = "law-not-fitted"
@@ -140,11 +140,11 @@ def _outside(discovered: Discovery) -> Cause:
 def _kind(law: Law) -> Verdict:
     if law.fault is not None and not law.candidates:
         return "sensor-fault"
-    if law.widened > 1:
+    if law.start_prior_factor > 1:
         return "initial-condition"
     if not law.candidates:
         return "nothing-missing"
-    if law.extended:
+    if law.is_extended:
         return "outside-library"
     if all(candidate.equation is None for candidate in law.candidates):
         return "parameter"
@@ -157,8 +157,8 @@ def _cause(kind: Verdict, probability: float, law: Law, details: FaultDetails) -
         return _sensor_fault(probability, details(law.fault))
     touched = {term.equation for candidate in law.candidates for term in candidate.terms}
     cause: Cause = {"kind": kind, "probability": probability, "where": None}
-    if law.widened > 1:
-        cause["start"] = law.widened
+    if law.start_prior_factor > 1:
+        cause["start"] = law.start_prior_factor
         return cause
     cause["where"] = {"equations": sorted(touched)} if touched else None
     if kind == "parameter":

@@ -14,7 +14,7 @@ from dashred.core.findings.schema import Findings
 from dashred.core.progress import Silent, shown_on
 from dashred.core.tracking import NullTracker
 from dashred.data.episodes import Episodes
-from dashred.inference.results.corrected_system import correct
+from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.pipeline import equations
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.api.result import Result
@@ -119,7 +119,7 @@ def _corrected(posed: Problem, analysis: Analysis, findings: Findings) -> Simula
     if findings["corrected"] is None:
         return None
     law = analysis.discovered.best
-    system, start = correct(posed.system, law), law.start[0]
+    system, start = build_corrected_system(posed.system, law), law.start[0]
     return Simulator(system, lambda: start, posed.times[: len(posed.split.fit.times)])
 
 

@@ -11,8 +11,14 @@ import torch
 from dashred.core.mlflow.metric_names import metric_name
 from dashred.core.progress import stage
 from dashred.core.tracking import RunTracker
-from dashred.inference.fit.law import Law, posterior
-from dashred.inference.fit.stepwise_selection import Selection, Tried, better, polish, select
+from dashred.inference.fit.law import Law, build_selected_law
+from dashred.inference.fit.stepwise_selection import (
+    RefittedSet,
+    Selection,
+    choose_better,
+    polish,
+    select,
+)
 from dashred.inference.forward.candidates import Candidate, build_candidates, indices_by_name
 from dashred.inference.hypotheses.comparison.compare_hypotheses import Comparison
 from dashred.inference.hypotheses.result import MISSING, BestOfSize, Discovery
@@ -81,17 +87,17 @@ def discover(
         objective = build_least_squares(problem, simulator, guess.start, candidates, weak)
         objective = with_noise_after(objective, walked)
         with stage("select the law", seconds) as report:
-            selection = select(objective.until(walked.samples), walked.phi, proposals, report)
-            if not walked.reached:
+            selection = select(objective.truncate(walked.samples), walked.phi, proposals, report)
+            if not walked.is_complete:
                 walked, selection = walk_on(objective, walked, selection, proposals, report)
             selection = select_near_prior(nominal.start, selection, KEPT, report)
-            objective = objective.about(selection.objective.forward_model.start)
+            objective = objective.with_start(selection.objective.forward_model.start)
             report(1.0, f"{len(selection.tried)} sets refitted")
         with stage("fit the law to the end", seconds) as report:
             laws, ranked, nothing = _finish(selection)
             report(1.0, str(laws[0]))
         with stage("weigh other causes", seconds) as report:
-            seen = replace(selection.objective.noise, seen=objective.noise.seen)
+            seen = replace(selection.objective.noise, available=objective.noise.available)
             whole, reach = replace(objective, noise=seen), walked.samples
             weighed = run_comparison(
                 problem, nominal, whole, reach, laws, ranked, nothing, guesses[0], report
@@ -110,9 +116,9 @@ def discover(
         first_guesses={g.name: g.error for g in guesses},
         first_guess=guess.name,
         levels=walked.levels,
-        reached=walked.reached or _explains(problem, weighed),
+        reached=walked.is_complete or _explains(problem, weighed),
         # A walk that got lost says nothing of what can be reached over the whole record.
-        free_chi2=float(free) / part.noise.count if walked.reached else weighed.laws[0].chi2,
+        free_chi2=float(free) / part.noise.count if walked.is_complete else weighed.laws[0].chi2,
         exhausted=selection.exhausted,
         path=path,
         tried=len(selection.tried),
@@ -138,7 +144,7 @@ def _explains(problem: Problem, weighed: Comparison) -> bool:
     if inflated(problem, weighed.noise):
         return False
     best = weighed.laws[0]
-    found = best.window is not None or best.fault is not None or best.widened > 1
+    found = best.window is not None or best.fault is not None or best.start_prior_factor > 1
     return found or weighed.gain <= MISSING
 
 
@@ -155,7 +161,7 @@ def _proposals(
     return [members for members in sets if members]
 
 
-def _finish(selection: Selection) -> tuple[list[Law], list[Tried], Tried]:
+def _finish(selection: Selection) -> tuple[list[Law], list[RefittedSet], RefittedSet]:
     """Fit the best law and the empty one to the end; rivals stay as the search left them.
 
     Returns:
@@ -170,28 +176,30 @@ def _finish(selection: Selection) -> tuple[list[Law], list[Tried], Tried]:
         near.append(single)
     nothing = polish(objective, _empty(selection, best), SETTLED) if best.members else best
 
-    def law(tried: Tried) -> Law:
+    def law(tried: RefittedSet) -> Law:
         [readings] = objective.forward_model.readings(*objective.split(tried.phi[None]))
-        return posterior(objective, normal, tried.phi, tried.members, readings, tried.score)
+        return build_selected_law(
+            objective, normal, tried.phi, tried.members, readings, tried.score
+        )
 
     ranked = sorted([best, *near], key=lambda tried: tried.score)
     return [law(tried) for tried in ranked], ranked, nothing
 
 
-def _empty(selection: Selection, best: Tried) -> Tried:
+def _empty(selection: Selection, best: RefittedSet) -> RefittedSet:
     """Return the better beginning for the empty law: as the search left it, or the best's start."""
     objective = selection.objective
     left = next(tried for tried in selection.tried if not tried.members)
     moved = objective.embed(best.phi[: objective.modes], [])
-    phi, cost = better(objective, left.phi, moved)
-    return Tried((), phi, cost, cost)
+    phi, cost = choose_better(objective, left.phi, moved)
+    return RefittedSet((), phi, cost, cost)
 
 
-def _path(selection: Selection, nothing: Tried) -> list[BestOfSize]:
+def _path(selection: Selection, nothing: RefittedSet) -> list[BestOfSize]:
     """Return the best law of each size that was tried, and none as it was fitted to the end."""
     objective = selection.objective
     known = objective.forward_model.law.candidates
-    best: dict[int, Tried] = {}
+    best: dict[int, RefittedSet] = {}
     for tried in (nothing, *selection.tried):
         if math.isfinite(tried.score):
             best.setdefault(len(tried.members), tried)

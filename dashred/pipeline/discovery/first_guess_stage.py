@@ -148,7 +148,7 @@ def _rmse(
     """Return the RMSE in σ over the first window, infinite for none."""
     samples = first_samples(objective)
     sensors = SensorBlock(problem.operator(judges[0]), len(judges))
-    forward_model = replace(objective.forward_model.until(samples), sensors=sensors)
+    forward_model = replace(objective.forward_model.truncate(samples), sensors=sensors)
     [readings] = forward_model.readings(z[None], z.new_zeros((1, 0)))
     recorded = stack_readings([torch.from_numpy(part.values[:samples]) for part in judges])
     recorded = recorded[: len(readings)]

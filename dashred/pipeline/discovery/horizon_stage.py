@@ -49,7 +49,7 @@ def fit_from_first_guesses(
         walked = grow_horizon(objective, begin, samples, settings.walking, report)
         if best is None or walked.samples > best[1].samples:
             best = guess, walked
-        if walked.reached:
+        if walked.is_complete:
             break
     assert best is not None
     return best
@@ -62,11 +62,13 @@ def with_noise_after(objective: LeastSquaresProblem, walked: HorizonFit) -> Leas
         objective: F of all candidates over the whole record.
         walked: how far, and with which of them.
     """
-    part = objective.until(walked.samples)
-    mine = part.only(walked.members)
-    normal = mine.linearise(walked.phi[part.places(walked.members)], walked.readings)
-    found = part.noise_left(walked.readings, normal.spent(range(len(normal.phi))))
-    return replace(objective, noise=replace(found, seen=objective.noise.seen))
+    part = objective.truncate(walked.samples)
+    mine = part.subset(walked.members)
+    normal = mine.linearise(walked.phi[part.indices(walked.members)], walked.readings)
+    found = part.estimate_noise(
+        walked.readings, normal.effective_parameters(range(len(normal.phi)))
+    )
+    return replace(objective, noise=replace(found, available=objective.noise.available))
 
 
 def walk_on(
@@ -88,8 +90,8 @@ def walk_on(
         report: progress.
     """
     best = selection.tried[0]
-    mine = objective.only(best.members)
-    begin = best.phi[objective.places(best.members)]
+    mine = objective.subset(best.members)
+    begin = best.phi[objective.indices(best.members)]
     further = grow_horizon(mine, begin, walked.samples, len(best.members), report)
     if further.samples == walked.samples:
         return walked, selection
@@ -100,4 +102,4 @@ def walk_on(
         levels=[*walked.levels, *further.levels[1:]],
     )
     sets = [*proposals, *(tried.members for tried in selection.tried[:TRIED_AGAIN])]
-    return further, select(objective.until(further.samples), further.phi, sets, report)
+    return further, select(objective.truncate(further.samples), further.phi, sets, report)

@@ -8,11 +8,11 @@ from dataclasses import replace
 from torch import Tensor
 
 from dashred.core.progress import Report
-from dashred.inference.fit.law import Law, law_of
+from dashred.inference.fit.law import Law, build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import grow, minimise
+from dashred.inference.fit.levenberg_marquardt import minimise, minimise_growing_horizon
 from dashred.inference.fit.noise_model import NoiseModel
-from dashred.inference.fit.stepwise_selection import Tried
+from dashred.inference.fit.stepwise_selection import RefittedSet
 from dashred.inference.forward.candidates import Candidate, replaced_terms
 from dashred.inference.forward.law_block import LawBlock
 from dashred.inference.forward.simulator import Simulator
@@ -48,8 +48,8 @@ def run_comparison(
     objective: LeastSquaresProblem,
     samples: int,
     laws: Sequence[Law],
-    ranked: Sequence[Tried],
-    nothing: Tried,
+    ranked: Sequence[RefittedSet],
+    nothing: RefittedSet,
     guess: FittedGuess,
     report: Report,
 ) -> Comparison:
@@ -76,21 +76,21 @@ def run_comparison(
     local = replaced_terms(problem.system, problem.library, known, nominal.states, times)
     everything = _with(objective, local, problem.config.discovery.weak)
     if samples < len(objective.recorded):
-        everything = everything.about(guess.start)
-        null, phi = everything.only(()), guess.z
+        everything = everything.with_start(guess.start)
+        null, phi = everything.subset(()), guess.z
     else:
-        null, phi = objective.only(()), nothing.phi[: objective.modes]
+        null, phi = objective.subset(()), nothing.phi[: objective.modes]
     if not reached:
-        phi = grow(null, phi, min(samples, FIRST))
+        phi = minimise_growing_horizon(null, phi, min(samples, FIRST))
     far = reached and nothing.cost > HOPELESS * objective.noise.count
     fitted = minimise(null, phi, STEPS, ROUGH if far else TOLERANCE)
     if not (reached and best.members):
         again = fit_near_prior(nominal.start, null, fitted.phi)
         if again is not None:
-            everything, (null, fitted) = everything.about(nominal.start), again
-    empty = HypothesisFit(law_of(null, fitted, fitted.cost), null, fitted.phi)
+            everything, (null, fitted) = everything.with_start(nominal.start), again
+    empty = HypothesisFit(build_law(null, fitted, fitted.cost), null, fitted.phi)
     fits = [
-        HypothesisFit(law, objective.only(fit.members), fit.phi[objective.places(fit.members)])
+        HypothesisFit(law, objective.subset(fit.members), fit.phi[objective.indices(fit.members)])
         for law, fit in zip(laws, ranked, strict=True)
     ]
     found = fits[0] if reached else empty
@@ -138,7 +138,7 @@ def _with(
     """Return F with further candidates."""
     forward_model = objective.forward_model
     law = LawBlock([*forward_model.law.candidates, *local])
-    return objective.extended(
+    return objective.with_unknowns(
         replace(forward_model, law=law), weak * law.scales[len(objective.prior_std) :]
     )
 

@@ -81,7 +81,7 @@ def sound_noise(problem: Problem, law: Law) -> NoiseModel:
     """
     noise, names = fit_noise(problem), problem.split.fit.names
     if law.fault is not None and len(names) > 1:
-        noise.seen[:, names.index(law.fault.sensor)] = False
+        noise.available[:, names.index(law.fault.sensor)] = False
     return noise
 
 

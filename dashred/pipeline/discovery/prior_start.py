@@ -11,9 +11,9 @@ from torch import Tensor
 
 from dashred.core.progress import Report
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
+from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from dashred.inference.fit.stepwise_selection import Selection, select
-from dashred.inference.initial_state.start_models import StartModel, nearest
+from dashred.inference.initial_state.start_models import StartModel, project_state
 
 STEPS, TOLERANCE = 10, 1e-4
 # A start that the prior reaches fits as well about it; far out, its prior holds it back a little.
@@ -23,7 +23,7 @@ NO_WORSE, LAW_NO_WORSE = 1.3, 1.1
 
 def fit_near_prior(
     prior: StartModel, objective: LeastSquaresProblem, phi: Tensor, worse: float = NO_WORSE
-) -> tuple[LeastSquaresProblem, Fitted] | None:
+) -> tuple[LeastSquaresProblem, FitResult] | None:
     """Return the same fit about the prior; None if that does not reach the start that was found.
 
     Args:
@@ -35,8 +35,8 @@ def fit_near_prior(
     if objective.forward_model.start is prior:
         return None
     z, xi = objective.split(phi)
-    mine = objective.about(prior)
-    begin = nearest(prior, objective.forward_model.start.start(z[None])[0])
+    mine = objective.with_start(prior)
+    begin = project_state(prior, objective.forward_model.start.start(z[None])[0])
     found = minimise(mine, torch.cat([begin, xi]), STEPS, TOLERANCE)
     _, trials = objective.values(phi[None])
     before = float(trials.residuals.square().sum())
@@ -57,12 +57,12 @@ def select_near_prior(
     best, objective = selection.tried[0], selection.objective
     if not best.members:
         return selection
-    law = objective.only(best.members)
-    phi = best.phi[objective.places(best.members)]
+    law = objective.subset(best.members)
+    phi = best.phi[objective.indices(best.members)]
     found = fit_near_prior(prior, law, phi, LAW_NO_WORSE)
     if found is None:
         return selection
-    whole = objective.about(prior)
+    whole = objective.with_start(prior)
     begin = whole.embed(found[1].phi, best.members)
     sets = [tried.members for tried in selection.tried[:kept]]
     return select(whole, begin, sets, report)

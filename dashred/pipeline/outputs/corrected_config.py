@@ -13,8 +13,8 @@ import yaml
 from dashred.config import Config
 from dashred.core.files.atomic import write_text_atomic
 from dashred.inference.fit.law import Law
-from dashred.inference.results.corrected_system import correct
-from dashred.inference.results.explanation import terms_of
+from dashred.inference.results.corrected_system import build_corrected_system
+from dashred.inference.results.explanation import terms_of_law
 from dashred.physics.system import System
 from dashred.reporting.wording.findings_text import law_text
 
@@ -35,7 +35,7 @@ def write_corrected(
     ``conf/base.yaml``. It contains no path, so it runs in any folder.
     """
     values = _layer(config)
-    corrected = correct(system, law)
+    corrected = build_corrected_system(system, law)
     values["system"]["equations"] = _Block(corrected.config.equations)
     # They are those of the class, which the corrected system can do without.
     values["system"].pop("class", None)
@@ -80,7 +80,7 @@ def _header(config: Config, system: System, law: Law, recording_sha256: str) -> 
     lines = [
         f"{system.title}, corrected: the simulation with the law that dashred found.",
         "",
-        law_text(terms_of(system, law), system),
+        law_text(terms_of_law(system, law), system),
         "",
         f"Found from the recording with sha256 {recording_sha256[:16]}…, seed {config.seed}; "
         f"± is one standard deviation. The configuration was {origin}.",
@@ -88,7 +88,7 @@ def _header(config: Config, system: System, law: Law, recording_sha256: str) -> 
         "The start and its spin-up are the configuration's own, so the spin-up now runs under the "
         "corrected equations; the start that was fitted to the recording is in estimates.nc.",
         "",
-        *_of_structure(config, correct(system, law)),
+        *_of_structure(config, build_corrected_system(system, law)),
         "dashred train conf=OUTPUT/corrected.yaml recording.path=RECORDING",
     ]
     if isinstance(config.recording.sensors, str):

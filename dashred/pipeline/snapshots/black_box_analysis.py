@@ -72,7 +72,7 @@ def _learn_steps(posed: Problem, runs: SnapshotRuns, learned: training.Learned) 
     shortest = min(states.shape[1], len(posed.split.fit.times))
     wanted = {*posed.config.latent_sindy.steps, max(1, shortest // LONG_STEP_DIVISOR)}
     strides = sorted(n for n in wanted if n <= shortest // 2)
-    return SnapshotSteps.learn(posed.system, posed.library, pod, states, runs.held_out, strides)
+    return SnapshotSteps.fit(posed.system, posed.library, pod, states, runs.held_out, strides)
 
 
 @torch.no_grad()

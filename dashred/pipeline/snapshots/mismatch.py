@@ -115,7 +115,7 @@ def compare(
     def change(states: Tensor, seen: Float[Tensor, "*batch time sensor"]) -> Tensor:
         time = seen.dim() - 2
         begins = states.narrow(time, 0, states.shape[time] - samples)
-        made = read(steps.moved(begins, samples)) - read(begins)
+        made = read(steps.advance(begins, samples)) - read(begins)
         return made - (seen[..., samples:, :] - seen[..., :-samples, :])
 
     return Mismatch(

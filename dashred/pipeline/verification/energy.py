@@ -9,7 +9,7 @@ from torch import Tensor
 
 from dashred.core.findings.law_schema import EnergyLost, Share
 from dashred.inference.fit.law import Law
-from dashred.inference.forward.candidates import forcing_of
+from dashred.inference.forward.candidates import build_forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 
@@ -37,7 +37,7 @@ def energy_loss(
         return None
     laws = torch.cat([law.coefficients[None], _draws(law, rng)])
     starts = law.start[:1].expand(len(laws), *law.start.shape[1:])
-    paths = simulate(system, starts, times, forcing_of(law.candidates, laws))
+    paths = simulate(system, starts, times, build_forcing(law.candidates, laws))
     best, *drawn = (_shares(system, path, times.numpy()) for path in paths)
     with_cycles = [each for each in drawn if len(each)]
     if not len(best) or not with_cycles:

@@ -24,9 +24,9 @@ from dashred.core.findings.schema import (
     new_findings,
 )
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
-from dashred.inference.results.explanation import alternatives, explain, smaller
+from dashred.inference.results.explanation import alternatives, smaller_laws, terms_of_discovery
 from dashred.inference.results.location import locate
-from dashred.inference.results.verdict import unexplained, verdict
+from dashred.inference.results.verdict import unexplained_share, verdict
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.outputs.corrected_config import NAME as CORRECTED
@@ -45,7 +45,9 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     discovered = analysis.discovered
     units = problem.system.units
     names = problem.split.fit.names
-    left = unexplained(problem.noise_of(names).repeat(len(problem.episodes)), discovered.noise)
+    left = unexplained_share(
+        problem.noise_of(names).repeat(len(problem.episodes)), discovered.noise
+    )
     kind, causes = verdict(discovered, left, problem.fault_details)
     fit = Fit(
         # The noise is the same in all episodes.
@@ -77,9 +79,9 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
             problem.times[:count],
             names,
         ),
-        terms=explain(problem.system, discovered),
+        terms=terms_of_discovery(problem.system, discovered),
         alternatives=alternatives(discovered, problem.system),
-        smaller=smaller(discovered, problem.system),
+        smaller=smaller_laws(discovered, problem.system),
         energy=energy_loss(
             problem.system,
             discovered.best,

@@ -19,9 +19,9 @@ def test_the_first_window_is_short_however_many_modes_the_start_has(swing: Swing
     recorded = noisy(swing.clean((0.8, -0.6), (), ()), SIGMA, seed=0)
     objective = swing.objective(("k",), recorded, SIGMA, 1.0)
     assert first_samples(objective) == SAMPLES
-    assert first_samples(objective.until(4)) == 4
+    assert first_samples(objective.truncate(4)) == 4
     wide = LinearStart(swing.estimate.mean, swing.estimate.modes.repeat(10, 1))
-    many = objective.only(()).about(EpisodeStarts((wide,))).forward_model
+    many = objective.subset(()).with_start(EpisodeStarts((wide,))).forward_model
     whole = LeastSquaresProblem(many, recorded, objective.noise, torch.empty(0))
     assert first_samples(whole) == SAMPLES < whole.modes / recorded.shape[1]
 
@@ -30,7 +30,7 @@ def test_the_first_window_is_fitted_from_a_start_far_off(swing: Swing) -> None:
     z = (-5.0, 6.0)
     recorded = noisy(swing.clean(z, (), ()), SIGMA, seed=1)
     objective = swing.objective(("k",), recorded, SIGMA, 1.0)
-    window = objective.only([]).until(SAMPLES)
+    window = objective.subset([]).truncate(SAMPLES)
     found = fit_first_window(objective, recorded.std(dim=0))
     exact = minimise(window, torch.tensor(z, dtype=torch.float64), 10, 1e-12)
     assert len(found.readings) == SAMPLES and len(found.phi) == 2

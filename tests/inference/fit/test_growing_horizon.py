@@ -11,9 +11,9 @@ import pytest
 from torch import Tensor
 
 from dashred.inference.fit.first_window import first_samples, fit_first_window
-from dashred.inference.fit.growing_horizon import GROWTH, LOST, HorizonFit, grow_horizon
+from dashred.inference.fit.growing_horizon import DIVERGED, GROWTH, HorizonFit, grow_horizon
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
+from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from tests.swing import FORCES, TIMES, Swing, noisy
 
 SIGMA, TIGHT = 0.05, 0.05
@@ -45,7 +45,7 @@ def missing(swing: Swing) -> Tensor:
 
 def test_the_walk_reaches_the_end_of_what_candidates_explain(swing: Swing, missing: Tensor) -> None:
     found = walked(swing, missing)
-    assert found.reached and found.samples == len(TIMES) == len(found.readings)
+    assert found.is_complete and found.samples == len(TIMES) == len(found.readings)
     samples = [count for count, _ in found.levels]
     assert samples[0] == 6 and samples[-1] == len(TIMES)
     assert all(a < b <= max(a + 1, round(GROWTH * a)) for a, b in pairwise(samples))
@@ -58,7 +58,7 @@ def test_the_walk_reaches_the_end_of_what_candidates_explain(swing: Swing, missi
 
 def test_without_the_candidate_there_is_no_way_to_the_end(swing: Swing, missing: Tensor) -> None:
     objective = swing.objective(("1",), missing, SIGMA, TIGHT)
-    assert not grow_horizon(objective, fitted(objective), 6, len(NAMES), silent).reached
+    assert not grow_horizon(objective, fitted(objective), 6, len(NAMES), silent).is_complete
 
 
 @pytest.mark.parametrize(("force", "value"), [("step(t - 6)", 3.0), ("step(t - 6)*sin(5*t)", 3.0)])
@@ -68,10 +68,12 @@ def test_the_walk_stops_where_another_law_takes_over(
     """The recording is of one law up to half its length, then of one beyond the library."""
     recorded = noisy(swing.foreign(Z, force, value), SIGMA, seed=0)
     found = walked(swing, recorded)
-    assert not found.reached
+    assert not found.is_complete
     assert LATE - 5 <= found.samples <= LATE + 5
     assert len(found.readings) == found.samples == found.levels[-1][0]
-    assert found.levels[-1][1] <= LOST * max(1.0, median(level for _, level in found.levels[:-1]))
+    assert found.levels[-1][1] <= DIVERGED * max(
+        1.0, median(level for _, level in found.levels[:-1])
+    )
     # Up to there the fit is that of the law that held.
     clean = swing.clean(Z, (), ())[: LATE - 5]
     gap = found.readings[: LATE - 5] - clean
@@ -81,21 +83,23 @@ def test_the_walk_stops_where_another_law_takes_over(
 def test_what_blows_up_is_not_near_the_level(
     swing: Swing, missing: Tensor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def blown(objective: LeastSquaresProblem, phi: Tensor, steps: int, tolerance: float) -> Fitted:
+    def blown(
+        objective: LeastSquaresProblem, phi: Tensor, steps: int, tolerance: float
+    ) -> FitResult:
         found = minimise(objective, phi, steps, tolerance)
         lost = len(objective.recorded) > LATE
         return replace(found, cost=math.inf, chi2=math.nan) if lost else found
 
     monkeypatch.setattr("dashred.inference.fit.growing_horizon.minimise", blown)
     found = walked(swing, missing)
-    assert not found.reached and LATE - 5 <= found.samples <= LATE
+    assert not found.is_complete and LATE - 5 <= found.samples <= LATE
     assert all(math.isfinite(level) for _, level in found.levels)
 
 
 def test_a_walk_that_carries_few_reaches_the_end_too(swing: Swing, missing: Tensor) -> None:
     objective = swing.objective(NAMES, missing, SIGMA, TIGHT)
     found = grow_horizon(objective, fitted(objective), 6, 2, silent)
-    assert found.reached and 2 <= len(found.members) < len(NAMES)
+    assert found.is_complete and 2 <= len(found.members) < len(NAMES)
     assert found.levels[-1][1] == pytest.approx(1.0, abs=0.25)
     others = sorted(set(range(len(NAMES))) - set(found.members))
     assert not found.phi[[2 + j for j in others]].any()
@@ -107,7 +111,7 @@ def test_a_walk_that_costs_too_much_is_given_up(
     objective = swing.objective(NAMES, missing, SIGMA, TIGHT)
     monkeypatch.setattr("dashred.inference.fit.growing_horizon.EFFORT", 1)
     found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
-    assert not found.reached and 6 < found.samples < len(TIMES)
+    assert not found.is_complete and 6 < found.samples < len(TIMES)
     assert len(found.readings) == found.samples
 
 
@@ -124,6 +128,6 @@ def test_progress_is_reported(swing: Swing, missing: Tensor) -> None:
 def test_a_record_no_longer_than_the_first_window_is_reached_at_once(
     swing: Swing, missing: Tensor
 ) -> None:
-    objective = swing.objective(NAMES, missing, SIGMA, TIGHT).until(6)
+    objective = swing.objective(NAMES, missing, SIGMA, TIGHT).truncate(6)
     found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
-    assert found.reached and [count for count, _ in found.levels] == [6]
+    assert found.is_complete and [count for count, _ in found.levels] == [6]

@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.law import Law, posterior
+from dashred.inference.fit.law import Law, build_selected_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from tests import laws
@@ -25,7 +25,7 @@ def fitted(objective: LeastSquaresProblem, members: tuple[int, ...]) -> tuple[La
     phi, cost, _ = ridge(objective, members)
     normal = objective.linearise(phi)
     [readings] = objective.forward_model.readings(*objective.split(phi[None]))
-    return posterior(objective, normal, phi, members, readings, cost), phi
+    return build_selected_law(objective, normal, phi, members, readings, cost), phi
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +88,9 @@ def test_error_bars_are_honest_over_draws(swing: Swing) -> None:
         objective = swing.objective(DRIVES, recorded, SIGMA, PRIOR)
         found = minimise(objective, torch.zeros(6, dtype=torch.float64), 1, 1e-6)
         normal = objective.linearise(found.phi)
-        law = posterior(objective, normal, found.phi, (0, 1, 2, 3), found.readings, found.cost)
+        law = build_selected_law(
+            objective, normal, found.phi, (0, 1, 2, 3), found.readings, found.cost
+        )
         scores.append((law.coefficients - xi) / law.std)
         chi2.append(law.chi2)
         bounds = [law.interval(j) for j in range(4)]

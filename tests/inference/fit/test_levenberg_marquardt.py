@@ -9,10 +9,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
+from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 from dashred.inference.fit.levenberg_marquardt import (
     LADDER,
-    Fitted,
+    FitResult,
     Refits,
     _step,
     chord_refits,
@@ -31,7 +31,7 @@ def linear(swing: Swing) -> LeastSquaresProblem:
     recorded[7:12, 1] = torch.nan
     found = swing.objective(DRIVES, recorded, SIGMA, PRIOR)
     std = torch.tensor([SIGMA, 2 * SIGMA], dtype=torch.float64)
-    noise = type(found.noise)(std, torch.full_like(std, 0.4), found.noise.seen)
+    noise = type(found.noise)(std, torch.full_like(std, 0.4), found.noise.available)
     return LeastSquaresProblem(found.forward_model, recorded, noise, found.prior_std)
 
 
@@ -42,7 +42,7 @@ def bent(swing: Swing) -> LeastSquaresProblem:
     return swing.objective(("p**3", "x**3"), recorded, SIGMA, 1.0)
 
 
-def normal(objective: LeastSquaresProblem, phi: Tensor) -> Normal:
+def normal(objective: LeastSquaresProblem, phi: Tensor) -> NormalEquations:
     return objective.linearise(phi)
 
 
@@ -53,7 +53,7 @@ def nothing(objective: LeastSquaresProblem) -> Tensor:
 def freedom(objective: LeastSquaresProblem, sets: Sequence[tuple[int, ...]]) -> Tensor:
     free = torch.zeros((len(sets), len(nothing(objective))), dtype=torch.bool)
     for row, members in enumerate(sets):
-        free[row, objective.places(members)] = True
+        free[row, objective.indices(members)] = True
     return free
 
 
@@ -75,7 +75,7 @@ def test_a_jacobian_that_is_known_is_not_made_again(linear: LeastSquaresProblem)
     known = minimise(linear, begin, 1, 1e-6, normal(wide, begin))
     torch.testing.assert_close(known.phi, again.phi, rtol=0, atol=0)
 
-    astray = replace(normal(linear, begin), finite=False)
+    astray = replace(normal(linear, begin), is_finite=False)
     assert minimise(linear, begin, 1, 1e-6, astray).jacobians == 0
 
 
@@ -83,8 +83,8 @@ def test_what_overflows_when_it_is_squared_is_not_finite(linear: LeastSquaresPro
     """A trajectory that is about to blow up: its readings are numbers still."""
     far = replace(linear, noise=linear.noise.scaled(1e-200))
     found = normal(far, nothing(linear))
-    assert not found.finite and bool(torch.isfinite(found.hessian).all())
-    assert normal(linear, nothing(linear)).finite
+    assert not found.is_finite and bool(torch.isfinite(found.hessian).all())
+    assert normal(linear, nothing(linear)).is_finite
 
 
 def test_one_step_reaches_the_exact_solution(linear: LeastSquaresProblem) -> None:
@@ -125,13 +125,13 @@ def test_it_is_near_the_truth_and_missing_samples_do_not_matter(
 
 
 def test_a_part_of_the_candidates_and_of_the_record(linear: LeastSquaresProblem) -> None:
-    part = linear.only([2, 0]).until(30)
+    part = linear.subset([2, 0]).truncate(30)
     assert len(part.forward_model.times) == 30 < len(TIMES)
     found = minimise(part, nothing(part), 1, 1e-6)
     torch.testing.assert_close(found.phi, ridge(part, range(2))[0], rtol=1e-7, atol=1e-7)
     whole = linear.embed(found.phi, [2, 0])
     assert whole[[4, 2]].tolist() == found.phi[2:].tolist() and not whole[[3, 5]].any()
-    assert torch.equal(whole[linear.places([2, 0])], found.phi)
+    assert torch.equal(whole[linear.indices([2, 0])], found.phi)
 
 
 def test_chord_refits_of_several_sets_equal_separate_exact_solutions(
@@ -181,7 +181,7 @@ def test_where_small_dampings_all_overshoot_larger_ones_are_tried(
     about = normal(linear, phi)
     flat = replace(about, jacobian=about.jacobian / 100, precision=about.precision * 1e-4)
     [cost], (readings, _) = linear.values(phi[None])
-    here = Fitted(phi, float(cost), float(cost), readings[0], False, 0)
+    here = FitResult(phi, float(cost), float(cost), readings[0], False, 0)
     assert _step(linear, flat, here, LADDER[:1]) is here
     lower = _step(linear, flat, here, LADDER)
     assert lower.cost < here.cost

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from dashred.inference.fit.least_squares import Normal
+from dashred.inference.fit.least_squares import NormalEquations
 from dashred.inference.fit.normal_equations import solve
 
 
@@ -38,10 +38,10 @@ def test_a_step_of_columns_that_drown_the_prior_is_finite_and_lowers_the_misfit(
     sizes = torch.tensor([1.0, scale, scale], dtype=torch.float64)
     jacobian, precision = column[:, None] * sizes, 1e-20 * sizes**2
     residuals, phi = column.clone(), torch.zeros(3).double()
-    normal = Normal(jacobian, precision, phi, residuals)
+    normal = NormalEquations(jacobian, precision, phi, residuals)
     rows, free = phi[None], torch.ones((1, 3), dtype=torch.bool)
     [step] = normal.steps(rows, residuals[None], torch.zeros(1).double(), free)
     assert bool(torch.isfinite(step).all())
     left = residuals + jacobian @ step
     assert float(left.norm()) < 1e-3 * float(residuals.norm())
-    assert normal.least() < 1e-3 * float(residuals.square().sum())
+    assert normal.minimum() < 1e-3 * float(residuals.square().sum())

@@ -11,7 +11,7 @@ import torch
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.stepwise_moves import Set
-from dashred.inference.fit.stepwise_selection import Selection, penalty, polish, select
+from dashred.inference.fit.stepwise_selection import Selection, polish, select, term_penalty
 from tests.swing import FORCES, Swing, noisy
 from tests.waves import Waves, fitted
 
@@ -56,7 +56,7 @@ def test_the_true_set_is_found(swing: Swing, law: str, seed: int) -> None:
     found = searched(problem(swing, law, seed))
     best = found.tried[0]
     assert best.members == members(*names) and found.exhausted
-    index = found.objective.places(best.members)
+    index = found.objective.indices(best.members)
     hessian = found.objective.linearise(best.phi).hessian[index][:, index]
     std = torch.linalg.inv(hessian).diagonal().sqrt()
     truth = torch.zeros(2 + len(NAMES), dtype=torch.float64)
@@ -76,7 +76,7 @@ def test_scores_are_what_they_say_and_sorted(swing: Swing) -> None:
     found = searched(problem(swing, "one term", 0))
     objective = found.objective
     per_term = math.log(162) + 2 * math.log(len(NAMES))
-    assert penalty(objective) == pytest.approx(per_term)
+    assert term_penalty(objective) == pytest.approx(per_term)
     scores = [tried.score for tried in found.tried]
     assert scores == sorted(scores) and len({t.members for t in found.tried}) == len(scores)
     assert () in {tried.members for tried in found.tried}

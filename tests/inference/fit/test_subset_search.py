@@ -8,7 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import Normal
+from dashred.inference.fit.least_squares import NormalEquations
 from dashred.inference.fit.subset_search import ProfiledProblem, backward_path, small_sets
 
 MODES, CANDIDATES, SAMPLES = 4, 6, 50
@@ -19,18 +19,18 @@ def draw(*shape: int, seed: int) -> Tensor:
     return torch.randn(*shape, generator=generator, dtype=torch.float64)
 
 
-def normal(columns: Tensor, stds: Tensor, phi: Tensor, residuals: Tensor) -> Normal:
+def normal(columns: Tensor, stds: Tensor, phi: Tensor, residuals: Tensor) -> NormalEquations:
     precision = torch.cat([torch.ones(columns.shape[1] - len(stds)).double(), stds**-2])
-    return Normal(columns, precision, phi, residuals)
+    return NormalEquations(columns, precision, phi, residuals)
 
 
-def towards(goal: Tensor, columns: Tensor, stds: Tensor) -> Normal:
+def towards(goal: Tensor, columns: Tensor, stds: Tensor) -> NormalEquations:
     """Return equations about zero unknowns, whose target is ``goal``."""
     return normal(columns, stds, torch.zeros(columns.shape[1], dtype=torch.float64), -goal)
 
 
 @pytest.fixture(scope="module")
-def found() -> tuple[Normal, Tensor, ProfiledProblem]:
+def found() -> tuple[NormalEquations, Tensor, ProfiledProblem]:
     """Equations whose candidates resemble the start and each other, their goal, the reduction."""
     columns = draw(SAMPLES, MODES + CANDIDATES, seed=0)
     columns[:, MODES:] += columns[:, :1] + 0.5 * columns[:, MODES : MODES + 1]
@@ -38,10 +38,16 @@ def found() -> tuple[Normal, Tensor, ProfiledProblem]:
     stds = torch.tensor([0.5, 2.0, 1e-3, 1.0, 10.0, 0.1], dtype=torch.float64)
     phi, residuals = draw(MODES + CANDIDATES, seed=1), 3 * draw(SAMPLES, seed=2)
     equations = normal(columns, stds, phi, residuals)
-    return equations, columns @ phi - residuals, ProfiledProblem.of(equations, MODES)
+    return (
+        equations,
+        columns @ phi - residuals,
+        ProfiledProblem.from_normal_equations(equations, MODES),
+    )
 
 
-def regression(equations: Normal, goal: Tensor, members: tuple[int, ...]) -> tuple[Tensor, float]:
+def regression(
+    equations: NormalEquations, goal: Tensor, members: tuple[int, ...]
+) -> tuple[Tensor, float]:
     """Minimise ``‖Jφ - b‖² + φᵀPφ`` over the start and some candidates, as least squares."""
     index = [*range(MODES), *(MODES + j for j in members)]
     root = torch.diag(equations.precision.sqrt())[:, index]
@@ -52,7 +58,7 @@ def regression(equations: Normal, goal: Tensor, members: tuple[int, ...]) -> tup
 
 
 def test_costs_and_coefficients_are_those_of_brute_force(
-    found: tuple[Normal, Tensor, ProfiledProblem],
+    found: tuple[NormalEquations, Tensor, ProfiledProblem],
 ) -> None:
     equations, goal, problem = found
     for size in range(CANDIDATES + 1):
@@ -67,7 +73,7 @@ def test_costs_and_coefficients_are_those_of_brute_force(
 
 
 def test_chunks_change_nothing(
-    found: tuple[Normal, Tensor, ProfiledProblem], monkeypatch: pytest.MonkeyPatch
+    found: tuple[NormalEquations, Tensor, ProfiledProblem], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sets = list(combinations(range(CANDIDATES), 3))
     whole = found[2].costs(sets)
@@ -81,7 +87,7 @@ def test_what_the_start_can_imitate_explains_nothing() -> None:
     goal = 1e-3 * columns[:, 2]
     columns[:, :2] *= 1e4  # the prior of the start costs next to nothing
     equations = towards(goal, columns, torch.tensor([1.0], dtype=torch.float64))
-    problem = ProfiledProblem.of(equations, 2)
+    problem = ProfiledProblem.from_normal_equations(equations, 2)
     empty, alone = float(problem.costs([()])), float(problem.costs([(0,)]))
     assert empty - alone < 1e-6 * float(goal.square().sum())
 
@@ -93,7 +99,7 @@ def test_small_sets_are_all_sets() -> None:
 
 
 def test_the_backward_path_is_nested_and_drops_the_least_needed(
-    found: tuple[Normal, Tensor, ProfiledProblem],
+    found: tuple[NormalEquations, Tensor, ProfiledProblem],
 ) -> None:
     problem = found[2]
     path = backward_path(problem, CANDIDATES)
@@ -109,7 +115,9 @@ def orthogonal(effects: list[float], stds: list[float]) -> ProfiledProblem:
     """Return a problem whose candidates are orthogonal to the start and to each other."""
     q, _ = torch.linalg.qr(draw(SAMPLES, MODES + len(effects), seed=4))
     goal = q[:, MODES:] @ torch.tensor(effects, dtype=torch.float64)
-    return ProfiledProblem.of(towards(goal, q, torch.tensor(stds, dtype=torch.float64)), MODES)
+    return ProfiledProblem.from_normal_equations(
+        towards(goal, q, torch.tensor(stds, dtype=torch.float64)), MODES
+    )
 
 
 def test_on_orthogonal_columns_the_path_ends_with_the_best_single() -> None:
@@ -120,12 +128,12 @@ def test_on_orthogonal_columns_the_path_ends_with_the_best_single() -> None:
 
 def test_the_most_telling_have_the_largest_effects_per_prior() -> None:
     problem = orthogonal([0.0] * 5, [0.1, 3.0, 1.0, 0.2, 2.0])
-    assert [problem.most_telling(count) for count in (1, 2, 3)] == [(1,), (1, 4), (1, 2, 4)]
+    assert [problem.most_distinct(count) for count in (1, 2, 3)] == [(1,), (1, 4), (1, 2, 4)]
 
 
 def test_the_most_telling_are_no_twins() -> None:
     q, _ = torch.linalg.qr(draw(SAMPLES, MODES + 3, seed=5))
     q[:, MODES + 1] = q[:, MODES] + 1e-3 * q[:, MODES + 1]
     stds, nothing = torch.tensor([3.0, 2.9, 1.0]).double(), torch.zeros(SAMPLES).double()
-    problem = ProfiledProblem.of(towards(nothing, q, stds), MODES)
-    assert problem.most_telling(2) == (0, 2)
+    problem = ProfiledProblem.from_normal_equations(towards(nothing, q, stds), MODES)
+    assert problem.most_distinct(2) == (0, 2)

@@ -13,7 +13,7 @@ from torch import Tensor
 from dashred.inference.forward.candidates import (
     Candidate,
     build_candidates,
-    forcing_of,
+    build_forcing,
     indices_by_name,
 )
 from dashred.physics.library import evaluate_terms
@@ -121,7 +121,7 @@ def test_the_forcing_of_a_parameter_is_the_changed_parameter(
     for row, (name, change) in enumerate(changes.items()):
         xi[row, index[name]] = change
     start = nominal_start(engine).expand(len(changes), -1, -1)
-    runs = simulate(engine, start, TIMES, forcing_of(found, xi))
+    runs = simulate(engine, start, TIMES, build_forcing(found, xi))
     for run, (name, change) in zip(runs, changes.items(), strict=True):
         values = engine.config.parameters | {name: engine.config.parameters[name] + change}
         changed = System(replace(engine.config, parameters=values), engine.where)
@@ -133,7 +133,7 @@ def test_every_term_of_a_candidate_has_its_coefficient(
     engine: System, found: list[Candidate]
 ) -> None:
     nu, cubic = (next(c for c in found if c.name == name) for name in ("nu", "u**3"))
-    forcing = forcing_of([cubic, nu], torch.tensor([[2.0, 3.0], [4.0, 5.0]]))
+    forcing = build_forcing([cubic, nu], torch.tensor([[2.0, 3.0], [4.0, 5.0]]))
     assert [term.equation for term in forcing.terms] == ["u", "u", "lam"]
     assert forcing.coefficients.tolist() == [[2.0, 3.0, 3.0], [4.0, 5.0, 5.0]]
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from dashred.inference.fit.law import law_of
+from dashred.inference.fit.law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.noise_model import NoiseModel
@@ -17,7 +17,7 @@ from dashred.inference.forward.episodes import (
     concatenate_episodes,
     stack_readings,
     stack_times,
-    until_end,
+    without_padding,
 )
 from dashred.inference.forward.forward_model import ForwardModel
 from dashred.inference.forward.law_block import LawBlock, WindowedTerms
@@ -93,8 +93,8 @@ def test_each_reads_what_it_would_alone_and_stands_still_after_its_end(swing, z)
 
 def test_a_clock_that_stands_still_is_no_time(swing):
     times = stack_times(TIMES)
-    assert [len(until_end(clock)) for clock in times.T] == [61, 41, 61]
-    assert [len(until_end(clock)) for clock in times[:45].T] == [45, 41, 45]
+    assert [len(without_padding(clock)) for clock in times.T] == [61, 41, 61]
+    assert [len(without_padding(clock)) for clock in times[:45].T] == [45, 41, 45]
     flat = concatenate_episodes(times[..., None], times)[:, 0]
     torch.testing.assert_close(flat, torch.cat(TIMES))
 
@@ -102,11 +102,11 @@ def test_a_clock_that_stands_still_is_no_time(swing):
 def test_its_derivative_is_that_of_its_readings(swing, z):
     forward_model, xi = together(swing), torch.tensor(XI, dtype=torch.float64)
     point = forward_model.linearise(z, xi)
-    by_start, by_error = forward_model._differences(z, xi).split([6, 2], dim=-1)
+    by_start, by_coefficients = forward_model._differences(z, xi).split([6, 2], dim=-1)
     recorded = ~stack_readings(readings(swing)).isnan()
     for mine, other in (
         (point.by_start, by_start),
-        (point.by_error, by_error),
+        (point.by_coefficients, by_coefficients),
     ):
         torch.testing.assert_close(mine[recorded], other[recorded], atol=1e-5, rtol=1e-4)
         assert not mine[~recorded].any()
@@ -137,7 +137,7 @@ def test_one_law_is_fitted_to_all_and_surer_than_to_one(swing, z):
     recorded = [noisy(r, SIGMA, seed=e) for e, r in enumerate(readings(swing))]
     begin = torch.cat([0.5 * z, torch.zeros(2, dtype=torch.float64)])
     fitted = minimise(objective(swing, recorded), begin, 30, 1e-8)
-    law = law_of(objective(swing, recorded), fitted, fitted.cost)
+    law = build_law(objective(swing, recorded), fitted, fitted.cost)
     stds = law.covariance.diagonal().sqrt()
     assert ((law.coefficients - torch.tensor(XI)) / stds).abs().max() < 3
     torch.testing.assert_close(fitted.phi[:6], z, atol=0.1, rtol=0.1)
@@ -148,7 +148,7 @@ def test_one_law_is_fitted_to_all_and_surer_than_to_one(swing, z):
     noise = NoiseModel(std, torch.zeros_like(std), ~values.isnan())
     single = LeastSquaresProblem(alone(swing, 0), values, noise, torch.ones(2).double())
     mine = minimise(single, torch.zeros(4).double(), 30, 1e-8)
-    alone_stds = law_of(single, mine, 0.0).covariance.diagonal().sqrt()
+    alone_stds = build_law(single, mine, 0.0).covariance.diagonal().sqrt()
     assert bool((stds < alone_stds).all())
 
 
@@ -177,7 +177,7 @@ def test_a_fault_of_one_episode_is_looked_at_among_those_of_its_sensor(swing, z)
     told = fault_in_units(posed, stuck, torch.zeros(0), torch.zeros(0))
     assert told.sensor == "place" and told.begin == pytest.approx(63.0, abs=0.2)
     assert told.episode == 1
-    law = law_of(posed, minimise(posed, phi, 3, 1e-3), 0.0)
+    law = build_law(posed, minimise(posed, phi, 3, 1e-3), 0.0)
     assert beside_the_fault(HypothesisFit(law, posed, phi), stuck.sensor).law.fault is not None
 
 

@@ -9,10 +9,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.inference.forward.candidates import forcing_of
+from dashred.inference.forward.candidates import build_forcing
 from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.forward.forward_model import ForwardModel
-from dashred.inference.forward.law_block import LawBlock, WindowedTerms, localised
+from dashred.inference.forward.law_block import LawBlock, WindowedTerms, restrict_to_window
 from dashred.physics.forcing_basis import ForcingBasis
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.window import Shape, box, gate, onset
@@ -31,8 +31,8 @@ def check(forward_model: ForwardModel, z: Tensor, xi: Tensor) -> None:
     """Hold tangents to central differences, which have the error of the tangents' precision."""
     exact, rough = forward_model.linearise(z, xi), forward_model._differences(z, xi)
     torch.testing.assert_close(exact.readings, forward_model.readings(z[None], xi[None])[0])
-    by_start, by_error = rough.split([len(z), len(xi)], dim=-1)
-    for found, expected in ((exact.by_start, by_start), (exact.by_error, by_error)):
+    by_start, by_coefficients = rough.split([len(z), len(xi)], dim=-1)
+    for found, expected in ((exact.by_start, by_start), (exact.by_coefficients, by_coefficients)):
         size = expected.norm(dim=(0, 1))
         assert (size > 0).all()
         assert float(((found - expected).norm(dim=(0, 1)) / size).max()) < 2e-3
@@ -60,10 +60,10 @@ def test_a_window_s_edges_are_unknowns_like_any_other(waves: Waves, kind: str) -
     assert window.values == pytest.approx(
         [g + float(d) for g, d in zip(guess, xi[3:], strict=True)]
     )
-    found = [*everywhere, *localised(inside, window)]
+    found = [*everywhere, *restrict_to_window(inside, window)]
     assert [c.window for c in found] == [None, window, window]
     path = simulate(
-        waves.system, waves.start.start(z[None])[0], SHORT, forcing_of(found, xi[None, :3])
+        waves.system, waves.start.start(z[None])[0], SHORT, build_forcing(found, xi[None, :3])
     )
     torch.testing.assert_close(waves.operator(path), forward_model.readings(z[None], xi[None]))
 
@@ -79,7 +79,7 @@ def test_a_free_forcing_s_amplitudes_are_too(waves: Waves) -> None:
     none = forward_model.readings(z[None], torch.cat([xi[:2], 0 * xi[2:]])[None])
     torch.testing.assert_close(none, plain.readings(z[None], xi[None, :2]))
     assert forward_model.scales.shape == xi.shape
-    part = forward_model.until(5).readings(z[None], xi[None])
+    part = forward_model.truncate(5).readings(z[None], xi[None])
     torch.testing.assert_close(part, forward_model.readings(z[None], xi[None])[:, :5])
 
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from dashred.inference.forward.law_block import localised
+from dashred.inference.forward.law_block import restrict_to_window
 from dashred.inference.hypotheses.forcing_map import map_of
 from dashred.inference.hypotheses.free_forcing import force
 from dashred.physics.window import box
@@ -19,7 +19,7 @@ SIGMA = 0.01
 def test_it_is_largest_where_a_law_acts(waves: Waves, middle: float) -> None:
     [axis] = waves.system.axes
     [everywhere] = waves.candidates(["u: 1"])
-    [hidden] = localised([everywhere], box(axis).at((middle, 1.5, math.log(0.3))))
+    [hidden] = restrict_to_window([everywhere], box(axis).at((middle, 1.5, math.log(0.3))))
     objective = waves.objective(waves.recorded(SIGMA, 3, [(hidden, 0.2)]), SIGMA)
     forced, gain = force(objective, fitted(objective), waves.size)
     found = map_of(forced, gain)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from dashred.inference.fit.least_squares import Normal
+from dashred.inference.fit.least_squares import NormalEquations
 from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.hypotheses import free_forcing
 from dashred.inference.hypotheses.free_forcing import FreeForcing, evidence, fit_free_forcing, force
@@ -26,7 +26,7 @@ def test_evidence_is_the_density_of_the_recording() -> None:
     precision = torch.rand(5, generator=generator).double() + 0.5
     y = torch.randn(12, generator=generator).double()
     phi = torch.zeros(5, dtype=torch.float64)
-    normal = Normal(jacobian, precision, phi, -y)
+    normal = NormalEquations(jacobian, precision, phi, -y)
 
     def exact(index: list[int]) -> float:
         columns = jacobian[:, index]
@@ -102,5 +102,5 @@ def test_evidence_stands_columns_that_drown_the_prior() -> None:
     jacobian = jacobian @ torch.randn((3, 60), generator=generator, dtype=torch.float64)
     residuals = torch.randn(400, generator=generator, dtype=torch.float64)
     ones = torch.ones(60, dtype=torch.float64)
-    normal = Normal(jacobian, ones, torch.zeros(60, dtype=torch.float64), residuals, True)
+    normal = NormalEquations(jacobian, ones, torch.zeros(60, dtype=torch.float64), residuals, True)
     assert math.isfinite(evidence(normal, range(60)))

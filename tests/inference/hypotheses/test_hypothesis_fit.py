@@ -9,8 +9,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.law import law_of
-from dashred.inference.fit.levenberg_marquardt import Fitted, minimise, minimise_on
+from dashred.inference.fit.law import build_law
+from dashred.inference.fit.levenberg_marquardt import FitResult, minimise, minimise_in_rounds
 from dashred.inference.hypotheses import hypothesis_fit as settling
 from dashred.inference.hypotheses.hypothesis_fit import FAR, LOST, HypothesisFit, settled
 from tests.waves import Waves
@@ -23,7 +23,7 @@ def explained(waves: Waves, term: str = "u: u") -> HypothesisFit:
     recorded = waves.recorded(SIGMA, 1, [(waves.everything["u: u"], XI)], waves.start)
     objective = waves.objective(recorded, SIGMA, [term])
     found = minimise(objective, torch.zeros(objective.modes + 1, dtype=torch.float64), 20, 1e-6)
-    return HypothesisFit(law_of(objective, found, found.cost), objective, found.phi)
+    return HypothesisFit(build_law(objective, found, found.cost), objective, found.phi)
 
 
 def moved(cause: HypothesisFit, by: float) -> HypothesisFit:
@@ -54,15 +54,15 @@ def begun_anew(monkeypatch: pytest.MonkeyPatch) -> list[Tensor]:
     """Make no round enough, and return where the fits that go on after it begin, as they do."""
     beginnings: list[Tensor] = []
 
-    def unfinished(*given: Any) -> Fitted:
+    def unfinished(*given: Any) -> FitResult:
         return replace(minimise(*given), converged=False)
 
-    def watched(*given: Any) -> Fitted:
+    def watched(*given: Any) -> FitResult:
         beginnings.append(given[1])
-        return minimise_on(*given)
+        return minimise_in_rounds(*given)
 
     monkeypatch.setattr(settling, "minimise", unfinished)
-    monkeypatch.setattr(settling, "minimise_on", watched)
+    monkeypatch.setattr(settling, "minimise_in_rounds", watched)
     return beginnings
 
 

@@ -17,8 +17,8 @@ from dashred.inference.initial_state.covariance_tapers import (
     sensor_distances,
 )
 from dashred.inference.initial_state.ensemble_filter import (
-    Filtered,
     FilterLostError,
+    FilterResult,
     FilterSettings,
     ensemble_filter,
 )
@@ -211,7 +211,7 @@ class Case:
         forcing = Forcing(tuple(self.terms), forces)
         return simulate(self.system, states[:, None], times, forcing)[:, :, 0]
 
-    def filtered(self, settings: FilterSettings) -> Filtered:
+    def filtered(self, settings: FilterSettings) -> FilterResult:
         """Return the filter's result."""
         return run(self, self.terms, self.coefficients, settings)
 
@@ -249,7 +249,7 @@ class Case:
         unit = torch.eye(n + p, dtype=torch.float64)
         return self.run(unit[:, :n], unit[:, n:], times)[:, -1].T
 
-    def check(self, found: Filtered, exact: Gaussian) -> None:
+    def check(self, found: FilterResult, exact: Gaussian) -> None:
         """Compare means and covariances of the start and of the present state."""
         n, p = self.points, len(self.terms)
         for mean, anomalies, part in (
@@ -272,7 +272,7 @@ def run(
     terms: tuple[Term, ...] | list[Term],
     coefficients: Tensor,
     settings: FilterSettings,
-) -> Filtered:
+) -> FilterResult:
     return ensemble_filter(
         case.system,
         case.members,

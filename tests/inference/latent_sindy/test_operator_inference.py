@@ -32,7 +32,7 @@ def learnt() -> tuple[SnapshotSteps, torch.Tensor]:
     library = build_library(system, {"a": ["a", "a*b"], "b": ["b"]})
     states = runs()
     pod = POD.fit(states[:-8].flatten(0, 1), 2)
-    return SnapshotSteps.learn(system, library, pod, states, 8, [1, 2]), states
+    return SnapshotSteps.fit(system, library, pod, states, 8, [1, 2]), states
 
 
 def test_a_quadratic_step_is_learnt_exactly() -> None:

@@ -26,7 +26,7 @@ def target(design: np.ndarray, law: dict[int, float]) -> np.ndarray:
 
 def fit(wanted: np.ndarray, design: np.ndarray, *, seed: int = 0) -> SparseFit:
     rng = np.random.default_rng(seed)
-    return sparse_fit(Blocks.of(wanted, design), THRESHOLD, BOOTSTRAPS, rng)
+    return sparse_fit(Blocks.from_arrays(wanted, design), THRESHOLD, BOOTSTRAPS, rng)
 
 
 def support(found: SparseFit) -> set[int]:
@@ -44,7 +44,7 @@ def noisy() -> tuple[np.ndarray, np.ndarray]:
 
 def test_blocks_sum_up_the_normal_equations(noisy):
     wanted, design = noisy
-    blocks = Blocks.of(wanted, design)
+    blocks = Blocks.from_arrays(wanted, design)
     matrix = design.transpose(0, 2, 1).reshape(-1, TERMS)
     np.testing.assert_allclose(blocks.gram.sum(axis=0), matrix.T @ matrix)
     np.testing.assert_allclose(blocks.moment.sum(axis=0), matrix.T @ wanted.ravel())

@@ -7,7 +7,7 @@ import math
 import pytest
 import torch
 
-from dashred.inference.results.corrected_system import correct, with_parameters
+from dashred.inference.results.corrected_system import build_corrected_system, with_parameters
 from dashred.inference.results.parameter_change import is_exact, parameter_change
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
@@ -85,7 +85,7 @@ def test_the_corrected_system_does_what_the_law_does(system: System, name: str) 
         candidate.terms, evaluate_terms(system, candidate.terms, states, 0.0), strict=True
     ):
         added[system.fields.index(term.equation)] += 0.3 * column
-    exact = tendency(correct(system, law), states) - tendency(system, states)
+    exact = tendency(build_corrected_system(system, law), states) - tendency(system, states)
     torch.testing.assert_close(exact, added, rtol=1e-6, atol=1e-9)
     changed = with_parameters(system, {name: system.config.parameters[name] + 0.3})
     same = torch.allclose(tendency(changed, states) - tendency(system, states), added, rtol=1e-3)

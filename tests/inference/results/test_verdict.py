@@ -10,7 +10,7 @@ import torch
 
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
-from dashred.inference.results.verdict import unexplained, verdict
+from dashred.inference.results.verdict import unexplained_share, verdict
 from dashred.physics.system import System
 from dashred.physics.window import Window, gate
 from dashred.reporting.text.causes import cause_text
@@ -75,7 +75,7 @@ def test_what_a_free_forcing_finds_beyond_the_best_law_lies_outside_of_the_libra
 
 
 def test_a_law_beyond_the_library_is_said_to_be_that(flow: System) -> None:
-    term = replace(laws.term(flow, "u", "sin(2*u)"), extended=True)
+    term = replace(laws.term(flow, "u", "sin(2*u)"), is_extended=True)
     best = laws.law([term], [0.1])
     found, [cause, *_] = verdict(laws.discovery(best, laws.law(score=50.0)))
     assert found == cause["kind"] == "outside-library"
@@ -84,7 +84,7 @@ def test_a_law_beyond_the_library_is_said_to_be_that(flow: System) -> None:
     near = laws.law([laws.term(flow, "u", "u")], [0.1], score=3.0)
     assert verdict(laws.discovery(best, near))[0] == "ambiguous"
     # Which wave it is may be open: that it is none of the library's is not.
-    wave = replace(laws.term(flow, "lam", "cos(2*u)"), extended=True)
+    wave = replace(laws.term(flow, "lam", "cos(2*u)"), is_extended=True)
     found, [cause, *_] = verdict(laws.discovery(best, laws.law([wave], [0.1], score=3.0)))
     assert found == "outside-library" and cause["probability"] == pytest.approx(1.0)
 
@@ -162,10 +162,10 @@ def test_without_a_law_twice_the_noise_is_no_explanation(flow: System, widened: 
 def test_unexplained_is_the_share_beyond_the_noise_that_was_stated() -> None:
     seen = torch.ones(10, 2, dtype=torch.bool)
     found = NoiseModel(torch.tensor([0.2, 0.2]).double(), torch.zeros(2).double(), seen)
-    assert unexplained(torch.tensor([0.1, 0.1]), found) == pytest.approx(0.75)
-    assert unexplained(torch.tensor([0.2, 0.2]), found) == pytest.approx(0.0)
-    assert unexplained(torch.tensor([0.4, 0.4]), found) == 0.0
-    assert unexplained(None, found) is None
+    assert unexplained_share(torch.tensor([0.1, 0.1]), found) == pytest.approx(0.75)
+    assert unexplained_share(torch.tensor([0.2, 0.2]), found) == pytest.approx(0.0)
+    assert unexplained_share(torch.tensor([0.4, 0.4]), found) == 0.0
+    assert unexplained_share(None, found) is None
     seen[:, 1] = False
     half = NoiseModel(found.std, found.correlation, seen)
-    assert unexplained(torch.tensor([0.2, 0.01]), half) == pytest.approx(0.0)
+    assert unexplained_share(torch.tensor([0.2, 0.01]), half) == pytest.approx(0.0)

@@ -31,7 +31,7 @@ def swing(tmp_path_factory: pytest.TempPathFactory) -> Swing:
 
 def posed(swing: Swing, z: tuple[float, float], start: StartModel) -> LeastSquaresProblem:
     recorded = noisy(swing.clean(z, ["x**3"], [-0.3]), SIGMA, 3)
-    return swing.objective(NAMES, recorded, SIGMA, 1.0).about(start)
+    return swing.objective(NAMES, recorded, SIGMA, 1.0).with_start(start)
 
 
 def guess(swing: Swing, z: tuple[float, float], off: tuple[float, float], std: float) -> StartModel:
@@ -67,14 +67,14 @@ def test_a_start_outside_of_the_prior_stays_with_its_first_guess(swing: Swing) -
 
 
 def test_of_a_fit_about_the_prior_nothing_more_is_asked(swing: Swing) -> None:
-    law = posed(swing, (0.8, -0.6), swing.start).only(TRUE)
+    law = posed(swing, (0.8, -0.6), swing.start).subset(TRUE)
     phi = torch.zeros(law.modes + 1, dtype=torch.float64)
     assert fit_near_prior(swing.start, law, phi) is None
 
 
 def test_the_same_start_is_found_about_the_prior(swing: Swing) -> None:
     z = (0.8, -0.6)
-    law = posed(swing, z, guess(swing, z, (0.02, -0.05), 0.1)).only(TRUE)
+    law = posed(swing, z, guess(swing, z, (0.02, -0.05), 0.1)).subset(TRUE)
     fitted = minimise(law, torch.zeros(law.modes + 1, dtype=torch.float64), 10, 1e-6)
     found = fit_near_prior(swing.start, law, fitted.phi)
     assert found is not None

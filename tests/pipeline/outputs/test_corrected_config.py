@@ -11,7 +11,7 @@ from torch import Tensor
 
 from dashred.config import Config, load_config
 from dashred.inference.fit.law import Law
-from dashred.inference.results.corrected_system import correct
+from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.inference.results.parameter_change import is_exact
 from dashred.physics.backends.input_signals import Measured
 from dashred.physics.library import evaluate_terms
@@ -150,7 +150,7 @@ def test_of_a_parameter_inside_an_exponential_the_tangent_is_added(tmp_path: Pat
     assert not is_exact(system, "alpha", 0.02)
     # Beside another parameter's new value it is the tangent at the old ones.
     law = laws.law([laws.parameter(system, "alpha"), laws.parameter(system, "q")], [0.02, 0.1])
-    corrected, where = correct(system, law), states(system)
+    corrected, where = build_corrected_system(system, law), states(system)
     torch.testing.assert_close(tendency(corrected, where), added(system, law, where))
     assert corrected.config.parameters == system.config.parameters | {"q": pytest.approx(1.1)}
 

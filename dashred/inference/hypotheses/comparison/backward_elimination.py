@@ -14,7 +14,7 @@ from torch import Tensor
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, by_score, ended
 from dashred.inference.hypotheses.sensors.leave_one_sensor_out import beside_the_fault
-from dashred.inference.initial_state.start_models import StartModel, nearest
+from dashred.inference.initial_state.start_models import StartModel, project_state
 
 STEPS, TOLERANCE = 10, 1e-4
 
@@ -55,4 +55,4 @@ def _begun(cause: HypothesisFit, best: HypothesisFit) -> HypothesisFit | None:
 def _start_of(cause: HypothesisFit, model: StartModel) -> Tensor:
     """Return an explanation's start as the z of a model, ``(mode,)``."""
     z, mine = cause.objective.split(cause.phi)[0], cause.objective.forward_model.start
-    return z if mine is model else nearest(model, mine.start(z[None])[0])
+    return z if mine is model else project_state(model, mine.start(z[None])[0])

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from torch import Tensor
 
 from dashred.core.progress import Report
-from dashred.inference.fit.law import Law, unlike
+from dashred.inference.fit.law import Law, distinct_laws
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate
@@ -125,7 +125,7 @@ def compare_hypotheses(
         found = refitted_under_own_noise(found)
     nothing = min((cause for cause in found if not cause.law.parts), key=by_score)
     first = min(found, key=by_score)
-    laws = unlike([with_profile(cause) if cause is first else cause.law for cause in found])
+    laws = distinct_laws([with_profile(cause) if cause is first else cause.law for cause in found])
     return Comparison(laws, nothing.law, nothing.objective.noise, gain, left.forcing)
 
 

@@ -21,8 +21,8 @@ def noise_left_by(forced: FreeForcing) -> NoiseModel:
     """Return the noise that is left under a free forcing: no wrong law has a part in it."""
     objective, phi = forced.objective, forced.phi
     [readings] = objective.forward_model.readings(*objective.split(phi[None]))
-    spent = forced.normal.spent(range(len(phi)))
-    return replace(objective.noise_left(readings, spent), seen=objective.noise.seen)
+    spent = forced.normal.effective_parameters(range(len(phi)))
+    return replace(objective.estimate_noise(readings, spent), available=objective.noise.available)
 
 
 def refitted_under_own_noise(found: Sequence[HypothesisFit]) -> list[HypothesisFit]:
@@ -33,7 +33,9 @@ def refitted_under_own_noise(found: Sequence[HypothesisFit]) -> list[HypothesisF
     """
     best = min(found, key=by_score)
     [readings] = best.objective.forward_model.readings(*best.objective.split(best.phi[None]))
-    noise = best.objective.noise_left(readings, best.normal.spent(range(len(best.phi))))
+    noise = best.objective.estimate_noise(
+        readings, best.normal.effective_parameters(range(len(best.phi)))
+    )
     bound = best.law.score + HOPELESS
     kept = [cause for cause in found if cause.law.score < bound or not cause.law.parts]
     again = [refitted_under(cause, noise) for cause in kept]
@@ -48,4 +50,4 @@ def refitted_under(cause: HypothesisFit, noise: NoiseModel) -> HypothesisFit:
         bare = refitted_under(cause.left_out.bare, noise)
         return beside_the_fault(bare, cause.left_out.sensor)
     before = cause.objective
-    return refitted(cause, replace(before, noise=replace(noise, seen=before.noise.seen)))
+    return refitted(cause, replace(before, noise=replace(noise, available=before.noise.available)))

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from dashred.core.errors import InputError
-from dashred.inference.fit.law import law_of
+from dashred.inference.fit.law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.subset_search import ProfiledProblem
@@ -61,7 +61,7 @@ def extended_candidates(
                 further.append(term)
     names = {f"{term.equation}: {term}" for term in further}
     found = build_candidates(system, [*library, *further], nominal, t)
-    return [replace(c, extended=True) for c in found if str(c) in names]
+    return [replace(c, is_extended=True) for c in found if str(c) in names]
 
 
 @dataclass(frozen=True)
@@ -112,8 +112,8 @@ def extended_laws(
     """
     columns, asked = list(further), [*further, *slopes_of(further)]
     # In reach: what is fitted, and what the forcing's trajectory is run with.
-    reach = everything.of([*asked, *forced.objective.forward_model.law.candidates])
-    objective = reach.only(range(len(columns)))
+    reach = everything.with_candidates([*asked, *forced.objective.forward_model.law.candidates])
+    objective = reach.subset(range(len(columns)))
     problem = profile_out(objective, forced, asked, reach.prior_std[: len(asked)])
     samples, count = objective.noise.effective_count, library + len(columns)
     ranked = []
@@ -158,9 +158,11 @@ def _fit(
         begin = form.tuned.at(moved(form.tuned, xi, by_constant))
         _, mine, fitted = tune(objective, begin, torch.cat([start, coefficients[:1]]))
     else:
-        mine = objective.of([objective.forward_model.law.candidates[j] for j in form.members])
+        mine = objective.with_candidates(
+            [objective.forward_model.law.candidates[j] for j in form.members]
+        )
         fitted = minimise(mine, torch.cat([start, coefficients]), STEPS, TOLERANCE)
-    return HypothesisFit(law_of(mine, fitted, fitted.cost + penalty), mine, fitted.phi)
+    return HypothesisFit(build_law(mine, fitted, fitted.cost + penalty), mine, fitted.phi)
 
 
 def _waves(candidates: Sequence[Candidate]) -> list[tuple[int, int]]:

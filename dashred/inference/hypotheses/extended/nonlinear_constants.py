@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
+from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from dashred.inference.fit.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
 from dashred.physics.expressions.algebra import (
@@ -92,7 +92,7 @@ def tunable(candidate: Candidate) -> Tunable | None:
         equation=candidate.equation,
         terms=(Term(term.equation, slope),),
         scale=candidate.scale * abs(constant) * FARTHEST,
-        extended=True,
+        is_extended=True,
     )
     return Tunable(candidate, beside, function, operand, constant)
 
@@ -135,7 +135,7 @@ def within_reach(
 
 def tune(
     objective: LeastSquaresProblem, begin: Tunable, phi: Tensor
-) -> tuple[Candidate, LeastSquaresProblem, Fitted]:
+) -> tuple[Candidate, LeastSquaresProblem, FitResult]:
     """Fit a law of one candidate, its constant and the start.
 
     Args:
@@ -148,7 +148,7 @@ def tune(
     """
     modes, tuned, known, least = objective.modes, begin, begin, math.inf
     for _ in range(ROUNDS):
-        pair = objective.of([tuned.candidate, tuned.slope])
+        pair = objective.with_candidates([tuned.candidate, tuned.slope])
         fitted = minimise(pair, torch.cat([phi, phi.new_zeros(1)]), STEPS, TOLERANCE)
         if fitted.cost > least + ASTRAY:
             tuned = known
@@ -160,7 +160,7 @@ def tune(
         phi, tuned = fitted.phi[: modes + 1], tuned.at(constant)
         if close:
             break
-    alone = objective.of([tuned.candidate])
+    alone = objective.with_candidates([tuned.candidate])
     return tuned.candidate, alone, minimise(alone, phi, STEPS, TOLERANCE)
 
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.law import law_of
-from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
+from dashred.inference.fit.law import build_law
+from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
@@ -93,7 +93,7 @@ def periodic_laws(
     system, times = objective.forward_model.simulator.system, objective.forward_model.times
     forcing_basis = ForcingBasis.over(system, times, 1, KNOTS)
     block = ForcingBlock(forcing_basis, size)
-    whole = objective.extended(replace(objective.forward_model, forcing=block), block.scales)
+    whole = objective.with_unknowns(replace(objective.forward_model, forcing=block), block.scales)
     normal = whole.linearise(torch.cat([base.phi, torch.zeros_like(block.scales)]))
     grid = _frequencies(times)
     # Frequencies that are less than a turn apart are not told from each other.
@@ -112,7 +112,7 @@ def _frequencies(times: Tensor) -> Tensor:
 
 
 def _promising(
-    normal: Normal,
+    normal: NormalEquations,
     system: System,
     forcing_basis: ForcingBasis,
     grid: Tensor,
@@ -127,7 +127,7 @@ def _promising(
     by_knot = normal.jacobian[:, own:].reshape(-1, len(fields), KNOTS)
     columns = torch.einsum("nek,wpk->newp", by_knot, waves).flatten(1)
     priors = size.repeat_interleave(2 * len(grid)) ** -2 / 2
-    linear = Normal(
+    linear = NormalEquations(
         torch.cat([normal.jacobian[:, :own], columns], dim=1),
         torch.cat([normal.precision[:own], priors]),
         torch.cat([normal.phi[:own], torch.zeros(len(priors), dtype=torch.float64)]),
@@ -147,12 +147,14 @@ def _promising(
     return found
 
 
-def _without(linear: Normal, own: int) -> ProfiledProblem:
+def _without(linear: NormalEquations, own: int) -> ProfiledProblem:
     """Take out the start and the base's own coefficients, these under their priors."""
     size = linear.precision[:own].sqrt()
     scaled = torch.cat([linear.jacobian[:, :own] / size, linear.jacobian[:, own:]], dim=1)
     unknowns = torch.cat([linear.phi[:own] * size, linear.phi[own:]])
-    return ProfiledProblem.of(replace(linear, jacobian=scaled, phi=unknowns), own)
+    return ProfiledProblem.from_normal_equations(
+        replace(linear, jacobian=scaled, phi=unknowns), own
+    )
 
 
 def _fit(base: HypothesisFit, wave: Wave, size: Tensor, penalty: float) -> HypothesisFit:
@@ -179,7 +181,7 @@ def _fit(base: HypothesisFit, wave: Wave, size: Tensor, penalty: float) -> Hypot
     fitted = minimise(mine, torch.cat([phi, begin]), LAST_STEPS, LAST_TOLERANCE)
     [before], _ = base.objective.values(base.phi[None])
     score = base.law.score - float(before) + fitted.cost + penalty
-    return HypothesisFit(law_of(mine, fitted, score), mine, fitted.phi)
+    return HypothesisFit(build_law(mine, fitted, score), mine, fitted.phi)
 
 
 def _terms(base: HypothesisFit, wave: Wave, size: Tensor) -> list[Candidate]:
@@ -199,13 +201,13 @@ def _candidates(
 ) -> Iterator[Candidate]:
     terms = build_library(system, {equation: list(texts)})
     for term, ready in zip(terms, resolve(system, terms), strict=True):
-        yield Candidate(str(term), equation, (ready,), scale, extended=True)
+        yield Candidate(str(term), equation, (ready,), scale, is_extended=True)
 
 
 def _with(base: HypothesisFit, further: Sequence[Candidate]) -> LeastSquaresProblem:
     """Return F of the base's law and further candidates, their prior their natural scale."""
     objective = base.objective
     carried = base.law.candidates
-    whole = objective.of([*carried, *further])
+    whole = objective.with_candidates([*carried, *further])
     prior = torch.cat([objective.prior_std, whole.prior_std[len(carried) :]])
     return replace(whole, prior_std=prior)

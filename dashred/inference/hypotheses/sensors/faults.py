@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
-from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
+from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
+from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from dashred.inference.fit.normal_equations import solve
-from dashred.inference.forward.sensor_block import MovedSensor, OffsetErrors, SensorErrors
+from dashred.inference.forward.sensor_block import OffsetErrors, PositionErrors, SensorErrors
 
 STEPS, TOLERANCE = 6, 1e-3
 
@@ -59,7 +59,7 @@ class FittedFault:
 
     fault: Fault
     objective: LeastSquaresProblem
-    fitted: Fitted
+    fitted: FitResult
     score: float
 
 
@@ -79,7 +79,7 @@ class Predicted:
 
 
 def predicted(
-    objective: LeastSquaresProblem, normal: Normal, fault: Fault, states: Tensor
+    objective: LeastSquaresProblem, normal: NormalEquations, fault: Fault, states: Tensor
 ) -> Predicted:
     """Return what a fault would be, were the readings linear in the start and the law.
 
@@ -114,7 +114,7 @@ def predicted(
 
 
 def predicted_faults(
-    objective: LeastSquaresProblem, phi: Tensor, normal: Normal, faults: Iterable[Fault]
+    objective: LeastSquaresProblem, phi: Tensor, normal: NormalEquations, faults: Iterable[Fault]
 ) -> list[tuple[Predicted, Fault]]:
     """Return what each fault would be.
 
@@ -163,7 +163,7 @@ def fit_fault(
     if errors is not None:
         forward_model = mine.forward_model
         sensors = replace(forward_model.sensors, errors=errors)
-        mine = mine.extended(replace(forward_model, sensors=sensors), errors.scales)
+        mine = mine.with_unknowns(replace(forward_model, sensors=sensors), errors.scales)
     fitted = minimise(mine, torch.cat([phi, own]), STEPS, TOLERANCE)
     score = fitted.cost + fault.constant + _penalty(objective, fault)
     return FittedFault(fault, mine, fitted, score)
@@ -171,9 +171,9 @@ def fit_fault(
 
 def _unseen(objective: LeastSquaresProblem, fault: Fault) -> LeastSquaresProblem:
     """Return F without the samples that are no readings."""
-    seen = objective.noise.seen.clone()
+    seen = objective.noise.available.clone()
     seen[:, fault.sensor] &= ~fault.samples
-    return replace(objective, noise=replace(objective.noise, seen=seen))
+    return replace(objective, noise=replace(objective.noise, available=seen))
 
 
 def _errors(objective: LeastSquaresProblem, fault: Fault) -> SensorErrors | None:
@@ -181,7 +181,7 @@ def _errors(objective: LeastSquaresProblem, fault: Fault) -> SensorErrors | None
     forward_model, block = objective.forward_model, objective.forward_model.sensors
     own = block.columns_of(fault.sensor)
     if fault.kind == "misplaced":
-        return MovedSensor(block.sensors[fault.sensor], own, forward_model.simulator.system)
+        return PositionErrors(block.sensors[fault.sensor], own, forward_model.simulator.system)
     if fault.kind not in ("bias", "drift"):
         return None
     times = forward_model.times

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from dashred.inference.fit.law import law_of
+from dashred.inference.fit.law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.noise_model import NoiseModel
@@ -32,7 +32,7 @@ def fault_beneath(forced: FreeForcing) -> Fault | None:
     """Return the fault of a sensor that even a free forcing needs; None if it needs none."""
     objective, phi = forced.objective, forced.phi
     sensors = objective.forward_model.sensors.sensors
-    seen = objective.noise.seen.any(dim=0).tolist()
+    seen = objective.noise.available.any(dim=0).tolist()
     if len({s.name for s, any_ in zip(sensors, seen, strict=True) if any_}) < FEWEST:
         return None
     faults = suspects(objective, forced.normal)
@@ -45,9 +45,9 @@ def fault_beneath(forced: FreeForcing) -> Fault | None:
 def forced_without(forced: FreeForcing, sensor: int) -> FreeForcing:
     """Return a free forcing of the same size that one of the sensors has no part in."""
     noise, sensors = forced.objective.noise, forced.objective.forward_model.sensors
-    seen = noise.seen.clone()
+    seen = noise.available.clone()
     seen[:, sensors.columns_of(sensor)] = False
-    mine = replace(forced.objective, noise=replace(noise, seen=seen))
+    mine = replace(forced.objective, noise=replace(noise, available=seen))
     fitted = minimise(mine, forced.phi, STEPS, TOLERANCE)
     normal = mine.linearise(fitted.phi, fitted.readings)
     return replace(forced, objective=mine, phi=fitted.phi, cost=fitted.cost, normal=normal)
@@ -63,7 +63,7 @@ def nothing_without(null: HypothesisFit, forced: FreeForcing, noise: NoiseModel)
     """
     mine = replace(null.objective, noise=noise)
     fitted = minimise(mine, forced.phi[: mine.modes], STEPS, TOLERANCE)
-    return HypothesisFit(law_of(mine, fitted, fitted.cost), mine, fitted.phi)
+    return HypothesisFit(build_law(mine, fitted, fitted.cost), mine, fitted.phi)
 
 
 def beside_the_fault(bare: HypothesisFit, sensor: int) -> HypothesisFit:
@@ -81,7 +81,7 @@ def _with_fault(bare: HypothesisFit, sensor: int) -> tuple[HypothesisFit, LeftOu
     [cost], _ = bare.objective.values(phi[None])
     score = bare.law.score - float(cost) + best.score
     law = replace(bare.law, score=score, fault=fault_in_units(whole, fault, best.own, best.stds))
-    left_out = LeftOut(bare, sensor, normal.least() - best.score)
+    left_out = LeftOut(bare, sensor, normal.minimum() - best.score)
     return replace(bare, law=law, left_out=left_out), left_out
 
 
@@ -108,4 +108,4 @@ def _with_all_sensors(bare: HypothesisFit) -> HypothesisFit:
 
 def _whole(objective: LeastSquaresProblem) -> LeastSquaresProblem:
     """Return F of all samples that there are."""
-    return replace(objective, noise=replace(objective.noise, seen=~objective.recorded.isnan()))
+    return replace(objective, noise=replace(objective.noise, available=~objective.recorded.isnan()))

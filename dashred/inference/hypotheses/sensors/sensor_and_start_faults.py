@@ -8,9 +8,9 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.law import Law, law_of
-from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
-from dashred.inference.fit.levenberg_marquardt import Fitted, growing, minimise
+from dashred.inference.fit.law import Law, build_law
+from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
+from dashred.inference.fit.levenberg_marquardt import FitResult, growing_horizon_fits, minimise
 from dashred.inference.hypotheses.free_forcing import evidence
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.sensors.fault_in_units import fitted_fault_in_units
@@ -47,7 +47,7 @@ def sensor_hypotheses(cause: HypothesisFit, bound: float) -> list[HypothesisFit]
     tests.sort(key=lambda tested: tested.score)
     found = []
     for tested in [*(_fitted_on(t, cause.law) for t in tests[:FURTHER]), *tests[FURTHER:]]:
-        law = law_of(tested.objective, tested.fitted, tested.score + freedom)
+        law = build_law(tested.objective, tested.fitted, tested.score + freedom)
         law = replace(law, fault=fitted_fault_in_units(objective, tested))
         found.append(HypothesisFit(law, tested.objective, tested.fitted.phi))
     return found
@@ -82,7 +82,7 @@ def start_hypotheses(null: HypothesisFit, bound: float = math.inf) -> list[Hypot
         return []
     z, start = phi / factor, objective.forward_model.start
     for _ in range(ROUNDS):
-        mine = objective.about(ScaledStart(start, factor))
+        mine = objective.with_start(ScaledStart(start, factor))
         fitted = _anywhere(mine, z, bound)
         there = mine.linearise(fitted.phi, fitted.readings)
         before, factor = factor, _likeliest(there, factor)
@@ -92,11 +92,11 @@ def start_hypotheses(null: HypothesisFit, bound: float = math.inf) -> list[Hypot
     plain = replace(there, precision=there.precision * before**2)
     cost = _volume(_over_all(there, before), there) - _volume(_widened(plain, 1.0), plain)
     score = fitted.cost + cost + math.log(objective.noise.effective_count)
-    law = replace(law_of(mine, fitted, score, there), widened=before)
+    law = replace(build_law(mine, fitted, score, there), start_prior_factor=before)
     return [HypothesisFit(law, mine, fitted.phi)]
 
 
-def _anywhere(objective: LeastSquaresProblem, z: Tensor, bound: float) -> Fitted:
+def _anywhere(objective: LeastSquaresProblem, z: Tensor, bound: float) -> FitResult:
     """Fit from where it is, and where that leaves more than noise, from the first samples.
 
     What was fitted under a prior that keeps it away may have no way to where it belongs. Over more
@@ -106,14 +106,14 @@ def _anywhere(objective: LeastSquaresProblem, z: Tensor, bound: float) -> Fitted
     if not _far(objective, fitted):
         return fitted
     begin = torch.zeros_like(z)
-    for found in growing(objective, begin, FIRST):
+    for found in growing_horizon_fits(objective, begin, FIRST):
         if found.cost > bound:
             return fitted
         begin = found.phi
     return min(fitted, _fitted(objective, begin), key=lambda found: found.cost)
 
 
-def _fitted(objective: LeastSquaresProblem, z: Tensor) -> Fitted:
+def _fitted(objective: LeastSquaresProblem, z: Tensor) -> FitResult:
     """Fit roughly, and to the end if that leaves no more than noise."""
     fitted = minimise(objective, z, STEPS, ROUGH)
     if _far(objective, fitted):
@@ -121,12 +121,12 @@ def _fitted(objective: LeastSquaresProblem, z: Tensor) -> Fitted:
     return minimise(objective, fitted.phi, STEPS, TOLERANCE)
 
 
-def _far(objective: LeastSquaresProblem, fitted: Fitted) -> bool:
+def _far(objective: LeastSquaresProblem, fitted: FitResult) -> bool:
     """Tell whether a fit leaves more than noise."""
     return not fitted.chi2 < FAR * objective.noise.count
 
 
-def _over_all(normal: Normal, factor: float) -> float:
+def _over_all(normal: NormalEquations, factor: float) -> float:
     """Return the evidence over all factors, none preferred, about a fit under one of them.
 
     The best of many would be found evident by chance.
@@ -137,17 +137,17 @@ def _over_all(normal: Normal, factor: float) -> float:
     return least - 2 * math.log(shares)
 
 
-def _volume(found: float, normal: Normal) -> float:
+def _volume(found: float, normal: NormalEquations) -> float:
     """Return what of an evidence is not F's minimum: what freedom costs."""
-    return found - normal.least()
+    return found - normal.minimum()
 
 
-def _likeliest(normal: Normal, factor: float) -> float:
+def _likeliest(normal: NormalEquations, factor: float) -> float:
     """Return how much wider the prior is by the evidence, about a fit under so much of it."""
     return min(WIDER, key=lambda wider: _widened(normal, wider / factor))
 
 
-def _widened(normal: Normal, factor: float) -> float:
+def _widened(normal: NormalEquations, factor: float) -> float:
     """Return the evidence of a start whose prior is so many times as wide."""
     wide = replace(normal, precision=normal.precision / factor**2)
     return evidence(wide, range(len(normal.phi)))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
+from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 from dashred.inference.fit.normal_equations import solve
 from dashred.inference.hypotheses.sensors.faults import Fault
 
@@ -21,7 +21,7 @@ STILL, LEAST_STUCK = 0.02, 6
 DEAD = 0.1
 
 
-def suspects(objective: LeastSquaresProblem, normal: Normal) -> Iterator[Fault]:
+def suspects(objective: LeastSquaresProblem, normal: NormalEquations) -> Iterator[Fault]:
     """Yield the faults that each sensor may have, by what the other sensors say of it.
 
     Args:
@@ -29,7 +29,7 @@ def suspects(objective: LeastSquaresProblem, normal: Normal) -> Iterator[Fault]:
         normal: linearised about its fit.
     """
     shape = objective.recorded.shape
-    seen = objective.noise.seen
+    seen = objective.noise.available
     none = torch.zeros(shape[0], dtype=torch.bool)
     for sensor in range(shape[1]):
         rest = _without(objective, normal, sensor)
@@ -52,7 +52,7 @@ def _in_all_episodes(objective: LeastSquaresProblem, sensor: int, none: Tensor) 
         yield Fault("misplaced", sensor, none, parameters=float(len(axes)))
 
 
-def _without(objective: LeastSquaresProblem, normal: Normal, sensor: int) -> Tensor:
+def _without(objective: LeastSquaresProblem, normal: NormalEquations, sensor: int) -> Tensor:
     """Return what one sensor reads beyond what the others let expect, in its unit, ``(time,)``."""
     shape = objective.recorded.shape
     jacobian = normal.jacobian.reshape(*shape, -1)

@@ -16,7 +16,7 @@ from torch import Tensor
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.forward.law_block import LawBlock, localised
+from dashred.inference.forward.law_block import LawBlock, restrict_to_window
 from dashred.inference.hypotheses.free_forcing import FreeForcing
 from dashred.inference.hypotheses.windows.window_columns import pieces_of, windows_of
 from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis
@@ -58,7 +58,7 @@ def screen(
     pieces = list(pieces_of(system, candidates, windowed, objective.forward_model.times, states))
     columns = [
         *candidates,
-        *(localised([candidates[p.candidate]], p.window)[0] for p in pieces),
+        *(restrict_to_window([candidates[p.candidate]], p.window)[0] for p in pieces),
     ]
     stds = torch.cat([objective.prior_std, *[objective.prior_std[[p.candidate]] for p in pieces]])
     problem = profile_out(objective, forced, columns, stds)
@@ -84,7 +84,7 @@ def profile_out(
         columns: candidates, in a window or not.
         stds: prior std of each one's coefficient.
     """
-    driven, places = forced.objective.forward_model, forced.objective.forward_model.places
+    driven, places = forced.objective.forward_model, forced.objective.forward_model.slices
     z, xi = forced.objective.split(forced.phi)
     carrier = driven.law.terms(xi[places.law])
     # A term in a window goes by the name of the plain one: only tangents tell them apart.
@@ -107,7 +107,7 @@ def profile_out(
         phi=torch.zeros(kept, dtype=torch.float64),
         residuals=-target,
     )
-    return ProfiledProblem.of(without, objective.modes)
+    return ProfiledProblem.from_normal_equations(without, objective.modes)
 
 
 def _screened(

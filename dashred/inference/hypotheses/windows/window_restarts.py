@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
+from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from dashred.inference.forward.law_block import WindowedTerms
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, ended
 
@@ -100,7 +100,7 @@ def _gates(cause: HypothesisFit, windowed: WindowedTerms, edges: Tensor) -> list
     return [Elsewhere(torch.cat([at[None], windowed.guess[1:]]), 1.0) for at in places[apart]]
 
 
-def _fit(cause: HypothesisFit, begin: Elsewhere) -> tuple[LeastSquaresProblem, Fitted]:
+def _fit(cause: HypothesisFit, begin: Elsewhere) -> tuple[LeastSquaresProblem, FitResult]:
     """Give a window a few steps from elsewhere."""
     objective = moved_window(cause.objective, begin.edges)
     phi, edges = cause.phi.clone(), len(cause.phi) - len(begin.edges)

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.law import found_by
+from dashred.inference.fit.law import fitted_candidates
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
+from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.law_block import LawBlock, WindowedTerms
 from dashred.physics.window import Shape
@@ -84,13 +84,13 @@ class Tested:
 
     hypothesis: Hypothesis
     objective: LeastSquaresProblem
-    fitted: Fitted
+    fitted: FitResult
     score: float
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
         """Its candidates as terms, windows and all."""
-        return found_by(self.objective, self.fitted.phi)
+        return fitted_candidates(self.objective, self.fitted.phi)
 
 
 def build_problem(objective: LeastSquaresProblem, hypothesis: Hypothesis) -> LeastSquaresProblem:
@@ -100,7 +100,7 @@ def build_problem(objective: LeastSquaresProblem, hypothesis: Hypothesis) -> Lea
         objective: F of all candidates, acting everywhere.
         hypothesis: some of them.
     """
-    plain, guess = objective.only(hypothesis.global_terms), hypothesis.guess
+    plain, guess = objective.subset(hypothesis.global_terms), hypothesis.guess
     if guess is None:
         return plain
     windowed = WindowedTerms(
@@ -111,7 +111,9 @@ def build_problem(objective: LeastSquaresProblem, hypothesis: Hypothesis) -> Lea
     law = LawBlock(plain.forward_model.law.candidates, windowed)
     coefficients = objective.prior_std[list(hypothesis.windowed_terms)]
     edges = torch.tensor(guess.spread, dtype=torch.float64)
-    return plain.extended(replace(plain.forward_model, law=law), torch.cat([coefficients, edges]))
+    return plain.with_unknowns(
+        replace(plain.forward_model, law=law), torch.cat([coefficients, edges])
+    )
 
 
 def test(

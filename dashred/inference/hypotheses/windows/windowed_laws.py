@@ -12,9 +12,9 @@ from collections.abc import Iterable, Sequence
 
 from torch import Tensor
 
-from dashred.inference.fit.law import law_of
+from dashred.inference.fit.law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import grow, minimise_on
+from dashred.inference.fit.levenberg_marquardt import minimise_growing_horizon, minimise_in_rounds
 from dashred.inference.hypotheses.free_forcing import FreeForcing
 from dashred.inference.hypotheses.hypothesis_fit import HOPELESS, HypothesisFit, by_score, settled
 from dashred.inference.hypotheses.result import AMBIGUOUS
@@ -157,13 +157,15 @@ def _try(
 ) -> Tested:
     begin = first_unknowns(z, found.coefficients, found.hypothesis.guess)
     if samples is not None:
-        begin = grow(build_problem(objective, found.hypothesis), begin, samples, GROWTH)
+        begin = minimise_growing_horizon(
+            build_problem(objective, found.hypothesis), begin, samples, GROWTH
+        )
     penalty = _penalty(objective, found.hypothesis)
     return test(objective, found.hypothesis, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
 
 
 def _finish(tested: Tested) -> HypothesisFit:
     mine, before = tested.objective, tested.fitted
-    fitted = minimise_on(mine, before.phi, LAST_STEPS, LAST_TOLERANCE, AMBIGUOUS)
+    fitted = minimise_in_rounds(mine, before.phi, LAST_STEPS, LAST_TOLERANCE, AMBIGUOUS)
     score = tested.score - before.cost + fitted.cost
-    return HypothesisFit(law_of(mine, fitted, score), mine, fitted.phi)
+    return HypothesisFit(build_law(mine, fitted, score), mine, fitted.phi)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from dashred.inference.fit.law import law_of
+from dashred.inference.fit.law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.hypotheses.comparison.backward_elimination import eliminate_terms
@@ -25,7 +25,7 @@ def explanation(
 ) -> HypothesisFit:
     """Return an explanation fitted from where it is said."""
     found = minimise(objective, phi, 10, 1e-6)
-    law = law_of(objective, found, found.cost + penalty)
+    law = build_law(objective, found, found.cost + penalty)
     return HypothesisFit(law, objective, found.phi)
 
 
@@ -70,8 +70,8 @@ def test_nothing_is_fitted_anew_where_the_best_has_no_law(waves: Waves) -> None:
 
 def test_a_wider_start_is_begun_there_too(waves: Waves) -> None:
     law, _ = fits(waves, 0.0)
-    objective = law.objective.only(())
-    wider = objective.about(ScaledStart(waves.start, 4.0))
+    objective = law.objective.subset(())
+    wider = objective.with_start(ScaledStart(waves.start, 4.0))
     right = explanation(wider, law.phi[: law.objective.modes] / 4.0)
     [found] = eliminate_terms([astray(right), law])
     assert found.law.score == pytest.approx(right.law.score, abs=0.1)

@@ -9,9 +9,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.law import Law, law_of
+from dashred.inference.fit.law import Law, build_law
 from dashred.inference.fit.levenberg_marquardt import minimise
-from dashred.inference.forward.law_block import localised
+from dashred.inference.forward.law_block import restrict_to_window
 from dashred.inference.hypotheses.comparison.compare_hypotheses import (
     Additions,
     Comparison,
@@ -38,7 +38,7 @@ def weighed(
     law = []
     if name is not None:
         candidate = waves.everything[name]
-        law = [(localised([candidate], shape.at(edges))[0] if shape else candidate, xi)]
+        law = [(restrict_to_window([candidate], shape.at(edges))[0] if shape else candidate, xi)]
     return explained(waves, waves.recorded(SIGMA, 1, law))
 
 
@@ -47,7 +47,7 @@ def explained(waves: Waves, recorded: Tensor) -> Comparison:
     everything = waves.objective(recorded, SIGMA, list(waves.everything))
     null = waves.objective(recorded, SIGMA)
     found = minimise(null, fitted(null), 6, 1e-4)
-    empty = HypothesisFit(law_of(null, found, found.cost), null, found.phi)
+    empty = HypothesisFit(build_law(null, found, found.cost), null, found.phi)
     additions = Additions(
         global_count=len(waves.everything),
         size=waves.size,
@@ -118,10 +118,10 @@ def test_a_law_beyond_the_library_is_found_there(waves: Waves) -> None:
     found = explained(waves, waves.recorded(SIGMA, 1, [(known["u: sin(2*u)"], 0.3)]))
     best = found.laws[0]
     [candidate] = best.candidates
-    assert candidate.extended and candidate.key == "u: sin(2*u)"
+    assert candidate.is_extended and candidate.key == "u: sin(2*u)"
     assert abs(float(best.coefficients[0]) - 0.3) < 3 * float(best.std[0]) < 0.1
     assert found.gain < MISSING
-    assert best.score < min(law.score for law in found.laws if not law.extended) - 6
+    assert best.score < min(law.score for law in found.laws if not law.is_extended) - 6
 
 
 def test_the_constant_of_a_law_beyond_the_library_is_fitted(waves: Waves) -> None:
@@ -131,7 +131,7 @@ def test_the_constant_of_a_law_beyond_the_library_is_fitted(waves: Waves) -> Non
     found = explained(waves, waves.recorded(SIGMA, 1, [(offered.at(2.4).candidate, 0.3)]))
     [candidate] = found.laws[0].candidates
     fitted = tunable(candidate)
-    assert fitted is not None and fitted.function == "sin" and candidate.extended
+    assert fitted is not None and fitted.function == "sin" and candidate.is_extended
     assert fitted.constant == pytest.approx(2.4, abs=0.03)
     assert candidate.key == f"u: sin({fitted.constant:.4g}*u)"
     assert float(found.laws[0].coefficients[0]) == pytest.approx(0.3, rel=0.1)
@@ -187,7 +187,7 @@ def fitted_law(waves: Waves, recorded: Tensor, names: list[str]) -> HypothesisFi
     objective = waves.objective(recorded, SIGMA, names)
     begin = torch.zeros(objective.modes + len(names), dtype=torch.float64)
     found = minimise(objective, begin, 20, 1e-6)
-    return HypothesisFit(law_of(objective, found, found.cost), objective, found.phi)
+    return HypothesisFit(build_law(objective, found, found.cost), objective, found.phi)
 
 
 @pytest.mark.parametrize("bias", [0.0, 0.4])
@@ -196,11 +196,11 @@ def test_a_fault_that_gains_nothing_is_none(waves: Waves, bias: float) -> None:
     recorded = waves.recorded(SIGMA, 1)
     recorded[:, 2] += bias
     whole = waves.objective(recorded, SIGMA)
-    seen = whole.noise.seen.clone()
+    seen = whole.noise.available.clone()
     seen[:, 2] = False
-    objective = replace(whole, noise=replace(whole.noise, seen=seen))
+    objective = replace(whole, noise=replace(whole.noise, available=seen))
     found = minimise(objective, fitted(objective), 6, 1e-4)
-    bare = HypothesisFit(law_of(objective, found, found.cost), objective, found.phi)
+    bare = HypothesisFit(build_law(objective, found, found.cost), objective, found.phi)
     beside = beside_the_fault(bare, 2)
     assert beside.left_out is not None and (beside.left_out.gain > 0) == bool(bias)
     assert all((law.law.fault is not None) == bool(bias) for law in faulty_or_not([bare], 2)[:1])
@@ -208,5 +208,5 @@ def test_a_fault_that_gains_nothing_is_none(waves: Waves, bias: float) -> None:
 
 def test_a_law_of_the_library_is_not_looked_for_beyond(waves: Waves) -> None:
     found = weighed(waves, "u: u**2", None, [], 0.1)
-    assert not any(law.extended for law in found.laws[:1])
+    assert not any(law.is_extended for law in found.laws[:1])
     assert term(found.laws[0]) == "u: u**2"

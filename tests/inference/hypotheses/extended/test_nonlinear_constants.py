@@ -31,7 +31,7 @@ def system(tmp_path: Path) -> System:
 
 
 def candidate(system: System, text: str) -> Candidate:
-    return replace(laws.term(system, "u", text), extended=True)
+    return replace(laws.term(system, "u", text), is_extended=True)
 
 
 @pytest.mark.parametrize("text", ["sin(2*u)", "cos(3*v)", "tanh(u)", "exp(-1.5*v)"])

@@ -7,7 +7,7 @@ import math
 import pytest
 import torch
 
-from dashred.inference.fit.law import law_of
+from dashred.inference.fit.law import build_law
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.extended.periodic_forcing import Wave, periodic_laws
@@ -31,7 +31,7 @@ def null_of(
     recorded = waves.recorded(sigma, 3, [(hum(waves, frequency), xi)] if xi else [])
     null = waves.objective(recorded, sigma)
     found = minimise(null, fitted(null), 6, 1e-4)
-    return HypothesisFit(law_of(null, found, found.cost), null, found.phi)
+    return HypothesisFit(build_law(null, found, found.cost), null, found.phi)
 
 
 def test_a_wave_in_time_is_found(waves: Waves) -> None:
@@ -39,7 +39,7 @@ def test_a_wave_in_time_is_found(waves: Waves) -> None:
     found = sorted(periodic_laws(null, waves.size, 9), key=lambda cause: cause.law.score)
     best = found[0].law
     sine, cosine = best.candidates
-    assert [c.equation for c in (sine, cosine)] == ["u", "u"] and best.extended
+    assert [c.equation for c in (sine, cosine)] == ["u", "u"] and best.is_extended
     assert float(sine.name[4:-3]) == pytest.approx(FREQUENCY, rel=0.01)
     assert float(best.coefficients.norm()) == pytest.approx(0.6, rel=0.05)
     assert best.score < null.law.score - 50 and best.chi2 < 1.1

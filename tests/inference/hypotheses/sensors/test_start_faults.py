@@ -26,7 +26,7 @@ def nothing(waves: Waves, factor: float, seed: int) -> HypothesisFit:
 def test_how_far_off_it_is_is_told(waves: Waves, seed: int) -> None:
     null = nothing(waves, 4.0, seed)
     [found] = start_hypotheses(null)
-    assert 2.5 <= found.law.widened <= 6.4
+    assert 2.5 <= found.law.start_prior_factor <= 6.4
     assert found.law.score < null.law.score - 6
     assert not found.law.candidates
 
@@ -45,6 +45,6 @@ def test_it_is_found_from_a_fit_that_was_led_astray(waves: Waves, far: float) ->
     [cost], _ = null.objective.values(phi[None])
     led = HypothesisFit(laws.law(score=float(cost)), null.objective, phi)
     [found] = start_hypotheses(led)
-    assert found.law.widened == right.law.widened
+    assert found.law.start_prior_factor == right.law.start_prior_factor
     assert found.law.chi2 == pytest.approx(right.law.chi2, rel=1e-3)
     assert found.law.score == pytest.approx(right.law.score, abs=10)

@@ -7,10 +7,10 @@ import math
 import pytest
 import torch
 
-from dashred.inference.fit.law import law_of
+from dashred.inference.fit.law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
-from dashred.inference.forward.law_block import localised
+from dashred.inference.forward.law_block import restrict_to_window
 from dashred.inference.hypotheses.comparison.repeated_screening import repeat_screening
 from dashred.inference.hypotheses.comparison.residual_forcing import fit_residual_forcing
 from dashred.inference.hypotheses.extended.extended_library import extended_laws
@@ -65,18 +65,18 @@ def in_a_box(waves: Waves, recorded: torch.Tensor, name: str) -> HypothesisFit:
     mine = build_problem(law, Hypothesis((), (0,), guess))
     z = fitted(waves.objective(recorded, SIGMA))
     found = minimise(mine, first_unknowns(z, [0.0], guess), 12, 1e-4)
-    return HypothesisFit(law_of(mine, found, found.cost), mine, found.phi)
+    return HypothesisFit(build_law(mine, found, found.cost), mine, found.phi)
 
 
 def test_a_law_in_a_window_may_carry_the_trajectory(waves: Waves) -> None:
     window = box(waves.system.axes[0]).at([4.4, 1.8, math.log(0.3)])
-    hidden = localised(waves.candidates(["u: u**3"]), window)
+    hidden = restrict_to_window(waves.candidates(["u: u**3"]), window)
     recorded = waves.recorded(SIGMA, 1, [(hidden[0], -0.3)])
     wrong = in_a_box(waves, recorded, "u: u")
     forced, gain = force(wrong.objective, wrong.phi, waves.size)
     assert gain > 4
     objective = everything(waves, recorded)
-    forms = localised(list(waves.everything.values()), window)
+    forms = restrict_to_window(list(waves.everything.values()), window)
     problem = profile_out(objective, forced, forms, objective.prior_std)
     costs = problem.costs([(j,) for j in range(len(forms))])
     best = int(costs.argmin())
@@ -88,7 +88,7 @@ def test_a_law_in_a_window_may_carry_the_trajectory(waves: Waves) -> None:
 
 def test_screening_goes_on_about_a_better_law_while_a_forcing_gains(waves: Waves) -> None:
     edges = [4.4, 1.8, math.log(0.3)]
-    hidden = localised(waves.candidates(["u: u**3"]), box(waves.system.axes[0]).at(edges))
+    hidden = restrict_to_window(waves.candidates(["u: u**3"]), box(waves.system.axes[0]).at(edges))
     recorded = waves.recorded(SIGMA, 1, [(hidden[0], -0.3)])
     wrong = in_a_box(waves, recorded, "u: u")
     whole, count = everything(waves, recorded), len(waves.everything)
@@ -111,7 +111,7 @@ def test_screening_goes_on_about_a_better_law_while_a_forcing_gains(waves: Waves
 
 def test_screening_ends_where_it_finds_nothing_better(waves: Waves) -> None:
     window = box(waves.system.axes[0]).at([4.4, 1.8, math.log(0.3)])
-    hidden = localised(waves.candidates(["u: u**3"]), window)
+    hidden = restrict_to_window(waves.candidates(["u: u**3"]), window)
     wrong = in_a_box(waves, waves.recorded(SIGMA, 1, [(hidden[0], -0.3)]), "u: u")
     begin, _ = force(wrong.objective, wrong.phi, waves.size)
     asked: list[float] = []
@@ -148,7 +148,7 @@ def everywhere(waves: Waves, recorded: torch.Tensor, *names: str) -> HypothesisF
     law = waves.objective(recorded, SIGMA, names)
     z = fitted(waves.objective(recorded, SIGMA))
     found = minimise(law, torch.cat([z, torch.zeros(len(names), dtype=torch.float64)]), 10, 1e-4)
-    return HypothesisFit(law_of(law, found, found.cost), law, found.phi)
+    return HypothesisFit(build_law(law, found, found.cost), law, found.phi)
 
 
 @pytest.mark.parametrize(
@@ -174,7 +174,9 @@ def silent(share: float, message: str) -> None:
 
 def test_a_gate_between_two_quantiles_screens_where_it_is(waves: Waves) -> None:
     term, edges = waves.everything["u: v**2"], [0.2, math.log(0.1)]
-    recorded = waves.recorded(SIGMA, 1, [(localised([term], gate("u", 1).at(edges))[0], -0.4)])
+    recorded = waves.recorded(
+        SIGMA, 1, [(restrict_to_window([term], gate("u", 1).at(edges))[0], -0.4)]
+    )
     forced = carried_by(waves, recorded, [])
     forward_model = forced.objective.forward_model
     states = forward_model.sampled_states(*forced.objective.split(forced.phi))
@@ -192,7 +194,7 @@ def test_a_gate_that_acts_in_few_samples_is_screened_where_it_is(waves: Waves) -
     low = float(states[:, 0].quantile(0.01))
     term = waves.everything["u: 1"]
     window = gate("u", -1).at([low, math.log(0.02)])
-    recorded = waves.recorded(SIGMA, 1, [(localised([term], window)[0], 1.5)])
+    recorded = waves.recorded(SIGMA, 1, [(restrict_to_window([term], window)[0], 1.5)])
     forced = carried_by(waves, recorded, [])
     count = len(waves.everything)
     found = screen(everything(waves, recorded), count, range(count), forced, states)

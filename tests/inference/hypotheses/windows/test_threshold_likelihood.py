@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from dashred.inference.fit.law import Z95, law_of
+from dashred.inference.fit.law import Z95, build_law
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.windows.threshold_likelihood import with_profile
@@ -61,5 +61,5 @@ def test_other_windows_and_laws_stay_as_they_are(waves: Waves) -> None:
     recorded = waves.recorded(LOCAL_SIGMA, 4)
     null = waves.objective(recorded, LOCAL_SIGMA)
     found = minimise(null, torch.zeros(null.modes, dtype=torch.float64), 4, 1e-3)
-    plain = HypothesisFit(law_of(null, found, found.cost), null, found.phi)
+    plain = HypothesisFit(build_law(null, found, found.cost), null, found.phi)
     assert with_profile(plain) is plain.law
