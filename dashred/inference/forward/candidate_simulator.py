@@ -1,8 +1,8 @@
-"""One simulator with candidate terms added: trajectories and their derivatives.
+"""One simulator with candidate terms: trajectories and their derivatives.
 
 It integrates ``∂u/∂t = N(u) + Σ_j ξ_j θ_j(u) + χ(ψ) Σ_j η_j θ_j(u) + f(x, t)``: the system's own
 tendency N, candidate terms θ, candidate terms within a window χ, and a forcing f. The coefficients
-of one trajectory are a row of weights, so that one compiled program serves every fit.
+of a trajectory are a row of weights, so that one compiled program serves every fit.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from dashred.physics.window import Shape, Window
 
 
 class CandidateSimulator:
-    """A system with candidate terms, compiled by its first run.
+    """A system with candidate terms; the first run compiles it.
 
     A simulator that is only linearised is never compiled.
 
     Attributes:
-        system: the simulator.
+        system: the system.
         tangent: the same system with the time step of the derivative.
         shapes: shapes of the windows in which candidates may act.
         has_tangents: whether tangent-linear equations exist for it.
 
     Args:
         system: the simulator.
-        tangent_dt: longest time step of the derivative. An error of a percent in the derivative
-            costs nothing, since residuals always come from the system itself.
-        candidates: every term that may be added.
+        tangent_dt: largest time step of the derivative. An error of a percent in the derivative is
+            harmless, because the residuals always come from the system itself.
+        candidates: all candidates.
         shapes: shapes of the windows in which they may act.
     """
 
@@ -67,20 +67,20 @@ class CandidateSimulator:
         return compiled(self.system, self.terms, self.shapes)
 
     def coarse(self) -> CandidateSimulator:
-        """Return the simulator that takes the derivative's time steps itself."""
+        """Return the simulator with the time step of the derivative for its trajectories, too."""
         other = copy.copy(self)
         other.system = self.tangent
         other._run = self._run.with_step(self.tangent.dt)
         return other
 
     def finer(self) -> CandidateSimulator:
-        """Return the simulator whose derivative takes the system's own time steps."""
+        """Return the simulator with the time step of the system for its derivative, too."""
         other = copy.copy(self)
         other.tangent = self.system
         return other
 
     def with_candidates(self, candidates: Sequence[Candidate]) -> CandidateSimulator:
-        """Return the same system with other candidates, without windows."""
+        """Return the simulator with other candidates, without windows."""
         return CandidateSimulator(self.system, self.tangent.dt, candidates)
 
     def weights(
@@ -95,7 +95,7 @@ class CandidateSimulator:
         Args:
             candidates: some of the simulator's candidates.
             xi: their coefficients, ``(row, candidate)``.
-            windowed: what is added to the coefficients within each row's window,
+            windowed: their additional coefficients within the window of each row,
                 ``(row, candidate)``; None without windows.
             windows: the window of each row.
         """
@@ -114,8 +114,8 @@ class CandidateSimulator:
         Args:
             start: states at the first time, ``(row, field, *grid)``.
             times: ``(time,)``.
-            weights: of each row, as :meth:`weights` returns them.
-            forcing: a forcing of each row.
+            weights: weights of each row, from :meth:`weights`.
+            forcing: forcing of each row; None without one.
         """
         return self._run(start, times, weights, forcing)
 
@@ -131,7 +131,7 @@ class CandidateSimulator:
     ) -> Iterator[tuple[Tensor, Tensor]]:
         """Yield the state and its derivatives at every time.
 
-        The columns are by the start's directions, the sources and the forcing's amplitudes.
+        The columns are the directions of the start, the sources and the amplitudes of the forcing.
         """
         base = self.tangent, start, directions, times, forcing, sources
         if self.system.axes:

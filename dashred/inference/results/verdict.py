@@ -48,7 +48,8 @@ def verdict(
 
     Args:
         discovered: the laws.
-        left: the share of the best law's misfit that is not noise (:func:`unexplained_share`), if known.
+        left: share of the misfit of the best law that is not noise, if known
+            (:func:`unexplained_share`).
         details: describes a fault of a sensor as data.
     """
     if reason := _not_converged(discovered, left):

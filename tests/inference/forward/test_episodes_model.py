@@ -181,11 +181,11 @@ def test_a_fault_of_one_episode_is_looked_at_among_those_of_its_sensor(swing, z)
     assert beside_the_fault(HypothesisFit(law, posed, phi), stuck.sensor).law.fault is not None
 
 
-@pytest.mark.parametrize("at_once", [1, 100, 10**9])
+@pytest.mark.parametrize("block_size", [1, 100, 10**9])
 def test_starts_may_have_different_numbers_of_modes(
-    swing: Swing, at_once: int, monkeypatch: pytest.MonkeyPatch
+    swing: Swing, block_size: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("dashred.inference.forward.simulator.AT_ONCE", at_once)
+    monkeypatch.setattr("dashred.inference.forward.simulator.BLOCK_SIZE", block_size)
     modes = swing.estimate.modes
     few, many = replace(swing.estimate, modes=modes[:1]), replace(swing.estimate, modes=modes * 2)
     forward_model = replace(together(swing), start=EpisodeStarts((few, many, few)))

@@ -41,14 +41,14 @@ def test_where_they_blow_up_the_simulator_s_own_are_taken(waves: Waves) -> None:
     assert torch.isfinite(found.readings).all()
 
 
-@pytest.mark.parametrize("at_once", [1, 300, 10**9])
+@pytest.mark.parametrize("block_size", [1, 300, 10**9])
 def test_samples_are_observed_together_as_one_by_one(
-    waves: Waves, at_once: int, monkeypatch: pytest.MonkeyPatch
+    waves: Waves, block_size: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     forward_model = far_off(waves, STEP)
     z, xi = torch.zeros(2).double(), torch.zeros(2).double()
     expected = forward_model._columns(z, xi)
-    monkeypatch.setattr("dashred.inference.forward.simulator.AT_ONCE", at_once)
+    monkeypatch.setattr("dashred.inference.forward.simulator.BLOCK_SIZE", block_size)
     torch.testing.assert_close(forward_model._columns(z, xi), expected, rtol=1e-8, atol=1e-10)
     assert expected.shape == (len(TIMES), len(waves.operator.sensors), 4)
 
