@@ -38,8 +38,8 @@ def linear_estimate(
     It is computed in the space of the members, with ``S = Y'ᵀR^{-1/2}/√(n−1)``,
     ``(member, reading)``. The weights are ``(I + SSᵀ)⁻¹ S R^{-1/2}(y − ȳ)`` and the anomalies are
     ``(I + SSᵀ)^{-1/2} X'``. Only the symmetric square root keeps the sum of the anomalies zero (the
-    ensemble transform; Hunt et al., Physica D 230, 2007). Unlike the filter, it uses all readings of
-    the window at once and needs no further simulation.
+    ensemble transform; Hunt et al., Physica D 230, 2007). Unlike the filter, the estimate uses all
+    readings of the window at once and needs no further simulation.
 
     Args:
         states: the sample.

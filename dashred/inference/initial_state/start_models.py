@@ -20,8 +20,7 @@ class StartModel(Protocol):
     See docs/method.md#fit-through-the-simulator.
 
     A fit determines z. The model therefore gives both the first guess (z = 0) and its scale.
-    :class:`dashred.physics.runs.initial_state_prior.StartPrior` is an
-    example; it is not affine.
+    An example is :class:`dashred.physics.runs.initial_state_prior.StartPrior`, which is not affine.
     """
 
     @property
