@@ -52,9 +52,9 @@ def sparse_fit(
     candidate set whose error in block cross-validation is close to the lowest error. It is close if
     one of two rules holds:
 
-    - The mean log ratio of the errors is within √(1 + 2 ln terms) standard errors. For one term this
-      is the one-standard-error rule (Hastie, Tibshirani & Friedman, *Elements*, §7.10); the rest is
-      the allowance of Donoho & Johnstone for many terms.
+    - The mean log ratio of the errors is within √(1 + 2 ln terms) standard errors. This is the
+      one-standard-error rule (Hastie, Tibshirani & Friedman, *Elements*, §7.10), with the allowance
+      of Donoho & Johnstone for many terms.
     - The difference is less than one term at the threshold would explain. This rule is for errors
       that repeat in every block, such as numerical errors and errors of the linearisation.
       Cross-validation alone would attribute them to terms.
@@ -99,8 +99,8 @@ def _candidates(blocks: Blocks, threshold: float, order: list[int]) -> list[Supp
 def _forward_order(blocks: Blocks) -> list[int]:
     """Order all terms by forward selection (orthogonal least squares).
 
-    Chen, Billings & Luo (1989). FROLS of PySINDy is the same method with loops over the columns. For
-    an order of forty terms it would be the most expensive part of an epoch.
+    Chen, Billings & Luo (1989). FROLS of PySINDy is the same method with loops over the columns. To
+    order forty terms, it would be the most expensive part of an epoch.
     """
     gram, moment = blocks.gram.sum(axis=0), blocks.moment.sum(axis=0)
     least = RANK_TOLERANCE * gram.diagonal().copy()

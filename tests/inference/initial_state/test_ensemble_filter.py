@@ -144,7 +144,7 @@ def test_members_that_blow_up_are_left_out(system: System) -> None:
     found = run(case, (growth,), coefficients, held)
     assert len(found.anomalies) == len(case.members) - 3
     assert torch.isfinite(found.start_mean).all()
-    with pytest.raises(FilterLostError, match="only 0 are still whole"):
+    with pytest.raises(FilterLostError, match="only 0 of 18 members have not blown up"):
         run(case, (growth,), torch.full_like(coefficients, 1e6), held)
 
 
