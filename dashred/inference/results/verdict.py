@@ -44,7 +44,8 @@ def verdict(
     """Return the verdict and its causes, the most probable first.
 
     A cause contains the kind of a class of laws, its share of ``Σ exp(-score/2)``, and the
-    equations and changes of its best law. If the search did not converge, the reason is the only cause.
+    equations and changes of its best law. If the search did not converge, the reason is the only
+    cause.
 
     Args:
         discovery: the laws.
