@@ -1,4 +1,4 @@
-"""What a fit takes from the readings, and what it leaves of their noise."""
+"""The effective number of parameters of a fit."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import torch
 from dashred.inference.fit.least_squares import NormalEquations
 
 
-def test_residuals_are_as_small_as_the_numbers_that_were_taken_from_them() -> None:
-    """Of 60 readings 50 unknowns are fitted, most of which the prior holds."""
+def test_residuals_shrink_by_the_effective_parameters() -> None:
+    """50 unknowns are fitted to 60 readings; the prior determines most of them."""
     generator = torch.Generator().manual_seed(0)
 
     def normal_draws(*shape: int) -> torch.Tensor:
@@ -28,7 +28,7 @@ def test_residuals_are_as_small_as_the_numbers_that_were_taken_from_them() -> No
     assert sum(squares) / 2000 == pytest.approx(60 - spent, rel=0.01)
 
 
-def test_what_no_reading_depends_on_takes_nothing_and_what_each_fixes_takes_one() -> None:
+def test_effective_parameters_count_determined_unknowns_only() -> None:
     jacobian = torch.tensor([[1e6, 0.0, 0.0], [0.0, 1e6, 0.0]], dtype=torch.float64)
     ones, nothing = torch.ones(3, dtype=torch.float64), torch.zeros(2, dtype=torch.float64)
     normal = NormalEquations(jacobian, ones, torch.zeros(3, dtype=torch.float64), nothing)
@@ -37,8 +37,8 @@ def test_what_no_reading_depends_on_takes_nothing_and_what_each_fixes_takes_one(
     assert normal.effective_parameters([2]) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_columns_that_drown_the_prior_take_no_more_than_there_is() -> None:
-    """As of a chaotic run: 60 unknowns, of which 40 directions are seen, however large J is."""
+def test_effective_parameters_are_bounded_by_the_rank() -> None:
+    """As in a chaotic run: 60 unknowns, a J of rank 40 and of any size."""
     generator = torch.Generator().manual_seed(1)
     tall = torch.randn((100, 40), generator=generator, dtype=torch.float64)
     jacobian = tall @ torch.randn((40, 60), generator=generator, dtype=torch.float64)

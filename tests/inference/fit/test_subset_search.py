@@ -1,4 +1,4 @@
-"""Scores of sets against one ridge regression each, with the start's unknowns in it."""
+"""Costs of sets, compared with one ridge regression each that includes the start."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def normal(columns: Tensor, stds: Tensor, phi: Tensor, residuals: Tensor) -> Nor
 
 
 def towards(goal: Tensor, columns: Tensor, stds: Tensor) -> NormalEquations:
-    """Return equations about zero unknowns, whose target is ``goal``."""
+    """Return normal equations at zero unknowns, whose target is ``goal``."""
     return normal(columns, stds, torch.zeros(columns.shape[1], dtype=torch.float64), -goal)
 
 
 @pytest.fixture(scope="module")
 def found() -> tuple[NormalEquations, Tensor, ProfiledProblem]:
-    """Equations whose candidates resemble the start and each other, their goal, the reduction."""
+    """Normal equations with nearly collinear columns, their target, and the profiled problem."""
     columns = draw(SAMPLES, MODES + CANDIDATES, seed=0)
     columns[:, MODES:] += columns[:, :1] + 0.5 * columns[:, MODES : MODES + 1]
     columns[:, MODES + 2] *= 1e3  # units differ
@@ -72,7 +72,7 @@ def test_costs_and_coefficients_are_those_of_brute_force(
                 torch.testing.assert_close(problem.coefficients(members), xi)
 
 
-def test_chunks_change_nothing(
+def test_chunks_do_not_change_the_costs(
     found: tuple[NormalEquations, Tensor, ProfiledProblem], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sets = list(combinations(range(CANDIDATES), 3))
@@ -81,11 +81,11 @@ def test_chunks_change_nothing(
     torch.testing.assert_close(found[2].costs(sets), whole, rtol=0, atol=1e-12)
 
 
-def test_what_the_start_can_imitate_explains_nothing() -> None:
+def test_columns_that_the_start_can_reproduce_explain_nothing() -> None:
     columns = draw(SAMPLES, 3, seed=3)
     columns[:, 2] = columns[:, :2] @ torch.tensor([1.0, -2.0], dtype=torch.float64)
     goal = 1e-3 * columns[:, 2]
-    columns[:, :2] *= 1e4  # the prior of the start costs next to nothing
+    columns[:, :2] *= 1e4  # the prior of the start is negligible
     equations = towards(goal, columns, torch.tensor([1.0], dtype=torch.float64))
     problem = ProfiledProblem.from_normal_equations(equations, 2)
     empty, alone = float(problem.costs([()])), float(problem.costs([(0,)]))
@@ -126,12 +126,12 @@ def test_on_orthogonal_columns_the_path_ends_with_the_best_single() -> None:
     assert path == [(0, 1, 2, 3, 4), (0, 1, 2, 4), (1, 2, 4), (1, 4), (1,)]
 
 
-def test_the_most_telling_have_the_largest_effects_per_prior() -> None:
+def test_the_most_distinct_have_the_largest_effects_per_prior() -> None:
     problem = orthogonal([0.0] * 5, [0.1, 3.0, 1.0, 0.2, 2.0])
     assert [problem.most_distinct(count) for count in (1, 2, 3)] == [(1,), (1, 4), (1, 2, 4)]
 
 
-def test_the_most_telling_are_no_twins() -> None:
+def test_the_most_distinct_are_not_collinear() -> None:
     q, _ = torch.linalg.qr(draw(SAMPLES, MODES + 3, seed=5))
     q[:, MODES + 1] = q[:, MODES] + 1e-3 * q[:, MODES + 1]
     stds, nothing = torch.tensor([3.0, 2.9, 1.0]).double(), torch.zeros(SAMPLES).double()

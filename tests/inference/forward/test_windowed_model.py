@@ -28,7 +28,7 @@ def unknowns(waves: Waves, count: int) -> tuple[Tensor, Tensor]:
 
 
 def check(forward_model: ForwardModel, z: Tensor, xi: Tensor) -> None:
-    """Hold tangents to central differences, which have the error of the tangents' precision."""
+    """Compare tangents with central differences, within the precision of the tangents."""
     exact, rough = forward_model.linearise(z, xi), forward_model._differences(z, xi)
     torch.testing.assert_close(exact.readings, forward_model.readings(z[None], xi[None])[0])
     by_start, by_coefficients = rough.split([len(z), len(xi)], dim=-1)
@@ -47,7 +47,7 @@ def shapes(waves: Waves) -> dict[str, tuple[Shape, list[float]]]:
 
 
 @pytest.mark.parametrize("kind", ["box", "onset", "gate"])
-def test_a_window_s_edges_are_unknowns_like_any_other(waves: Waves, kind: str) -> None:
+def test_the_jacobian_of_window_edges(waves: Waves, kind: str) -> None:
     shape, guess = shapes(waves)[kind]
     everywhere = waves.candidates(["u: u**3"])
     inside = waves.candidates(["v: 1", "u: u"])
@@ -55,7 +55,7 @@ def test_a_window_s_edges_are_unknowns_like_any_other(waves: Waves, kind: str) -
     forward_model = waves.forward_model(LawBlock(everywhere, windowed), SHORT)
     z, xi = unknowns(waves, 3 + len(guess))
     check(forward_model, z, xi)
-    # The window is where the guess and the unknowns say, and its law is a law like any other.
+    # The window is at the guess plus the unknowns; the windowed law equals an ordinary term.
     window = windowed.window(xi[1:])
     assert window.values == pytest.approx(
         [g + float(d) for g, d in zip(guess, xi[3:], strict=True)]
@@ -68,7 +68,7 @@ def test_a_window_s_edges_are_unknowns_like_any_other(waves: Waves, kind: str) -
     torch.testing.assert_close(waves.operator(path), forward_model.readings(z[None], xi[None]))
 
 
-def test_a_free_forcing_s_amplitudes_are_too(waves: Waves) -> None:
+def test_the_jacobian_of_forcing_amplitudes(waves: Waves) -> None:
     forcing_basis = ForcingBasis.over(waves.system, SHORT, cells=3, knots=3)
     size = torch.tensor([0.5, 0.2], dtype=torch.float64)
     candidates = waves.candidates(["u: u", "v: 1"])
@@ -83,7 +83,7 @@ def test_a_free_forcing_s_amplitudes_are_too(waves: Waves) -> None:
     torch.testing.assert_close(part, forward_model.readings(z[None], xi[None])[:, :5])
 
 
-def test_a_law_in_a_window_may_be_forced_too(waves: Waves) -> None:
+def test_a_windowed_law_with_a_free_forcing(waves: Waves) -> None:
     shape, guess = shapes(waves)["box"]
     forcing_basis = ForcingBasis.over(waves.system, SHORT, cells=2, knots=2)
     edges = torch.tensor(guess, dtype=torch.float64)

@@ -1,4 +1,4 @@
-"""The law with its error bars, its probability, and the laws that it was preferred to."""
+"""The law with its error bars, its probability, and the alternatives."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def flow(tmp_path_factory: pytest.TempPathFactory) -> System:
     return laws.declared(tmp_path_factory.mktemp("flow"))
 
 
-def test_a_term_carries_its_interval_and_its_words(flow: System) -> None:
+def test_a_term_has_its_interval_and_its_text(flow: System) -> None:
     best = laws.law([laws.term(flow, "u", "u")], [-0.04], std=0.002)
     [found] = terms_of_discovery(flow, laws.discovery(best))
     add_term_text(found, flow)
@@ -60,7 +60,7 @@ def test_a_term_carries_its_interval_and_its_words(flow: System) -> None:
         (gate("u", -1), (0.7, 0.0), {"field": "u", "below": 0.7, "std": 0.03}, "for u < 0.7"),
     ],
 )
-def test_a_term_in_a_window_says_where_it_acts(flow: System, shape, values, region, words) -> None:
+def test_a_windowed_term_has_its_region(flow: System, shape, values, region, words) -> None:
     [candidate] = restrict_to_window([laws.term(flow, "u", "u")], shape.at(values))
     best = laws.law([candidate], [-0.04], std=0.002, edges=(0.03, 0.04, 1.0)[: len(values)])
     [found] = terms_of_discovery(flow, laws.discovery(best))
@@ -116,7 +116,7 @@ def test_a_parameter_is_given_by_its_new_value(flow: System) -> None:
     )
 
 
-def test_a_parameter_that_does_not_enter_linearly_is_said_to_be_approximate(flow: System) -> None:
+def test_a_nonlinear_parameter_is_approximate(flow: System) -> None:
     best = laws.law([laws.parameter(flow, "alpha")], [0.03], std=0.002)
     [found] = terms_of_discovery(flow, laws.discovery(best))
     add_term_text(found, flow)
@@ -124,7 +124,7 @@ def test_a_parameter_that_does_not_enter_linearly_is_said_to_be_approximate(flow
     assert "to first order" in found["says"]
 
 
-def test_inclusion_sums_over_all_laws_that_hold_the_term(flow: System) -> None:
+def test_inclusion_sums_over_all_laws_with_the_term(flow: System) -> None:
     u, cubic, lam = (laws.term(flow, "u", text) for text in ("u", "u**3", "lam"))
     both = laws.law([u, cubic], [0.1, -0.1], score=0.0)
     tried = laws.discovery(both, laws.law([u], [0.1], score=2.0), laws.law([lam], [1.0], score=4.0))
@@ -134,7 +134,7 @@ def test_inclusion_sums_over_all_laws_that_hold_the_term(flow: System) -> None:
     assert second["inclusion"] == pytest.approx(1 / total, rel=1e-4)
 
 
-def test_the_simulator_as_it_is_counts_among_the_laws_once(flow: System) -> None:
+def test_the_empty_law_counts_once(flow: System) -> None:
     u = laws.term(flow, "u", "u")
     nothing = laws.law(score=1.0)
     best = laws.law([u], [0.1])
@@ -175,7 +175,7 @@ def test_a_law_that_is_nearly_as_good_is_listed_before_one_of_a_single_term(flow
     assert [other["delta_bic"] for other in found] == [3.0, 4.0, 7.0]
 
 
-def test_laws_read_the_same_if_their_readings_differ_by_less_than_six(flow: System) -> None:
+def test_laws_have_the_same_readings_below_a_chi2_of_six(flow: System) -> None:
     # In χ², over 120 samples: 120·0.2² = 4.8 and 120·0.25² = 7.5.
     u, lam = laws.term(flow, "u", "u"), laws.term(flow, "u", "lam")
     for misfit, same in ((1.2, True), (1.25, False)):
@@ -184,7 +184,7 @@ def test_laws_read_the_same_if_their_readings_differ_by_less_than_six(flow: Syst
         assert other["same_as_best"] is same
 
 
-def test_the_text_of_a_law_tells_terms_from_parameters(flow: System) -> None:
+def test_the_text_of_a_law_with_a_term_and_a_parameter(flow: System) -> None:
     law = laws.law([laws.term(flow, "u", "u"), laws.parameter(flow, "nu")], [-0.04, 0.01])
     text = law_text(terms_of_law(flow, law), flow)
     assert text.startswith("The simulation leaves out linear damping of internal energy, −0.0400")
@@ -192,7 +192,7 @@ def test_the_text_of_a_law_tells_terms_from_parameters(flow: System) -> None:
     assert "no missing term" in law_text(terms_of_law(flow, laws.law()), flow)
 
 
-def test_smaller_laws_say_how_much_of_the_best_they_explain(flow: System) -> None:
+def test_smaller_laws_have_their_explained_share(flow: System) -> None:
     u, cubed, squared = (laws.term(flow, "u", text) for text in ("u", "u**3", "u**2"))
     path = [
         BestOfSize((), (), 900.0, 3.0),
@@ -208,7 +208,7 @@ def test_smaller_laws_say_how_much_of_the_best_they_explain(flow: System) -> Non
 
 
 def test_the_law_that_is_reported_is_looked_up_on_the_path(flow: System) -> None:
-    """Not the path's lowest score: causes are weighed after it was walked."""
+    """It is not the lowest score of the path: hypotheses are compared after the path."""
     u, cubed = laws.term(flow, "u", "u"), laws.term(flow, "u", "u**3")
     path = [
         BestOfSize((), (), 900.0, 3.0),
