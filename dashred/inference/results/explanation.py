@@ -15,7 +15,7 @@ from dashred.core.findings.law_schema import (
 )
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.hypotheses.result import AMBIGUOUS, Discovery
+from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN, Discovery
 from dashred.inference.results.parameter_change import exact_change, is_exact, parameter_change
 from dashred.inference.results.posterior_probabilities import inclusion
 from dashred.physics.system import System
@@ -208,4 +208,4 @@ def _tried(
 def _reads_the_same(discovered: Discovery, law: Law) -> bool:
     """Whether the two laws' readings differ by less, in χ², than what tells rivals apart."""
     difference = discovered.noise.whiten(law.residuals - discovered.best.residuals)
-    return float(difference.square().sum()) < AMBIGUOUS
+    return float(difference.square().sum()) < AMBIGUITY_MARGIN

@@ -46,9 +46,9 @@ def locate(
     total = float(shares.sum())
     power = ratios.square().sum(dim=1)
     # A sample that either leaves out, as a spike, cannot compare the two.
-    left_out = law.residuals.isnan() | discovered.nothing.residuals.isnan()
+    left_out = law.residuals.isnan() | discovered.uncorrected.residuals.isnan()
     noise = replace(discovered.noise, seen=discovered.noise.seen & ~left_out)
-    before, after = noise.whiten(discovered.nothing.residuals), noise.whiten(law.residuals)
+    before, after = noise.whiten(discovered.uncorrected.residuals), noise.whiten(law.residuals)
     seen = noise.seen
     return Where(
         equation={
@@ -59,9 +59,9 @@ def locate(
         time=[float(times[0]), float(times[-1])],
         states=active_states(system, states, power, _reads(system, law)) if total else None,
         sensors=_sensors(sensors, before, after, seen, len(law.candidates)),
-        significance=_significance(before, after, len(law.candidates), discovered.tried),
+        significance=_significance(before, after, len(law.candidates), discovered.refit_count),
         profile=_profile(times, before, after, seen),
-        forcing=_forcing(system, discovered.forcing),
+        forcing=_forcing(system, discovered.forcing_map),
     )
 
 

@@ -13,7 +13,7 @@ def posterior_probabilities(discovered: Discovery) -> list[tuple[Law, float]]:
     """Return each law with its probability among all tried; the simulator as it is is one."""
     laws = list(discovered.laws)
     if all(law.candidates for law in laws):
-        laws.append(discovered.nothing)
+        laws.append(discovered.uncorrected)
     lowest = min(law.score for law in laws)
     weights = [math.exp((lowest - law.score) / 2) for law in laws]
     total = math.fsum(weights)

@@ -11,7 +11,7 @@ from torch import Tensor
 from dashred.core.findings.cause_schema import Cause, SensorFaultFound, Verdict
 from dashred.inference.fit.law import Law, SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
-from dashred.inference.hypotheses.result import MISSING, Discovery
+from dashred.inference.hypotheses.result import MIN_FORCING_GAIN, Discovery
 from dashred.inference.results.posterior_probabilities import posterior_probabilities
 
 # Share of the misfit that is not noise, beyond which no start alone explains a recording: residuals
@@ -54,7 +54,7 @@ def verdict(
     if reason := _not_converged(discovered, left):
         return "not-converged", [reason]
     causes = _causes(discovered, details)
-    if discovered.forcing_gain > MISSING:
+    if discovered.forcing_gain > MIN_FORCING_GAIN:
         return "outside-library", [_outside(discovered), *causes]
     kinds = {_kind(law) for law in (discovered.best, *discovered.rivals)}
     # Which law of the extended library is right may be open, even if no law of the library is.
@@ -82,7 +82,7 @@ def unexplained(stated: Tensor | None, found: NoiseModel) -> float | None:
 def _not_converged(discovered: Discovery, left: float | None) -> Cause | None:
     """Return why the search did not converge; None where it did."""
     cause: Cause = {"kind": "not-converged", "probability": 1.0, "where": None}
-    if not discovered.reached:
+    if not discovered.is_horizon_complete:
         samples, level = discovered.levels[-1] if discovered.levels else (0, float("nan"))
         cause["reason"], cause["misfit"] = "window-not-reached", level
         cause["samples"], cause["samples_in_all"] = samples, len(discovered.noise.seen)
@@ -92,7 +92,7 @@ def _not_converged(discovered: Discovery, left: float | None) -> Cause | None:
         cause["misfit"], cause["misfit_of_all"] = discovered.best.chi2, discovered.free_chi2
         return cause
     lawless = not discovered.best.candidates and discovered.best.fault is None
-    if lawless and left is not None and left > UNEXPLAINED and discovered.forcing_gain <= MISSING:
+    if lawless and left is not None and left > UNEXPLAINED and discovered.forcing_gain <= MIN_FORCING_GAIN:
         cause["reason"], cause["unexplained"] = "misfit-unexplained", left
         return cause
     return None

@@ -11,8 +11,8 @@ import torch
 from dashred.inference.fit.least_squares import Normal
 from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.hypotheses import free_forcing
-from dashred.inference.hypotheses.free_forcing import FreeForcing, evidence, fit_free_forcing, force
-from dashred.inference.hypotheses.result import MISSING
+from dashred.inference.hypotheses.free_forcing import FreeForcing, evidence, fit_forcing_block, fit_free_forcing
+from dashred.inference.hypotheses.result import MIN_FORCING_GAIN
 from dashred.physics.forcing_basis import ForcingBasis
 from tests.waves import TIMES, Waves, fitted
 
@@ -39,8 +39,8 @@ def test_evidence_is_the_density_of_the_recording() -> None:
 
 def test_it_gains_nothing_where_nothing_is_missing(waves: Waves) -> None:
     objective = waves.objective(waves.recorded(SIGMA, 6), SIGMA)
-    forced, gain = force(objective, fitted(objective), waves.size)
-    assert gain < MISSING and float(forced.amplitudes.abs().max()) < 0.05 * float(waves.size[0])
+    forced, gain = fit_free_forcing(objective, fitted(objective), waves.size)
+    assert gain < MIN_FORCING_GAIN and float(forced.amplitudes.abs().max()) < 0.05 * float(waves.size[0])
 
 
 def test_it_brings_the_trajectory_to_the_recording_and_says_in_which_equation(waves: Waves) -> None:
@@ -49,11 +49,11 @@ def test_it_brings_the_trajectory_to_the_recording_and_says_in_which_equation(wa
     objective = waves.objective(recorded, SIGMA)
     phi = fitted(objective)
     [before], _ = objective.values(phi[None])
-    forced, gain = force(objective, phi, waves.size)
+    forced, gain = fit_free_forcing(objective, phi, waves.size)
     assert gain > 100 and forced.cost < 1.2 * recorded.numel() < 0.3 * float(before)
     block = ForcingBlock(ForcingBasis.over(waves.system, TIMES, 6, 7), waves.size)
     alone = {
-        equation: fit_free_forcing(objective, phi, block, [equation])[0].evidence
+        equation: fit_forcing_block(objective, phi, block, [equation])[0].evidence
         for equation in range(2)
     }
     assert alone[1] < alone[0]
@@ -72,10 +72,10 @@ def test_one_that_is_lost_grows_anew_from_the_mean_of_the_start(
     astray = torch.full((objective.modes,), 6.0, dtype=torch.float64)
 
     def cost() -> float:
-        return fit_free_forcing(objective, astray, block, [0, 1])[0].cost
+        return fit_forcing_block(objective, astray, block, [0, 1])[0].cost
 
     assert cost() < 1.2 * recorded.numel()
-    monkeypatch.setattr(free_forcing, "LOST", math.inf)
+    monkeypatch.setattr(free_forcing, "MAX_NOISE_RATIO", math.inf)
     assert cost() > 10 * recorded.numel()
 
 
@@ -83,7 +83,7 @@ def test_one_sensor_at_fault_is_not_a_lost_trajectory_and_some_that_miss_its_end
     waves: Waves,
 ) -> None:
     objective = waves.objective(waves.recorded(SIGMA, 6), SIGMA)
-    forced, _ = force(objective, fitted(objective), waves.size)
+    forced, _ = fit_free_forcing(objective, fitted(objective), waves.size)
     shape = objective.recorded.shape
 
     def left(sensors: int, first: int) -> FreeForcing:
@@ -91,8 +91,8 @@ def test_one_sensor_at_fault_is_not_a_lost_trajectory_and_some_that_miss_its_end
         residuals[first:, :sensors] = 15.0
         return replace(forced, normal=replace(forced.normal, residuals=residuals.flatten()))
 
-    assert not free_forcing._lost(left(1, 0))
-    assert free_forcing._lost(left(shape[1] // 3, shape[0] * 4 // 5))
+    assert not free_forcing._has_lost_recording(left(1, 0))
+    assert free_forcing._has_lost_recording(left(shape[1] // 3, shape[0] * 4 // 5))
 
 
 def test_evidence_stands_columns_that_drown_the_prior() -> None:

@@ -12,7 +12,7 @@ from torch import Tensor
 from dashred.inference.fit.law import law_of
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise, minimise_on
 from dashred.inference.hypotheses import hypothesis_fit as settling
-from dashred.inference.hypotheses.hypothesis_fit import FAR, LOST, HypothesisFit, settled
+from dashred.inference.hypotheses.hypothesis_fit import POOR_CHI2, LOST_CHI2, HypothesisFit, refine
 from tests.waves import Waves
 
 SIGMA, XI = 0.02, -0.25
@@ -26,28 +26,28 @@ def explained(waves: Waves, term: str = "u: u") -> HypothesisFit:
     return HypothesisFit(law_of(objective, found, found.cost), objective, found.phi)
 
 
-def moved(cause: HypothesisFit, by: float) -> HypothesisFit:
+def moved(fit: HypothesisFit, by: float) -> HypothesisFit:
     """Return an explanation whose fit has ended too early, its coefficient off by so much."""
-    phi = cause.phi.clone()
+    phi = fit.phi.clone()
     phi[-1] += by
-    [cost], (readings, _) = cause.objective.values(phi[None])
-    chi2 = float(cause.objective.residuals(readings).square().sum()) / cause.objective.noise.count
-    return HypothesisFit(replace(cause.law, score=float(cost), chi2=chi2), cause.objective, phi)
+    [cost], (readings, _) = fit.objective.values(phi[None])
+    chi2 = float(fit.objective.residuals(readings).square().sum()) / fit.objective.noise.count
+    return HypothesisFit(replace(fit.law, score=float(cost), chi2=chi2), fit.objective, phi)
 
 
 def test_what_is_near_its_minimum_is_settled_there(waves: Waves) -> None:
     right = explained(waves)
     near = moved(right, 0.02)
-    assert near.law.score > right.law.score + 10 and near.law.chi2 < LOST
-    found = settled(near)
+    assert near.law.score > right.law.score + 10 and near.law.chi2 < LOST_CHI2
+    found = refine(near)
     assert found.law.score == pytest.approx(right.law.score, abs=0.1)
     assert float(found.phi[-1]) == pytest.approx(float(right.phi[-1]), abs=1e-3)
 
 
 def test_what_has_lost_the_recording_is_left_as_it_is(waves: Waves) -> None:
     lost = moved(explained(waves), 1.0)
-    assert lost.law.chi2 > LOST
-    assert settled(lost) is lost
+    assert lost.law.chi2 > LOST_CHI2
+    assert refine(lost) is lost
 
 
 def begun_anew(monkeypatch: pytest.MonkeyPatch) -> list[Tensor]:
@@ -69,7 +69,7 @@ def begun_anew(monkeypatch: pytest.MonkeyPatch) -> list[Tensor]:
 def test_of_all_beginnings_one_alone_goes_on(waves: Waves, monkeypatch: pytest.MonkeyPatch) -> None:
     right = explained(waves)
     beginnings = begun_anew(monkeypatch)
-    found = settled(moved(right, 0.02))
+    found = refine(moved(right, 0.02))
     [lowest] = beginnings
     assert float(lowest[-1]) == pytest.approx(float(right.phi[-1]), abs=1e-3)
     assert found.law.score == pytest.approx(right.law.score, abs=0.1)
@@ -79,8 +79,8 @@ def test_what_is_far_after_a_round_ends_there(
     waves: Waves, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     wrong = explained(waves, "u: u**3")
-    assert FAR < wrong.law.chi2 < LOST
+    assert POOR_CHI2 < wrong.law.chi2 < LOST_CHI2
     beginnings = begun_anew(monkeypatch)
-    found = settled(wrong)
+    found = refine(wrong)
     assert not beginnings
-    assert FAR < found.law.chi2 <= wrong.law.chi2
+    assert POOR_CHI2 < found.law.chi2 <= wrong.law.chi2

@@ -117,7 +117,7 @@ def seen_at(first: float, then: float) -> Law:
 
 def test_a_law_shows_at_the_sensors_where_the_misfit_falls(flow: System) -> None:
     best = laws.law([laws.term(flow, "u", "u")], [0.1])
-    where = found(flow, laws.discovery(best, nothing=seen_at(3.0, 3.0)))
+    where = found(flow, laws.discovery(best, uncorrected=seen_at(3.0, 3.0)))
     first, second, _ = where["sensors"]
     assert first["name"] == "a" and first["gain"] == pytest.approx(8.0)
     assert first["before"] == pytest.approx(9.0) and first["after"] == pytest.approx(1.0)
@@ -129,7 +129,7 @@ def test_the_profile_says_when(flow: System) -> None:
     best = laws.law([laws.term(flow, "u", "u")], [0.1])
     seen = torch.ones(laws.SAMPLES, laws.SENSORS, dtype=torch.bool)
     seen[5] = False
-    discovered = laws.discovery(best, nothing=seen_at(1.0, 4.0), seen=seen)
+    discovered = laws.discovery(best, uncorrected=seen_at(1.0, 4.0), seen=seen)
     profile = found(flow, discovered)["profile"]
     assert profile["times"] == pytest.approx(TIMES.tolist())
     assert profile["before"][4] == pytest.approx(1.0) and profile["before"][5] is None
@@ -139,9 +139,9 @@ def test_the_profile_says_when(flow: System) -> None:
 def test_significance_pays_for_the_search(flow: System) -> None:
     u = laws.term(flow, "u", "u")
     # χ² falls from 120·1.1² to 120, by 25.2: p of one coefficient 5.2e-7, fifty tries.
-    close = laws.discovery(laws.law([u], [0.1]), nothing=laws.law(misfit=1.1))
+    close = laws.discovery(laws.law([u], [0.1]), uncorrected=laws.law(misfit=1.1))
     assert found(flow, close)["significance"] == pytest.approx(50 * 5.18e-7, rel=0.01)
-    useless = laws.discovery(laws.law([u], [0.1]), nothing=laws.law(misfit=1.0))
+    useless = laws.discovery(laws.law([u], [0.1]), uncorrected=laws.law(misfit=1.0))
     assert found(flow, useless)["significance"] == 1.0
 
 
@@ -155,7 +155,7 @@ def test_samples_that_a_law_leaves_out_say_nothing_of_its_significance(flow: Sys
 
 
 def test_an_empty_law_acts_nowhere(flow: System) -> None:
-    where = found(flow, laws.discovery(laws.law(), nothing=laws.law()))
+    where = found(flow, laws.discovery(laws.law(), uncorrected=laws.law()))
     assert where["equation"] == {"u": 0.0, "lam": 0.0}
     assert where["states"] is None and where["significance"] is None
     assert where["time"] == pytest.approx([0.0, 3.9])

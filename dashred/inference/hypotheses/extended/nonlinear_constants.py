@@ -26,24 +26,24 @@ from dashred.physics.expressions.algebra import (
     multiply,
     split_coefficient,
 )
-from dashred.physics.expressions.algebra import substitute as put_in
+from dashred.physics.expressions.algebra import substitute as substitute
 from dashred.physics.expressions.differentiate import differentiate
 from dashred.physics.system import Term
 
 FUNCTIONS = ("sin", "cos", "tanh", "exp")
 # Stands for the constant while it is varied; no name of a system begins so.
-K = "_k"
+CONSTANT_NAME = "_k"
 # Of the constant, how far one step may move it, what is close enough, and how a reader is told.
-FARTHEST, CLOSE, DIGITS = 0.4, 2e-3, 4
+MAX_STEP, CONVERGED, DIGITS = 0.4, 2e-3, 4
 ROUNDS, STEPS, TOLERANCE = 6, 4, 1e-3
 # Factors between which a constant is looked for: beyond, one function mimics another by its tail.
-REACH = (0.2, 5.0)
+FACTOR_BOUNDS = (0.2, 5.0)
 # A constant with which F rises by more is none.
-ASTRAY = 1.0
+MAX_RISE = 1.0
 
 
 @dataclass(frozen=True)
-class Tunable:
+class TunableTerm:
     """A candidate ``f(k v)``.
 
     Attributes:
@@ -65,17 +65,17 @@ class Tunable:
         """What candidates have in common that differ in k alone."""
         return self.candidate.equation, self.function, self.operand
 
-    def at(self, constant: float) -> Tunable:
+    def at(self, constant: float) -> TunableTerm:
         """Return the same with another constant."""
         [term] = self.candidate.terms
-        moved = Term(term.equation, _inside(self.function, constant, self.operand))
-        candidate = replace(self.candidate, name=str(moved), terms=(moved,))
-        found = tunable(candidate)
+        next_constant = Term(term.equation, _inside(self.function, constant, self.operand))
+        candidate = replace(self.candidate, name=str(next_constant), terms=(next_constant,))
+        found = parse_tunable_term(candidate)
         assert found is not None
         return found
 
 
-def tunable(candidate: Candidate) -> Tunable | None:
+def parse_tunable_term(candidate: Candidate) -> TunableTerm | None:
     """Return a candidate with its constant in reach; None for one that has none."""
     if candidate.equation is None or len(candidate.terms) != 1:
         return None
@@ -85,31 +85,33 @@ def tunable(candidate: Candidate) -> Tunable | None:
             constant, operand = split_coefficient(inner)
         case _:
             return None
-    open_to_k = call(function, multiply((Name(K), operand)))
-    slope = put_in(differentiate(open_to_k, K), {K: Number(constant)})
-    beside = Candidate(
+    with_free_constant = call(function, multiply((Name(CONSTANT_NAME), operand)))
+    slope = substitute(
+        differentiate(with_free_constant, CONSTANT_NAME), {CONSTANT_NAME: Number(constant)}
+    )
+    slope_candidate = Candidate(
         name=f"{candidate.name}, its constant",
         equation=candidate.equation,
         terms=(Term(term.equation, slope),),
-        scale=candidate.scale * abs(constant) * FARTHEST,
+        scale=candidate.scale * abs(constant) * MAX_STEP,
         extended=True,
     )
-    return Tunable(candidate, beside, function, operand, constant)
+    return TunableTerm(candidate, slope_candidate, function, operand, constant)
 
 
-def slopes_of(candidates: Sequence[Candidate]) -> list[Candidate]:
+def build_slopes(candidates: Sequence[Candidate]) -> list[Candidate]:
     """Return the slopes of all candidates that have a constant."""
-    return [found.slope for candidate in candidates if (found := tunable(candidate))]
+    return [found.slope for candidate in candidates if (found := parse_tunable_term(candidate))]
 
 
-def moved(tuned: Tunable, xi: float, by_constant: float) -> float:
+def next_constant(term: TunableTerm, xi: float, by_constant: float) -> float:
     """Return the constant that two coefficients speak for, not too far from the present one."""
-    bound = FARTHEST * abs(tuned.constant)
+    bound = MAX_STEP * abs(term.constant)
     shift = by_constant / xi if xi else 0.0
     return float(f"{tuned.constant + min(max(shift, -bound), bound):.{DIGITS}g}")
 
 
-def within_reach(
+def solve_within_bounds(
     problem: ProfiledProblem, places: tuple[int, ...], constant: float
 ) -> tuple[float, Tensor]:
     """Return F and ξ, ξ_k of the linearised problem, the constant within reach.
@@ -125,16 +127,16 @@ def within_reach(
     index = list(places)
     a, b = problem.target[index].tolist()
     (d, e), (_, f) = (problem.gram[index][:, index] + torch.diag(problem.precision[index])).tolist()
-    least, most = sorted((factor - 1) * constant for factor in REACH)
-    at_best = (b * d - a * e) / (a * f - b * e) if a * f != b * e else math.inf
-    shifts = [at_best] if least <= at_best <= most else [least, most]
+    least, most = sorted((factor - 1) * constant for factor in FACTOR_BOUNDS)
+    optimum = (b * d - a * e) / (a * f - b * e) if a * f != b * e else math.inf
+    shifts = [optimum] if least <= optimum <= most else [least, most]
     best = [((a + b * r) / (d + 2 * e * r + f * r * r), r) for r in shifts]
     gain, xi, r = max((xi * (a + b * r), xi, r) for xi, r in best)
     return problem.constant - gain, torch.tensor([xi, r * xi], dtype=torch.float64)
 
 
-def tune(
-    objective: LeastSquaresProblem, begin: Tunable, phi: Tensor
+def fit_constant(
+    objective: LeastSquaresProblem, begin: TunableTerm, phi: Tensor
 ) -> tuple[Candidate, LeastSquaresProblem, Fitted]:
     """Fit a law of one candidate, its constant and the start.
 
@@ -146,22 +148,22 @@ def tune(
     Returns:
         the candidate with its constant, F of it alone, and its minimum.
     """
-    modes, tuned, known, least = objective.modes, begin, begin, math.inf
+    modes, term, previous, least = objective.modes, begin, begin, math.inf
     for _ in range(ROUNDS):
-        pair = objective.of([tuned.candidate, tuned.slope])
+        pair = objective.of([term.candidate, term.slope])
         fitted = minimise(pair, torch.cat([phi, phi.new_zeros(1)]), STEPS, TOLERANCE)
-        if fitted.cost > least + ASTRAY:
-            tuned = known
+        if fitted.cost > least + MAX_RISE:
+            term = previous
             break
-        known, least = tuned, fitted.cost
+        previous, least = term, fitted.cost
         xi, by_constant = fitted.phi[modes:].tolist()
-        constant = moved(tuned, xi, by_constant)
-        close = abs(constant - tuned.constant) <= CLOSE * abs(tuned.constant)
-        phi, tuned = fitted.phi[: modes + 1], tuned.at(constant)
-        if close:
+        constant = next_constant(term, xi, by_constant)
+        is_converged = abs(constant - term.constant) <= CONVERGED * abs(term.constant)
+        phi, term = fitted.phi[: modes + 1], term.at(constant)
+        if is_converged:
             break
-    alone = objective.of([tuned.candidate])
-    return tuned.candidate, alone, minimise(alone, phi, STEPS, TOLERANCE)
+    alone = objective.of([term.candidate])
+    return term.candidate, alone, minimise(alone, phi, STEPS, TOLERANCE)
 
 
 def _inside(function: str, constant: float, operand: Expr) -> Expr:

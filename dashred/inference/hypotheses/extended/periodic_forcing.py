@@ -26,16 +26,16 @@ from dashred.physics.library import build_library, resolve
 from dashred.physics.system import System
 
 # Knots in time, and how many of them a period has at least: between two a forcing is straight.
-KNOTS, PER_PERIOD = 64, 2.5
+KNOTS, KNOTS_PER_PERIOD = 64, 2.5
 # Frequencies are this part of a turn over the record apart: one that is found is nearly right.
-APART = 0.05
+FREQUENCY_STEP = 0.05
 # A wave explains this share of what is more than noise, or the base is too far off to ask about.
-SHARE = 0.5
+MIN_EXPLAINED_SHARE = 0.5
 # Waves that are fitted; of like frequency in one equation one.
-TRIED = 3
+MAX_FITS = 3
 # Rounds of fitting the frequency, the phase at the record's ends by which a last one may move it,
 # and the digits with which a reader is told.
-ROUNDS, CLOSE, DIGITS = 6, 0.1, 4
+ROUNDS, CONVERGED_PHASE, DIGITS = 6, 0.1, 4
 STEPS, TOLERANCE = 4, 1e-3
 LAST_STEPS, LAST_TOLERANCE = 10, 1e-4
 
@@ -63,7 +63,7 @@ class Wave:
         cosine = self.cosine * math.cos(turn) - self.sine * math.sin(turn)
         return Wave(self.equation, float(f"{frequency:.{DIGITS}g}"), sine, cosine)
 
-    def like(self, other: Wave, turn: float) -> bool:
+    def is_close_to(self, other: Wave, turn: float) -> bool:
         """Tell whether two waves of one equation differ by no more than a turn over the record."""
         return self.equation == other.equation and abs(self.frequency - other.frequency) <= turn
 
@@ -78,7 +78,7 @@ class Wave:
         return f"(t - ({middle!r}))*(({self.sine!r})*{cosine} - ({self.cosine!r})*{sine})"
 
 
-def periodic_laws(
+def fit_periodic_laws(
     base: HypothesisFit, size: Tensor, candidates: int, bound: float = math.inf
 ) -> list[HypothesisFit]:
     """Return laws with a periodic forcing on top, as far as the evidence promises to be for one.
@@ -93,31 +93,40 @@ def periodic_laws(
     system, times = objective.forward_model.simulator.system, objective.forward_model.times
     forcing_basis = ForcingBasis.over(system, times, 1, KNOTS)
     block = ForcingBlock(forcing_basis, size)
-    whole = objective.extended(replace(objective.forward_model, forcing=block), block.scales)
-    normal = whole.linearise(torch.cat([base.phi, torch.zeros_like(block.scales)]))
-    grid = _frequencies(times)
+    forced_problem = objective.extended(
+        replace(objective.forward_model, forcing=block), block.scales
+    )
+    normal = forced_problem.linearise(torch.cat([base.phi, torch.zeros_like(block.scales)]))
+    grid = _frequency_grid(times)
     # Frequencies that are less than a turn apart are not told from each other.
-    choices = candidates + len(system.fields) * len(grid) * APART
+    choices = candidates + len(system.fields) * len(grid) * FREQUENCY_STEP
     penalty = 3 * math.log(objective.noise.effective_count) + 2 * math.log(choices)
-    enough = min(bound - base.law.score, 0.0) - penalty
+    required_change = min(bound - base.law.score, 0.0) - penalty
     excess = float(normal.residuals.square().sum()) - objective.noise.count
-    waves = _promising(normal, system, forcing_basis, grid, size, min(enough, -SHARE * excess))
-    return [_fit(base, wave, size, penalty) for wave in waves]
+    waves = _select_waves(
+        normal,
+        system,
+        forcing_basis,
+        grid,
+        size,
+        min(required_change, -MIN_EXPLAINED_SHARE * excess),
+    )
+    return [_fit_wave(base, wave, size, penalty) for wave in waves]
 
 
-def _frequencies(times: Tensor) -> Tensor:
+def _frequency_grid(times: Tensor) -> Tensor:
     """Return ω from a turn over the record to the fastest that the knots can follow."""
-    turns = torch.arange(1.0, KNOTS / PER_PERIOD, APART, dtype=torch.float64)
+    turns = torch.arange(1.0, KNOTS / KNOTS_PER_PERIOD, FREQUENCY_STEP, dtype=torch.float64)
     return 2 * math.pi * turns / float(times.max() - times.min())
 
 
-def _promising(
+def _select_waves(
     normal: Normal,
     system: System,
     forcing_basis: ForcingBasis,
     grid: Tensor,
     size: Tensor,
-    enough: float,
+    required_change: float,
 ) -> list[Wave]:
     """Return the waves that change F by enough on the linearised problem, the best first."""
     fields, knots = system.fields, forcing_basis.knots
@@ -133,21 +142,21 @@ def _promising(
         torch.cat([normal.phi[:own], torch.zeros(len(priors), dtype=torch.float64)]),
         normal.residuals,
     )
-    problem = _without(linear, own)
+    problem = _profile_out_base(linear, own)
     pairs = [(2 * j, 2 * j + 1) for j in range(len(fields) * len(grid))]
     costs = problem.costs(pairs)
     found: list[Wave] = []
     for j in costs.argsort().tolist():
         equation, turn = divmod(j, len(grid))
         wave = Wave(fields[equation], float(grid[turn]), *problem.coefficients(pairs[j]).tolist())
-        if len(found) == TRIED or float(costs[j]) >= problem.constant + enough:
+        if len(found) == MAX_FITS or float(costs[j]) >= problem.constant + required_change:
             break
-        if not any(wave.like(other, turn=float(grid[0])) for other in found):
+        if not any(wave.is_close_to(other, turn=float(grid[0])) for other in found):
             found.append(wave)
     return found
 
 
-def _without(linear: Normal, own: int) -> ProfiledProblem:
+def _profile_out_base(linear: Normal, own: int) -> ProfiledProblem:
     """Take out the start and the base's own coefficients, these under their priors."""
     size = linear.precision[:own].sqrt()
     scaled = torch.cat([linear.jacobian[:, :own] / size, linear.jacobian[:, own:]], dim=1)
@@ -155,46 +164,48 @@ def _without(linear: Normal, own: int) -> ProfiledProblem:
     return ProfiledProblem.of(replace(linear, jacobian=scaled, phi=unknowns), own)
 
 
-def _fit(base: HypothesisFit, wave: Wave, size: Tensor, penalty: float) -> HypothesisFit:
+def _fit_wave(base: HypothesisFit, wave: Wave, size: Tensor, penalty: float) -> HypothesisFit:
     """Fit a wave, its frequency, the law beneath and the start."""
     times = base.objective.forward_model.times
     first, last = float(times.min()), float(times.max())
     middle, half = (first + last) / 2, (last - first) / 2
     own, phi = len(base.phi), base.phi
     for _ in range(ROUNDS):
-        mine = _with(base, [*_terms(base, wave, size), _slope(base, wave, middle, half)])
+        problem = _add_candidates(
+            base, [*_build_wave_terms(base, wave, size), _build_slope(base, wave, middle, half)]
+        )
         begin = torch.tensor([wave.sine, wave.cosine, 0.0], dtype=torch.float64)
-        fitted = minimise(mine, torch.cat([phi, begin]), STEPS, TOLERANCE)
+        fitted = minimise(problem, torch.cat([phi, begin]), STEPS, TOLERANCE)
         phi = fitted.phi[:own]
         sine, cosine, shift = fitted.phi[own:].tolist()
         moved = wave.frequency + min(max(shift, -math.pi / half), math.pi / half)
         # Of less than half a turn sine and cosine are a constant and a slope.
         frequency = max(moved, math.pi / 2 / half)
         wave = replace(wave, sine=sine, cosine=cosine).at(frequency, middle)
-        if abs(shift) * half < CLOSE:
+        if abs(shift) * half < CONVERGED_PHASE:
             break
-    terms = _terms(base, wave, size)
-    mine = _with(base, terms)
+    terms = _build_wave_terms(base, wave, size)
+    problem = _add_candidates(base, terms)
     begin = torch.tensor([wave.sine, wave.cosine], dtype=torch.float64)
-    fitted = minimise(mine, torch.cat([phi, begin]), LAST_STEPS, LAST_TOLERANCE)
+    fitted = minimise(problem, torch.cat([phi, begin]), LAST_STEPS, LAST_TOLERANCE)
     [before], _ = base.objective.values(base.phi[None])
     score = base.law.score - float(before) + fitted.cost + penalty
-    return HypothesisFit(law_of(mine, fitted, score), mine, fitted.phi)
+    return HypothesisFit(law_of(problem, fitted, score), problem, fitted.phi)
 
 
-def _terms(base: HypothesisFit, wave: Wave, size: Tensor) -> list[Candidate]:
+def _build_wave_terms(base: HypothesisFit, wave: Wave, size: Tensor) -> list[Candidate]:
     system = base.objective.forward_model.simulator.system
     scale = math.sqrt(2) * float(size[system.fields.index(wave.equation)])
-    return list(_candidates(system, wave.equation, wave.texts, scale))
+    return list(_build_candidates(system, wave.equation, wave.texts, scale))
 
 
-def _slope(base: HypothesisFit, wave: Wave, middle: float, half: float) -> Candidate:
+def _build_slope(base: HypothesisFit, wave: Wave, middle: float, half: float) -> Candidate:
     system = base.objective.forward_model.simulator.system
-    [slope] = _candidates(system, wave.equation, [wave.slope(middle)], 1 / half)
+    [slope] = _build_candidates(system, wave.equation, [wave.slope(middle)], 1 / half)
     return slope
 
 
-def _candidates(
+def _build_candidates(
     system: System, equation: str, texts: Sequence[str], scale: float
 ) -> Iterator[Candidate]:
     terms = build_library(system, {equation: list(texts)})
@@ -202,10 +213,10 @@ def _candidates(
         yield Candidate(str(term), equation, (ready,), scale, extended=True)
 
 
-def _with(base: HypothesisFit, further: Sequence[Candidate]) -> LeastSquaresProblem:
+def _add_candidates(base: HypothesisFit, candidates: Sequence[Candidate]) -> LeastSquaresProblem:
     """Return F of the base's law and further candidates, their prior their natural scale."""
     objective = base.objective
-    carried = base.law.candidates
-    whole = objective.of([*carried, *further])
-    prior = torch.cat([objective.prior_std, whole.prior_std[len(carried) :]])
-    return replace(whole, prior_std=prior)
+    base_candidates = base.law.candidates
+    forced_problem = objective.of([*base_candidates, *candidates])
+    prior = torch.cat([objective.prior_std, forced_problem.prior_std[len(base_candidates) :]])
+    return replace(forced_problem, prior_std=prior)

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from dashred.inference.fit.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.hypotheses.windows.windowed_hypothesis import LOG_WIDTH, Guess
+from dashred.inference.hypotheses.windows.windowed_hypothesis import LOG_WIDTH, WindowGuess
 from dashred.physics.expressions.semilinear import NotSeparableError, Separator
 from dashred.physics.grids.grid import Axis
 from dashred.physics.system import System
@@ -25,15 +25,15 @@ from dashred.physics.window import Shape, Window, box, gate, onset
 CELLS, TIMES = 12, 10
 # Thresholds of gates, even between these quantiles of a field: few samples lie between two wells,
 # and yet a gate may. And at some farther out: what acts in one sample of a hundred moves a front.
-THRESHOLDS, TAIL, FARTHER = 9, 0.05, (0.005, 0.02)
+THRESHOLDS, TAIL, FAR_TAILS = 9, 0.05, (0.005, 0.02)
 # Two that are closer than this share of the step are one.
-CLOSE = 0.25
+MIN_DISTANCE = 0.25
 # A run of cells longer than this share of an axis is no region any more.
-LONGEST = 0.75
+MAX_LENGTH = 0.75
 
 
 @dataclass(frozen=True)
-class Piece:
+class WindowPiece:
     """A part of a term's effect, of which windows are put together.
 
     Attributes:
@@ -56,55 +56,55 @@ def _can_be_local(system: System, candidate: Candidate) -> bool:
     return candidate.equation is not None
 
 
-def pieces_of(
+def build_pieces(
     system: System,
     candidates: Sequence[Candidate],
     windowed: Sequence[int],
     times: Tensor,
     states: Tensor,
-) -> Iterator[Piece]:
+) -> Iterator[WindowPiece]:
     """Yield every part of a window that a pointwise candidate may act in."""
     windows = [
-        *(w for axis in system.axes for w in _cells(axis)),
-        *_periods(times),
-        *_states(system, states),
+        *(w for axis in system.axes for w in _build_cells(axis)),
+        *_build_onsets(times),
+        *_build_gates(system, states),
     ]
     for j in windowed:
         if _can_be_local(system, candidates[j]):
-            yield from (Piece(j, window) for window in windows)
+            yield from (WindowPiece(j, window) for window in windows)
 
 
-def _cells(axis: Axis) -> list[Window]:
+def _build_cells(axis: Axis) -> list[Window]:
     width = axis.length / CELLS
     shape = box(axis)
     return [shape.at(((j + 0.5) * width, width / 2, math.log(width / 4))) for j in range(CELLS)]
 
 
-def _periods(times: Tensor) -> list[Window]:
+def _build_onsets(times: Tensor) -> list[Window]:
     edges = np.linspace(float(times.min()), float(times.max()), TIMES + 1)[1:-1]
     width = float(edges[1] - edges[0])
     return [onset().at((float(t), math.log(width / 8))) for t in edges]
 
 
-def _states(system: System, states: Tensor) -> list[Window]:
+def _build_gates(system: System, states: Tensor) -> list[Window]:
     found = []
     for field, name in enumerate(system.fields):
         values = states[:, field].flatten()
         low, high = float(values.quantile(TAIL)), float(values.quantile(1 - TAIL))
         step = (high - low) / (THRESHOLDS + 1)
         thresholds = [low + step * (k + 1) for k in range(THRESHOLDS)]
-        for share in (q for tail in FARTHER for q in (tail, 1 - tail)):
+        for share in (q for tail in FAR_TAILS for q in (tail, 1 - tail)):
             far = float(values.quantile(share))
-            if min(abs(far - threshold) for threshold in thresholds) > CLOSE * step:
+            if min(abs(far - threshold) for threshold in thresholds) > MIN_DISTANCE * step:
                 thresholds.append(far)
         width = math.log((high - low) / THRESHOLDS / 2)
         found += [gate(name, 1).at((threshold, width)) for threshold in sorted(thresholds)]
     return found
 
 
-def windows_of(
-    problem: ProfiledProblem, system: System, pieces: Sequence[Piece], first: int
-) -> Iterator[tuple[int, Guess, dict[int, float]]]:
+def combine_pieces(
+    problem: ProfiledProblem, system: System, pieces: Sequence[WindowPiece], first: int
+) -> Iterator[tuple[int, WindowGuess, dict[int, float]]]:
     """Yield candidate, guess and columns of every window that pieces make."""
     by_candidate: dict[int, dict[Shape, list[int]]] = {}
     for column, piece in enumerate(pieces, first):
@@ -115,32 +115,32 @@ def windows_of(
     for j, shapes in by_candidate.items():
         for shape, columns in shapes.items():
             if shape in axes:
-                yield from ((j, *run) for run in _runs(shape, axes[shape], columns))
+                yield from ((j, *run) for run in _combine_cells(shape, axes[shape], columns))
             else:
-                yield from ((j, *run) for run in _edges(problem, shape, columns, values, j))
+                yield from ((j, *run) for run in _combine_edges(problem, shape, columns, values, j))
 
 
-def _runs(
+def _combine_cells(
     shape: Shape, axis: Axis, columns: Sequence[int]
-) -> Iterator[tuple[Guess, dict[int, float]]]:
+) -> Iterator[tuple[WindowGuess, dict[int, float]]]:
     """Yield every run of neighbouring cells, around a periodic axis too."""
     width = axis.length / CELLS
-    for length in range(1, int(LONGEST * CELLS) + 1):
+    for length in range(1, int(MAX_LENGTH * CELLS) + 1):
         for begin in range(CELLS if axis.periodic else CELLS - length + 1):
             chosen = [columns[(begin + k) % CELLS] for k in range(length)]
             centre = ((begin + length / 2) * width) % axis.length
             place = (centre, length * width / 2, math.log(width / 4))
             spread = (axis.length / 4, axis.length / 8, LOG_WIDTH)
-            yield Guess(shape, place, spread), dict.fromkeys(chosen, 1.0)
+            yield WindowGuess(shape, place, spread), dict.fromkeys(chosen, 1.0)
 
 
-def _edges(
+def _combine_edges(
     problem: ProfiledProblem,
     shape: Shape,
     columns: Sequence[int],
     values: dict[int, tuple[float, ...]],
     candidate: int,
-) -> Iterator[tuple[Guess, dict[int, float]]]:
+) -> Iterator[tuple[WindowGuess, dict[int, float]]]:
     """Yield every onset; every gate above, and below: what is not above, is below.
 
     A blend of two neighbours stands for an edge between them, as near to either as fits best.
@@ -154,15 +154,15 @@ def _edges(
     for side, weights in sides:
         edges = list(zip((values[c] for c in columns), weights, strict=True))
         for place, weight in edges:
-            yield Guess(side, place, spread), weight
+            yield WindowGuess(side, place, spread), weight
         for (here, one), (there, other) in pairwise(edges):
-            share = _share(problem, one, other)
+            share = _best_share(problem, one, other)
             if share is not None:
                 place = tuple((1 - share) * a + share * b for a, b in zip(here, there, strict=True))
-                yield Guess(side, place, spread), _blend(one, other, share)
+                yield WindowGuess(side, place, spread), _blend(one, other, share)
 
 
-def _share(
+def _best_share(
     problem: ProfiledProblem, one: dict[int, float], other: dict[int, float]
 ) -> float | None:
     """Return the second's share of the best blend of two columns; None where one alone is best."""

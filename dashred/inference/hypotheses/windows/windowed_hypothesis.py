@@ -21,7 +21,7 @@ LOG_WIDTH = 1.0
 
 
 @dataclass(frozen=True)
-class Guess:
+class WindowGuess:
     """Where a window may be.
 
     Attributes:
@@ -47,7 +47,7 @@ class Hypothesis:
 
     global_terms: tuple[int, ...] = ()
     windowed_terms: tuple[int, ...] = ()
-    guess: Guess | None = None
+    guess: WindowGuess | None = None
 
     @property
     def kind(self) -> str:
@@ -72,7 +72,7 @@ class Hypothesis:
 
 
 @dataclass(frozen=True)
-class Tested:
+class HypothesisTrial:
     """A hypothesis that was fitted.
 
     Attributes:
@@ -114,21 +114,21 @@ def build_problem(objective: LeastSquaresProblem, hypothesis: Hypothesis) -> Lea
     return plain.extended(replace(plain.forward_model, law=law), torch.cat([coefficients, edges]))
 
 
-def test(
+def fit_trial(
     objective: LeastSquaresProblem,
     hypothesis: Hypothesis,
     phi: Tensor,
     steps: int,
     tolerance: float,
     penalty: float,
-) -> Tested:
+) -> HypothesisTrial:
     """Fit a hypothesis from some unknowns on."""
-    mine = build_problem(objective, hypothesis)
-    fitted = minimise(mine, phi, steps, tolerance)
-    return Tested(hypothesis, mine, fitted, fitted.cost + penalty)
+    problem = build_problem(objective, hypothesis)
+    fitted = minimise(problem, phi, steps, tolerance)
+    return HypothesisTrial(hypothesis, problem, fitted, fitted.cost + penalty)
 
 
-def first_unknowns(z: Tensor, coefficients: Sequence[float], guess: Guess | None) -> Tensor:
+def first_unknowns(z: Tensor, coefficients: Sequence[float], guess: WindowGuess | None) -> Tensor:
     """Return the unknowns to begin a fit from: the window where it is guessed to be."""
     edges = len(guess.values) if guess else 0
     return torch.cat([z, torch.tensor([*coefficients, *[0.0] * edges], dtype=torch.float64)])

@@ -16,34 +16,39 @@ from dashred.inference.fit.law import law_of
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import grow, minimise_on
 from dashred.inference.hypotheses.free_forcing import FreeForcing
-from dashred.inference.hypotheses.hypothesis_fit import HOPELESS, HypothesisFit, by_score, settled
-from dashred.inference.hypotheses.result import AMBIGUOUS
-from dashred.inference.hypotheses.windows.screening import Screened, screen
+from dashred.inference.hypotheses.hypothesis_fit import (
+    REJECTION_MARGIN,
+    HypothesisFit,
+    by_score,
+    refine,
+)
+from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN
+from dashred.inference.hypotheses.windows.screening import ScreenedHypothesis, screen
 from dashred.inference.hypotheses.windows.window_restarts import restart_windows
 from dashred.inference.hypotheses.windows.windowed_hypothesis import (
     Hypothesis,
-    Tested,
+    HypothesisTrial,
     build_problem,
     first_unknowns,
-    test,
+    fit_trial,
 )
 
 # Hypotheses that are fitted, of which so many to the end; of one kind of window, and of one kind
 # and law, not more than some: before its edges are fitted, a window screens worse than it is.
-TRIED, FINALISTS, KIND, ALIKE = 24, 8, 8, 2
+MAX_TRIALS, MAX_FINALISTS, MAX_OF_KIND, MAX_OF_LAW = 24, 8, 8, 2
 FIRST_STEPS, FIRST_TOLERANCE = 3, 1e-2
 LAST_STEPS, LAST_TOLERANCE = 10, 1e-4
 # How many are fitted first; where all get lost, how many grow, from what share of the record, and
 # by how much at once: a front that is out of step by its own width has lost its way back.
-PROBES, AGAIN, BEGIN, GROWTH = 4, 6, 0.25, 1.15
+PROBES, MAX_REGROWN, FIRST_SHARE, GROWTH = 4, 6, 0.25, 1.15
 
 
-def windowed_laws(
+def fit_windowed_laws(
     objective: LeastSquaresProblem,
     global_count: int,
     windowed: Sequence[int],
-    forced: FreeForcing,
-    nothing: float,
+    forcing: FreeForcing,
+    null_score: float,
     bound: float = math.inf,
 ) -> list[HypothesisFit]:
     """Return laws that act somewhere only, and others that screening finds.
@@ -56,33 +61,41 @@ def windowed_laws(
         nothing: score of the simulator as it is.
         bound: what screens worse is not fitted.
     """
-    forward_model = forced.objective.forward_model
-    states = forward_model.sampled_states(*forced.objective.split(forced.phi))
-    screened = screen(objective, global_count, windowed, forced, states)
-    near = [found for found in screened if _expected(objective, found) < bound]
-    ranked = sorted(near, key=lambda found: _expected(objective, found))
-    chosen = _various(ranked, ALIKE, TRIED)
-    z = forced.phi[: objective.modes]
-    tried = _tries(objective, chosen, z)
-    best = min((tested.score for tested in tried), default=nothing)
-    kept = [tested for tested in _finalists(tried) if tested.score < min(best + HOPELESS, nothing)]
-    done = [(tested.hypothesis, _finish(tested)) for tested in kept]
-    parts = _parts(objective, *min(done, key=lambda pair: by_score(pair[1]))) if done else []
-    finished = sorted([*(cause for _, cause in done), *parts], key=by_score)
+    forward_model = forcing.objective.forward_model
+    states = forward_model.sampled_states(*forcing.objective.split(forcing.phi))
+    screened = screen(objective, global_count, windowed, forcing, states)
+    near = [found for found in screened if _predicted_score(objective, found) < bound]
+    ranked = sorted(near, key=lambda found: _predicted_score(objective, found))
+    chosen = _select_various(ranked, MAX_OF_LAW, MAX_TRIALS)
+    z = forcing.phi[: objective.modes]
+    trials = _fit_trials(objective, chosen, z)
+    best = min((trial.score for trial in trials), default=null_score)
+    finalists = [
+        trial
+        for trial in _finalists(trials)
+        if trial.score < min(best + REJECTION_MARGIN, null_score)
+    ]
+    finished_pairs = [(trial.hypothesis, _fit_to_end(trial)) for trial in finalists]
+    parts = (
+        _fit_terms_alone(objective, *min(finished_pairs, key=lambda pair: by_score(pair[1])))
+        if finished_pairs
+        else []
+    )
+    finished = sorted([*(fit for _, fit in finished_pairs), *parts], key=by_score)
     finished = sorted([*finished, *restart_windows(finished)], key=by_score)
-    return [*map(settled, finished[:1]), *finished[1:]]
+    return [*map(refine, finished[:1]), *finished[1:]]
 
 
-def _finalists(tried: Sequence[Tested]) -> list[Tested]:
+def _finalists(trials: Sequence[HypothesisTrial]) -> list[HypothesisTrial]:
     """Return what did best in its first steps, and whatever screens best.
 
     The edges of a window take more than the first steps to find their place.
     """
-    ranked = sorted(range(len(tried)), key=lambda j: tried[j].score)
-    return [tried[j] for j in sorted({*ranked[:FINALISTS], *range(min(PROBES, len(tried)))})]
+    ranked = sorted(range(len(trials)), key=lambda j: trials[j].score)
+    return [trials[j] for j in sorted({*ranked[:MAX_FINALISTS], *range(min(PROBES, len(trials)))})]
 
 
-def _parts(
+def _fit_terms_alone(
     objective: LeastSquaresProblem, hypothesis: Hypothesis, pair: HypothesisFit
 ) -> list[HypothesisFit]:
     """Return each term of a pair alone, fitted from where the pair is.
@@ -97,12 +110,14 @@ def _parts(
         part = Hypothesis((j,))
         begin = first_unknowns(z, [coefficient], None)
         penalty = _penalty(objective, part)
-        tested = test(objective, part, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
-        alone.append(_finish(tested))
+        trial = fit_trial(objective, part, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
+        alone.append(_fit_to_end(trial))
     return alone
 
 
-def _various(ranked: Iterable[Screened], alike: int, most: int) -> list[Screened]:
+def _select_various(
+    ranked: Iterable[ScreenedHypothesis], most_of_law: int, most: int
+) -> list[ScreenedHypothesis]:
     """Return the best, but of one kind, and of one kind and law, not more than a few."""
     kinds: Counter[str] = Counter()
     laws: Counter[object] = Counter()
@@ -110,7 +125,7 @@ def _various(ranked: Iterable[Screened], alike: int, most: int) -> list[Screened
     for found in ranked:
         h = found.hypothesis
         law = h.kind, h.global_terms, h.windowed_terms
-        if kinds[h.kind] < KIND and laws[law] < alike:
+        if kinds[h.kind] < MAX_OF_KIND and laws[law] < most_of_law:
             kinds[h.kind] += 1
             laws[law] += 1
             chosen.append(found)
@@ -119,7 +134,9 @@ def _various(ranked: Iterable[Screened], alike: int, most: int) -> list[Screened
     return chosen
 
 
-def _tries(objective: LeastSquaresProblem, chosen: Sequence[Screened], z: Tensor) -> list[Tested]:
+def _fit_trials(
+    objective: LeastSquaresProblem, chosen: Sequence[ScreenedHypothesis], z: Tensor
+) -> list[HypothesisTrial]:
     """Give what screens well a few steps.
 
     Over a long record an edge that is a little off may carry the trajectory away from the
@@ -127,21 +144,21 @@ def _tries(objective: LeastSquaresProblem, chosen: Sequence[Screened], z: Tensor
     of them, the others would too.
     """
 
-    def lost(found: Screened, tested: Tested) -> bool:
-        return tested.score > _expected(objective, found) + objective.noise.count
+    def is_lost(found: ScreenedHypothesis, trial: HypothesisTrial) -> bool:
+        return trial.score > _predicted_score(objective, found) + objective.noise.count
 
     first, rest = chosen[:PROBES], chosen[PROBES:]
-    tried = [_try(objective, found, z) for found in first]
-    again = [found for found, tested in zip(first, tried, strict=True) if lost(found, tested)]
-    if len(again) < len(first):
-        tried += [_try(objective, found, z) for found in rest]
+    trials = [_fit_screened(objective, found, z) for found in first]
+    regrown = [found for found, trial in zip(first, trials, strict=True) if is_lost(found, trial)]
+    if len(regrown) < len(first):
+        trials += [_fit_screened(objective, found, z) for found in rest]
     else:
-        again = _various(chosen, 1, AGAIN)
-    samples = round(len(objective.recorded) * BEGIN)
-    return tried + [_try(objective, found, z, samples) for found in again]
+        regrown = _select_various(chosen, 1, MAX_REGROWN)
+    samples = round(len(objective.recorded) * FIRST_SHARE)
+    return trials + [_fit_screened(objective, found, z, samples) for found in regrown]
 
 
-def _expected(objective: LeastSquaresProblem, found: Screened) -> float:
+def _predicted_score(objective: LeastSquaresProblem, found: ScreenedHypothesis) -> float:
     """Return the score that the linearised problem promises."""
     return found.cost + _penalty(objective, found.hypothesis)
 
@@ -152,18 +169,18 @@ def _penalty(objective: LeastSquaresProblem, hypothesis: Hypothesis) -> float:
     return hypothesis.penalty(objective.noise.effective_count, count, windows)
 
 
-def _try(
-    objective: LeastSquaresProblem, found: Screened, z: Tensor, samples: int | None = None
-) -> Tested:
+def _fit_screened(
+    objective: LeastSquaresProblem, found: ScreenedHypothesis, z: Tensor, samples: int | None = None
+) -> HypothesisTrial:
     begin = first_unknowns(z, found.coefficients, found.hypothesis.guess)
     if samples is not None:
         begin = grow(build_problem(objective, found.hypothesis), begin, samples, GROWTH)
     penalty = _penalty(objective, found.hypothesis)
-    return test(objective, found.hypothesis, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
+    return fit_trial(objective, found.hypothesis, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
 
 
-def _finish(tested: Tested) -> HypothesisFit:
-    mine, before = tested.objective, tested.fitted
-    fitted = minimise_on(mine, before.phi, LAST_STEPS, LAST_TOLERANCE, AMBIGUOUS)
-    score = tested.score - before.cost + fitted.cost
-    return HypothesisFit(law_of(mine, fitted, score), mine, fitted.phi)
+def _fit_to_end(trial: HypothesisTrial) -> HypothesisFit:
+    problem, before = trial.objective, trial.fitted
+    fitted = minimise_on(problem, before.phi, LAST_STEPS, LAST_TOLERANCE, AMBIGUITY_MARGIN)
+    score = trial.score - before.cost + fitted.cost
+    return HypothesisFit(law_of(problem, fitted, score), problem, fitted.phi)

@@ -12,7 +12,7 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.hypotheses.comparison.backward_elimination import eliminate_terms
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
-from dashred.inference.hypotheses.sensors.leave_one_sensor_out import beside_the_fault
+from dashred.inference.hypotheses.sensors.leave_one_sensor_out import add_fault
 from dashred.inference.initial_state.start_models import ScaledStart
 from tests.waves import Waves, fitted
 
@@ -79,8 +79,8 @@ def test_a_wider_start_is_begun_there_too(waves: Waves) -> None:
 
 def test_the_fault_beside_it_stays(waves: Waves) -> None:
     law, nothing = fits(waves, 0.0)
-    lost = beside_the_fault(astray(nothing), 0)
+    lost = add_fault(astray(nothing), 0)
     [found] = eliminate_terms([lost, law])
-    left_out = found.left_out
-    assert left_out is not None and left_out.sensor == 0 and found.law.fault is not None
-    assert left_out.bare.law.score == pytest.approx(nothing.law.score, abs=0.1)
+    excluded_sensor = found.excluded_sensor
+    assert excluded_sensor is not None and excluded_sensor.sensor == 0 and found.law.fault is not None
+    assert excluded_sensor.without_fault.law.score == pytest.approx(nothing.law.score, abs=0.1)

@@ -17,13 +17,13 @@ from dashred.inference.hypotheses.comparison.compare_hypotheses import (
     Comparison,
     compare_hypotheses,
 )
-from dashred.inference.hypotheses.extended.nonlinear_constants import tunable
-from dashred.inference.hypotheses.free_forcing import force
+from dashred.inference.hypotheses.extended.nonlinear_constants import parse_tunable_term
+from dashred.inference.hypotheses.free_forcing import fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
-from dashred.inference.hypotheses.result import AMBIGUOUS, MISSING
+from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN, MIN_FORCING_GAIN
 from dashred.inference.hypotheses.sensors.leave_one_sensor_out import (
-    beside_the_fault,
-    faulty_or_not,
+    add_fault,
+    add_fault_or_refit,
 )
 from dashred.physics.window import Shape, box, gate, onset
 from tests.waves import TIMES, Waves, fitted
@@ -72,7 +72,7 @@ def test_a_region_is_found(waves: Waves) -> None:
     # Six sensors do not tell a wide weak region from a narrow strong one, and the bars say so.
     assert abs(centre - 6.0) < 0.1 and abs(half - 1.5) < 3 * best.edges[1] < 1.2
     assert abs(xi + 0.25) < 3 * std and xi * half == pytest.approx(-0.25 * 1.5, rel=0.15)
-    assert found.gain < MISSING and len(best.edges) == 3
+    assert found.gain < MIN_FORCING_GAIN and len(best.edges) == 3
     # The noise is that of the best law, not of what a wrong one leaves.
     assert float(found.noise.std[0]) == pytest.approx(SIGMA, rel=0.12)
 
@@ -82,7 +82,7 @@ def test_an_onset_is_found(waves: Waves) -> None:
     best = found.laws[0]
     assert term(best) == "v: 1" and best.window is not None
     assert best.window.shape.kind == "onset" and abs(best.window.values[0] - 4.0) < 0.3
-    assert found.gain < MISSING
+    assert found.gain < MIN_FORCING_GAIN
 
 
 def test_a_gate_is_found_or_among_the_rivals(waves: Waves) -> None:
@@ -106,8 +106,8 @@ def test_where_nothing_is_missing_nothing_is_found(waves: Waves, seed: int) -> N
     recorded = waves.recorded(SIGMA, seed)
     null = waves.objective(recorded, SIGMA)
     phi = fitted(null)
-    _, gain = force(null, phi, waves.size)
-    assert gain < MISSING
+    _, gain = fit_free_forcing(null, phi, waves.size)
+    assert gain < MIN_FORCING_GAIN
     found = weighed(waves, None, None, [], 0.0)
     assert not found.laws[0].parts and torch.isfinite(found.noise.std).all()
     assert len(TIMES) == len(recorded)
@@ -120,17 +120,17 @@ def test_a_law_beyond_the_library_is_found_there(waves: Waves) -> None:
     [candidate] = best.candidates
     assert candidate.extended and candidate.key == "u: sin(2*u)"
     assert abs(float(best.coefficients[0]) - 0.3) < 3 * float(best.std[0]) < 0.1
-    assert found.gain < MISSING
+    assert found.gain < MIN_FORCING_GAIN
     assert best.score < min(law.score for law in found.laws if not law.extended) - 6
 
 
 def test_the_constant_of_a_law_beyond_the_library_is_fitted(waves: Waves) -> None:
     known = {str(found): found for found in waves.extended}
-    offered = tunable(known["u: sin(2*u)"])
+    offered = parse_tunable_term(known["u: sin(2*u)"])
     assert offered is not None
     found = explained(waves, waves.recorded(SIGMA, 1, [(offered.at(2.4).candidate, 0.3)]))
     [candidate] = found.laws[0].candidates
-    fitted = tunable(candidate)
+    fitted = parse_tunable_term(candidate)
     assert fitted is not None and fitted.function == "sin" and candidate.extended
     assert fitted.constant == pytest.approx(2.4, abs=0.03)
     assert candidate.key == f"u: sin({fitted.constant:.4g}*u)"
@@ -147,7 +147,7 @@ def test_a_wave_is_found_whatever_its_phase(waves: Waves) -> None:
     assert {candidate.key for candidate in best.candidates} == true.keys()
     for candidate, xi, std in zip(best.candidates, best.coefficients, best.std, strict=True):
         assert abs(float(xi) - true[candidate.key]) < 3 * float(std) < 0.1
-    assert found.gain < MISSING
+    assert found.gain < MIN_FORCING_GAIN
 
 
 def test_a_faulty_sensor_beneath_a_law_is_named_and_left_out(waves: Waves) -> None:
@@ -175,7 +175,7 @@ def test_the_rivals_of_a_law_beside_a_fault_are_weighed_beside_it_too(waves: Wav
     found = compare_hypotheses(everything, best, null, [rival], additions, lambda *_: None)
     first, second = found.laws[:2]
     assert all(law.fault and law.fault.sensor == "s2" for law in (first, second))
-    assert second.score - first.score < AMBIGUOUS
+    assert second.score - first.score < AMBIGUITY_MARGIN
     keys = [{candidate.key for candidate in law.candidates} for law in (first, second)]
     assert {"u: u"} in keys and {"u: u", "v: 1"} in keys
     alone = compare_hypotheses(everything, best, null, [], additions, lambda *_: None)
@@ -200,10 +200,10 @@ def test_a_fault_that_gains_nothing_is_none(waves: Waves, bias: float) -> None:
     seen[:, 2] = False
     objective = replace(whole, noise=replace(whole.noise, seen=seen))
     found = minimise(objective, fitted(objective), 6, 1e-4)
-    bare = HypothesisFit(law_of(objective, found, found.cost), objective, found.phi)
-    beside = beside_the_fault(bare, 2)
-    assert beside.left_out is not None and (beside.left_out.gain > 0) == bool(bias)
-    assert all((law.law.fault is not None) == bool(bias) for law in faulty_or_not([bare], 2)[:1])
+    without_fault = HypothesisFit(law_of(objective, found, found.cost), objective, found.phi)
+    beside = add_fault(without_fault, 2)
+    assert beside.excluded_sensor is not None and (beside.excluded_sensor.gain > 0) == bool(bias)
+    assert all((law.law.fault is not None) == bool(bias) for law in add_fault_or_refit([without_fault], 2)[:1])
 
 
 def test_a_law_of_the_library_is_not_looked_for_beyond(waves: Waves) -> None:

@@ -10,7 +10,7 @@ import torch
 from dashred.inference.fit.law import law_of
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.hypotheses.extended.periodic_forcing import Wave, periodic_laws
+from dashred.inference.hypotheses.extended.periodic_forcing import Wave, fit_periodic_laws
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.physics.library import build_library, evaluate_terms, resolve
 from tests.waves import Waves, fitted
@@ -36,7 +36,7 @@ def null_of(
 
 def test_a_wave_in_time_is_found(waves: Waves) -> None:
     null = null_of(waves, 0.6, 0.005)
-    found = sorted(periodic_laws(null, waves.size, 9), key=lambda cause: cause.law.score)
+    found = sorted(fit_periodic_laws(null, waves.size, 9), key=lambda fit: fit.law.score)
     best = found[0].law
     sine, cosine = best.candidates
     assert [c.equation for c in (sine, cosine)] == ["u", "u"] and best.extended
@@ -44,23 +44,23 @@ def test_a_wave_in_time_is_found(waves: Waves) -> None:
     assert float(best.coefficients.norm()) == pytest.approx(0.6, rel=0.05)
     assert best.score < null.law.score - 50 and best.chi2 < 1.1
     # The other equation may make it, too, and is asked as well; not twice at one frequency.
-    assert {cause.law.candidates[0].equation for cause in found[1:]} <= {"u", "v"}
+    assert {fit.law.candidates[0].equation for fit in found[1:]} <= {"u", "v"}
 
 
 def test_what_drifts_is_not_made_a_wave_of_no_frequency(waves: Waves) -> None:
     null = null_of(waves, 0.3, 0.005, frequency=0.02)
-    found = [float(c.law.candidates[0].name[4:-3]) for c in periodic_laws(null, waves.size, 9)]
+    found = [float(c.law.candidates[0].name[4:-3]) for c in fit_periodic_laws(null, waves.size, 9)]
     # Half a turn over the record of ten.
     assert found and min(found) == pytest.approx(math.pi / 10, rel=1e-3)
 
 
 def test_of_noise_no_wave_is_made(waves: Waves) -> None:
-    assert periodic_laws(null_of(waves, 0.0), waves.size, 9) == []
+    assert fit_periodic_laws(null_of(waves, 0.0), waves.size, 9) == []
 
 
 def test_a_wave_that_the_noise_hides_is_left_alone(waves: Waves) -> None:
     null = null_of(waves, 0.01)
-    assert all(c.law.score > null.law.score - 6 for c in periodic_laws(null, waves.size, 9))
+    assert all(c.law.score > null.law.score - 6 for c in fit_periodic_laws(null, waves.size, 9))
 
 
 @pytest.mark.parametrize("middle", [0.0, 5.0, 12.3])

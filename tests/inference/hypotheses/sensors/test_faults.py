@@ -22,9 +22,9 @@ from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.sensors.fault_in_units import fitted_fault_in_units
-from dashred.inference.hypotheses.sensors.faults import fit_fault, predicted
-from dashred.inference.hypotheses.sensors.sensor_and_start_faults import sensor_hypotheses
-from dashred.inference.hypotheses.sensors.suspects import suspects
+from dashred.inference.hypotheses.sensors.faults import fit_fault, predict_fault
+from dashred.inference.hypotheses.sensors.sensor_and_start_faults import fit_sensor_hypotheses
+from dashred.inference.hypotheses.sensors.suspected_faults import find_suspected_faults
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
 from dashred.physics.solvers.simulate import simulate
 from tests import laws
@@ -69,8 +69,8 @@ def expect(objective: LeastSquaresProblem) -> tuple[float, list[SensorFault], fl
     phi = fitted(objective)
     [cost], _ = objective.values(phi[None])
     law = laws.law(score=float(cost))
-    causes = sensor_hypotheses(HypothesisFit(law, objective, phi), float(cost))
-    found = sorted((cause.law for cause in causes), key=lambda law: law.score)
+    fits = fit_sensor_hypotheses(HypothesisFit(law, objective, phi), float(cost))
+    found = sorted((fit.law for fit in fits), key=lambda law: law.score)
     assert all(not law.candidates for law in found)
     best = found[0].score if found else float("inf")
     return float(cost), [law.fault for law in found if law.fault], best
@@ -136,10 +136,10 @@ def unknowns(objective: LeastSquaresProblem) -> dict[str, set[tuple[int, float]]
     normal = objective.linearise(phi)
     [states] = objective.forward_model.states(*objective.split(phi[None]))
     found: dict[str, set[tuple[int, float]]] = {}
-    for fault in suspects(objective, normal):
-        own = predicted(objective, normal, fault, states).own
+    for fault in find_suspected_faults(objective, normal):
+        own = predict_fault(objective, normal, fault, states).parameters
         if len(own):
-            found.setdefault(fault.kind, set()).add((len(own), fault.parameters))
+            found.setdefault(fault.kind, set()).add((len(own), fault.parameter_count))
     return found
 
 
@@ -168,10 +168,10 @@ def test_the_prediction_is_the_fit_where_the_readings_are_nearly_linear(waves: W
     phi = fitted(objective)
     normal = objective.linearise(phi)
     [states] = objective.forward_model.states(*objective.split(phi[None]))
-    every = list(suspects(objective, normal))
+    every = list(find_suspected_faults(objective, normal))
     assert {fault.kind for fault in every} >= {"bias", "drift", "misplaced"}
     right = next(f for f in every if (f.kind, f.sensor) == ("bias", 2))
-    found = predicted(objective, normal, right, states)
-    tested = fit_fault(objective, right, phi, found.own)
+    found = predict_fault(objective, normal, right, states)
+    tested = fit_fault(objective, right, phi, found.parameters)
     assert found.score == pytest.approx(tested.score, abs=15)
     assert fitted_fault_in_units(objective, tested).sensor == "s2"

@@ -13,17 +13,17 @@ from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.law_block import localised
 from dashred.inference.hypotheses.comparison.repeated_screening import repeat_screening
 from dashred.inference.hypotheses.comparison.residual_forcing import fit_residual_forcing
-from dashred.inference.hypotheses.extended.extended_library import extended_laws
-from dashred.inference.hypotheses.free_forcing import FreeForcing, force
+from dashred.inference.hypotheses.extended.extended_library import fit_extended_laws
+from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.windows.screening import profile_out, screen
 from dashred.inference.hypotheses.windows.windowed_hypothesis import (
-    Guess,
+    WindowGuess,
     Hypothesis,
     build_problem,
     first_unknowns,
 )
-from dashred.inference.hypotheses.windows.windowed_laws import windowed_laws
+from dashred.inference.hypotheses.windows.windowed_laws import fit_windowed_laws
 from dashred.physics.window import box, gate
 from tests.waves import Waves, fitted
 
@@ -36,7 +36,7 @@ def carried_by(waves: Waves, recorded: torch.Tensor, names: list[str]) -> FreeFo
     begin = torch.zeros(law.modes + len(names), dtype=torch.float64)
     begin[: law.modes] = fitted(waves.objective(recorded, SIGMA))
     found = minimise(law, begin, 10, 1e-4)
-    return force(law, found.phi, waves.size)[0]
+    return fit_free_forcing(law, found.phi, waves.size)[0]
 
 
 def everything(waves: Waves, recorded: torch.Tensor) -> LeastSquaresProblem:
@@ -61,7 +61,7 @@ def test_a_term_is_found_whatever_carries_the_trajectory(waves: Waves, names: li
 def in_a_box(waves: Waves, recorded: torch.Tensor, name: str) -> HypothesisFit:
     """Return the fit of a term in a box, which guesses the place of it a little off."""
     law = waves.objective(recorded, SIGMA, [name])
-    guess = Guess(box(waves.system.axes[0]), (4.0, 2.0, math.log(0.4)), (2.5, 1.25, 1.0))
+    guess = WindowGuess(box(waves.system.axes[0]), (4.0, 2.0, math.log(0.4)), (2.5, 1.25, 1.0))
     mine = build_problem(law, Hypothesis((), (0,), guess))
     z = fitted(waves.objective(recorded, SIGMA))
     found = minimise(mine, first_unknowns(z, [0.0], guess), 12, 1e-4)
@@ -73,7 +73,7 @@ def test_a_law_in_a_window_may_carry_the_trajectory(waves: Waves) -> None:
     hidden = localised(waves.candidates(["u: u**3"]), window)
     recorded = waves.recorded(SIGMA, 1, [(hidden[0], -0.3)])
     wrong = in_a_box(waves, recorded, "u: u")
-    forced, gain = force(wrong.objective, wrong.phi, waves.size)
+    forced, gain = fit_free_forcing(wrong.objective, wrong.phi, waves.size)
     assert gain > 4
     objective = everything(waves, recorded)
     forms = localised(list(waves.everything.values()), window)
@@ -92,14 +92,14 @@ def test_screening_goes_on_about_a_better_law_while_a_forcing_gains(waves: Waves
     recorded = waves.recorded(SIGMA, 1, [(hidden[0], -0.3)])
     wrong = in_a_box(waves, recorded, "u: u")
     whole, count = everything(waves, recorded), len(waves.everything)
-    begin, _ = force(wrong.objective, wrong.phi, waves.size)
+    begin, _ = fit_free_forcing(wrong.objective, wrong.phi, waves.size)
     asked: list[float] = []
 
     def screened(forced: FreeForcing, bound: float) -> list[HypothesisFit]:
         asked.append(bound)
         if len(asked) == 1:
             return [wrong]
-        return windowed_laws(whole, count, range(count), forced, math.inf, bound)
+        return fit_windowed_laws(whole, count, range(count), forced, math.inf, bound)
 
     found, best, nearest, gain = repeat_screening(wrong, screened, [begin], waves.size, silent)
     assert asked[:2] == [math.inf, wrong.law.score]
@@ -113,7 +113,7 @@ def test_screening_ends_where_it_finds_nothing_better(waves: Waves) -> None:
     window = box(waves.system.axes[0]).at([4.4, 1.8, math.log(0.3)])
     hidden = localised(waves.candidates(["u: u**3"]), window)
     wrong = in_a_box(waves, waves.recorded(SIGMA, 1, [(hidden[0], -0.3)]), "u: u")
-    begin, _ = force(wrong.objective, wrong.phi, waves.size)
+    begin, _ = fit_free_forcing(wrong.objective, wrong.phi, waves.size)
     asked: list[float] = []
 
     def screened(forced: FreeForcing, bound: float) -> list[HypothesisFit]:
@@ -162,10 +162,10 @@ def test_a_law_of_many_terms_does_not_carry_alone(
     best, null = everywhere(waves, recorded, *names), everywhere(waves, recorded)
     whole = everything(waves, recorded)
     left = fit_residual_forcing(whole, best, null, True, waves.size, silent)
-    laws = [[str(c) for c in each.objective.forward_model.law.candidates] for each in left.carriers]
+    laws = [[str(c) for c in each.objective.forward_model.law.candidates] for each in left.forcings]
     told = {"": [], "all": names}
     assert laws == [told.get(each, [each]) for each in carried]
-    assert left.forced is min(left.carriers, key=lambda each: each.cost)
+    assert left.forced is min(left.forcings, key=lambda each: each.cost)
 
 
 def silent(share: float, message: str) -> None:
@@ -206,7 +206,7 @@ def test_a_term_beyond_the_library_is_found_about_a_law_of_it(waves: Waves) -> N
     recorded = waves.recorded(SIGMA, 1, [(hidden, 0.3)])
     forced = carried_by(waves, recorded, ["u: u", "u: u**2"])
     inside = everything(waves, recorded)
-    found = extended_laws(inside, waves.extended, forced, len(waves.everything))
-    best = min(found, key=lambda cause: cause.law.score).law
+    found = fit_extended_laws(inside, waves.extended, forced, len(waves.everything))
+    best = min(found, key=lambda fit: fit.law.score).law
     assert [candidate.key for candidate in best.candidates] == ["u: sin(2*u)"]
     assert float(best.coefficients[0]) == pytest.approx(0.3, rel=0.15)

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
-from dashred.inference.hypotheses.windows.window_restarts import NEAR, moved_window, restart_windows
+from dashred.inference.hypotheses.windows.window_restarts import SCORE_MARGIN, move_window, restart_windows
 from dashred.physics.window import box, gate, onset
 from tests.waves import Waves, in_window
 
@@ -19,9 +19,9 @@ TRUE = 0.2
 @pytest.fixture(scope="module")
 def stuck(waves: Waves) -> HypothesisFit:
     """A gate whose fit began far from its threshold, and ended in a minimum there."""
-    cause = in_window(waves, gate("u", 1), (TRUE, math.log(0.1)), (1.7, math.log(0.1)))
-    assert cause.law.window is not None and abs(cause.law.window.values[0] - TRUE) > 0.5
-    return cause
+    fit = in_window(waves, gate("u", 1), (TRUE, math.log(0.1)), (1.7, math.log(0.1)))
+    assert fit.law.window is not None and abs(fit.law.window.values[0] - TRUE) > 0.5
+    return fit
 
 
 def test_it_is_found_from_elsewhere(stuck: HypothesisFit) -> None:
@@ -41,7 +41,7 @@ def test_a_box_is_found_from_another_width(waves: Waves) -> None:
     assert right.law.window is not None
     place, width, edge = right.law.window.values
     guess = torch.tensor([place, width / 2, edge], dtype=torch.float64)
-    objective = moved_window(right.objective, guess)
+    objective = move_window(right.objective, guess)
     phi = right.phi.clone()
     phi[-3:] = 0.0
     phi[-4] *= 2
@@ -63,6 +63,6 @@ def test_what_is_at_its_best_stays(waves: Waves) -> None:
 
 
 def test_what_is_far_from_the_best_is_not_tried(stuck: HypothesisFit) -> None:
-    best = replace(stuck, law=replace(stuck.law, score=stuck.law.score - NEAR - 1))
+    best = replace(stuck, law=replace(stuck.law, score=stuck.law.score - SCORE_MARGIN - 1))
     # Of the two only the best is.
     assert len(restart_windows([best, stuck])) == 1
