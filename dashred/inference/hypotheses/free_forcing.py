@@ -22,7 +22,7 @@ from dashred.physics.forcing_basis import ForcingBasis
 # Number of cells along each axis, by the number of axes, and of knots in time. Every cell and knot
 # is a column of the Jacobian.
 CELLS, KNOTS = (1, 12, 4), 13
-# Choices of the prior std of an amplitude, as a share of the equation's own tendency; 0: no forcing.
+# Choices of the prior std of an amplitude, as shares of the equation's tendency; 0: no forcing.
 LEVELS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0)
 # Used in place of 0 to keep the prior regular.
 ZERO_LEVEL = 1e-6

@@ -97,7 +97,7 @@ class Discovery:
         rivals = []
         for law in self.laws[1:]:
             parts = law.parts
-            # The same hypothesis may occur with two values, as of a wider prior: these are no rivals.
+            # One hypothesis with two values, such as two factors of a prior, is no rival of itself.
             is_nested = parts <= best_parts or (self.is_search_complete and parts > best_parts)
             if law.score < self.best.score + AMBIGUITY_MARGIN and not is_nested:
                 rivals.append(law)

@@ -1,4 +1,4 @@
-"""Laws one step beyond the library, for recordings that no law of it explains.
+"""Laws with a term beyond the library, for recordings that no law of the library explains.
 
 See docs/method.md#extended-library.
 """
@@ -33,7 +33,7 @@ from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
 
-# Terms that are fitted, of those that screen best.
+# Number of laws that are fitted, the best screened first.
 MAX_FITS = 4
 STEPS, TOLERANCE = 10, 1e-4
 
@@ -41,13 +41,13 @@ STEPS, TOLERANCE = 10, 1e-4
 def build_extended_candidates(
     system: System, library: list[Term], nominal: Tensor, t: float | Tensor
 ) -> list[Candidate]:
-    """Return terms that are like none of the library's: functions, higher powers, waves.
+    """Return candidates that the library does not contain: functions, higher powers, waves.
 
     Args:
         system: the simulator.
         library: the candidate terms of the analysis.
         nominal: states of the simulator, ``(time, field, *grid)``.
-        t: time of all of them, or of each, ``(time,)``.
+        t: the time of all states, or of each state, ``(time,)``.
     """
     known = {str(term) for term in library}
     terms = []
@@ -60,18 +60,19 @@ def build_extended_candidates(
             if str(term) not in known:
                 terms.append(term)
     names = {f"{term.equation}: {term}" for term in terms}
-    found = build_candidates(system, [*library, *terms], nominal, t)
-    return [replace(c, extended=True) for c in found if str(c) in names]
+    candidates = build_candidates(system, [*library, *terms], nominal, t)
+    return [replace(c, extended=True) for c in candidates if str(c) in names]
 
 
 @dataclass(frozen=True)
 class _ExtendedLaw:
-    """A law to be asked.
+    """A law to be screened.
 
     Attributes:
-        members: columns of the linearised problem: a term, a wave's two, or a term and its slope.
-        family: of several that differ in a constant alone the best is fitted.
-        tuned: a term whose constant is fitted; None for others.
+        members: columns of the linearised problem: one term, the sine and cosine of a wave, or a
+            term and its slope.
+        family: key of laws that differ only in a constant. Only the best of a family is fitted.
+        tunable_term: the term whose constant is fitted; None for other laws.
     """
 
     members: tuple[int, ...]
@@ -79,13 +80,13 @@ class _ExtendedLaw:
     tunable_term: TunableTerm | None = None
 
     def penalty(self, samples: float, candidates: int) -> float:
-        """Return what its freedom costs; a constant, as much as an edge of a window."""
+        """Return the penalty for its degrees of freedom; a constant costs ``ln n``."""
         if self.tunable_term is None:
             return Hypothesis(self.members).penalty(samples, candidates, 1)
         return Hypothesis(self.members[:1]).penalty(samples, candidates, 1) + math.log(samples)
 
     def screen(self, problem: ProfiledProblem) -> tuple[float, Tensor]:
-        """Return F of the linearised problem, and the coefficients there."""
+        """Return the minimum of F on the linearised problem, and its coefficients."""
         if self.tunable_term is not None:
             return solve_within_bounds(problem, self.members, self.tunable_term.constant)
         [cost] = problem.costs([self.members]).tolist()
@@ -94,32 +95,31 @@ class _ExtendedLaw:
 
 def fit_extended_laws(
     full_problem: LeastSquaresProblem,
-    terms: Sequence[Candidate],
+    candidates: Sequence[Candidate],
     forcing: FreeForcing,
-    library: int,
+    library_size: int,
     bound: float = math.inf,
 ) -> list[HypothesisFit]:
-    """Return laws of one term from beyond the library, or of a wave whose phase is free.
+    """Fit laws of one term beyond the library, or of a wave with a free phase.
 
-    Where a function has a constant, it may be fitted.
+    The constant of a function may be fitted as well.
 
     Args:
-        everything: F over the whole record, of any terms.
-        further: the terms from beyond the library.
-        forced: a free forcing that explains the recording.
-        library: how many candidates the library has: each more that is asked makes chance likelier.
-        bound: what screens worse is not fitted.
+        full_problem: F over the whole record, of any terms.
+        candidates: the candidates beyond the library.
+        forcing: a free forcing that explains the recording.
+        library_size: number of candidates of the library, for the penalty of the search.
+        bound: laws with a worse screening score are not fitted.
     """
-    columns, columns_and_slopes = list(terms), [*terms, *build_slopes(terms)]
-    # In reach: what is fitted, and what the forcing's trajectory is run with.
-    reach_problem = full_problem.of(
+    columns, columns_and_slopes = list(candidates), [*candidates, *build_slopes(candidates)]
+    # The simulator needs the terms that are fitted and those of the law under the forcing.
+    whole_problem = full_problem.of(
         [*columns_and_slopes, *forcing.objective.forward_model.law.candidates]
     )
-    objective = reach_problem.only(range(len(columns)))
-    problem = profile_out(
-        objective, forcing, columns_and_slopes, reach_problem.prior_std[: len(columns_and_slopes)]
-    )
-    samples, count = objective.noise.effective_count, library + len(columns)
+    objective = whole_problem.only(range(len(columns)))
+    stds = whole_problem.prior_std[: len(columns_and_slopes)]
+    problem = profile_out(objective, forcing, columns_and_slopes, stds)
+    samples, count = objective.noise.effective_count, library_size + len(columns)
     ranked = []
     for law in _build_laws(columns):
         cost, coefficients = law.screen(problem)
@@ -136,18 +136,18 @@ def fit_extended_laws(
 
 
 def _build_laws(columns: Sequence[Candidate]) -> list[_ExtendedLaw]:
-    """Return the laws of one column, of a wave's two, and of a term and its slope."""
-    inner = [parse_tunable_term(candidate) for candidate in columns]
-    family = [found.family if found else j for j, found in enumerate(inner)]
+    """Return the laws of one term, of a wave, and of a term and its slope."""
+    tunable_terms = [parse_tunable_term(candidate) for candidate in columns]
+    family = [term.family if term else j for j, term in enumerate(tunable_terms)]
     index_of_key = {
         candidate.key: j for j, candidate in enumerate([*columns, *build_slopes(columns)])
     }
     tunable_laws = [
-        _ExtendedLaw((j, index_of_key[found.slope.key]), family[j], found)
-        for j, found in enumerate(inner)
-        if found
+        _ExtendedLaw((j, index_of_key[term.slope.key]), family[j], term)
+        for j, term in enumerate(tunable_terms)
+        if term
     ]
-    wave_laws = [_ExtendedLaw(pair, pair) for pair in _waves(columns)]
+    wave_laws = [_ExtendedLaw(pair, pair) for pair in _wave_pairs(columns)]
     return [
         *(_ExtendedLaw((j,), family[j]) for j in range(len(columns))),
         *wave_laws,
@@ -177,8 +177,8 @@ def _fit(
     )
 
 
-def _waves(candidates: Sequence[Candidate]) -> list[tuple[int, int]]:
-    """Return the pairs of a sine and the same cosine: their sum is a wave of any phase."""
+def _wave_pairs(candidates: Sequence[Candidate]) -> list[tuple[int, int]]:
+    """Return the pairs of a sine and the same cosine. Their sum is a wave of any phase."""
     index_of_key = {candidate.key: j for j, candidate in enumerate(candidates)}
     cosine_keys = {
         j: key.replace("sin(", "cos(") for key, j in index_of_key.items() if "sin(" in key

@@ -1,7 +1,8 @@
-"""A function's own constant, fitted: k of ``sin(k u)``, ``tanh(k u)``, ``exp(k u)``.
+"""Fit of the constant k of a function: ``sin(k u)``, ``cos(k u)``, ``tanh(k u)``, ``exp(k u)``.
 
-``f(k v)`` and its slope ``∂f/∂k`` are two candidates; fitted together their coefficients ξ, ξ_k say
-how far k is off, ``k + ξ_k/ξ``: Gauss-Newton in k, of which every step is a fit of the law.
+``f(k v)`` and its slope ``∂f/∂k`` are two candidates. A fit of both gives their coefficients ξ and
+ξ_k, and the next constant is ``k + ξ_k/ξ``. This is a Gauss-Newton iteration in k, and each step is
+a fit of the law.
 """
 
 from __future__ import annotations
@@ -25,20 +26,20 @@ from dashred.physics.expressions.algebra import (
     call,
     multiply,
     split_coefficient,
+    substitute,
 )
-from dashred.physics.expressions.algebra import substitute as substitute
 from dashred.physics.expressions.differentiate import differentiate
 from dashred.physics.system import Term
 
 FUNCTIONS = ("sin", "cos", "tanh", "exp")
-# Stands for the constant while it is varied; no name of a system begins so.
+# Placeholder name of the constant; names of a system never begin with an underscore.
 CONSTANT_NAME = "_k"
-# Of the constant, how far one step may move it, what is close enough, and how a reader is told.
+# Largest relative step of the constant, relative step at convergence, and digits of the result.
 MAX_STEP, CONVERGED, DIGITS = 0.4, 2e-3, 4
 ROUNDS, STEPS, TOLERANCE = 6, 4, 1e-3
-# Factors between which a constant is looked for: beyond, one function mimics another by its tail.
+# Range of the constant, relative to its first value. Beyond it one function imitates another.
 FACTOR_BOUNDS = (0.2, 5.0)
-# A constant with which F rises by more is none.
+# A step that increases F by more than this is rejected.
 MAX_RISE = 1.0
 
 
@@ -47,7 +48,7 @@ class TunableTerm:
     """A candidate ``f(k v)``.
 
     Attributes:
-        candidate: it.
+        candidate: the candidate.
         slope: ``∂f/∂k``, per unit of the candidate's coefficient.
         function: f.
         operand: v.
@@ -62,21 +63,22 @@ class TunableTerm:
 
     @property
     def family(self) -> tuple[str | None, str, Expr]:
-        """What candidates have in common that differ in k alone."""
+        """Key of the candidates that differ only in k."""
         return self.candidate.equation, self.function, self.operand
 
     def at(self, constant: float) -> TunableTerm:
-        """Return the same with another constant."""
+        """Return this term with another constant."""
         [term] = self.candidate.terms
-        next_constant = Term(term.equation, _inside(self.function, constant, self.operand))
-        candidate = replace(self.candidate, name=str(next_constant), terms=(next_constant,))
-        found = parse_tunable_term(candidate)
-        assert found is not None
-        return found
+        expression = call(self.function, multiply((Number(constant), self.operand)))
+        new_term = Term(term.equation, expression)
+        candidate = replace(self.candidate, name=str(new_term), terms=(new_term,))
+        tunable_term = parse_tunable_term(candidate)
+        assert tunable_term is not None
+        return tunable_term
 
 
 def parse_tunable_term(candidate: Candidate) -> TunableTerm | None:
-    """Return a candidate with its constant in reach; None for one that has none."""
+    """Return a candidate as a function of a constant; None if it is not one."""
     if candidate.equation is None or len(candidate.terms) != 1:
         return None
     [term] = candidate.terms
@@ -90,7 +92,7 @@ def parse_tunable_term(candidate: Candidate) -> TunableTerm | None:
         differentiate(with_free_constant, CONSTANT_NAME), {CONSTANT_NAME: Number(constant)}
     )
     slope_candidate = Candidate(
-        name=f"{candidate.name}, its constant",
+        name=f"slope of {candidate.name}",
         equation=candidate.equation,
         terms=(Term(term.equation, slope),),
         scale=candidate.scale * abs(constant) * MAX_STEP,
@@ -100,12 +102,12 @@ def parse_tunable_term(candidate: Candidate) -> TunableTerm | None:
 
 
 def build_slopes(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Return the slopes of all candidates that have a constant."""
+    """Return the slopes ``∂f/∂k`` of all candidates that have a constant."""
     return [found.slope for candidate in candidates if (found := parse_tunable_term(candidate))]
 
 
 def next_constant(term: TunableTerm, xi: float, by_constant: float) -> float:
-    """Return the constant that two coefficients speak for, not too far from the present one."""
+    """Return the constant ``k + ξ_k/ξ`` after one step, which is bounded and rounded."""
     bound = MAX_STEP * abs(term.constant)
     shift = by_constant / xi if xi else 0.0
     return float(f"{tuned.constant + min(max(shift, -bound), bound):.{DIGITS}g}")
@@ -114,15 +116,15 @@ def next_constant(term: TunableTerm, xi: float, by_constant: float) -> float:
 def solve_within_bounds(
     problem: ProfiledProblem, places: tuple[int, ...], constant: float
 ) -> tuple[float, Tensor]:
-    """Return F and ξ, ξ_k of the linearised problem, the constant within reach.
+    """Return the minimum of F and its ξ, ξ_k on the linearised problem, with a bounded constant.
 
-    With ``ξ_k = r ξ`` and ξ at its best ``F(r) = c - (a + b r)²/(d + 2 e r + f r²)``, which has one
-    minimum; where that is out of reach, one end is best.
+    With ``ξ_k = r ξ`` and the best ξ, ``F(r) = c - (a + b r)²/(d + 2 e r + f r²)``. This function
+    has one minimum. If it lies out of bounds, one of the two ends is best.
 
     Args:
         problem: the linearised problem.
-        places: of the candidate and of its slope.
-        constant: the present one.
+        places: columns of the candidate and of its slope.
+        constant: the present constant.
     """
     index = list(places)
     a, b = problem.target[index].tolist()
@@ -138,15 +140,15 @@ def solve_within_bounds(
 def fit_constant(
     objective: LeastSquaresProblem, begin: TunableTerm, phi: Tensor
 ) -> tuple[Candidate, LeastSquaresProblem, Fitted]:
-    """Fit a law of one candidate, its constant and the start.
+    """Fit a law of one candidate together with its constant and the initial state.
 
     Args:
         objective: F of any candidates, over the whole record.
-        begin: the candidate, with a first constant.
-        phi: start and coefficient to begin from, ``(mode + 1,)``.
+        begin: the candidate with a first constant.
+        phi: initial state and coefficient at which the fit begins, ``(mode + 1,)``.
 
     Returns:
-        the candidate with its constant, F of it alone, and its minimum.
+        The candidate with its fitted constant, F of this candidate alone, and the minimum of F.
     """
     modes, term, previous, least = objective.modes, begin, begin, math.inf
     for _ in range(ROUNDS):
@@ -164,7 +166,3 @@ def fit_constant(
             break
     alone = objective.of([term.candidate])
     return term.candidate, alone, minimise(alone, phi, STEPS, TOLERANCE)
-
-
-def _inside(function: str, constant: float, operand: Expr) -> Expr:
-    return call(function, multiply((Number(constant), operand)))

@@ -18,8 +18,8 @@ from dashred.inference.hypotheses.sensors.faults import FittedFault, fit_fault, 
 from dashred.inference.hypotheses.sensors.suspected_faults import find_suspected_faults
 from dashred.inference.initial_state.start_models import ScaledStart
 
-# Number of faults that are fitted, the best by the linearised problem first. MAX_REFITS of these may
-# be refitted from the first samples if they reduce the misfit below MAX_MISFIT_SHARE.
+# Number of faults that are fitted, the best by the linearised problem first. MAX_REFITS of them may
+# be refitted over a growing horizon if they reduce the misfit below MAX_MISFIT_SHARE.
 MAX_FAULTS, MAX_REFITS, MAX_MISFIT_SHARE = 4, 2, 0.5
 # Factors by which the prior of the initial state may be wider, and rounds of choosing one.
 FACTORS, MAX_ROUNDS = (2.5, 3.2, 4.0, 5.0, 6.4, 8.0), 2
