@@ -27,8 +27,8 @@ from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.extended.extended_library import build_extended_candidates
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.windows.windowed_hypothesis import (
-    WindowGuess,
     Hypothesis,
+    WindowGuess,
     build_problem,
     first_unknowns,
 )

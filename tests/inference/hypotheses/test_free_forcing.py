@@ -11,7 +11,12 @@ import torch
 from dashred.inference.fit.least_squares import Normal
 from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.hypotheses import free_forcing
-from dashred.inference.hypotheses.free_forcing import FreeForcing, evidence, fit_forcing_block, fit_free_forcing
+from dashred.inference.hypotheses.free_forcing import (
+    FreeForcing,
+    evidence,
+    fit_forcing_block,
+    fit_free_forcing,
+)
 from dashred.inference.hypotheses.result import MIN_FORCING_GAIN
 from dashred.physics.forcing_basis import ForcingBasis
 from tests.waves import TIMES, Waves, fitted

@@ -12,7 +12,7 @@ from torch import Tensor
 from dashred.inference.fit.law import law_of
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise, minimise_on
 from dashred.inference.hypotheses import hypothesis_fit as settling
-from dashred.inference.hypotheses.hypothesis_fit import POOR_CHI2, LOST_CHI2, HypothesisFit, refine
+from dashred.inference.hypotheses.hypothesis_fit import LOST_CHI2, POOR_CHI2, HypothesisFit, refine
 from tests.waves import Waves
 
 SIGMA, XI = 0.02, -0.25

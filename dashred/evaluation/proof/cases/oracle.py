@@ -27,7 +27,7 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate, build_candidates
-from dashred.inference.hypotheses.windows.windowed_hypothesis import WindowGuess, Hypothesis
+from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis, WindowGuess
 from dashred.inference.initial_state.start_models import StartModel, nearest
 from dashred.physics.library import resolve
 from dashred.physics.system import Term

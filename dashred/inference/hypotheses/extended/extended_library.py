@@ -52,7 +52,7 @@ def build_extended_candidates(
     known = {str(term) for term in library}
     terms = []
     for equation in dict.fromkeys(term.equation for term in library):
-        for text in _texts(system):
+        for text in _extended_texts(system):
             try:
                 [term] = build_library(system, {equation: [text]})
             except InputError:
@@ -172,9 +172,8 @@ def _fit(
     else:
         law_problem = objective.of([objective.forward_model.law.candidates[j] for j in law.members])
         fitted = minimise(law_problem, torch.cat([start, coefficients]), STEPS, TOLERANCE)
-    return HypothesisFit(
-        law_of(law_problem, fitted, fitted.cost + penalty), law_problem, fitted.phi
-    )
+    fitted_law = law_of(law_problem, fitted, fitted.cost + penalty)
+    return HypothesisFit(fitted_law, law_problem, fitted.phi)
 
 
 def _wave_pairs(candidates: Sequence[Candidate]) -> list[tuple[int, int]]:
@@ -186,7 +185,7 @@ def _wave_pairs(candidates: Sequence[Candidate]) -> list[tuple[int, int]]:
     return [(j, index_of_key[key]) for j, key in cosine_keys.items() if key in index_of_key]
 
 
-def _texts(system: System) -> Iterator[str]:
+def _extended_texts(system: System) -> Iterator[str]:
     """Yield functions of each field, higher powers, and waves along each axis."""
     for f in system.fields:
         yield from (f"{wave}({k}*{f})" for wave in ("sin", "cos") for k in (1, 2, 3))

@@ -110,7 +110,7 @@ def next_constant(term: TunableTerm, xi: float, by_constant: float) -> float:
     """Return the constant ``k + ξ_k/ξ`` after one step, which is bounded and rounded."""
     bound = MAX_STEP * abs(term.constant)
     shift = by_constant / xi if xi else 0.0
-    return float(f"{tuned.constant + min(max(shift, -bound), bound):.{DIGITS}g}")
+    return float(f"{term.constant + min(max(shift, -bound), bound):.{DIGITS}g}")
 
 
 def solve_within_bounds(

@@ -1,8 +1,8 @@
-"""Which terms, and where: every term by cells, by times and by states, linearised, only algebra.
+"""Screening of terms and windows by linear algebra on the linearised problem.
 
-The columns are taken about a trajectory that a free forcing, or a law under one, has brought to the
-recording, with forcing and law taken out: about the uncorrected trajectory a large mismatch
-misleads (docs/method.md#screening).
+The problem is linearised about a trajectory that a free forcing, with or without a law, has brought
+to the recording. The forcing and the law are then removed. A linearisation about the uncorrected
+trajectory would mislead if the mismatch is large (docs/method.md#screening).
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis
 
 @dataclass(frozen=True)
 class ScreenedHypothesis:
-    """A hypothesis as the linearised problem sees it.
+    """A hypothesis with its fit on the linearised problem.
 
     Attributes:
         hypothesis: candidates and window.
-        cost: F, start and coefficients at their best.
-        coefficients: these.
+        cost: minimum of F over the initial state and the coefficients.
+        coefficients: the coefficients at this minimum.
     """
 
     hypothesis: Hypothesis
@@ -44,14 +44,15 @@ def screen(
     forcing: FreeForcing,
     states: Tensor,
 ) -> list[ScreenedHypothesis]:
-    """Return single terms with every window, and every pair of terms everywhere.
+    """Screen single terms with every window, and every pair of terms without a window.
 
     Args:
         objective: F of all candidates.
-        global_count: how many of these, the first, may act everywhere.
-        windowed: those that may act in a window.
-        forced: a forcing that explains the recording.
-        states: of its trajectory, ``(sample, field, *grid)``: thresholds of gates lie among them.
+        global_count: number of candidates that may act everywhere; these come first.
+        windowed: indices of the candidates that may act in a window.
+        forcing: a forcing that explains the recording.
+        states: states of its trajectory, ``(sample, field, *grid)``; they give the range of the
+            thresholds of gates.
     """
     system = objective.forward_model.simulator.system
     candidates = objective.forward_model.law.candidates
@@ -76,22 +77,22 @@ def screen(
 def profile_out(
     objective: LeastSquaresProblem, forcing: FreeForcing, columns: Sequence[Candidate], stds: Tensor
 ) -> ProfiledProblem:
-    """Linearise about the forced trajectory, and take out the forcing and the law under it.
+    """Linearise about the forced trajectory, and remove the forcing and the law under it.
 
     Args:
         objective: F of a law.
-        forced: a forcing that explains the recording, on top of a law or of none.
-        columns: candidates, in a window or not.
-        stds: prior std of each one's coefficient.
+        forcing: a forcing that explains the recording, on top of a law or of none.
+        columns: candidates, with or without a window.
+        stds: prior standard deviation of each coefficient, ``(column,)``.
     """
     forced_model, places = forcing.objective.forward_model, forcing.objective.forward_model.places
     z, xi = forcing.objective.split(forcing.phi)
     base_law = forced_model.law.terms(xi[places.law])
-    # A term in a window goes by the name of the plain one: only tangents tell them apart.
+    # A term in a window has the same name as the term itself. Only their tangents differ.
     [readings] = forced_model.readings(z[None], xi[None])
     law = LawBlock((*columns, *base_law))
     forward_model = replace(objective.forward_model, law=law, forcing=forced_model.forcing)
-    # The edges of the carrier's window stay where they are.
+    # The edges of the window of the base law stay fixed.
     base_unknowns = [*range(len(base_law)), *range(len(xi))[places.forcing]]
     priors = torch.cat([stds, forcing.objective.prior_std[base_unknowns]])
     whole = replace(objective, forward_model=forward_model, prior_std=priors)
@@ -99,7 +100,8 @@ def profile_out(
     normal = whole.linearise(torch.cat([z, zero, xi[base_unknowns]]), readings)
     target = normal.target
     unknown_count = objective.modes + len(columns)
-    # F(φ) ≈ ‖J φ - b‖²: without the carrier's columns the law that is asked has to bear b.
+    # F(φ) ≈ ‖J φ - b‖². The columns of forcing and base law are dropped, so the screened terms have
+    # to explain b.
     without = replace(
         normal,
         jacobian=normal.jacobian[:, :unknown_count],
@@ -113,7 +115,7 @@ def profile_out(
 def _screen_columns(
     problem: ProfiledProblem, hypothesis: Hypothesis, weights: dict[int, float]
 ) -> ScreenedHypothesis:
-    """Return the best coefficient of one sum of columns."""
+    """Return the fit of one weighted sum of columns."""
     index = list(weights)
     w = torch.tensor([weights[j] for j in index], dtype=torch.float64)
     gram = float(w @ problem.gram[index][:, index] @ w)

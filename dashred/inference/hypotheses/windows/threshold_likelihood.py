@@ -1,7 +1,8 @@
-"""How surely a gate's threshold is known: by a profile of F, which a curvature cannot tell.
+"""Profile likelihood of a gate's threshold, which gives its confidence interval.
 
-Between two states that a system jumps between few samples lie: F is flat there, and steep where a
-gate begins to cut into either state. Its curvature at one point says nothing of that width.
+If a system jumps between two states, few samples lie between them. F is then flat between the
+states and steep where the gate begins to cut into either of them. The curvature of F at one point
+does not give the width of this valley.
 """
 
 from __future__ import annotations
@@ -17,16 +18,16 @@ from dashred.inference.fit.levenberg_marquardt import chord_refits
 from dashred.inference.forward.law_block import WindowedTerms
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 
-# Thresholds that are tried on either side: from a share of the std that the curvature gives, to the
-# farthest state of the trajectory.
+# Number of thresholds on either side. They reach from this share of the standard deviation by
+# curvature to the farthest state of the trajectory.
 THRESHOLDS_PER_SIDE, NEAREST_SHARE = 16, 0.5
 STEPS, TOLERANCE, MAX_RISE = 6, 0.1, 200.0
-# F rises by this to the ends of a 95 % interval.
+# Rise of F at the ends of a 95 % interval.
 RISE = Z95**2
 
 
 def profile_threshold(fit: HypothesisFit) -> Law:
-    """Return the law of a fit, a gate's threshold with the interval that its profile gives."""
+    """Return the law of a fit, with the profile interval of the threshold if it has a gate."""
     window, windowed = fit.law.window, fit.objective.forward_model.law.windowed
     if window is None or windowed is None or not window.shape.kind.startswith("gate"):
         return fit.law
@@ -38,7 +39,7 @@ def profile_threshold(fit: HypothesisFit) -> Law:
 
 
 def _interval(fit: HypothesisFit, windowed: WindowedTerms) -> tuple[float, float]:
-    """Return between which thresholds F, at its lowest in all else, rises by less than ``RISE``."""
+    """Return the interval in which F, minimised over all else, rises by less than ``RISE``."""
     objective, phi = fit.objective, fit.phi
     forward_model, threshold = objective.forward_model, float(windowed.guess[0])
     place = len(phi) - len(windowed.guess)
@@ -64,7 +65,7 @@ def _interval(fit: HypothesisFit, windowed: WindowedTerms) -> tuple[float, float
 
 
 def _steps(nearest: float, farthest: float) -> Tensor:
-    """Return distances that grow evenly in their logarithm, ``(tried,)``."""
+    """Return logarithmically spaced distances, ``(threshold,)``."""
     ends = torch.tensor([nearest, max(farthest, 2 * nearest)], dtype=torch.float64).log()
     return torch.linspace(
         float(ends[0]), float(ends[1]), THRESHOLDS_PER_SIDE, dtype=torch.float64
@@ -72,9 +73,9 @@ def _steps(nearest: float, farthest: float) -> Tensor:
 
 
 def _crossing(at: float, places: Tensor, rises: Tensor) -> float:
-    """Return where F has risen enough for good: beyond the farthest place where it has not.
+    """Return the place beyond which F exceeds ``RISE``, interpolated between two places.
 
-    Between two places F rises as a parabola does.
+    The interpolation takes F to be a parabola.
     """
     below = torch.nonzero(rises < RISE).flatten()
     last = int(below[-1]) if len(below) else -1

@@ -1,6 +1,7 @@
-"""Windows as columns: cells, onsets and gates of every candidate, and how they are put together.
+"""Windows as sums of columns: cells, onsets and gates of every candidate.
 
-Cells make boxes, around a periodic axis too; two neighbouring edges make one between them.
+Neighbouring cells make a box, also around a periodic axis. Two neighbouring onsets or gates make
+one between them.
 """
 
 from __future__ import annotations
@@ -23,22 +24,23 @@ from dashred.physics.system import System
 from dashred.physics.window import Shape, Window, box, gate, onset
 
 CELLS, TIMES = 12, 10
-# Thresholds of gates, even between these quantiles of a field: few samples lie between two wells,
-# and yet a gate may. And at some farther out: what acts in one sample of a hundred moves a front.
+# Number of gate thresholds, evenly spaced between two quantiles of a field: a gate may lie between
+# two wells, where there are few samples. Further thresholds lie at FAR_TAILS: a term that acts in
+# one sample of a hundred can move a front.
 THRESHOLDS, TAIL, FAR_TAILS = 9, 0.05, (0.005, 0.02)
-# Two that are closer than this share of the step are one.
+# A far threshold is dropped if another one is closer than this share of the step.
 MIN_DISTANCE = 0.25
-# A run of cells longer than this share of an axis is no region any more.
+# A box is at most this share of the axis long.
 MAX_LENGTH = 0.75
 
 
 @dataclass(frozen=True)
 class WindowPiece:
-    """A part of a term's effect, of which windows are put together.
+    """An elementary window of one candidate. Sums of pieces make further windows.
 
     Attributes:
         candidate: index of the candidate.
-        window: where it acts.
+        window: the window.
     """
 
     candidate: int
@@ -63,7 +65,7 @@ def build_pieces(
     times: Tensor,
     states: Tensor,
 ) -> Iterator[WindowPiece]:
-    """Yield every part of a window that a pointwise candidate may act in."""
+    """Yield the pieces of every pointwise candidate that may act in a window."""
     windows = [
         *(w for axis in system.axes for w in _build_cells(axis)),
         *_build_onsets(times),
@@ -105,7 +107,7 @@ def _build_gates(system: System, states: Tensor) -> list[Window]:
 def combine_pieces(
     problem: ProfiledProblem, system: System, pieces: Sequence[WindowPiece], first: int
 ) -> Iterator[tuple[int, WindowGuess, dict[int, float]]]:
-    """Yield candidate, guess and columns of every window that pieces make."""
+    """Yield candidate, first guess and weights of columns of every window that pieces make."""
     by_candidate: dict[int, dict[Shape, list[int]]] = {}
     for column, piece in enumerate(pieces, first):
         shapes = by_candidate.setdefault(piece.candidate, {})
@@ -123,7 +125,7 @@ def combine_pieces(
 def _combine_cells(
     shape: Shape, axis: Axis, columns: Sequence[int]
 ) -> Iterator[tuple[WindowGuess, dict[int, float]]]:
-    """Yield every run of neighbouring cells, around a periodic axis too."""
+    """Yield every run of neighbouring cells, also around a periodic axis."""
     width = axis.length / CELLS
     for length in range(1, int(MAX_LENGTH * CELLS) + 1):
         for begin in range(CELLS if axis.periodic else CELLS - length + 1):
@@ -141,9 +143,10 @@ def _combine_edges(
     values: dict[int, tuple[float, ...]],
     candidate: int,
 ) -> Iterator[tuple[WindowGuess, dict[int, float]]]:
-    """Yield every onset; every gate above, and below: what is not above, is below.
+    """Yield every onset, and every gate above or below a threshold.
 
-    A blend of two neighbours stands for an edge between them, as near to either as fits best.
+    A gate below is the candidate minus the gate above. A weighted mean of two neighbours represents
+    an edge between them; the weights are those that fit best.
     """
     places = [values[c][0] for c in columns]
     spread = ((max(places) - min(places)) / 2, LOG_WIDTH)
@@ -165,7 +168,7 @@ def _combine_edges(
 def _best_share(
     problem: ProfiledProblem, one: dict[int, float], other: dict[int, float]
 ) -> float | None:
-    """Return the second's share of the best blend of two columns; None where one alone is best."""
+    """Return the second column's share of the best mean of two; None if one alone is best."""
     index = sorted({*one, *other})
     weights = torch.tensor([[w.get(j, 0.0) for w in (one, other)] for j in index]).double()
     gram = weights.T @ problem.gram[index][:, index] @ weights

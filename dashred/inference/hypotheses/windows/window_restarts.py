@@ -1,8 +1,7 @@
-"""A window that is fitted from elsewhere: a fit ends in the nearest of several minima.
+"""Restarts of windows from other first guesses, because a fit ends in the nearest minimum.
 
-Where few states lie, F is flat in a gate's threshold, and it is steep where that cuts into one that
-is dwelt in. And a narrow box with a large coefficient does nearly what a wide one with a small one
-does.
+F is flat in a gate's threshold where there are few states, and steep where the threshold cuts into
+frequent states. A narrow box with a large coefficient acts nearly like a wide box with a small one.
 """
 
 from __future__ import annotations
@@ -19,12 +18,12 @@ from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
 from dashred.inference.forward.law_block import WindowedTerms
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, replace_minimum
 
-# Windows whose score is no farther than this from the best may yet be the best; of so many.
+# Windows within this score difference of the best are restarted, and at most this many.
 SCORE_MARGIN, MAX_RESTARTED = 20.0, 4
-# Thresholds that are tried, evenly between these quantiles of the field; one that is closer to the
-# fitted one than this share of their range leads there again.
+# Number of thresholds, evenly spaced between two quantiles of the field. One is dropped if it is
+# closer to the fitted threshold than this share of their range.
 THRESHOLDS, TAIL, MIN_DISTANCE = 4, 0.02, 0.1
-# Widths of a box, in those of the fitted one; a share of the axis beyond which it is no region.
+# Widths of a box, relative to the fitted width, and the largest length as a share of the axis.
 WIDTH_FACTORS, MAX_LENGTH = (0.5, 2.0), 0.75
 FIRST_STEPS, FIRST_TOLERANCE = 3, 1e-2
 LAST_STEPS, LAST_TOLERANCE = 10, 1e-4
@@ -32,11 +31,11 @@ LAST_STEPS, LAST_TOLERANCE = 10, 1e-4
 
 @dataclass(frozen=True)
 class Restart:
-    """Where a window is looked for.
+    """Another first guess of a window.
 
     Attributes:
-        edges: ψ, ``(unknown,)``.
-        factor: of its coefficients, by which they begin to do about as much as before.
+        edges: ψ, ``(edge,)``.
+        factor: factor of its coefficients, which keeps their effect about the same.
     """
 
     edges: Tensor
@@ -44,19 +43,19 @@ class Restart:
 
 
 def restart_windows(fits: Sequence[HypothesisFit]) -> list[HypothesisFit]:
-    """Return what boxes and gates that are nearly the best become from elsewhere, if better.
+    """Refit nearly best boxes and gates from other first guesses; return those that improve.
 
     Args:
-        found: explanations, the best first.
+        fits: hypotheses, the best first.
     """
     close = (fit for fit in fits if fit.law.score < fits[0].law.score + SCORE_MARGIN)
-    near = ((fit, restarts) for fit in close if (restarts := _build_restarts(fit)))
-    trials = (_restart(fit, restarts) for fit, restarts in islice(near, MAX_RESTARTED))
-    return [better for better in trials if better is not None]
+    restartable = ((fit, restarts) for fit in close if (restarts := _build_restarts(fit)))
+    refits = (_restart(fit, restarts) for fit, restarts in islice(restartable, MAX_RESTARTED))
+    return [fit for fit in refits if fit is not None]
 
 
 def _restart(fit: HypothesisFit, restarts: Sequence[Restart]) -> HypothesisFit | None:
-    """Return a window at a lower minimum; None where none is found."""
+    """Return the fit at a lower minimum; None if none is found."""
     [cost], _ = fit.objective.values(fit.phi[None])
     trials = [_fit_restart(fit, restart) for restart in restarts]
     objective, first = min(trials, key=lambda pair: pair[1].cost)
@@ -67,7 +66,7 @@ def _restart(fit: HypothesisFit, restarts: Sequence[Restart]) -> HypothesisFit |
 
 
 def _build_restarts(fit: HypothesisFit) -> list[Restart]:
-    """Return where else the window of a law may be; nowhere, if it has none of these kinds."""
+    """Return other first guesses of a box or gate; none for other laws."""
     windowed = fit.objective.forward_model.law.windowed
     if windowed is None:
         return []
@@ -79,12 +78,12 @@ def _build_restarts(fit: HypothesisFit) -> list[Restart]:
 
 
 def _box_restarts(fit: HypothesisFit, windowed: WindowedTerms, edges: Tensor) -> list[Restart]:
-    """Return boxes of other widths about the same place."""
+    """Return boxes of other widths at the same place."""
     axes = {axis.name: axis for axis in fit.objective.forward_model.simulator.system.axes}
-    most = MAX_LENGTH * axes[windowed.shape.of].length / 2
+    max_half = MAX_LENGTH * axes[windowed.shape.of].length / 2
     place, half, rest = edges[:1], edges[1:2], edges[2:]
-    wider = [width for width in WIDTH_FACTORS if width * float(half) < most]
-    return [Restart(torch.cat([place, width * half, rest]), 1 / width) for width in wider]
+    factors = [factor for factor in WIDTH_FACTORS if factor * float(half) < max_half]
+    return [Restart(torch.cat([place, factor * half, rest]), 1 / factor) for factor in factors]
 
 
 def _gate_restarts(fit: HypothesisFit, windowed: WindowedTerms, edges: Tensor) -> list[Restart]:
@@ -95,13 +94,13 @@ def _gate_restarts(fit: HypothesisFit, windowed: WindowedTerms, edges: Tensor) -
     values = states[:, field].flatten()
     low, high = (float(values.quantile(share)) for share in (TAIL, 1 - TAIL))
     places = torch.linspace(low, high, THRESHOLDS + 2, dtype=torch.float64)[1:-1]
-    apart = (places - edges[0]).abs() > MIN_DISTANCE * (high - low)
-    # How sharp the gate was guessed to be tells more than a fit that ended elsewhere.
-    return [Restart(torch.cat([at[None], windowed.guess[1:]]), 1.0) for at in places[apart]]
+    is_far = (places - edges[0]).abs() > MIN_DISTANCE * (high - low)
+    # The guessed width of the edge is more reliable than that of a fit in another minimum.
+    return [Restart(torch.cat([at[None], windowed.guess[1:]]), 1.0) for at in places[is_far]]
 
 
 def _fit_restart(fit: HypothesisFit, restart: Restart) -> tuple[LeastSquaresProblem, Fitted]:
-    """Give a window a few steps from elsewhere."""
+    """Fit a window for a few steps from another first guess."""
     objective = move_window(fit.objective, restart.edges)
     phi, edges = fit.phi.clone(), len(fit.phi) - len(restart.edges)
     phi[edges:] = 0.0
@@ -110,7 +109,7 @@ def _fit_restart(fit: HypothesisFit, restart: Restart) -> tuple[LeastSquaresProb
 
 
 def move_window(objective: LeastSquaresProblem, guess: Tensor) -> LeastSquaresProblem:
-    """Return F of a law in a window, the first guess of that elsewhere, ``(edge,)``."""
+    """Return F of a law in a window with another first guess, ``(edge,)``."""
     forward_model, windowed = objective.forward_model, objective.forward_model.law.windowed
     moved = windowed and replace(windowed, guess=guess)
     law = replace(forward_model.law, windowed=moved)

@@ -50,9 +50,9 @@ def explained(waves: Waves, recorded: Tensor) -> Comparison:
     empty = HypothesisFit(law_of(null, found, found.cost), null, found.phi)
     additions = Additions(
         global_count=len(waves.everything),
-        size=waves.size,
-        compiled=lambda: waves.simulator,
-        extended=lambda: waves.extended,
+        tendency_rms=waves.size,
+        windowed_simulator=lambda: waves.simulator,
+        extended_candidates=lambda: waves.extended,
     )
     return compare_hypotheses(everything, empty, empty, [], additions, lambda *_: None)
 
@@ -72,7 +72,7 @@ def test_a_region_is_found(waves: Waves) -> None:
     # Six sensors do not tell a wide weak region from a narrow strong one, and the bars say so.
     assert abs(centre - 6.0) < 0.1 and abs(half - 1.5) < 3 * best.edges[1] < 1.2
     assert abs(xi + 0.25) < 3 * std and xi * half == pytest.approx(-0.25 * 1.5, rel=0.15)
-    assert found.gain < MIN_FORCING_GAIN and len(best.edges) == 3
+    assert found.forcing_gain < MIN_FORCING_GAIN and len(best.edges) == 3
     # The noise is that of the best law, not of what a wrong one leaves.
     assert float(found.noise.std[0]) == pytest.approx(SIGMA, rel=0.12)
 
@@ -82,7 +82,7 @@ def test_an_onset_is_found(waves: Waves) -> None:
     best = found.laws[0]
     assert term(best) == "v: 1" and best.window is not None
     assert best.window.shape.kind == "onset" and abs(best.window.values[0] - 4.0) < 0.3
-    assert found.gain < MIN_FORCING_GAIN
+    assert found.forcing_gain < MIN_FORCING_GAIN
 
 
 def test_a_gate_is_found_or_among_the_rivals(waves: Waves) -> None:
@@ -120,7 +120,7 @@ def test_a_law_beyond_the_library_is_found_there(waves: Waves) -> None:
     [candidate] = best.candidates
     assert candidate.extended and candidate.key == "u: sin(2*u)"
     assert abs(float(best.coefficients[0]) - 0.3) < 3 * float(best.std[0]) < 0.1
-    assert found.gain < MIN_FORCING_GAIN
+    assert found.forcing_gain < MIN_FORCING_GAIN
     assert best.score < min(law.score for law in found.laws if not law.extended) - 6
 
 
@@ -147,7 +147,7 @@ def test_a_wave_is_found_whatever_its_phase(waves: Waves) -> None:
     assert {candidate.key for candidate in best.candidates} == true.keys()
     for candidate, xi, std in zip(best.candidates, best.coefficients, best.std, strict=True):
         assert abs(float(xi) - true[candidate.key]) < 3 * float(std) < 0.1
-    assert found.gain < MIN_FORCING_GAIN
+    assert found.forcing_gain < MIN_FORCING_GAIN
 
 
 def test_a_faulty_sensor_beneath_a_law_is_named_and_left_out(waves: Waves) -> None:

@@ -12,9 +12,9 @@ from torch import Tensor
 from dashred.inference.fit.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.extended.nonlinear_constants import (
+    fit_constant,
     next_constant,
     parse_tunable_term,
-    fit_constant,
     solve_within_bounds,
 )
 from dashred.physics.library import evaluate_terms

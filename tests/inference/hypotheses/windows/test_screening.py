@@ -18,8 +18,8 @@ from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forc
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.windows.screening import profile_out, screen
 from dashred.inference.hypotheses.windows.windowed_hypothesis import (
-    WindowGuess,
     Hypothesis,
+    WindowGuess,
     build_problem,
     first_unknowns,
 )
@@ -165,7 +165,7 @@ def test_a_law_of_many_terms_does_not_carry_alone(
     laws = [[str(c) for c in each.objective.forward_model.law.candidates] for each in left.forcings]
     told = {"": [], "all": names}
     assert laws == [told.get(each, [each]) for each in carried]
-    assert left.forced is min(left.forcings, key=lambda each: each.cost)
+    assert left.best_forcing is min(left.forcings, key=lambda each: each.cost)
 
 
 def silent(share: float, message: str) -> None:

@@ -9,7 +9,11 @@ import pytest
 import torch
 
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
-from dashred.inference.hypotheses.windows.window_restarts import SCORE_MARGIN, move_window, restart_windows
+from dashred.inference.hypotheses.windows.window_restarts import (
+    SCORE_MARGIN,
+    move_window,
+    restart_windows,
+)
 from dashred.physics.window import box, gate, onset
 from tests.waves import Waves, in_window
 
