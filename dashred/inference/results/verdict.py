@@ -92,7 +92,8 @@ def _not_converged(discovered: Discovery, left: float | None) -> Cause | None:
         cause["misfit"], cause["misfit_of_all"] = discovered.best.chi2, discovered.free_chi2
         return cause
     lawless = not discovered.best.candidates and discovered.best.fault is None
-    if lawless and left is not None and left > UNEXPLAINED and discovered.forcing_gain <= MIN_FORCING_GAIN:
+    nothing_missing = discovered.forcing_gain <= MIN_FORCING_GAIN
+    if lawless and left is not None and left > UNEXPLAINED and nothing_missing:
         cause["reason"], cause["unexplained"] = "misfit-unexplained", left
         return cause
     return None

@@ -1,4 +1,4 @@
-"""A gate's threshold has the interval of its profile: F rises to its ends as it should."""
+"""The profile interval of a gate's threshold: F rises to its ends as it should."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def waves(tmp_path_factory: pytest.TempPathFactory) -> Waves:
     return Waves.declared(tmp_path_factory.mktemp("waves"))
 
 
-def held(fit: HypothesisFit, threshold: float) -> float:
-    """Return F at its lowest in all else, the threshold held by the tightest of priors."""
+def minimum_at(fit: HypothesisFit, threshold: float) -> float:
+    """Return the minimum of F at a fixed threshold, which a narrow prior holds."""
     windowed = fit.objective.forward_model.law.windowed
     assert windowed is not None
     place = len(windowed.guess)
@@ -35,10 +35,10 @@ def held(fit: HypothesisFit, threshold: float) -> float:
     prior = fit.objective.prior_std.clone()
     spread = float(prior[-place])
     prior[-place] = 1e-9
-    mine = replace(move_window(fit.objective, guess), prior_std=prior)
+    problem = replace(move_window(fit.objective, guess), prior_std=prior)
     phi = fit.phi.clone()
     phi[-place] = 0.0
-    return minimise(mine, phi, 12, 1e-7).cost + (moved / spread) ** 2
+    return minimise(problem, phi, 12, 1e-7).cost + (moved / spread) ** 2
 
 
 def test_f_rises_by_four_to_the_ends(waves: Waves) -> None:
@@ -52,10 +52,10 @@ def test_f_rises_by_four_to_the_ends(waves: Waves) -> None:
     )
     [lowest], _ = fit.objective.values(fit.phi[None])
     for end in (low, high):
-        assert held(fit, end) - float(lowest) == pytest.approx(Z95**2, abs=2.5)
+        assert minimum_at(fit, end) - float(lowest) == pytest.approx(Z95**2, abs=2.5)
 
 
-def test_other_windows_and_laws_stay_as_they_are(waves: Waves) -> None:
+def test_other_windows_and_laws_are_unchanged(waves: Waves) -> None:
     fit = in_window(waves, onset(), (4.0, math.log(0.2)))
     assert profile_threshold(fit) is fit.law
     recorded = waves.recorded(LOCAL_SIGMA, 4)
