@@ -115,6 +115,6 @@ def replace_minimum(
     law = fit.law
     [before], _ = fit.objective.values(fit.phi[None])
     score = law.score - float(before) + fitted.cost
-    found = law_of(objective, fitted, score)
-    again = replace(found, fault=law.fault, widened=law.widened)
-    return HypothesisFit(again, objective, fitted.phi)
+    new_law = law_of(objective, fitted, score)
+    new_law = replace(new_law, fault=law.fault, widened=law.widened)
+    return HypothesisFit(new_law, objective, fitted.phi)

@@ -164,8 +164,8 @@ def _fit(
 ) -> HypothesisFit:
     start = forcing.phi[: objective.modes]
     if law.tunable_term is not None:
-        xi, by_constant = coefficients.tolist()
-        begin = law.tunable_term.at(next_constant(law.tunable_term, xi, by_constant))
+        xi, xi_k = coefficients.tolist()
+        begin = law.tunable_term.at(next_constant(law.tunable_term, xi, xi_k))
         _, law_problem, fitted = fit_constant(
             objective, begin, torch.cat([start, coefficients[:1]])
         )

@@ -37,7 +37,8 @@ CONSTANT_NAME = "_k"
 # Largest relative step of the constant, relative step at convergence, and digits of the result.
 MAX_STEP, CONVERGED, DIGITS = 0.4, 2e-3, 4
 ROUNDS, STEPS, TOLERANCE = 6, 4, 1e-3
-# Range of the constant, relative to its first value. Beyond it one function imitates another.
+# Range of the constant, relative to the value in the library of functions. Beyond it one
+# function imitates another.
 FACTOR_BOUNDS = (0.2, 5.0)
 # A step that increases F by more than this is rejected.
 MAX_RISE = 1.0
@@ -103,13 +104,13 @@ def parse_tunable_term(candidate: Candidate) -> TunableTerm | None:
 
 def build_slopes(candidates: Sequence[Candidate]) -> list[Candidate]:
     """Return the slopes ``∂f/∂k`` of all candidates that have a constant."""
-    return [found.slope for candidate in candidates if (found := parse_tunable_term(candidate))]
+    return [term.slope for candidate in candidates if (term := parse_tunable_term(candidate))]
 
 
-def next_constant(term: TunableTerm, xi: float, by_constant: float) -> float:
+def next_constant(term: TunableTerm, xi: float, xi_k: float) -> float:
     """Return the constant ``k + ξ_k/ξ`` after one step, which is bounded and rounded."""
     bound = MAX_STEP * abs(term.constant)
-    shift = by_constant / xi if xi else 0.0
+    shift = xi_k / xi if xi else 0.0
     return float(f"{term.constant + min(max(shift, -bound), bound):.{DIGITS}g}")
 
 
@@ -158,8 +159,8 @@ def fit_constant(
             term = previous
             break
         previous, least = term, fitted.cost
-        xi, by_constant = fitted.phi[modes:].tolist()
-        constant = next_constant(term, xi, by_constant)
+        xi, xi_k = fitted.phi[modes:].tolist()
+        constant = next_constant(term, xi, xi_k)
         is_converged = abs(constant - term.constant) <= CONVERGED * abs(term.constant)
         phi, term = fitted.phi[: modes + 1], term.at(constant)
         if is_converged:

@@ -111,11 +111,11 @@ def _fit_with_growing_horizon(objective: LeastSquaresProblem, z: Tensor, bound: 
     if not _is_poor(objective, fitted):
         return fitted
     begin = torch.zeros_like(z)
-    for found in growing(objective, begin, FIRST_SAMPLES):
-        if found.cost > bound:
+    for grown in growing(objective, begin, FIRST_SAMPLES):
+        if grown.cost > bound:
             return fitted
-        begin = found.phi
-    return min(fitted, _fit_start(objective, begin), key=lambda found: found.cost)
+        begin = grown.phi
+    return min(fitted, _fit_start(objective, begin), key=lambda each: each.cost)
 
 
 def _fit_start(objective: LeastSquaresProblem, z: Tensor) -> Fitted:

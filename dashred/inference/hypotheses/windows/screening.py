@@ -99,17 +99,17 @@ def profile_out(
     zero = torch.zeros(len(columns), dtype=torch.float64)
     normal = whole.linearise(torch.cat([z, zero, xi[base_unknowns]]), readings)
     target = normal.target
-    unknown_count = objective.modes + len(columns)
+    screened_count = objective.modes + len(columns)
     # F(φ) ≈ ‖J φ - b‖². The columns of forcing and base law are dropped, so the screened terms have
     # to explain b.
-    without = replace(
+    without_base = replace(
         normal,
-        jacobian=normal.jacobian[:, :unknown_count],
-        precision=normal.precision[:unknown_count],
-        phi=torch.zeros(unknown_count, dtype=torch.float64),
+        jacobian=normal.jacobian[:, :screened_count],
+        precision=normal.precision[:screened_count],
+        phi=torch.zeros(screened_count, dtype=torch.float64),
         residuals=-target,
     )
-    return ProfiledProblem.of(without, objective.modes)
+    return ProfiledProblem.of(without_base, objective.modes)
 
 
 def _screen_columns(

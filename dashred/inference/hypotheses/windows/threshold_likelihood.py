@@ -57,9 +57,9 @@ def _interval(fit: HypothesisFit, windowed: WindowedTerms) -> tuple[float, float
     begin[:, place] = thresholds
     is_free = torch.ones(begin.shape, dtype=torch.bool)
     is_free[:, place] = False
-    found = chord_refits(objective, fit.normal, begin, is_free, STEPS, TOLERANCE, MAX_RISE)
+    refits = chord_refits(objective, fit.normal, begin, is_free, STEPS, TOLERANCE, MAX_RISE)
     [cost], _ = objective.values(phi[None])
-    rises = (found.cost - cost).split(THRESHOLDS_PER_SIDE)
+    rises = (refits.cost - cost).split(THRESHOLDS_PER_SIDE)
     ends = [_crossing(at, side, rise) for side, rise in zip(sides, rises, strict=True)]
     return threshold + min(ends), threshold + max(ends)
 

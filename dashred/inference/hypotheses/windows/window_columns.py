@@ -89,7 +89,7 @@ def _build_onsets(times: Tensor) -> list[Window]:
 
 
 def _build_gates(system: System, states: Tensor) -> list[Window]:
-    found = []
+    gates = []
     for field, name in enumerate(system.fields):
         values = states[:, field].flatten()
         low, high = float(values.quantile(TAIL)), float(values.quantile(1 - TAIL))
@@ -100,8 +100,8 @@ def _build_gates(system: System, states: Tensor) -> list[Window]:
             if min(abs(far - threshold) for threshold in thresholds) > MIN_DISTANCE * step:
                 thresholds.append(far)
         width = math.log((high - low) / THRESHOLDS / 2)
-        found += [gate(name, 1).at((threshold, width)) for threshold in sorted(thresholds)]
-    return found
+        gates += [gate(name, 1).at((threshold, width)) for threshold in sorted(thresholds)]
+    return gates
 
 
 def combine_pieces(

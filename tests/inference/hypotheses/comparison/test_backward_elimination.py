@@ -43,8 +43,8 @@ def fits(waves: Waves, xi: float, factor: float = 1.0) -> tuple[HypothesisFit, H
     recorded = waves.recorded(SIGMA, 1, law, start)
     null = waves.objective(recorded, SIGMA)
     nothing = fit_hypothesis(null, fitted(null))
-    mine = waves.objective(recorded, SIGMA, ["u: u"])
-    found = fit_hypothesis(mine, mine.embed(nothing.phi, []), penalty=10.0)
+    objective = waves.objective(recorded, SIGMA, ["u: u"])
+    found = fit_hypothesis(objective, objective.embed(nothing.phi, []), penalty=10.0)
     return found, nothing
 
 

@@ -62,10 +62,10 @@ def in_a_box(waves: Waves, recorded: torch.Tensor, name: str) -> HypothesisFit:
     """Return the fit of a term in a box whose first guess is slightly off."""
     law = waves.objective(recorded, SIGMA, [name])
     guess = WindowGuess(box(waves.system.axes[0]), (4.0, 2.0, math.log(0.4)), (2.5, 1.25, 1.0))
-    mine = build_problem(law, Hypothesis((), (0,), guess))
+    problem = build_problem(law, Hypothesis((), (0,), guess))
     z = fitted(waves.objective(recorded, SIGMA))
-    found = minimise(mine, first_unknowns(z, [0.0], guess), 12, 1e-4)
-    return HypothesisFit(law_of(mine, found, found.cost), mine, found.phi)
+    found = minimise(problem, first_unknowns(z, [0.0], guess), 12, 1e-4)
+    return HypothesisFit(law_of(problem, found, found.cost), problem, found.phi)
 
 
 def test_a_law_in_a_window_may_be_under_the_forcing(waves: Waves) -> None:
@@ -93,16 +93,16 @@ def test_screening_is_repeated_while_a_forcing_gains(waves: Waves) -> None:
     wrong = in_a_box(waves, recorded, "u: u")
     whole, count = everything(waves, recorded), len(waves.everything)
     begin, _ = fit_free_forcing(wrong.objective, wrong.phi, waves.size)
-    asked: list[float] = []
+    calls: list[float] = []
 
     def screened(forced: FreeForcing, bound: float) -> list[HypothesisFit]:
-        asked.append(bound)
-        if len(asked) == 1:
+        calls.append(bound)
+        if len(calls) == 1:
             return [wrong]
         return fit_windowed_laws(whole, count, range(count), forced, math.inf, bound)
 
     found, best, nearest, gain = repeat_screening(wrong, screened, [begin], waves.size, silent)
-    assert asked[:2] == [math.inf, wrong.law.score]
+    assert calls[:2] == [math.inf, wrong.law.score]
     [candidate] = best.law.candidates
     assert candidate.key == "u: u**3" and candidate.window is not None
     assert found[0] is wrong and best.law.score < wrong.law.score - 6
@@ -114,14 +114,14 @@ def test_screening_ends_if_nothing_better_is_found(waves: Waves) -> None:
     hidden = localised(waves.candidates(["u: u**3"]), window)
     wrong = in_a_box(waves, waves.recorded(SIGMA, 1, [(hidden[0], -0.3)]), "u: u")
     begin, _ = fit_free_forcing(wrong.objective, wrong.phi, waves.size)
-    asked: list[float] = []
+    calls: list[float] = []
 
     def screened(forced: FreeForcing, bound: float) -> list[HypothesisFit]:
-        asked.append(bound)
+        calls.append(bound)
         return []
 
     found, best, _, gain = repeat_screening(wrong, screened, [begin], waves.size, silent)
-    assert (found, best, asked) == ([], wrong, [math.inf, wrong.law.score])
+    assert (found, best, calls) == ([], wrong, [math.inf, wrong.law.score])
     assert gain > 4
 
 
@@ -130,15 +130,15 @@ def test_the_next_trajectory_is_used_if_one_leads_to_nothing(waves: Waves, bette
     recorded = waves.recorded(SIGMA, 1, [(waves.everything["u: u**2"], -0.15)])
     alone, on_law = force_law(waves, recorded, []), force_law(waves, recorded, ["u: u"])
     wrong, right = everywhere(waves, recorded, "u: u"), everywhere(waves, recorded, "u: u**2")
-    asked: list[FreeForcing] = []
+    calls: list[FreeForcing] = []
 
     def screened(forced: FreeForcing, bound: float) -> list[HypothesisFit]:
-        asked.append(forced)
+        calls.append(forced)
         return [right] if forced is on_law or better else []
 
     _, best, *_ = repeat_screening(wrong, screened, [alone, on_law], waves.size, silent)
     assert best is right
-    assert asked == ([alone] if better else [alone, on_law])
+    assert calls == ([alone] if better else [alone, on_law])
 
 
 def everywhere(waves: Waves, recorded: torch.Tensor, *names: str) -> HypothesisFit:
@@ -150,19 +150,19 @@ def everywhere(waves: Waves, recorded: torch.Tensor, *names: str) -> HypothesisF
 
 
 @pytest.mark.parametrize(
-    ("names", "carried"),
+    ("names", "expected"),
     [(["u: u**2"], ["u: u**2"]), (["u: u"], [""]), (["u: u", "u: u**2", "v: 1"], ["", "all"])],
 )
 def test_a_law_of_many_terms_is_not_the_only_trajectory(
-    waves: Waves, names: list[str], carried: list[str]
+    waves: Waves, names: list[str], expected: list[str]
 ) -> None:
     recorded = waves.recorded(SIGMA, 1, [(waves.everything["u: u**2"], -0.15)])
     best, null = everywhere(waves, recorded, *names), everywhere(waves, recorded)
     whole = everything(waves, recorded)
     left = fit_residual_forcing(whole, best, null, True, waves.size, silent)
     laws = [[str(c) for c in each.objective.forward_model.law.candidates] for each in left.forcings]
-    told = {"": [], "all": names}
-    assert laws == [told.get(each, [each]) for each in carried]
+    names_of = {"": [], "all": names}
+    assert laws == [names_of.get(each, [each]) for each in expected]
     assert left.best_forcing is min(left.forcings, key=lambda each: each.cost)
 
 
