@@ -117,10 +117,7 @@ def _resolve_unclear(
     forcings, forcing_map = _choose_forcings(residual, tendency_rms)
     fault = find_sensor_fault(forcings[-1])
     if fault is not None:
-        report(
-            0.3,
-            f"a sensor fault ({fault.kind}): continuing without this sensor",
-        )
+        report(0.3, f"a sensor fault ({fault.kind}): continuing without this sensor")
         forcings = tuple(
             refit_forcing_without_sensor(forcing, fault.sensor) for forcing in forcings
         )
