@@ -24,11 +24,11 @@ from dashred.inference.forward.forward_model import ForwardModel
 from dashred.inference.forward.law_block import LawBlock, restrict_to_window
 from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
-from dashred.inference.hypotheses.extended.extended_library import extended_candidates
+from dashred.inference.hypotheses.extended.extended_library import build_extended_candidates
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.windows.windowed_hypothesis import (
-    Guess,
     Hypothesis,
+    WindowGuess,
     build_problem,
     first_unknowns,
 )
@@ -86,7 +86,7 @@ class Waves:
         """Candidates that the library does not have."""
         states = self.simulated()
         library = [Term(e, self.system.parse(t, "library", equation=e)) for e, t in TERMS]
-        return extended_candidates(self.system, library, states, 0.0)
+        return build_extended_candidates(self.system, library, states, 0.0)
 
     @cached_property
     def operator(self) -> ObservationOperator:
@@ -167,7 +167,7 @@ def in_window(
     recorded = waves.recorded(LOCAL_SIGMA, 4, [(hidden[0], LOCAL_XI)])
     objective = waves.objective(recorded, LOCAL_SIGMA, ["u: v**2"])
     spread = [0.8] * (len(values) - 1)
-    hypothesis = Hypothesis((), (0,), Guess(shape, guess or values, (*spread, 1.0)))
+    hypothesis = Hypothesis((), (0,), WindowGuess(shape, guess or values, (*spread, 1.0)))
     mine = build_problem(objective, hypothesis)
     z = fitted(waves.objective(recorded, LOCAL_SIGMA))
     found = minimise(mine, first_unknowns(z, [LOCAL_XI], hypothesis.guess), 12, 1e-6)

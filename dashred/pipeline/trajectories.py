@@ -50,7 +50,7 @@ def run_free(
     problem: Problem, nominal: Nominal, discovered: Discovery, seconds: dict[str, float]
 ) -> Trajectories:
     """Run all three in every episode; a run that blows up is not finite from then on."""
-    best, nothing = discovered.best, discovered.nothing
+    best, nothing = discovered.best, discovered.uncorrected
     with stage("run free", seconds):
         found = [
             _run(episode, best, mine, alone)

@@ -15,7 +15,7 @@ from dashred.core.findings.law_schema import (
 )
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.hypotheses.result import AMBIGUOUS, Discovery
+from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN, Discovery
 from dashred.inference.results.parameter_change import exact_change, is_exact, parameter_change
 from dashred.inference.results.posterior_probabilities import inclusion
 from dashred.physics.system import System
@@ -209,4 +209,4 @@ def _terms_tried(
 def _has_same_readings(discovery: Discovery, law: Law) -> bool:
     """Return whether the readings of a law and the best law differ by less than rivals do."""
     difference = discovery.noise.whiten(law.residuals - discovery.best.residuals)
-    return float(difference.square().sum()) < AMBIGUOUS
+    return float(difference.square().sum()) < AMBIGUITY_MARGIN

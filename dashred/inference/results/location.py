@@ -46,9 +46,9 @@ def locate(
     total = float(shares.sum())
     power = ratios.square().sum(dim=1)
     # Samples that either law leaves out, such as spikes, are not compared.
-    left_out = law.residuals.isnan() | discovery.nothing.residuals.isnan()
+    left_out = law.residuals.isnan() | discovery.uncorrected.residuals.isnan()
     noise = replace(discovery.noise, available=discovery.noise.available & ~left_out)
-    before, after = noise.whiten(discovery.nothing.residuals), noise.whiten(law.residuals)
+    before, after = noise.whiten(discovery.uncorrected.residuals), noise.whiten(law.residuals)
     available = noise.available
     return Where(
         equation={
@@ -59,9 +59,9 @@ def locate(
         time=[float(times[0]), float(times[-1])],
         states=active_states(system, states, power, _reads(system, law)) if total else None,
         sensors=_sensors(sensors, before, after, available, len(law.candidates)),
-        significance=_significance(before, after, len(law.candidates), discovery.tried),
+        significance=_significance(before, after, len(law.candidates), discovery.refit_count),
         profile=_profile(times, before, after, available),
-        forcing=_forcing(system, discovery.forcing),
+        forcing=_forcing(system, discovery.forcing_map),
     )
 
 

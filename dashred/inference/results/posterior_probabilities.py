@@ -13,7 +13,7 @@ def posterior_probabilities(discovery: Discovery) -> list[tuple[Law, float]]:
     """Return each law with its probability among all laws, including the empty law."""
     laws = list(discovery.laws)
     if all(law.candidates for law in laws):
-        laws.append(discovery.nothing)
+        laws.append(discovery.uncorrected)
     lowest = min(law.score for law in laws)
     weights = [math.exp((lowest - law.score) / 2) for law in laws]
     total = math.fsum(weights)

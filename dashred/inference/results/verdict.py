@@ -11,7 +11,7 @@ from torch import Tensor
 from dashred.core.findings.cause_schema import Cause, SensorFaultFound, Verdict
 from dashred.inference.fit.law import Law, SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
-from dashred.inference.hypotheses.result import MISSING, Discovery
+from dashred.inference.hypotheses.result import MIN_FORCING_GAIN, Discovery
 from dashred.inference.results.posterior_probabilities import posterior_probabilities
 
 # If a larger share of the misfit is not noise, no start alone explains the recording: the residuals
@@ -56,7 +56,7 @@ def verdict(
     if reason := _not_converged(discovery, unexplained):
         return "not-converged", [reason]
     causes = _causes(discovery, details)
-    if discovery.forcing_gain > MISSING:
+    if discovery.forcing_gain > MIN_FORCING_GAIN:
         return "outside-library", [_outside(discovery), *causes]
     kinds = {_kind(law) for law in (discovery.best, *discovery.rivals)}
     # Rivals do not make the verdict ambiguous if all are laws of the extended library.
@@ -84,7 +84,7 @@ def unexplained_share(stated: Tensor | None, found: NoiseModel) -> float | None:
 def _not_converged(discovery: Discovery, unexplained: float | None) -> Cause | None:
     """Return the reason why the search did not converge; None if it converged."""
     cause: Cause = {"kind": "not-converged", "probability": 1.0, "where": None}
-    if not discovery.reached:
+    if not discovery.is_horizon_complete:
         samples, level = discovery.levels[-1] if discovery.levels else (0, float("nan"))
         cause["reason"], cause["misfit"] = "window-not-reached", level
         cause["samples"], cause["samples_in_all"] = samples, len(discovery.noise.available)
@@ -98,7 +98,7 @@ def _not_converged(discovery: Discovery, unexplained: float | None) -> Cause | N
         is_empty
         and unexplained is not None
         and unexplained > UNEXPLAINED
-        and discovery.forcing_gain <= MISSING
+        and discovery.forcing_gain <= MIN_FORCING_GAIN
     ):
         cause["reason"], cause["unexplained"] = "misfit-unexplained", unexplained
         return cause

@@ -21,7 +21,7 @@ from dashred.inference.fit.stepwise_selection import (
 )
 from dashred.inference.forward.candidates import Candidate, build_candidates, indices_by_name
 from dashred.inference.hypotheses.comparison.compare_hypotheses import Comparison
-from dashred.inference.hypotheses.result import MISSING, BestOfSize, Discovery
+from dashred.inference.hypotheses.result import MIN_FORCING_GAIN, BestOfSize, Discovery
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline.assimilation import Assimilated
@@ -111,19 +111,19 @@ def discover(
     free = part.noise.whiten(walked.readings - part.recorded).square().sum()
     return Discovery(
         laws=weighed.laws,
-        nothing=weighed.nothing,
+        uncorrected=weighed.uncorrected,
         noise=weighed.noise,
         first_guesses={g.name: g.error for g in guesses},
         first_guess=guess.name,
         levels=walked.levels,
-        reached=walked.is_complete or _explains(problem, weighed),
+        is_horizon_complete=walked.is_complete or _explains(problem, weighed),
         # A walk that got lost says nothing of what can be reached over the whole record.
         free_chi2=float(free) / part.noise.count if walked.is_complete else weighed.laws[0].chi2,
-        exhausted=selection.exhausted,
+        is_search_complete=selection.exhausted,
         path=path,
-        tried=len(selection.tried),
-        forcing_gain=weighed.gain,
-        forcing=weighed.forcing,
+        refit_count=len(selection.tried),
+        forcing_gain=weighed.forcing_gain,
+        forcing_map=weighed.forcing_map,
     )
 
 
@@ -145,7 +145,7 @@ def _explains(problem: Problem, weighed: Comparison) -> bool:
         return False
     best = weighed.laws[0]
     found = best.window is not None or best.fault is not None or best.start_prior_factor > 1
-    return found or weighed.gain <= MISSING
+    return found or weighed.forcing_gain <= MIN_FORCING_GAIN
 
 
 def _proposals(

@@ -21,9 +21,9 @@ from dashred.inference.hypotheses.comparison.compare_hypotheses import (
     Comparison,
     compare_hypotheses,
 )
-from dashred.inference.hypotheses.extended.extended_library import extended_candidates
+from dashred.inference.hypotheses.extended.extended_library import build_extended_candidates
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
-from dashred.inference.hypotheses.result import AMBIGUOUS
+from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.physics.window import window_shapes
@@ -94,12 +94,12 @@ def run_comparison(
         for law, fit in zip(laws, ranked, strict=True)
     ]
     found = fits[0] if reached else empty
-    near = [fit for fit in fits[1:] if fit.law.score < laws[0].score + AMBIGUOUS]
+    near = [fit for fit in fits[1:] if fit.law.score < laws[0].score + AMBIGUITY_MARGIN]
     additions = Additions(
         global_count=len(known),
-        size=_tendency_size(problem.system, nominal.states, times),
-        compiled=lambda: _with_windows(problem, [*known, *local]),
-        extended=lambda: extended_candidates(
+        tendency_rms=_tendency_size(problem.system, nominal.states, times),
+        windowed_simulator=lambda: _with_windows(problem, [*known, *local]),
+        extended_candidates=lambda: build_extended_candidates(
             problem.system, problem.library, nominal.states, times
         ),
     )

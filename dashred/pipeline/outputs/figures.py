@@ -68,7 +68,7 @@ def _learning(analysis: Analysis) -> Figure:
 def _evidence(analysis: Analysis, findings: Findings) -> Figure:
     found = analysis.discovered
     path = [(len(best.candidates), best.score) for best in found.path]
-    return evidence_figure(path, findings["terms"] or [], found.on_path)
+    return evidence_figure(path, findings["terms"] or [], found.path_index)
 
 
 def _fields(problem: Problem, analysis: Analysis) -> Figure:

@@ -47,7 +47,7 @@ def draw_sparsity(analysis: Analysis) -> Figure:
     latent = {TITLES[name]: _path(fit) for name, fit in analysis.found.proposals.items()}
     discovered = analysis.discovered
     law = [(len(best.candidates), best.rmse, best.score) for best in discovered.path]
-    return accuracy_against_sparsity(latent, law, discovered.on_path)
+    return accuracy_against_sparsity(latent, law, discovered.path_index)
 
 
 def draw_learning(named: Mapping[str, Sequence[tuple[int, float]]]) -> Figure:

@@ -26,8 +26,8 @@ from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.sensors.fault_in_units import fault_in_units
 from dashred.inference.hypotheses.sensors.faults import Fault, fit_fault
-from dashred.inference.hypotheses.sensors.leave_one_sensor_out import beside_the_fault
-from dashred.inference.hypotheses.sensors.suspects import suspects
+from dashred.inference.hypotheses.sensors.leave_one_sensor_out import add_fault
+from dashred.inference.hypotheses.sensors.suspected_faults import find_suspected_faults
 from dashred.physics.forcing_basis import ForcingBasis
 from dashred.physics.window import onset
 from tests.swing import Swing, noisy
@@ -168,7 +168,7 @@ def test_a_fault_of_one_episode_is_compared_with_its_sensor(swing, z):
     recorded[1][20:, 0] = recorded[1][20, 0]
     posed = objective(swing, recorded)
     phi = torch.cat([z, torch.tensor(XI, dtype=torch.float64)])
-    found = list(suspects(posed, posed.linearise(phi)))
+    found = list(find_suspected_faults(posed, posed.linearise(phi)))
     kinds = [(fault.kind, fault.sensor) for fault in found]
     # The column is in the second of three episodes with two sensors each.
     assert ("stuck", 2) in kinds
@@ -178,7 +178,7 @@ def test_a_fault_of_one_episode_is_compared_with_its_sensor(swing, z):
     assert told.sensor == "place" and told.begin == pytest.approx(63.0, abs=0.2)
     assert told.episode == 1
     law = build_law(posed, minimise(posed, phi, 3, 1e-3), 0.0)
-    assert beside_the_fault(HypothesisFit(law, posed, phi), stuck.sensor).law.fault is not None
+    assert add_fault(HypothesisFit(law, posed, phi), stuck.sensor).law.fault is not None
 
 
 @pytest.mark.parametrize("block_size", [1, 100, 10**9])

@@ -139,8 +139,8 @@ def test_the_empty_law_counts_once(flow: System) -> None:
     nothing = laws.law(score=1.0)
     best = laws.law([u], [0.1])
     for tried in (
-        laws.discovery(best, nothing=nothing),
-        laws.discovery(best, nothing, nothing=nothing),
+        laws.discovery(best, uncorrected=nothing),
+        laws.discovery(best, nothing, uncorrected=nothing),
     ):
         shares = [p for _, p in posterior_probabilities(tried)]
         assert shares == pytest.approx([0.62246, 0.37754], rel=1e-4)
@@ -218,7 +218,7 @@ def test_the_law_that_is_reported_is_looked_up_on_the_path(flow: System) -> None
 
     def on_path(*candidates: Candidate) -> int | None:
         values = [0.1] * len(candidates)
-        return laws.discovery(laws.law(list(candidates), values), path=path).on_path
+        return laws.discovery(laws.law(list(candidates), values), path=path).path_index
 
     assert on_path() == 0
     assert on_path(u) == 1

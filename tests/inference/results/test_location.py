@@ -115,7 +115,7 @@ def law_with_residuals(first: float, then: float) -> Law:
 
 def test_a_law_has_a_gain_where_the_misfit_decreases(flow: System) -> None:
     best = laws.law([laws.term(flow, "u", "u")], [0.1])
-    where = found(flow, laws.discovery(best, nothing=law_with_residuals(3.0, 3.0)))
+    where = found(flow, laws.discovery(best, uncorrected=law_with_residuals(3.0, 3.0)))
     first, second, _ = where["sensors"]
     assert first["name"] == "a" and first["gain"] == pytest.approx(8.0)
     assert first["before"] == pytest.approx(9.0) and first["after"] == pytest.approx(1.0)
@@ -127,7 +127,7 @@ def test_the_profile_in_time(flow: System) -> None:
     best = laws.law([laws.term(flow, "u", "u")], [0.1])
     available = torch.ones(laws.SAMPLES, laws.SENSORS, dtype=torch.bool)
     available[5] = False
-    discovery = laws.discovery(best, nothing=law_with_residuals(1.0, 4.0), seen=available)
+    discovery = laws.discovery(best, uncorrected=law_with_residuals(1.0, 4.0), seen=available)
     profile = found(flow, discovery)["profile"]
     assert profile["times"] == pytest.approx(TIMES.tolist())
     assert profile["before"][4] == pytest.approx(1.0) and profile["before"][5] is None
@@ -137,9 +137,9 @@ def test_the_profile_in_time(flow: System) -> None:
 def test_significance_is_corrected_for_the_search(flow: System) -> None:
     u = laws.term(flow, "u", "u")
     # χ² falls from 120·1.1² to 120, by 25.2: p of one coefficient 5.2e-7, fifty tries.
-    close = laws.discovery(laws.law([u], [0.1]), nothing=laws.law(misfit=1.1))
+    close = laws.discovery(laws.law([u], [0.1]), uncorrected=laws.law(misfit=1.1))
     assert found(flow, close)["significance"] == pytest.approx(50 * 5.18e-7, rel=0.01)
-    useless = laws.discovery(laws.law([u], [0.1]), nothing=laws.law(misfit=1.0))
+    useless = laws.discovery(laws.law([u], [0.1]), uncorrected=laws.law(misfit=1.0))
     assert found(flow, useless)["significance"] == 1.0
 
 
@@ -153,7 +153,7 @@ def test_omitted_samples_do_not_change_the_significance(flow: System) -> None:
 
 
 def test_an_empty_law_acts_nowhere(flow: System) -> None:
-    where = found(flow, laws.discovery(laws.law(), nothing=laws.law()))
+    where = found(flow, laws.discovery(laws.law(), uncorrected=laws.law()))
     assert where["equation"] == {"u": 0.0, "lam": 0.0}
     assert where["states"] is None and where["significance"] is None
     assert where["time"] == pytest.approx([0.0, 3.9])

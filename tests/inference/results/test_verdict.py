@@ -111,7 +111,7 @@ def test_a_larger_law_of_an_exhausted_search_is_no_rival(flow: System) -> None:
     both = laws.law([u, cubic], [0.1, 0.0], score=2.0)
     best = laws.law([u], [0.1])
     assert verdict(laws.discovery(best, both))[0] == "missing-term"
-    assert verdict(laws.discovery(best, both, exhausted=False))[0] == "ambiguous"
+    assert verdict(laws.discovery(best, both, is_search_complete=False))[0] == "ambiguous"
 
 
 def test_a_windowed_term_is_no_rival_of_its_parameter(
@@ -124,12 +124,12 @@ def test_a_windowed_term_is_no_rival_of_its_parameter(
     assert verdict(laws.discovery(laws.law([nu], [0.1]), larger))[0] == "ambiguous"
     same = laws.law([replace(nu, replaces=(u.key,))], [0.1])
     assert verdict(laws.discovery(same, larger))[0] == "parameter"
-    assert verdict(laws.discovery(same, larger, exhausted=False))[0] == "ambiguous"
+    assert verdict(laws.discovery(same, larger, is_search_complete=False))[0] == "ambiguous"
 
 
 def test_an_incomplete_horizon_has_not_converged(flow: System) -> None:
     best = laws.law([laws.term(flow, "u", "u")], [0.1])
-    found, causes = verdict(laws.discovery(best, reached=False))
+    found, causes = verdict(laws.discovery(best, is_horizon_complete=False))
     assert found == "not-converged"
     [cause] = causes
     assert "the first 40 of 40 samples" in str(cause_text(cause)) and "terms" not in cause

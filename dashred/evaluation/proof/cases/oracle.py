@@ -27,7 +27,7 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate, build_candidates
-from dashred.inference.hypotheses.windows.windowed_hypothesis import Guess, Hypothesis
+from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis, WindowGuess
 from dashred.inference.initial_state.start_models import StartModel, project_state
 from dashred.physics.library import resolve
 from dashred.physics.system import Term
@@ -168,7 +168,7 @@ def _penalty(
         kind = next(kind for kind in kinds if kind is not None)
         shape = next(s for s in window_shapes(problem.system) if kind == (s.of, s.side))
         places = (0.0,) * len(shape.names)
-        guess = Guess(shape, places, places)
+        guess = WindowGuess(shape, places, places)
     hypothesis = Hypothesis(everywhere, inside, guess)
     return hypothesis.penalty(noise.effective_count, p, len(window_shapes(problem.system)))
 
