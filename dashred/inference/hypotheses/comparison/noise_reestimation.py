@@ -33,7 +33,9 @@ def refit_under_best_noise(fits: Sequence[HypothesisFit]) -> list[HypothesisFit]
     """
     best = min(fits, key=by_score)
     [readings] = best.objective.forward_model.readings(*best.objective.split(best.phi[None]))
-    noise = best.objective.estimate_noise(readings, best.normal.effective_parameters(range(len(best.phi))))
+    noise = best.objective.estimate_noise(
+        readings, best.normal.effective_parameters(range(len(best.phi)))
+    )
     bound = best.law.score + REJECTION_MARGIN
     plausible = [fit for fit in fits if fit.law.score < bound or not fit.law.parts]
     refits = [refit_under_noise(fit, noise) for fit in plausible]

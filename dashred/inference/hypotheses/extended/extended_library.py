@@ -170,7 +170,9 @@ def _fit(
             objective, begin, torch.cat([start, coefficients[:1]])
         )
     else:
-        law_problem = objective.with_candidates([objective.forward_model.law.candidates[j] for j in law.members])
+        law_problem = objective.with_candidates(
+            [objective.forward_model.law.candidates[j] for j in law.members]
+        )
         fitted = minimise(law_problem, torch.cat([start, coefficients]), STEPS, TOLERANCE)
     fitted_law = build_law(law_problem, fitted, fitted.cost + penalty)
     return HypothesisFit(fitted_law, law_problem, fitted.phi)

@@ -155,7 +155,9 @@ def _profile_out_base(linear: NormalEquations, own: int) -> ProfiledProblem:
     scale = linear.precision[:own].sqrt()
     scaled = torch.cat([linear.jacobian[:, :own] / scale, linear.jacobian[:, own:]], dim=1)
     unknowns = torch.cat([linear.phi[:own] * scale, linear.phi[own:]])
-    return ProfiledProblem.from_normal_equations(replace(linear, jacobian=scaled, phi=unknowns), own)
+    return ProfiledProblem.from_normal_equations(
+        replace(linear, jacobian=scaled, phi=unknowns), own
+    )
 
 
 def _fit_wave(
