@@ -28,7 +28,7 @@ from dashred.physics.system import System
 from dashred.pipeline.assimilation import sensor_data
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation import Nominal, shares, together
-from dashred.pipeline.training import Learned, train_shred
+from dashred.pipeline.training import TrainedNetwork, train_shred
 from dashred.pipeline.trajectories import Trajectories
 
 # What run.json calls the seconds of one step of the corrected surrogate.
@@ -42,10 +42,10 @@ def retrain(
     nominal: Nominal,
     law: Law,
     free: Trajectories,
-    learned: Learned,
+    learned: TrainedNetwork,
     run: RunTracker,
     seconds: dict[str, float],
-) -> tuple[Learned, list[Tensor]]:
+) -> tuple[TrainedNetwork, list[Tensor]]:
     """Train SHRED on the corrected simulator and read the recording with it.
 
     The members start about the fitted start, nearer to it than the prior's are to theirs: the
@@ -89,7 +89,7 @@ def retrain(
     return found, list(read.split(counts))
 
 
-def log_model(problem: Problem, learned: Learned, run: MlflowRun, seconds: dict[str, float]) -> str:
+def log_model(problem: Problem, network: TrainedNetwork, run: MlflowRun, seconds: dict[str, float]) -> str:
     """Log the network as an MLflow model; returns its URI."""
     with stage("log the surrogate", seconds) as report:
         windows = sensor_data(problem).windows

@@ -24,7 +24,7 @@ METRIC = "rmse/field_members"
 
 
 @dataclass(frozen=True)
-class Learned:
+class TrainedNetwork:
     """SHRED, trained.
 
     Attributes:
@@ -42,8 +42,8 @@ class Learned:
 
 
 @dataclass(frozen=True)
-class KeptNetwork:
-    """What a checkpoint holds of a :class:`Learned`: no module, its weights alone."""
+class StoredNetwork:
+    """What a checkpoint holds of a :class:`TrainedNetwork`: no module, its weights alone."""
 
     weights: dict[str, Tensor]
     grid: tuple[int, ...]
@@ -52,16 +52,16 @@ class KeptNetwork:
     curves: dict[str, list[tuple[int, float]]]
 
     @classmethod
-    def of(cls, learned: Learned) -> KeptNetwork:
+    def of(cls, learned: TrainedNetwork) -> StoredNetwork:
         """Take it out of the network."""
         shred = learned.shred
         weights = dict(shred.state_dict())
         return cls(weights, shred.pod.grid, learned.test_rmse, learned.scale, learned.curves)
 
-    def restored(self) -> Learned:
+    def restored(self) -> TrainedNetwork:
         """Return the network again."""
         shred = SHRED.from_weights(self.weights, self.grid)
-        return Learned(shred, self.test_rmse, self.scale, self.curves)
+        return TrainedNetwork(shred, self.test_rmse, self.scale, self.curves)
 
 
 def train_shred(
@@ -71,7 +71,7 @@ def train_shred(
     seconds: dict[str, float],
     name: str,
     begin: SHRED | None = None,
-) -> Learned:
+) -> TrainedNetwork:
     """Train SHRED on simulated members; nothing real is in reach here.
 
     Args:
@@ -123,7 +123,7 @@ def train_shred(
         test_rmse = _test(shred, data, problem.system.fields)
         child.log_metrics({f"test/{k}": v for k, v in test_rmse.items()}, best.best_epoch)
         report(1.0, f"field RMSE {test_rmse['all']:.3f} std on unseen members")
-    return Learned(shred, test_rmse, data.pod.scale, curves.history)
+    return TrainedNetwork(shred, test_rmse, data.pod.scale, curves.history)
 
 
 def make_trainer(

@@ -38,44 +38,44 @@ def discover(config: Config, recorded: Episodes) -> Result:
         InputError: the input is wrong.
     """
     clock = time.perf_counter()
-    posed = build_problem(config, recorded)
+    problem = build_problem(config, recorded)
     # With no store there is nowhere to log a model to.
-    posed = replace(posed, config=_untracked(config))
+    problem = replace(problem, config=_untracked(config))
     seconds: dict[str, float] = {}
-    found = _of_snapshots if posed.snapshots is not None else _of_equations
-    result = found(posed, seconds)
+    found = _of_snapshots if problem.snapshots is not None else _of_equations
+    result = found(problem, seconds)
     seconds["in all"] = time.perf_counter() - clock
     return result
 
 
-def _of_equations(posed: Problem, seconds: dict[str, float]) -> Result:
-    simulated = equations.simulate(posed, seconds)
-    posed = simulated.problem
+def _of_equations(problem: Problem, seconds: dict[str, float]) -> Result:
+    simulated = equations.simulate(problem, seconds)
+    problem = simulated.problem
     if simulated.ensemble is None:
         return _unresolved(
-            posed, verification.unresolved_findings(posed, simulated.resolution), seconds
+            problem, verification.unresolved_findings(problem, simulated.resolution), seconds
         )
     analysis = equations.discover(
         simulated, simulated.ensemble, NullTracker(), NoCheckpoints(), seconds
     )
-    findings = verification.verify(posed, analysis)
+    findings = verification.verify(problem, analysis)
 
     def write(folder: Path) -> None:
-        verification.write_findings(posed, analysis, findings, folder)
-        report.report(posed, analysis, findings, folder, {})
+        verification.write_findings(problem, analysis, findings, folder)
+        report.report(problem, analysis, findings, folder, {})
 
     return Result(
         findings=canonical(findings),
-        estimates=verification.estimates_dataset(posed, analysis),
-        forecast=verification.forecast_dataset(posed, analysis),
-        find_corrected=partial(_corrected, posed, analysis, findings),
-        figures=figures_of(posed, analysis, findings),
-        mostly=report.mostly_words(posed, findings),
-        write=partial(_save, posed.config, findings, seconds, write),
+        estimates=verification.estimates_dataset(problem, analysis),
+        forecast=verification.forecast_dataset(problem, analysis),
+        find_corrected=partial(_corrected, problem, analysis, findings),
+        figures=figures_of(problem, analysis, findings),
+        mostly=report.mostly_words(problem, findings),
+        write=partial(_save, problem.config, findings, seconds, write),
     )
 
 
-def _unresolved(posed: Problem, findings: Findings, seconds: dict[str, float]) -> Result:
+def _unresolved(problem: Problem, findings: Findings, seconds: dict[str, float]) -> Result:
     def write(folder: Path) -> None:
         verification.freeze_findings(folder, findings, [])
         report.report_unresolved(findings, folder)
@@ -87,27 +87,27 @@ def _unresolved(posed: Problem, findings: Findings, seconds: dict[str, float]) -
         find_corrected=lambda: None,
         figures={},
         mostly=[],
-        write=partial(_save, posed.config, findings, seconds, write),
+        write=partial(_save, problem.config, findings, seconds, write),
     )
 
 
-def _of_snapshots(posed: Problem, seconds: dict[str, float]) -> Result:
-    posed, runs = black_box.read_snapshots(posed, seconds)
-    analysis = black_box.discover(posed, runs, NullTracker(), NoCheckpoints(), seconds)
-    findings = black_box_findings.verify(posed, analysis)
+def _of_snapshots(problem: Problem, seconds: dict[str, float]) -> Result:
+    problem, runs = black_box.read_snapshots(problem, seconds)
+    analysis = black_box.discover(problem, runs, NullTracker(), NoCheckpoints(), seconds)
+    findings = black_box_findings.verify(problem, analysis)
 
     def write(folder: Path) -> None:
-        black_box_findings.write(posed, analysis, findings, folder)
-        black_box_report.report(posed, analysis, findings, folder, {})
+        black_box_findings.write(problem, analysis, findings, folder)
+        black_box_report.report(problem, analysis, findings, folder, {})
 
     return Result(
         findings=canonical(findings),
-        estimates=black_box_findings.estimates_dataset(posed, analysis),
+        estimates=black_box_findings.estimates_dataset(problem, analysis),
         forecast=None,
         find_corrected=lambda: None,
-        figures=black_box_report.figures_of(posed, analysis),
+        figures=black_box_report.figures_of(problem, analysis),
         mostly=[],
-        write=partial(_save, posed.config, findings, seconds, write),
+        write=partial(_save, problem.config, findings, seconds, write),
     )
 
 
@@ -115,12 +115,12 @@ def _untracked(config: Config) -> Config:
     return replace(config, tracking=replace(config.tracking, model=False))
 
 
-def _corrected(posed: Problem, analysis: Analysis, findings: Findings) -> Simulator | None:
+def _corrected(problem: Problem, analysis: Analysis, findings: Findings) -> Simulator | None:
     if findings["corrected"] is None:
         return None
-    law = analysis.discovered.best
-    system, start = correct(posed.system, law), law.start[0]
-    return Simulator(system, lambda: start, posed.times[: len(posed.split.fit.times)])
+    law = analysis.discovery.best
+    system, start = correct(problem.system, law), law.start[0]
+    return Simulator(system, lambda: start, problem.times[: len(problem.split.fit.times)])
 
 
 def _save(

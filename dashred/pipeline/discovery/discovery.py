@@ -18,23 +18,23 @@ from dashred.inference.hypotheses.comparison.compare_hypotheses import Compariso
 from dashred.inference.hypotheses.result import MISSING, BestOfSize, Discovery
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
-from dashred.pipeline.assimilation import Assimilated
+from dashred.pipeline.assimilation import AssimilationResult
 from dashred.pipeline.discovery.first_guess_stage import fit_first_guesses
 from dashred.pipeline.discovery.horizon_stage import (
     fit_from_first_guesses,
     walk_on,
     with_noise_after,
 )
-from dashred.pipeline.discovery.hypothesis_stage import inflated, run_comparison
+from dashred.pipeline.discovery.hypothesis_stage import is_noise_inflated, compare_explanations
 from dashred.pipeline.discovery.objectives import (
     build_least_squares,
     exact_simulator,
-    rough_simulator,
+    coarse_simulator,
 )
 from dashred.pipeline.discovery.prior_start import select_near_prior
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation import Nominal
-from dashred.pipeline.training import Learned
+from dashred.pipeline.training import TrainedNetwork
 
 # A step that gains a smaller share of F ends a fit: of the law, and of the simulator as it is,
 # whose misfit is so large that more would be spent for nothing.
@@ -50,8 +50,8 @@ def discover(
     nominal: Nominal,
     resolution: Resolution,
     ensemble: Ensemble,
-    learned: Learned,
-    found: Assimilated,
+    learned: TrainedNetwork,
+    found: AssimilationResult,
     run: RunTracker,
     seconds: dict[str, float],
 ) -> Discovery:
@@ -64,15 +64,15 @@ def discover(
     with run.child("discover") as child:
         with stage("seed the start", seconds) as report:
             simulator = exact_simulator(problem, candidates)
-            rough = rough_simulator(problem, simulator, resolution)
-            guesses = fit_first_guesses(problem, rough, nominal, ensemble, learned, found, report)
+            coarse = coarse_simulator(problem, simulator, resolution)
+            guesses = fit_first_guesses(problem, coarse, nominal, ensemble, learned, found, report)
             report(
                 1.0, ", ".join(f"{g.name} {g.error:.2f}" for g in guesses) + " σ off its sensors"
             )
         errors = {f"seed/{g.name}": g.error for g in guesses if math.isfinite(g.error)}
         child.log_metrics(errors, 0)
         with stage("grow the horizon", seconds) as report:
-            guess, walked = fit_from_first_guesses(problem, rough, candidates, guesses, report)
+            guess, walked = fit_from_first_guesses(problem, coarse, candidates, guesses, report)
             child.set_tags({"seed of the start": guess.name})
         for samples, level in walked.levels:
             child.log_metrics({"horizon/chi2": level}, samples)
@@ -93,7 +93,7 @@ def discover(
         with stage("weigh other causes", seconds) as report:
             seen = replace(selection.objective.noise, seen=objective.noise.seen)
             whole, reach = replace(objective, noise=seen), walked.samples
-            weighed = run_comparison(
+            weighed = compare_explanations(
                 problem, nominal, whole, reach, laws, ranked, nothing, guesses[0], report
             )
             report(1.0, str(weighed.laws[0]))
@@ -135,7 +135,7 @@ def _explains(problem: Problem, weighed: Comparison) -> bool:
     What is fitted to all of it, and leaves nothing to a free forcing, has got lost nowhere: if what
     it leaves is noise.
     """
-    if inflated(problem, weighed.noise):
+    if is_noise_inflated(problem, weighed.noise):
         return False
     best = weighed.laws[0]
     found = best.window is not None or best.fault is not None or best.widened > 1
@@ -143,7 +143,7 @@ def _explains(problem: Problem, weighed: Comparison) -> bool:
 
 
 def _proposals(
-    problem: Problem, candidates: Sequence[Candidate], found: Assimilated
+    problem: Problem, candidates: Sequence[Candidate], found: AssimilationResult
 ) -> list[tuple[int, ...]]:
     """Return the sets that Algorithms 1 and 2 propose, as candidates."""
     index = indices_by_name(candidates)

@@ -25,7 +25,7 @@ from dashred.inference.initial_state.first_guesses import (
 from dashred.inference.initial_state.start_models import StartModel
 from dashred.physics.library import resolve
 from dashred.physics.runs.ensemble import Ensemble
-from dashred.pipeline.assimilation import Assimilated
+from dashred.pipeline.assimilation import AssimilationResult
 from dashred.pipeline.discovery.objectives import (
     build_least_squares,
     for_each_episode,
@@ -34,7 +34,7 @@ from dashred.pipeline.discovery.objectives import (
 )
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation import Nominal
-from dashred.pipeline.training import Learned
+from dashred.pipeline.training import TrainedNetwork
 
 # A first guess goes before the prior where the prior's error is this many times as large: what a
 # simulator leaves out is in the errors of all, and a front at another phase is far more than that.
@@ -66,8 +66,8 @@ def fit_first_guesses(
     simulator: Simulator,
     nominal: Nominal,
     ensemble: Ensemble,
-    learned: Learned,
-    found: Assimilated,
+    learned: TrainedNetwork,
+    found: AssimilationResult,
     report: Report,
 ) -> list[FittedGuess]:
     """Fit every first guess to the first window; return the best on validation first."""

@@ -42,7 +42,7 @@ INFLATED = 1.3
 FIRST = 6
 
 
-def run_comparison(
+def compare_explanations(
     problem: Problem,
     nominal: Nominal,
     objective: LeastSquaresProblem,
@@ -69,7 +69,7 @@ def run_comparison(
     """
     best, times = ranked[0], problem.times
     reached = samples == len(objective.recorded)
-    if inflated(problem, objective.noise):
+    if is_noise_inflated(problem, objective.noise):
         # A sensor at fault can do that, and laws that were fitted under such noise say nothing.
         reached, objective = False, replace(objective, noise=fit_noise(problem))
     known = list(objective.forward_model.law.candidates)
@@ -125,7 +125,7 @@ def _beside(weighed: Comparison, laws: Sequence[Law], objective: LeastSquaresPro
     return replace(weighed, laws=ranked, noise=objective.noise)
 
 
-def inflated(problem: Problem, noise: NoiseModel) -> bool:
+def is_noise_inflated(problem: Problem, noise: NoiseModel) -> bool:
     """Tell whether the noise that was found is far above what the recording says of itself."""
     stated = all(sensor.std is not None for sensor in problem.split.fit.sensors)
     ratio = float((noise.std / fit_noise(problem).std).median())

@@ -44,7 +44,7 @@ def simulator_with(
     return Simulator([first, *further])
 
 
-def rough_simulator(problem: Problem, simulator: Simulator, resolution: Resolution) -> Simulator:
+def coarse_simulator(problem: Problem, simulator: Simulator, resolution: Resolution) -> Simulator:
     """Return the simulator that is good enough while the horizon grows.
 
     With the derivative's longer steps, if their error, of fourth order, stays far below the noise.
@@ -74,7 +74,7 @@ def fit_noise(problem: Problem) -> NoiseModel:
     return NoiseModel(std, torch.zeros_like(std), ~torch.isnan(_recorded(problem)))
 
 
-def sound_noise(problem: Problem, law: Law) -> NoiseModel:
+def noise_of_sound_sensors(problem: Problem, law: Law) -> NoiseModel:
     """Return the same of one episode, in which a sensor that is at fault is not seen.
 
     The only sensor that there is stays: without it nothing could be fitted at all.

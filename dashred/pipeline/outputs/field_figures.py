@@ -61,8 +61,8 @@ def draw_where(problem: Problem, analysis: Analysis, where: Where) -> Figure:
     if len(system.axes) != 1:
         return where_figure(where, None, system.units)
     [axis], count = system.axes, len(fit.times)
-    states = analysis.free.states["corrected"][:count]
-    tendency = law_tendency(system, analysis.discovered.best, states, problem.times[:count])
+    states = analysis.trajectories.states["corrected"][:count]
+    tendency = law_tendency(system, analysis.discovery.best, states, problem.times[:count])
     law_map = LawMap(
         axis.name,
         system.grid.own_coordinates[axis.name].numpy(),

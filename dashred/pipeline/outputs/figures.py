@@ -28,7 +28,7 @@ from dashred.reporting.figures.save import evidence_figure
 Figures = Mapping[str, Callable[[], Figure]]
 """What draws a figure, by the name of its file."""
 
-PANELS = ("simulation", "dashred", "corrected")
+PANEL_METHODS = ("simulation", "dashred", "corrected")
 
 
 def figures_of(problem: Problem, analysis: Analysis, findings: Findings) -> Figures:
@@ -36,9 +36,9 @@ def figures_of(problem: Problem, analysis: Analysis, findings: Findings) -> Figu
     found: dict[str, Callable[[], Figure]] = {}
     for number, (episode, mine) in enumerate(analysis.episodes(problem), start=1):
         found[sensors_of_episode(number)] = partial(draw_traces, episode, mine)
-    for whole, free in zip(problem.whole, analysis.free.whole, strict=True):
+    for whole, free in zip(problem.whole, analysis.trajectories.whole, strict=True):
         found[WHOLE] = partial(draw_whole_episode, whole, free)
-    found["coefficients.png"] = partial(draw_coefficients, problem, analysis.found)
+    found["coefficients.png"] = partial(draw_coefficients, problem, analysis.assimilated)
     found["sparsity.png"] = partial(draw_sparsity, analysis)
     found["learning.png"] = partial(_learning, analysis)
     found["verification.png"] = partial(draw_verification, problem, analysis, findings)
@@ -57,20 +57,20 @@ def figures_of(problem: Problem, analysis: Analysis, findings: Findings) -> Figu
 def _learning(analysis: Analysis) -> Figure:
     return draw_learning(
         {
-            "SHRED, unseen simulations": analysis.learned.curves["rmse/field_members"],
-            "DA-SHRED, fitted": analysis.found.curves["rmse/sensors_fit"],
-            "DA-SHRED, validation": analysis.found.curves["rmse/sensors_validate"],
-            "corrected SHRED": analysis.relearned.curves["rmse/field_members"],
+            "SHRED, unseen simulations": analysis.network.curves["rmse/field_members"],
+            "DA-SHRED, fitted": analysis.assimilated.curves["rmse/sensors_fit"],
+            "DA-SHRED, validation": analysis.assimilated.curves["rmse/sensors_validate"],
+            "corrected SHRED": analysis.corrected_network.curves["rmse/field_members"],
         }
     )
 
 
 def _evidence(analysis: Analysis, findings: Findings) -> Figure:
-    found = analysis.discovered
+    found = analysis.discovery
     path = [(len(best.candidates), best.score) for best in found.path]
     return evidence_figure(path, findings["terms"] or [], found.on_path)
 
 
 def _fields(problem: Problem, analysis: Analysis) -> Figure:
     estimates = analysis.estimates(len(problem.split.fit.times))
-    return draw_fields(problem, {name: x for name, x in estimates.items() if name in PANELS})
+    return draw_fields(problem, {name: x for name, x in estimates.items() if name in PANEL_METHODS})

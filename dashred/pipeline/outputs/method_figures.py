@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.physics.system import Term
 from dashred.pipeline.analysis import Analysis
-from dashred.pipeline.assimilation import Assimilated
+from dashred.pipeline.assimilation import AssimilationResult
 from dashred.pipeline.problem import Problem
 from dashred.reporting.figures.save import (
     LatentPath,
@@ -23,7 +23,7 @@ from dashred.reporting.figures.save import (
 TITLES = {"alg1": "Algorithm 1", "alg2": "Algorithm 2"}
 
 
-def draw_coefficients(problem: Problem, found: Assimilated) -> Figure:
+def draw_coefficients(problem: Problem, found: AssimilationResult) -> Figure:
     """Draw the coefficients of latent SINDy by epoch."""
     panels = {
         title: varying(problem.library, np.array(found.coefficients[name]))
@@ -44,8 +44,8 @@ def varying(library: list[Term], history: np.ndarray) -> dict[str, np.ndarray]:
 
 def draw_sparsity(analysis: Analysis) -> Figure:
     """Draw the accuracy of latent SINDy and of the law against the number of terms."""
-    latent = {TITLES[name]: _path(fit) for name, fit in analysis.found.proposals.items()}
-    discovered = analysis.discovered
+    latent = {TITLES[name]: _path(fit) for name, fit in analysis.assimilated.proposals.items()}
+    discovered = analysis.discovery
     law = [(len(best.candidates), best.rmse, best.score) for best in discovered.path]
     return accuracy_against_sparsity(latent, law, discovered.on_path)
 

@@ -35,7 +35,7 @@ def draw_verification(problem: Problem, analysis: Analysis, findings: Findings) 
     tested = problem.split.tested
     operator, total = problem.operator(tested), len(problem.times)
     traces = {
-        name: operator(states[:total]).numpy() for name, states in analysis.free.states.items()
+        name: operator(states[:total]).numpy() for name, states in analysis.trajectories.states.items()
     }
     fit = findings["fit"]
     errors: dict[str, Errors] = {name: cast(Errors, fit.get(name) or {}) for name in HELD_OUT}
@@ -53,7 +53,7 @@ def draw_verification(problem: Problem, analysis: Analysis, findings: Findings) 
 
 def draw_forecast(problem: Problem, analysis: Analysis) -> Figure:
     """Draw sensors of the held-out time on beyond the recording."""
-    free, heldout = analysis.free, problem.split.heldout
+    free, heldout = analysis.trajectories, problem.split.heldout
     recorded = _recorded(problem, list(heldout.names))
     operator = problem.operator(heldout)
     traces = {
@@ -115,7 +115,7 @@ def draw_traces(problem: Problem, analysis: Analysis) -> Figure:
     recording = all_sensors(problem)
     operator, sensors = problem.operator(recording), recording.sensors
     total, count = len(problem.times), len(split.fit.times)
-    states = analysis.free.states["corrected"][:total]
+    states = analysis.trajectories.states["corrected"][:total]
     traces = {"simulation": operator(analysis.nominal.states).numpy()}
     traces["corrected"] = operator(states).numpy()
     for method in ("shred", "dashred"):

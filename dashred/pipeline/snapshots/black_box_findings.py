@@ -24,7 +24,7 @@ from dashred.reporting.wording.findings_text import add_text
 
 def verify(problem: Problem, analysis: BlackBoxAnalysis) -> Findings:
     """Compare the methods with the held-out data and return the findings."""
-    found = {n: proposals(problem, fit) for n, fit in analysis.found.proposals.items()}
+    found = {n: proposals(problem, fit) for n, fit in analysis.assimilated.proposals.items()}
     kind: Verdict = "mismatch" if analysis.compared.seen else "no-mismatch-seen"
     source = build_input(problem)
     source["snapshots_sha256"] = analysis.runs.sha256

@@ -45,7 +45,7 @@ def figures_of(problem: Problem, analysis: BlackBoxAnalysis) -> Figures:
     """Return all figures, in the order in which they are drawn."""
     found: dict[str, Callable[[], Figure]] = {
         "sensor_traces.png": partial(_traces, problem, analysis),
-        "coefficients.png": partial(draw_coefficients, problem, analysis.found),
+        "coefficients.png": partial(draw_coefficients, problem, analysis.assimilated),
         "learning.png": partial(_learning, analysis),
     }
     if axes := len(problem.system.axes):
@@ -66,8 +66,8 @@ def _traces(problem: Problem, analysis: BlackBoxAnalysis) -> Figure:
 def _learning(analysis: BlackBoxAnalysis) -> Figure:
     return draw_learning(
         {
-            "SHRED, unseen snapshots": analysis.learned.curves["rmse/field_members"],
-            "DA-SHRED, fitted": analysis.found.curves["rmse/sensors_fit"],
-            "DA-SHRED, validation": analysis.found.curves["rmse/sensors_validate"],
+            "SHRED, unseen snapshots": analysis.network.curves["rmse/field_members"],
+            "DA-SHRED, fitted": analysis.assimilated.curves["rmse/sensors_fit"],
+            "DA-SHRED, validation": analysis.assimilated.curves["rmse/sensors_validate"],
         }
     )

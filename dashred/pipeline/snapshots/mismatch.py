@@ -13,7 +13,7 @@ from dashred.models.lag_windows import windows
 from dashred.models.shred import reconstruct
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.snapshots.snapshot_runs import SnapshotRuns
-from dashred.pipeline.training import Learned
+from dashred.pipeline.training import TrainedNetwork
 
 # A recording is inconsistent if its error exceeds that of all validation runs, and the mean of the
 # logarithm of theirs by this many standard deviations, which are at least FLOOR.
@@ -70,7 +70,7 @@ class Mismatch:
 
 @torch.no_grad()
 def compare(
-    problem: Problem, learned: Learned, runs: SnapshotRuns, steps: SnapshotSteps, shred: Tensor
+    problem: Problem, learned: TrainedNetwork, runs: SnapshotRuns, steps: SnapshotSteps, shred: Tensor
 ) -> Mismatch:
     """Compare the errors on the recording with those on validation runs.
 

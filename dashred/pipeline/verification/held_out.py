@@ -67,20 +67,20 @@ def _test_errors(problem: Problem, analysis: Analysis) -> Errors:
 def _heldout_errors(problem: Problem, analysis: Analysis) -> Errors:
     total = len(problem.times)
     begin = total - len(problem.split.heldout.times)
-    ends = {"simulation": analysis.nominal.states, **analysis.free.states}
+    ends = {"simulation": analysis.nominal.states, **analysis.trajectories.states}
     runs = {name: states[begin:total] for name, states in ends.items()}
     return _errors_at_heldout_times(problem, runs, [problem])
 
 
 def _restarted_errors(problem: Problem, analysis: Analysis) -> Errors:
-    corrected = analysis.free.states["corrected"][: len(problem.split.fit.times)]
-    restarted = restart(problem, analysis.discovered.best, corrected)
+    corrected = analysis.trajectories.states["corrected"][: len(problem.split.fit.times)]
+    restarted = restart(problem, analysis.discovery.best, corrected)
     return _errors_at_heldout_times(problem, restarted, [problem])
 
 
 def _held_out_episode_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
     """Return the RMSE of free runs after the fitted beginning of the held-out episode."""
-    [whole], [simulated], [free] = problem.whole, analysis.nominal.whole, analysis.free.whole
+    [whole], [simulated], [free] = problem.whole, analysis.nominal.whole, analysis.trajectories.whole
     ends = slice(len(whole.split.fit.times), len(whole.times))
     states = {"simulation": simulated, **free.states}
     runs = {name: path[ends] for name, path in states.items()}

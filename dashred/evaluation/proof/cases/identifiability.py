@@ -87,10 +87,10 @@ def _problem_at_truth(
     if name not in SIMULATOR_CACHE:
         SIMULATOR_CACHE[name] = exact_simulator(problem, library)
     weak = problem.config.discovery.weak
-    posed = build_least_squares(problem, SIMULATOR_CACHE[name], start, library, weak)
-    noise = replace(posed.noise, std=problem.noise_of(problem.split.fit.names))
+    objective = build_least_squares(problem, SIMULATOR_CACHE[name], start, library, weak)
+    noise = replace(objective.noise, std=problem.noise_of(problem.split.fit.names))
     true = chain(_terms(library, case_truth), _parameters(library, case_truth))
-    return replace(posed, noise=noise), dict(true)
+    return replace(objective, noise=noise), dict(true)
 
 
 def _terms(library: Sequence[Candidate], case_truth: CaseTruth) -> Iterator[tuple[int, float]]:

@@ -116,8 +116,8 @@ def _objective(
     """Return the least-squares problem of a law over the fit window."""
     simulator = exact_simulator(problem, candidates)
     weak = problem.config.discovery.weak
-    posed = build_least_squares(problem, simulator, start, candidates, weak)
-    return posed if noise is None else replace(posed, noise=noise)
+    objective = build_least_squares(problem, simulator, start, candidates, weak)
+    return objective if noise is None else replace(objective, noise=noise)
 
 
 def _fit_start(problem: Problem, start: StartModel, z: Tensor, noise: NoiseModel) -> Fitted:
