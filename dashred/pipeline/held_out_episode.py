@@ -50,7 +50,9 @@ def _fitted(episode: Problem, prior: StartModel, law: Law, system: System) -> Te
     )
     none = torch.zeros(0, dtype=torch.float64)
     recorded = torch.from_numpy(fit.values)
-    objective = LeastSquaresProblem(forward_model, recorded, noise_of_sound_sensors(episode, law), none)
+    objective = LeastSquaresProblem(
+        forward_model, recorded, noise_of_sound_sensors(episode, law), none
+    )
     begin = fit_first_window(objective, trace_std(episode)).phi
     z = minimise(objective, begin, STEPS, TOLERANCE).phi
     return prior.start(z[None])[0]

@@ -89,11 +89,13 @@ def retrain(
     return found, list(read.split(counts))
 
 
-def log_model(problem: Problem, network: TrainedNetwork, run: MlflowRun, seconds: dict[str, float]) -> str:
+def log_model(
+    problem: Problem, network: TrainedNetwork, run: MlflowRun, seconds: dict[str, float]
+) -> str:
     """Log the network as an MLflow model; returns its URI."""
     with stage("log the surrogate", seconds) as report:
         windows = sensor_data(problem).windows
-        uri = log_surrogate(run, learned.shred, windows, list(problem.split.inputs))
+        uri = log_surrogate(run, network.shred, windows, list(problem.split.inputs))
         run.set_tags({"surrogate": uri})
         report(1.0, uri)
     return uri

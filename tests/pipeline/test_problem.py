@@ -22,7 +22,7 @@ from dashred.reporting.text.sensor_faults import fault_text
 
 @pytest.fixture
 def make_problem(quick, tmp_path):
-    """``make_problem(values)``: the problem of six sensors of u with these values, of unknown noise."""
+    """Return a function that builds a problem with six sensors of u and unknown noise."""
 
     def build(
         values: NDArray[np.float64], *words: str, units: Mapping[str, str] = NO_UNITS

@@ -22,7 +22,7 @@ from dashred.core.system_errors import describe_system_error
 
 if TYPE_CHECKING:
     from dashred.evaluation.baselines.estimate import Estimate
-    from dashred.pipeline.problem import Problem, build_problem
+    from dashred.pipeline.problem import Problem
 
 FIELDS, LAWS = "baselines.nc", "baselines.json"
 METHODS = (
@@ -68,6 +68,7 @@ def analyse(config: Config) -> None:
     from dashred.evaluation.baselines.plain_shred import plain_shred
     from dashred.pipeline import simulation
     from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
+    from dashred.pipeline.problem import build_problem
     from dashred.pipeline.run import provenance
     from dashred.pipeline.run.output_dir import make_output
 
@@ -87,7 +88,10 @@ def analyse(config: Config) -> None:
     with Tracker.open(keep.root, experiment, "baselines", parent=keep.parent) as run:
         methods: dict[str, tuple[Callable[[], Estimate | None], dict[str, float]]] = {
             "closed_form": (partial(closed_form, problem, nominal.prior), {}),
-            "optimal_interpolation": (partial(optimal_interpolation, problem, plain), plain_seconds),
+            "optimal_interpolation": (
+                partial(optimal_interpolation, problem, plain),
+                plain_seconds,
+            ),
             "shred_plain": (partial(plain_shred, unchanged, plain, run), plain_seconds),
             "filter_state": (partial(filter_state, problem, plain), plain_seconds),
             "filter_augmented": (

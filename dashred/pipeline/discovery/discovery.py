@@ -25,11 +25,11 @@ from dashred.pipeline.discovery.horizon_stage import (
     walk_on,
     with_noise_after,
 )
-from dashred.pipeline.discovery.hypothesis_stage import is_noise_inflated, compare_explanations
+from dashred.pipeline.discovery.hypothesis_stage import compare_explanations, is_noise_inflated
 from dashred.pipeline.discovery.objectives import (
     build_least_squares,
-    exact_simulator,
     coarse_simulator,
+    exact_simulator,
 )
 from dashred.pipeline.discovery.prior_start import select_near_prior
 from dashred.pipeline.problem import Problem

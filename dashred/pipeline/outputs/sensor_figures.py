@@ -35,7 +35,8 @@ def draw_verification(problem: Problem, analysis: Analysis, findings: Findings) 
     tested = problem.split.tested
     operator, total = problem.operator(tested), len(problem.times)
     traces = {
-        name: operator(states[:total]).numpy() for name, states in analysis.trajectories.states.items()
+        name: operator(states[:total]).numpy()
+        for name, states in analysis.trajectories.states.items()
     }
     fit = findings["fit"]
     errors: dict[str, Errors] = {name: cast(Errors, fit.get(name) or {}) for name in HELD_OUT}

@@ -67,7 +67,9 @@ def analyse_runs(
 
 
 @torch.no_grad()
-def _learn_steps(problem: Problem, runs: SnapshotRuns, learned: training.TrainedNetwork) -> SnapshotSteps:
+def _learn_steps(
+    problem: Problem, runs: SnapshotRuns, learned: training.TrainedNetwork
+) -> SnapshotSteps:
     states, pod = runs.ensemble.states, learned.shred.pod
     shortest = min(states.shape[1], len(problem.split.fit.times))
     wanted = {*problem.config.latent_sindy.steps, max(1, shortest // LONG_STEP_DIVISOR)}

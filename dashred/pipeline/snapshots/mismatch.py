@@ -70,7 +70,11 @@ class Mismatch:
 
 @torch.no_grad()
 def compare(
-    problem: Problem, learned: TrainedNetwork, runs: SnapshotRuns, steps: SnapshotSteps, shred: Tensor
+    problem: Problem,
+    learned: TrainedNetwork,
+    runs: SnapshotRuns,
+    steps: SnapshotSteps,
+    shred: Tensor,
 ) -> Mismatch:
     """Compare the errors on the recording with those on validation runs.
 

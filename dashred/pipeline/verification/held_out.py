@@ -80,7 +80,11 @@ def _restarted_errors(problem: Problem, analysis: Analysis) -> Errors:
 
 def _held_out_episode_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
     """Return the RMSE of free runs after the fitted beginning of the held-out episode."""
-    [whole], [simulated], [free] = problem.whole, analysis.nominal.whole, analysis.trajectories.whole
+    [whole], [simulated], [free] = (
+        problem.whole,
+        analysis.nominal.whole,
+        analysis.trajectories.whole,
+    )
     ends = slice(len(whole.split.fit.times), len(whole.times))
     states = {"simulation": simulated, **free.states}
     runs = {name: path[ends] for name, path in states.items()}
