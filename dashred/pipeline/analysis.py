@@ -9,7 +9,7 @@ from torch import Tensor
 from dashred.inference.hypotheses.result import Discovery
 from dashred.pipeline.assimilation import AssimilationResult
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation import Nominal
+from dashred.pipeline.simulation import NominalRun
 from dashred.pipeline.training import TrainedNetwork
 from dashred.pipeline.trajectories import Trajectories
 
@@ -29,7 +29,7 @@ class Analysis:
         corrected_shred_of_others: the same for the other fitted episodes.
     """
 
-    nominal: Nominal
+    nominal: NominalRun
     network: TrainedNetwork
     assimilated: AssimilationResult
     discovery: Discovery

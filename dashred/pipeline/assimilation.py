@@ -19,7 +19,7 @@ from dashred.models.assimilation import AssimilatedEncoder, Assimilation
 from dashred.models.shred import SHRED, reconstruct
 from dashred.physics.runs.ensemble import term_scales
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation import Nominal
+from dashred.pipeline.simulation import NominalRun
 from dashred.pipeline.training import make_trainer
 from datamodules import EpisodesDataModule, RecordingDataModule
 
@@ -68,7 +68,7 @@ def sensor_data(problem: Problem) -> RecordingDataModule:
 
 
 def assimilate(
-    problem: Problem, nominal: Nominal, shred: SHRED, run: RunTracker, seconds: dict[str, float]
+    problem: Problem, nominal: NominalRun, shred: SHRED, run: RunTracker, seconds: dict[str, float]
 ) -> AssimilationResult:
     """Fit the latent transform T to the fit sensors and propose terms at every epoch.
 
@@ -157,7 +157,7 @@ def fit_transform(
     return result, module.encoder
 
 
-def _latent_problem(problem: Problem, nominal: Nominal) -> LatentProblem:
+def _latent_problem(problem: Problem, nominal: NominalRun) -> LatentProblem:
     # A step must not lead from one episode into another. The first episode is the longest.
     fit = problem.split.fit
     count = len(fit.times)

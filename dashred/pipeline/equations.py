@@ -22,13 +22,13 @@ from dashred.pipeline.run.output_dir import clear_output, named_output
 from dashred.pipeline.run.parent_run import open_parent
 from dashred.pipeline.run.run_manifest import manifest_of, remove_checkpoints
 from dashred.pipeline.run.run_tags import log_input, log_result
-from dashred.pipeline.simulation import Nominal
+from dashred.pipeline.simulation import NominalRun
 from dashred.pipeline.verification import verification as verify
 from dashred.pipeline.verification.structure import check_structure
 
 
 @dataclass(frozen=True)
-class Simulated:
+class SimulationRuns:
     """A problem and the runs of its simulator.
 
     Attributes:
@@ -39,12 +39,12 @@ class Simulated:
     """
 
     problem: Problem
-    nominal: Nominal
+    nominal: NominalRun
     resolution: Resolution
     ensemble: Ensemble | None
 
 
-def simulate(problem: Problem, seconds: dict[str, float]) -> Simulated:
+def simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
     """Run the simulator from its nominal start, at doubled resolution, and as an ensemble.
 
     Raises:
@@ -53,15 +53,15 @@ def simulate(problem: Problem, seconds: dict[str, float]) -> Simulated:
     nominal = simulation.simulate_nominal(problem, seconds)
     problem = keep_identifiable_terms(problem, nominal.states, problem.times)
     check_structure(problem.system, problem.times, nominal.states)
-    resolution = simulation.check(problem, nominal, seconds)
+    resolution = simulation.check_discretisation(problem, nominal, seconds)
     ensemble = None
     if resolution.resolved:
         ensemble = simulation.simulate_ensemble(problem, nominal, seconds)
-    return Simulated(problem, nominal, resolution, ensemble)
+    return SimulationRuns(problem, nominal, resolution, ensemble)
 
 
 def discover(
-    simulated: Simulated,
+    simulated: SimulationRuns,
     ensemble: Ensemble,
     run: RunTracker,
     checkpoints: Stages,
@@ -89,7 +89,7 @@ def discover(
             problem, nominal, simulated.resolution, ensemble, network, assimilated, run, seconds
         ),
     )
-    runs = trajectories.run_free(problem, nominal, discovered, seconds)
+    runs = trajectories.simulate_trajectories(problem, nominal, discovered, seconds)
     corrected_network, (corrected_shred, *others) = checkpoints.stage(
         "corrected_shred",
         lambda: surrogate.retrain(problem, nominal, discovered.best, runs, network, run, seconds),

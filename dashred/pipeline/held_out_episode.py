@@ -18,7 +18,7 @@ from dashred.inference.forward.simulator import Simulator
 from dashred.inference.initial_state.start_models import StartModel
 from dashred.inference.results.corrected_system import correct
 from dashred.physics.system import System
-from dashred.pipeline.discovery.objectives import noise_of_sound_sensors, trace_std
+from dashred.pipeline.discovery.least_squares import noise_of_sound_sensors, trace_std
 from dashred.pipeline.problem import Problem
 
 STEPS, TOLERANCE = 30, 1e-8
@@ -34,12 +34,12 @@ def fit_starts(episode: Problem, prior: StartModel, law: Law) -> tuple[Tensor, T
         law: law that was fitted to the other episodes.
     """
     return (
-        _fitted(episode, prior, law, correct(episode.system, law)),
-        _fitted(episode, prior, law, episode.system),
+        _fit_start(episode, prior, law, correct(episode.system, law)),
+        _fit_start(episode, prior, law, episode.system),
     )
 
 
-def _fitted(episode: Problem, prior: StartModel, law: Law, system: System) -> Tensor:
+def _fit_start(episode: Problem, prior: StartModel, law: Law, system: System) -> Tensor:
     fit = episode.split.fit
     forward_model = ForwardModel(
         Simulator([CandidateSimulator(system, system.dt, [])]),
@@ -53,6 +53,6 @@ def _fitted(episode: Problem, prior: StartModel, law: Law, system: System) -> Te
     objective = LeastSquaresProblem(
         forward_model, recorded, noise_of_sound_sensors(episode, law), none
     )
-    begin = fit_first_window(objective, trace_std(episode)).phi
-    z = minimise(objective, begin, STEPS, TOLERANCE).phi
+    initial = fit_first_window(objective, trace_std(episode)).phi
+    z = minimise(objective, initial, STEPS, TOLERANCE).phi
     return prior.start(z[None])[0]

@@ -16,9 +16,9 @@ from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import SensorFault
 from dashred.pipeline.assimilation import sensor_data
-from dashred.pipeline.discovery.objectives import build_least_squares, exact_simulator
+from dashred.pipeline.discovery.least_squares import build_least_squares, exact_simulator
 from dashred.pipeline.problem import Problem, build_problem
-from dashred.pipeline.simulation import shares, simulate_ensemble, simulate_nominal
+from dashred.pipeline.simulation import simulate_ensemble, simulate_nominal, split_members
 from dashred.reporting.text.sensor_faults import fault_text
 
 SENSORS = tuple(Sensor(f"s{i}", "u", (0.3 + i,)) for i in range(6))
@@ -64,8 +64,8 @@ def test_of_two_none_is_held_out_whole(quick, tmp_path):
 
 def test_of_more_episodes_than_members_the_last_have_none(quick, tmp_path):
     problem = make_problem(quick, tmp_path, *map(episode, "abc"))
-    assert [members for _, _, members, _ in shares(problem, 5)] == [3, 2]
-    assert [members for _, _, members, _ in shares(problem, 1)] == [1]
+    assert [members for _, _, members, _ in split_members(problem, 5)] == [3, 2]
+    assert [members for _, _, members, _ in split_members(problem, 1)] == [1]
 
 
 def test_nothing_held_out_moves_what_is_fitted(quick, tmp_path):

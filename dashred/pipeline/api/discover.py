@@ -1,4 +1,4 @@
-"""The stages of a run, from a recording in memory to a result in memory."""
+"""Run all stages of an analysis on a recording in memory and return the result."""
 
 from __future__ import annotations
 
@@ -39,20 +39,21 @@ def discover(config: Config, recorded: Episodes) -> Result:
     """
     clock = time.perf_counter()
     problem = build_problem(config, recorded)
-    # With no store there is nowhere to log a model to.
-    problem = replace(problem, config=_untracked(config))
+    problem = replace(problem, config=_without_model_log(config))
     seconds: dict[str, float] = {}
-    found = _of_snapshots if problem.snapshots is not None else _of_equations
-    result = found(problem, seconds)
+    if problem.snapshots is not None:
+        result = _discover_with_snapshots(problem, seconds)
+    else:
+        result = _discover_with_equations(problem, seconds)
     seconds["in all"] = time.perf_counter() - clock
     return result
 
 
-def _of_equations(problem: Problem, seconds: dict[str, float]) -> Result:
+def _discover_with_equations(problem: Problem, seconds: dict[str, float]) -> Result:
     simulated = equations.simulate(problem, seconds)
     problem = simulated.problem
     if simulated.ensemble is None:
-        return _unresolved(
+        return _unresolved_result(
             problem, verification.unresolved_findings(problem, simulated.resolution), seconds
         )
     analysis = equations.discover(
@@ -68,14 +69,14 @@ def _of_equations(problem: Problem, seconds: dict[str, float]) -> Result:
         findings=canonical(findings),
         estimates=verification.estimates_dataset(problem, analysis),
         forecast=verification.forecast_dataset(problem, analysis),
-        find_corrected=partial(_corrected, problem, analysis, findings),
+        build_corrected=partial(_corrected_simulator, problem, analysis, findings),
         figures=figures_of(problem, analysis, findings),
-        mostly=report.mostly_words(problem, findings),
+        main_effects=report.main_effects(problem, findings),
         write=partial(_save, problem.config, findings, seconds, write),
     )
 
 
-def _unresolved(problem: Problem, findings: Findings, seconds: dict[str, float]) -> Result:
+def _unresolved_result(problem: Problem, findings: Findings, seconds: dict[str, float]) -> Result:
     def write(folder: Path) -> None:
         verification.freeze_findings(folder, findings, [])
         report.report_unresolved(findings, folder)
@@ -84,14 +85,14 @@ def _unresolved(problem: Problem, findings: Findings, seconds: dict[str, float])
         findings=canonical(findings),
         estimates=None,
         forecast=None,
-        find_corrected=lambda: None,
+        build_corrected=lambda: None,
         figures={},
-        mostly=[],
+        main_effects=[],
         write=partial(_save, problem.config, findings, seconds, write),
     )
 
 
-def _of_snapshots(problem: Problem, seconds: dict[str, float]) -> Result:
+def _discover_with_snapshots(problem: Problem, seconds: dict[str, float]) -> Result:
     problem, runs = black_box.read_snapshots(problem, seconds)
     analysis = black_box.discover(problem, runs, NullTracker(), NoCheckpoints(), seconds)
     findings = black_box_findings.verify(problem, analysis)
@@ -104,18 +105,21 @@ def _of_snapshots(problem: Problem, seconds: dict[str, float]) -> Result:
         findings=canonical(findings),
         estimates=black_box_findings.estimates_dataset(problem, analysis),
         forecast=None,
-        find_corrected=lambda: None,
+        build_corrected=lambda: None,
         figures=black_box_report.figures_of(problem, analysis),
-        mostly=[],
+        main_effects=[],
         write=partial(_save, problem.config, findings, seconds, write),
     )
 
 
-def _untracked(config: Config) -> Config:
+def _without_model_log(config: Config) -> Config:
+    """Return the configuration without the MLflow model, because there is no MLflow store."""
     return replace(config, tracking=replace(config.tracking, model=False))
 
 
-def _corrected(problem: Problem, analysis: Analysis, findings: Findings) -> Simulator | None:
+def _corrected_simulator(
+    problem: Problem, analysis: Analysis, findings: Findings
+) -> Simulator | None:
     if findings["corrected"] is None:
         return None
     law = analysis.discovery.best
@@ -126,7 +130,7 @@ def _corrected(problem: Problem, analysis: Analysis, findings: Findings) -> Simu
 def _save(
     config: Config, findings: Findings, seconds: dict[str, float], write: Write, folder: Path
 ) -> None:
-    """Write the files of a run to a folder, those of an earlier one taken away."""
+    """Write the files of a run to a folder and remove those of an earlier run."""
     output = named_output(replace(config, output=str(folder)))
     assert output is not None
     clear_output(output)

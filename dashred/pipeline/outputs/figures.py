@@ -1,4 +1,4 @@
-"""The figures of an analysis of equations: what draws each of them, by file."""
+"""Figures of an analysis with equations, by file name."""
 
 from __future__ import annotations
 
@@ -26,32 +26,32 @@ from dashred.reporting.figures.figure_names import WHOLE, sensors_of_episode
 from dashred.reporting.figures.save import evidence_figure
 
 Figures = Mapping[str, Callable[[], Figure]]
-"""What draws a figure, by the name of its file."""
+"""Functions that draw the figures, by file name."""
 
 PANEL_METHODS = ("simulation", "dashred", "corrected")
 
 
 def figures_of(problem: Problem, analysis: Analysis, findings: Findings) -> Figures:
-    """Return all figures, in the order in which they are drawn."""
-    found: dict[str, Callable[[], Figure]] = {}
-    for number, (episode, mine) in enumerate(analysis.episodes(problem), start=1):
-        found[sensors_of_episode(number)] = partial(draw_traces, episode, mine)
+    """Return the figures in the order in which they are drawn."""
+    figures: dict[str, Callable[[], Figure]] = {}
+    for number, (episode, results) in enumerate(analysis.episodes(problem), start=1):
+        figures[sensors_of_episode(number)] = partial(draw_traces, episode, results)
     for whole, free in zip(problem.whole, analysis.trajectories.whole, strict=True):
-        found[WHOLE] = partial(draw_whole_episode, whole, free)
-    found["coefficients.png"] = partial(draw_coefficients, problem, analysis.assimilated)
-    found["sparsity.png"] = partial(draw_sparsity, analysis)
-    found["learning.png"] = partial(_learning, analysis)
-    found["verification.png"] = partial(draw_verification, problem, analysis, findings)
+        figures[WHOLE] = partial(draw_whole_episode, whole, free)
+    figures["coefficients.png"] = partial(draw_coefficients, problem, analysis.assimilated)
+    figures["sparsity.png"] = partial(draw_sparsity, analysis)
+    figures["learning.png"] = partial(_learning, analysis)
+    figures["verification.png"] = partial(draw_verification, problem, analysis, findings)
     if (where := findings["where"]) is not None:
-        found["forecast.png"] = partial(draw_forecast, problem, analysis)
-        found["evidence.png"] = partial(_evidence, analysis, findings)
+        figures["forecast.png"] = partial(draw_forecast, problem, analysis)
+        figures["evidence.png"] = partial(_evidence, analysis, findings)
         if len(problem.system.axes) == 1 and where["forcing"] is not None:
-            found["forcing.png"] = partial(draw_forcing, problem, where["forcing"])
-        found["where.png"] = partial(draw_where, problem, analysis, where)
+            figures["forcing.png"] = partial(draw_forcing, problem, where["forcing"])
+        figures["where.png"] = partial(draw_where, problem, analysis, where)
     if axes := len(problem.system.axes):
         name = "space_time.png" if axes == 1 else "snapshots.png"
-        found[name] = partial(_fields, problem, analysis)
-    return found
+        figures[name] = partial(_fields, problem, analysis)
+    return figures
 
 
 def _learning(analysis: Analysis) -> Figure:
@@ -66,9 +66,9 @@ def _learning(analysis: Analysis) -> Figure:
 
 
 def _evidence(analysis: Analysis, findings: Findings) -> Figure:
-    found = analysis.discovery
-    path = [(len(best.candidates), best.score) for best in found.path]
-    return evidence_figure(path, findings["terms"] or [], found.on_path)
+    discovery = analysis.discovery
+    path = [(len(best.candidates), best.score) for best in discovery.path]
+    return evidence_figure(path, findings["terms"] or [], discovery.on_path)
 
 
 def _fields(problem: Problem, analysis: Analysis) -> Figure:

@@ -18,7 +18,7 @@ from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.initial_state.start_models import LinearStart
 from dashred.inference.results.corrected_system import correct
-from dashred.pipeline.discovery.objectives import noise_of_sound_sensors
+from dashred.pipeline.discovery.least_squares import noise_of_sound_sensors
 from dashred.pipeline.problem import Problem
 
 # Samples to which a state is fitted: two seconds of a pendulum at 20 Hz.

@@ -18,7 +18,7 @@ from dashred.physics.runs.ensemble import Ensemble, term_scales
 from dashred.physics.solvers.simulate import simulate
 from dashred.pipeline import simulation
 from dashred.pipeline.problem import Problem, build_problem
-from dashred.pipeline.simulation import Nominal
+from dashred.pipeline.simulation import NominalRun
 
 SWING = """
 system:
@@ -37,7 +37,9 @@ HIDDEN = "a:\n  terms: [{equation: p, term: p, coefficient: -0.1}]\n'null':\n  t
 
 
 @pytest.fixture(scope="module")
-def swing(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Problem, Nominal, Ensemble]]:
+def swing(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> dict[str, tuple[Problem, NominalRun, Ensemble]]:
     """Return a linear system whose recording hides damping, and one that hides nothing."""
     folder = tmp_path_factory.mktemp("swing")
     path = folder / "swing.yaml"

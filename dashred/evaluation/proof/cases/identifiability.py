@@ -29,7 +29,7 @@ from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis
 from dashred.inference.initial_state.start_models import nearest
 from dashred.physics.system import Term
 from dashred.physics.window import window_shapes
-from dashred.pipeline.discovery.objectives import build_least_squares, exact_simulator
+from dashred.pipeline.discovery.least_squares import build_least_squares, exact_simulator
 from dashred.pipeline.problem import Problem, build_problem
 
 # Kinds whose laws act everywhere; only for these can all rivals be enumerated.

@@ -33,7 +33,7 @@ from dashred.physics.library import resolve
 from dashred.physics.system import Term
 from dashred.physics.window import window_shapes
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
-from dashred.pipeline.discovery.objectives import build_least_squares, exact_simulator
+from dashred.pipeline.discovery.least_squares import build_least_squares, exact_simulator
 from dashred.pipeline.problem import Problem, build_problem
 from dashred.pipeline.simulation import simulate_nominal
 
