@@ -57,11 +57,11 @@ def simulate_nominal(problem: Problem, seconds: dict[str, float]) -> NominalRun:
         check_finite(path, times, system)
     modes = system.config.spread.get("modes")
     prior = StartPrior(system, start[0], field_rms(path[0]), None if modes is None else int(modes))
-    further = [
+    others = [
         tuple(simulate(e.system, start, e.times)[0] for e in episodes)
         for episodes in (problem.others, problem.whole)
     ]
-    return NominalRun(prior, path[0], *further)
+    return NominalRun(prior, path[0], *others)
 
 
 @torch.no_grad()

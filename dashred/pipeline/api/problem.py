@@ -138,7 +138,7 @@ class Problem:
         """
         page = Page(lambda line: None)
         with session(self.config):
-            command.begin(self.config, page)
+            command.show_unfinished_lines(self.config, page)
             command.check(self.config, page, self._recorded)
         return Check.of(page)
 

@@ -72,25 +72,25 @@ def public_objects(package: object) -> dict[str, Any]:
 
 def render_reference(public: Mapping[str, Any]) -> str:
     """Return the reference in Markdown."""
-    return render(TEMPLATE, entries=[_entry(name, found) for name, found in public.items()])
+    return render(TEMPLATE, entries=[_entry(name, target) for name, target in public.items()])
 
 
-def _entry(name: str, found: Any) -> Entry:
-    text, sections = _docstring(inspect.getdoc(found) or "")
-    members = list(_members(name, found)) if inspect.isclass(found) else []
-    signature = _signature(found) if inspect.isfunction(found) else ""
+def _entry(name: str, target: Any) -> Entry:
+    text, sections = _docstring(inspect.getdoc(target) or "")
+    members = list(_members(name, target)) if inspect.isclass(target) else []
+    signature = _signature(target) if inspect.isfunction(target) else ""
     return Entry(name, signature, text, sections, members)
 
 
 def _members(name: str, kind: type) -> Iterator[Entry]:
     """Yield the public methods and properties of a class in the order of their definition."""
-    for member, found in vars(kind).items():
-        if member.startswith("_") or not inspect.getdoc(found):
+    for member, target in vars(kind).items():
+        if member.startswith("_") or not inspect.getdoc(target):
             continue
-        if isinstance(found, classmethod | staticmethod):
-            found = found.__func__
-        if inspect.isfunction(found) or isinstance(found, property | cached_property):
-            yield _entry(f"{name}.{member}", found)
+        if isinstance(target, classmethod | staticmethod):
+            target = target.__func__
+        if inspect.isfunction(target) or isinstance(target, property | cached_property):
+            yield _entry(f"{name}.{member}", target)
 
 
 def _signature(function: Callable[..., Any]) -> str:
@@ -114,8 +114,8 @@ def _docstring(text: str) -> tuple[str, dict[str, list[tuple[str, str]]]]:
     lines: list[str] = []
     title = None
     for line in text.splitlines():
-        if found := SECTION.match(line):
-            title = found[1]
+        if match := SECTION.match(line):
+            title = match[1]
             sections[title] = []
         elif title is None:
             lines.append(line)

@@ -32,9 +32,9 @@ def keep_identifiable_terms(problem: Problem, states: Tensor, t: float | Tensor)
         check_collinear(system, library, states, t)
         return problem
     left_out = uninformative_terms(system, library, states, t)
-    kept = [term for term in library if term not in left_out]
+    identifiable = [term for term in library if term not in left_out]
     others, whole = (
-        tuple(replace(episode, library=kept) for episode in episodes)
+        tuple(replace(episode, library=identifiable) for episode in episodes)
         for episodes in (problem.others, problem.whole)
     )
-    return replace(problem, library=kept, left_out=left_out, others=others, whole=whole)
+    return replace(problem, library=identifiable, left_out=left_out, others=others, whole=whole)

@@ -41,8 +41,8 @@ def simulator_with(
     first = CandidateSimulator(problem.system, dt, candidates, shapes)
     if not problem.system.inputs:
         return Simulator([first] * len(problem.episodes))
-    further = (CandidateSimulator(e.system, dt, candidates, shapes) for e in problem.others)
-    return Simulator([first, *further])
+    others = (CandidateSimulator(e.system, dt, candidates, shapes) for e in problem.others)
+    return Simulator([first, *others])
 
 
 def coarse_simulator(problem: Problem, simulator: Simulator, resolution: Resolution) -> Simulator:

@@ -36,15 +36,15 @@ def discover(
     problem: Problem,
     runs: SnapshotRuns,
     run: RunTracker,
-    kept: Stages,
+    checkpoints: Stages,
     seconds: dict[str, float],
 ) -> BlackBoxAnalysis:
     """Train SHRED, assimilate, propose terms, and test for a mismatch."""
     counted = replace(problem, config=runs.configured(problem.config))
-    learned = kept.stage(
+    network = checkpoints.stage(
         "shred", lambda: training.train_shred(counted, runs.ensemble, run, seconds, "SHRED")
     )
-    return analyse_runs(counted, runs, learned, run, seconds)
+    return analyse_runs(counted, runs, network, run, seconds)
 
 
 def analyse_snapshots(config: Config) -> Path:
@@ -66,13 +66,13 @@ def analyse_snapshots(config: Config) -> Path:
         clear_output(output)
         log_input(run, config, provenance.git_commit())
 
-        kept = Checkpoints(folder, seconds)
-        analysis = discover(problem, runs, run, kept, seconds)
+        checkpoints = Checkpoints(folder, seconds)
+        analysis = discover(problem, runs, run, checkpoints, seconds)
         findings = black_box_findings.verify(problem, analysis)
         black_box_findings.write(problem, analysis, findings, output)
         figures = black_box_report.report(problem, analysis, findings, output, seconds)
 
-        seconds["in all"] = time.perf_counter() - clock + kept.earlier
+        seconds["in all"] = time.perf_counter() - clock + checkpoints.earlier
         log_result(run, config, findings, output)
         provenance.finish(run, output, findings, figures, seconds, config_sha256(config))
         remove_checkpoints(folder, output)

@@ -50,27 +50,27 @@ class BlackBoxAnalysis:
 def analyse_runs(
     problem: Problem,
     runs: SnapshotRuns,
-    learned: training.TrainedNetwork,
+    network: training.TrainedNetwork,
     run: RunTracker,
     seconds: dict[str, float],
 ) -> BlackBoxAnalysis:
     """Assimilate, propose terms, and test for a mismatch."""
     with stage("learn the snapshots' steps", seconds) as report:
-        steps = _learn_steps(problem, runs, learned)
+        steps = _learn_steps(problem, runs, network)
         worst = max(steps.errors.values())
         report(1.0, f"relative error of increments {worst:.1%} on unseen runs")
     latent = _latent_problem(problem, runs, steps)
-    found, encoder = assimilation.fit_transform(problem, latent, learned.shred, run, seconds)
-    compared = mismatch.compare(problem, learned, runs, steps, found.shred)
-    fields = _estimates(problem, runs, learned, found, encoder)
-    return BlackBoxAnalysis(runs, learned, found, steps, compared, fields)
+    assimilated, encoder = assimilation.fit_transform(problem, latent, network.shred, run, seconds)
+    compared = mismatch.compare(problem, network, runs, steps, assimilated.shred)
+    fields = _estimates(problem, runs, network, assimilated, encoder)
+    return BlackBoxAnalysis(runs, network, assimilated, steps, compared, fields)
 
 
 @torch.no_grad()
 def _learn_steps(
-    problem: Problem, runs: SnapshotRuns, learned: training.TrainedNetwork
+    problem: Problem, runs: SnapshotRuns, network: training.TrainedNetwork
 ) -> SnapshotSteps:
-    states, pod = runs.ensemble.states, learned.shred.pod
+    states, pod = runs.ensemble.states, network.shred.pod
     shortest = min(states.shape[1], len(problem.split.fit.times))
     wanted = {*problem.config.latent_sindy.steps, max(1, shortest // LONG_STEP_DIVISOR)}
     strides = sorted(n for n in wanted if n <= shortest // 2)
@@ -107,18 +107,18 @@ def _term_scales(problem: Problem, runs: SnapshotRuns, dt: float) -> Tensor:
 def _estimates(
     problem: Problem,
     runs: SnapshotRuns,
-    learned: training.TrainedNetwork,
-    found: assimilation.AssimilationResult,
+    network: training.TrainedNetwork,
+    assimilated: assimilation.AssimilationResult,
     encoder: AssimilatedEncoder,
 ) -> dict[str, Tensor]:
     """Return the field by method; this is the first use of held-out samples."""
     count = len(problem.split.fit.times)
     inputs = torch.from_numpy(full_record(problem, problem.split.inputs).values)
     late = windows(inputs, problem.config.shred.lags).float().contiguous()[count:]
-    shred = learned.shred
+    shred = network.shred
     fields = {
-        "shred_plain": torch.cat([found.shred, reconstruct(shred.encode, shred, late)]),
-        "dashred": torch.cat([found.dashred, reconstruct(encoder, encoder.shred, late)]),
+        "shred_plain": torch.cat([assimilated.shred, reconstruct(shred.encode, shred, late)]),
+        "dashred": torch.cat([assimilated.dashred, reconstruct(encoder, encoder.shred, late)]),
     }
     nearest = snapshot_runs.nearest_run(problem, runs)
     return fields if nearest is None else {"nearest_snapshots": nearest} | fields

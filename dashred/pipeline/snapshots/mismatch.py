@@ -71,7 +71,7 @@ class Mismatch:
 @torch.no_grad()
 def compare(
     problem: Problem,
-    learned: TrainedNetwork,
+    network: TrainedNetwork,
     runs: SnapshotRuns,
     steps: SnapshotSteps,
     shred: Tensor,
@@ -82,7 +82,7 @@ def compare(
 
     Args:
         problem: the recording.
-        learned: SHRED.
+        network: SHRED, trained on the snapshots.
         runs: the snapshots.
         steps: steps learned from them.
         shred: field of SHRED from the recording, ``(time, field, *grid)``.
@@ -102,8 +102,10 @@ def compare(
     noisy = truth + problem.noise_of(tuple(names)) * noise
     inputs = [names.index(name) for name in split.inputs]
     histories = windows(noisy[..., inputs], problem.config.shred.lags).float()
-    network = learned.shred
-    found = torch.stack([reconstruct(network.encode, network, h.contiguous()) for h in histories])
+    shred_network = network.shred
+    estimates = torch.stack(
+        [reconstruct(shred_network.encode, shred_network, h.contiguous()) for h in histories]
+    )
     unit = read(runs.ensemble.states).flatten(0, 1).std(dim=0).clamp(min=1e-300)
 
     def error_comparison(error: Tensor, usual: Tensor) -> ErrorComparison:
@@ -123,7 +125,7 @@ def compare(
         return made - (seen[..., samples:, :] - seen[..., :-samples, :])
 
     return Mismatch(
-        error_comparison(read(shred) - recorded, read(found) - noisy),
-        error_comparison(change(shred, recorded), change(found, noisy)),
+        error_comparison(read(shred) - recorded, read(estimates) - noisy),
+        error_comparison(change(shred, recorded), change(estimates, noisy)),
         samples,
     )
