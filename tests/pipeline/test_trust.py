@@ -24,7 +24,7 @@ def test_noise_far_above_the_stated_one_is_no_noise(monkeypatch, found, stated, 
     believed = SimpleNamespace(std=torch.ones(2))
     monkeypatch.setattr(hypothesis_stage, "fit_noise", lambda _: believed)
     noise: Any = SimpleNamespace(std=torch.tensor([found, found]))
-    assert hypothesis_stage.inflated(problem, noise) is inflated
+    assert hypothesis_stage.is_noise_inflated(problem, noise) is inflated
 
 
 def test_a_start_is_found_again_in_a_prior_that_is_not_linear() -> None:

@@ -64,8 +64,8 @@ def _shares(system: System, states: Tensor, times: NDArray[np.float64]) -> NDArr
     assert system.config.energy is not None
     energy = _mean(system.evaluate(system.config.energy, states))
     at = np.interp(_upward_crossings(_mean(states[:, 0]), times), times, energy)
-    found: NDArray[np.float64] = 1 - at[1:] / at[:-1]
-    return found
+    losses: NDArray[np.float64] = 1 - at[1:] / at[:-1]
+    return losses
 
 
 def _upward_crossings(
@@ -75,8 +75,8 @@ def _upward_crossings(
     rest = values - values.mean()
     before = np.flatnonzero((rest[:-1] < 0) & (rest[1:] >= 0))
     share = rest[before] / (rest[before] - rest[before + 1])
-    found: NDArray[np.float64] = times[before] + share * (times[before + 1] - times[before])
-    return found
+    crossings: NDArray[np.float64] = times[before] + share * (times[before + 1] - times[before])
+    return crossings
 
 
 def _mean(values: Tensor) -> NDArray[np.float64]:

@@ -46,17 +46,17 @@ def structure_change(
     """
     if system.config.structure is None or not law.candidates:
         return None
-    form, visited = (
+    form, sampled_states = (
         PortHamiltonian.of(system, system.config.structure),
         _sample_states(times, states),
     )
-    changes = structure_changes(form, law, visited)
+    changes = structure_changes(form, law, sampled_states)
     return StructureFound(
         changes=[
             StructureChanged(term=change.candidate, part=change.part, passive=change.passive)
             for change in changes
         ],
-        port_hamiltonian=stays_port_hamiltonian(form, law, changes, visited),
+        port_hamiltonian=stays_port_hamiltonian(form, law, changes, sampled_states),
     )
 
 

@@ -42,7 +42,7 @@ from dashred.reporting.wording.findings_text import add_text
 
 def verify(problem: Problem, analysis: Analysis) -> Findings:
     """Compare every method with the held-out data and return the findings."""
-    discovered = analysis.discovered
+    discovered = analysis.discovery
     units = problem.system.units
     names = problem.split.fit.names
     left = unexplained_share(
@@ -58,7 +58,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         unexplained=left,
         **held_out_errors(problem, analysis),
     )
-    proposed = {n: proposals(problem, f) for n, f in analysis.found.proposals.items()}
+    proposed = {n: proposals(problem, f) for n, f in analysis.assimilated.proposals.items()}
     latent = Latent(alg1=proposed["alg1"], alg2=proposed["alg2"])
     if kind == "not-converged":
         failed = new_findings(
@@ -75,7 +75,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         where=locate(
             problem.system,
             discovered,
-            analysis.free.states["corrected"][:count],
+            analysis.trajectories.states["corrected"][:count],
             problem.times[:count],
             names,
         ),
@@ -92,7 +92,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
             problem.system,
             discovered.best,
             problem.times[:count],
-            analysis.free.states["corrected"][:count],
+            analysis.trajectories.states["corrected"][:count],
         ),
         corrected=CORRECTED,
         units=units,
@@ -129,7 +129,7 @@ def write_findings(problem: Problem, analysis: Analysis, findings: Findings, out
     write_netcdf_atomic(output / "forecast.nc", forecast_dataset(problem, analysis))
     others = ["estimates.nc", "forecast.nc"]
     if findings["corrected"] is not None:
-        law = analysis.discovered.best
+        law = analysis.discovery.best
         sha256 = problem.recording_sha256
         write_corrected(output / CORRECTED, problem.config, problem.system, law, sha256)
         others.append(CORRECTED)
@@ -147,7 +147,7 @@ def estimates_dataset(problem: Problem, analysis: Analysis) -> xr.Dataset:
 
 def forecast_dataset(problem: Problem, analysis: Analysis) -> xr.Dataset:
     """Return the free runs beyond the recording, of every episode."""
-    free = analysis.free
+    free = analysis.trajectories
     runs = zip((*problem.episodes, *problem.whole), (free, *free.others, *free.whole), strict=True)
     forecasts = []
     for episode, run in runs:

@@ -29,7 +29,7 @@ from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis
 from dashred.inference.initial_state.start_models import project_state
 from dashred.physics.system import Term
 from dashred.physics.window import window_shapes
-from dashred.pipeline.discovery.objectives import build_least_squares, exact_simulator
+from dashred.pipeline.discovery.least_squares import build_least_squares, exact_simulator
 from dashred.pipeline.problem import Problem, build_problem
 
 # Kinds whose laws act everywhere; only for these can all rivals be enumerated.
@@ -87,10 +87,10 @@ def _problem_at_truth(
     if name not in SIMULATOR_CACHE:
         SIMULATOR_CACHE[name] = exact_simulator(problem, library)
     weak = problem.config.discovery.weak
-    posed = build_least_squares(problem, SIMULATOR_CACHE[name], start, library, weak)
-    noise = replace(posed.noise, std=problem.noise_of(problem.split.fit.names))
+    objective = build_least_squares(problem, SIMULATOR_CACHE[name], start, library, weak)
+    noise = replace(objective.noise, std=problem.noise_of(problem.split.fit.names))
     true = chain(_terms(library, case_truth), _parameters(library, case_truth))
-    return replace(posed, noise=noise), dict(true)
+    return replace(objective, noise=noise), dict(true)
 
 
 def _terms(library: Sequence[Candidate], case_truth: CaseTruth) -> Iterator[tuple[int, float]]:

@@ -33,7 +33,7 @@ from dashred.physics.library import resolve
 from dashred.physics.system import Term
 from dashred.physics.window import window_shapes
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
-from dashred.pipeline.discovery.objectives import build_least_squares, exact_simulator
+from dashred.pipeline.discovery.least_squares import build_least_squares, exact_simulator
 from dashred.pipeline.problem import Problem, build_problem
 from dashred.pipeline.simulation import simulate_nominal
 
@@ -118,8 +118,8 @@ def _objective(
     """Return the least-squares problem of a law over the fit window."""
     simulator = exact_simulator(problem, candidates)
     weak = problem.config.discovery.weak
-    posed = build_least_squares(problem, simulator, start, candidates, weak)
-    return posed if noise is None else replace(posed, noise=noise)
+    objective = build_least_squares(problem, simulator, start, candidates, weak)
+    return objective if noise is None else replace(objective, noise=noise)
 
 
 def _fit_start(problem: Problem, start: StartModel, z: Tensor, noise: NoiseModel) -> FitResult:
