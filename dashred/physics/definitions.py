@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from dashred.core.errors import InputError
 from dashred.physics.expressions.algebra import Expr, Number, names, substitute, to_text
-from dashred.physics.expressions.expression_size import DEEPEST, MOST_PARTS, Size, size_of
+from dashred.physics.expressions.expression_size import Size, size_of
 
 
 def check_order(

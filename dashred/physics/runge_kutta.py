@@ -73,11 +73,11 @@ def advance(
     """
     rates: list[State] = []
     for shares, node in zip(tableau.a, tableau.c, strict=True):
-        rates.append(rate(_moved(state, h, shares, rates), t + node * h))
-    return _moved(state, h, tableau.b, rates)
+        rates.append(rate(_add_rates(state, h, shares, rates), t + node * h))
+    return _add_rates(state, h, tableau.b, rates)
 
 
-def _moved(state: State, h: float, shares: Sequence[float], rates: Sequence[State]) -> State:
+def _add_rates(state: State, h: float, shares: Sequence[float], rates: Sequence[State]) -> State:
     for share, rate in zip(shares, rates, strict=True):
         if share:
             state = state + (h * share) * rate

@@ -13,7 +13,7 @@ from dashred.physics.expressions.algebra import Call, Expr, Name, Number, Power,
 from dashred.physics.expressions.functions import FUNCTIONS
 
 
-class Writer:
+class CodeWriter:
     """Writes expressions as statements, each common part once."""
 
     def __init__(self, known: Mapping[str, str]) -> None:
@@ -59,7 +59,7 @@ def define(source: str, scope: dict[str, Any]) -> None:
     """Define functions in a scope.
 
     Args:
-        source: what a :class:`Writer` has written, with a frame about it.
+        source: what a :class:`CodeWriter` has written, with a frame about it.
         scope: what it may use, and where its functions are put.
     """
     exec(source, scope)

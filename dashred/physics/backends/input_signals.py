@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class InputSignals:
     """``u(t)`` of every input.
 
     Attributes:
@@ -35,4 +35,4 @@ class Measured:
         return np.ascontiguousarray([self.times, *self.values.values()])
 
 
-NOTHING = Measured(np.zeros(1), {})
+NO_INPUTS = InputSignals(np.zeros(1), {})

@@ -16,8 +16,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.physics.backends.codegen import Writer, define
-from dashred.physics.backends.input_signals import NOTHING, Measured
+from dashred.physics.backends.codegen import CodeWriter, define
+from dashred.physics.backends.input_signals import NO_INPUTS, InputSignals
 from dashred.physics.expressions.algebra import Expr, names
 
 Array = NDArray[np.float64]
@@ -27,14 +27,14 @@ REAL = numba.float64
 KERNEL = numba.void(REAL[:, :, ::1], REAL[:, ::1], REAL, REAL[:, ::1], REAL[:, :, ::1])
 
 # Of a term that may be there in a window: outside of it a, inside a + b.
-COEFFICIENT = "a + b * window(x, c, t, w, r, i) if b != 0.0 else a"
+WINDOWED_COEFFICIENT = "a + b * window(x, c, t, w, r, i) if b != 0.0 else a"
 
 # Sums may be reordered and fused, but values that are not finite stay what they are.
-MATHEMATICS = {"contract", "reassoc", "arcp", "nsz"}
+FAST_MATH = {"contract", "reassoc", "arcp", "nsz"}
 
 
 @dataclass(frozen=True)
-class Body:
+class ChannelTerm:
     """A pointwise function that is added to one channel.
 
     Attributes:
@@ -51,7 +51,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Factor:
+class WindowFactor:
     """A factor of the window χ that some rows have.
 
     Attributes:
@@ -66,11 +66,11 @@ class Factor:
 
 
 def compile_kernel(
-    bodies: Sequence[Body],
+    bodies: Sequence[ChannelTerm],
     inputs: Sequence[str],
     coordinates: Sequence[str],
-    factors: Sequence[Factor] = (),
-    measured: Measured = NOTHING,
+    factors: Sequence[WindowFactor] = (),
+    input_signals: InputSignals = NO_INPUTS,
 ) -> Kernel:
     """Return ``kernel(inputs, coordinates, t, weights, channels)``, which fills the channels.
 
@@ -85,35 +85,35 @@ def compile_kernel(
         inputs: names of the inputs, in order.
         coordinates: names of the coordinates, in order; ``t`` is known too.
         factors: of the rows' windows.
-        measured: the system's inputs in time.
+        input_signals: the system's inputs in time.
     """
     known = {name: f"x[{i}, r, i]" for i, name in enumerate(inputs)}
     known |= {name: f"c[{i}, i]" for i, name in enumerate(coordinates)}
     known["t"] = "t"
-    rows = list(enumerate(measured.values, 1))
+    rows = list(enumerate(input_signals.values, 1))
     known |= {name: f"m{row}" for row, name in rows}
     now = [f"    m{row} = at(t, {row})" for row, _ in rows]
     own = [body for body in bodies if body.weight is None and body.inside is None]
     lines = ["def kernel(x, c, t, w, out):", *now, "    for r in range(out.shape[1]):"]
     lines += ["        out[:, r] = 0.0"]
     lines += _loop(own, known, 8)
-    terms: dict[tuple[int | None, int | None], list[Body]] = {}
+    terms: dict[tuple[int | None, int | None], list[ChannelTerm]] = {}
     for body in bodies:
         if body not in own:
             terms.setdefault((body.weight, body.inside), []).append(body)
     for (weight, inside), group in terms.items():
         a, b = (f"w[r, {column}]" if column is not None else "0.0" for column in (weight, inside))
         lines += [f"        a, b = {a}, {b}", "        if a != 0.0 or b != 0.0:"]
-        lines += _loop(group, known, 12, "a" if inside is None else COEFFICIENT)
-    return _compile("\n".join(lines), _window(factors, known, now), measured)
+        lines += _loop(group, known, 12, "a" if inside is None else WINDOWED_COEFFICIENT)
+    return _compile("\n".join(lines), _window(factors, known, now), input_signals)
 
 
-def _window(factors: Sequence[Factor], known: Mapping[str, str], now: Sequence[str]) -> str:
+def _window(factors: Sequence[WindowFactor], known: Mapping[str, str], now: Sequence[str]) -> str:
     """Return the code of χ at one point of one row."""
     lines = ["def window(x, c, t, w, r, i):", *now, "    value = 1.0"]
     for factor in factors:
         columns = {name: f"w[r, {column}]" for name, column in factor.unknowns.items()}
-        writer = Writer({**known, **columns})
+        writer = CodeWriter({**known, **columns})
         value = writer.write(factor.expression)
         inner = [*writer.lines, f"value *= {value}"]
         lines += [f"    if w[r, {factor.flag}] != 0.0:", *(f"        {line}" for line in inner)]
@@ -121,9 +121,9 @@ def _window(factors: Sequence[Factor], known: Mapping[str, str], now: Sequence[s
 
 
 @cache
-def _compile(source: str, window: str, measured: Measured) -> Kernel:
+def _compile(source: str, window: str, input_signals: InputSignals) -> Kernel:
     """Compile a kernel once, on whatever grids it is used."""
-    table = measured.table
+    table = input_signals.table
 
     @numba.njit(error_model="numpy")
     def at(t: float, row: int) -> float:
@@ -132,19 +132,20 @@ def _compile(source: str, window: str, measured: Measured) -> Kernel:
 
     scope: dict[str, Any] = {"math": math, "at": at}
     define(f"{window}\n{source}", scope)
-    scope["window"] = numba.njit(fastmath=MATHEMATICS, error_model="numpy")(scope["window"])
-    compiled: Kernel = numba.cfunc(KERNEL, fastmath=MATHEMATICS, error_model="numpy")(
-        scope["kernel"]
-    )
+    scope["window"] = numba.njit(fastmath=FAST_MATH, error_model="numpy")(scope["window"])
+    compiled: Kernel = numba.cfunc(KERNEL, fastmath=FAST_MATH, error_model="numpy")(scope["kernel"])
     return compiled
 
 
 def _loop(
-    bodies: Sequence[Body], known: Mapping[str, str], indent: int, coefficient: str | None = None
+    bodies: Sequence[ChannelTerm],
+    known: Mapping[str, str],
+    indent: int,
+    coefficient: str | None = None,
 ) -> list[str]:
     if not bodies:
         return [" " * indent + "pass"]
-    writer = Writer(known)
+    writer = CodeWriter(known)
     found = [(body, writer.write(body.expression)) for body in bodies]
     inner = [*writer.lines, *([f"f = {coefficient}"] if coefficient else [])]
     factor = "f * " if coefficient else ""
@@ -153,6 +154,6 @@ def _loop(
     return [head, *(" " * (indent + 4) + line for line in inner)]
 
 
-def read_by(bodies: Sequence[Body]) -> frozenset[str]:
+def names_read(bodies: Sequence[ChannelTerm]) -> frozenset[str]:
     """Return the names that some bodies read."""
     return frozenset().union(*(names(body.expression) for body in bodies))

@@ -51,15 +51,15 @@ def differentiate(expr: Expr, name: str) -> Expr:
         case Sum(terms):
             return add(differentiate(term, name) for term in terms)
         case Product(factors):
-            return _of_product(factors, name)
+            return _product_rule(factors, name)
         case Power(base, exponent):
-            return _of_power(base, exponent, name)
+            return _power_rule(base, exponent, name)
         case Call("lap" | "inv_lap" as operator, operand):
             return call(operator, differentiate(operand, name))
         case Call("grad2", operand):
-            return _of_squared_gradient(operand, differentiate(operand, name))
+            return _squared_gradient_rule(operand, differentiate(operand, name))
         case Call(function, operand):
-            return multiply((_of_function(function, operand), differentiate(operand, name)))
+            return multiply((_outer_derivative(function, operand), differentiate(operand, name)))
         case Derivative(operand, axis, order):
             return derivative(differentiate(operand, name), axis, order)
         case Flux(operand, axis, transported):
@@ -73,12 +73,12 @@ def differentiate(expr: Expr, name: str) -> Expr:
             return ZERO
 
 
-def _of_product(factors: tuple[Expr, ...], name: str) -> Expr:
+def _product_rule(factors: tuple[Expr, ...], name: str) -> Expr:
     slopes = ((i, differentiate(factor, name)) for i, factor in enumerate(factors))
     return add(multiply((*factors[:i], s, *factors[i + 1 :])) for i, s in slopes if s != ZERO)
 
 
-def _of_power(base: Expr, exponent: Expr, name: str) -> Expr:
+def _power_rule(base: Expr, exponent: Expr, name: str) -> Expr:
     of_base, of_exponent = differentiate(base, name), differentiate(exponent, name)
     found = []
     # The logarithm of a negative base must not enter where the exponent is constant.
@@ -90,18 +90,18 @@ def _of_power(base: Expr, exponent: Expr, name: str) -> Expr:
     return add(found)
 
 
-def _of_function(function: str, operand: Expr) -> Expr:
+def _outer_derivative(function: str, operand: Expr) -> Expr:
     """Return ``f'(operand)``."""
-    return substitute(_slope(function), {ARGUMENT: operand})
+    return substitute(_table_derivative(function), {ARGUMENT: operand})
 
 
 @cache
-def _slope(function: str) -> Expr:
+def _table_derivative(function: str) -> Expr:
     text = FUNCTIONS[function].derivative
     return parse(text, Vocabulary(frozenset({ARGUMENT})), where=f"derivative of {function}")
 
 
-def _of_squared_gradient(operand: Expr, slope: Expr) -> Expr:
+def _squared_gradient_rule(operand: Expr, slope: Expr) -> Expr:
     """Return ``2∇f·∇g`` by polarisation: the language has no product of gradients."""
     ahead, behind = add((operand, slope)), add((operand, scale(-1.0, slope)))
     halves = (scale(0.5, call("grad2", ahead)), scale(-0.5, call("grad2", behind)))

@@ -7,20 +7,20 @@ from dataclasses import dataclass
 
 from dashred.physics.expressions.nodes import Expr, Name, children
 
-MOST_PARTS, DEEPEST = 5000, 100
+MAX_NODES, DEEPEST = 5000, 100
 
 
 @dataclass(frozen=True)
 class Size:
     """Parts of an expression's tree, and levels."""
 
-    parts: int = 1
+    nodes: int = 1
     depth: int = 1
 
     @property
     def too_large(self) -> bool:
         """Whether this is more than anybody writes, and more than the analysis can take."""
-        return self.parts > MOST_PARTS or self.depth > DEEPEST
+        return self.nodes > MAX_NODES or self.depth > MAX_DEPTH
 
 
 def size_of(expr: Expr, named: Mapping[str, Size]) -> Size:
@@ -30,4 +30,4 @@ def size_of(expr: Expr, named: Mapping[str, Size]) -> Size:
     below = [size_of(child, named) for child in children(expr)]
     if not below:
         return Size()
-    return Size(1 + sum(size.parts for size in below), 1 + max(size.depth for size in below))
+    return Size(1 + sum(size.nodes for size in below), 1 + max(size.depth for size in below))

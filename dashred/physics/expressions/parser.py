@@ -23,9 +23,9 @@ from dashred.physics.expressions.functions import FUNCTIONS
 OPERATORS = frozenset({"d", "lap", "inv_lap", "grad2", "flux"})
 KNOWN = FUNCTIONS.keys() | OPERATORS
 RESERVED = KNOWN | {"pi", "t"}
-LONGEST = 2000
-DEEPEST = 60
-HIGHEST_ORDER = 8
+MAX_LENGTH = 2000
+MAX_DEPTH = 60
+MAX_ORDER = 8
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def number(text: str, *, where: str) -> float:
 def _refuse_foreign_text(text: str, where: str) -> None:
     if not text.strip():
         raise InputError("the expression is empty", where=where)
-    if len(text) > LONGEST:
+    if len(text) > MAX_LENGTH:
         raise InputError(f"the expression is longer than {LONGEST} characters", where=where)
     stripped = text.strip()
     if "\n" in stripped or "#" in stripped:
@@ -107,7 +107,7 @@ class _Reader:
         return _error(self.text, column, message, self.where, hint)
 
     def read(self, node: ast.AST, depth: int = 0) -> Expr:
-        if depth > DEEPEST:
+        if depth > MAX_DEPTH:
             raise self.fail(node, f"the expression is nested deeper than {DEEPEST} levels")
         try:
             expr = self.read_node(node, depth + 1)
@@ -173,7 +173,7 @@ class _Reader:
         if not self.vocabulary.axes:
             raise self.fail(node, f"{function}() needs a spatial axis, and the system has none")
         expr = self.read_operator(function, operand, arguments[1:])
-        if (order := _order(expr)) > HIGHEST_ORDER:
+        if (order := _order(expr)) > MAX_ORDER:
             raise self.fail(node, f"a derivative of order {order} is above {HIGHEST_ORDER}")
         return expr
 
@@ -204,7 +204,7 @@ class _Reader:
                 return 1
             case [ast.Constant(value=bool())]:
                 pass
-            case [ast.Constant(value=int() as order)] if 1 <= order <= HIGHEST_ORDER:
+            case [ast.Constant(value=int() as order)] if 1 <= order <= MAX_ORDER:
                 return order
         message = f"the order of a derivative is a whole number from 1 to {HIGHEST_ORDER}"
         raise self.fail(rest[0], message)

@@ -40,7 +40,7 @@ OPERAND = Name("·")
 """Stands for what an operator acts on: no name of the language looks like it."""
 
 
-class NotSeparableError(Exception):
+class NotSemilinearError(Exception):
     """A spatial operator acts on a product inside a product: ``u*lap(u**2)``."""
 
 
@@ -68,7 +68,7 @@ class Input:
 
 
 @dataclass(frozen=True)
-class Separated:
+class SemilinearForm:
     """The parts of all equations, by field; see the module.
 
     Attributes:
@@ -94,7 +94,7 @@ class Separated:
         return {name: slope for name, slope in slopes.items() if slope != ZERO}
 
 
-def separate(equations: Mapping[str, Expr], axes: Sequence[str]) -> Separated:
+def semilinear_form(equations: Mapping[str, Expr], axes: Sequence[str]) -> SemilinearForm:
     """Take equations apart.
 
     Args:
@@ -105,11 +105,11 @@ def separate(equations: Mapping[str, Expr], axes: Sequence[str]) -> Separated:
         NotSeparableError: an equation does not have the form.
         ArithmeticError: a constant is not a finite real number.
     """
-    separator = Separator(frozenset(equations), tuple(axes))
+    separator = SemilinearBuilder(frozenset(equations), tuple(axes))
     split = {field: split_linear(expr, field) for field, expr in equations.items()}
     parts = {field: separator.equation(field, rest) for field, (_, rest) in split.items()}
     channels = [found for _, found in parts.values()]
-    return Separated(
+    return SemilinearForm(
         linear={field: linear for field, (linear, _) in split.items()},
         couplings={field: couplings for field, (couplings, _) in parts.items()},
         channels=(*(first for first, *_ in channels), *(c for _, *rest in channels for c in rest)),
@@ -117,7 +117,7 @@ def separate(equations: Mapping[str, Expr], axes: Sequence[str]) -> Separated:
     )
 
 
-class Separator:
+class SemilinearBuilder:
     """Collects the inputs of all equations as it takes them apart.
 
     Attributes:
@@ -132,7 +132,7 @@ class Separator:
         """Return the couplings and channels of an equation without its linear part."""
         couplings: dict[str, list[Expr]] = {}
         bodies: dict[Expr, list[Expr]] = {}
-        for operator, body in self.outside_in(rest):
+        for operator, body in self.split_operators(rest):
             value, inner = split_coefficient(body)
             if isinstance(inner, Name) and inner.id in self.fields:
                 couplings.setdefault(inner.id, []).append(scale(value, operator))
@@ -142,7 +142,7 @@ class Separator:
         summed = {operator: add(parts) for operator, parts in bodies.items()} or {OPERAND: ZERO}
         return added, [Channel(field, operator, body) for operator, body in summed.items()]
 
-    def outside_in(self, expr: Expr) -> Iterator[tuple[Expr, Expr]]:
+    def split_operators(self, expr: Expr) -> Iterator[tuple[Expr, Expr]]:
         """Yield ``(D, G)`` with ``Σ D[G]`` the expression, operators taken outside of sums."""
         for summand in summands(expr):
             value, rest = split_coefficient(summand)
@@ -156,8 +156,8 @@ class Separator:
                 case _:
                     yield OPERAND, summand
                     continue
-            for inner, body in self.outside_in(operand):
-                yield applied(outer, inner), scale(value, body)
+            for inner, body in self.split_operators(operand):
+                yield apply_operator(outer, inner), scale(value, body)
 
     def pointwise(self, expr: Expr) -> Expr:
         """Return the expression with an input's name for every linear operator in it."""
@@ -174,33 +174,33 @@ class Separator:
                 slopes = (Derivative(operand, axis, 1) for axis in self.axes)
                 return add(power(self.pointwise(slope), Number(2.0)) for slope in slopes)
             case Derivative() | Flux() | Call("lap" | "inv_lap", _):
-                return add(map(self.from_field, self.outside_in(expr)))
+                return add(map(self.linear_input, self.split_operators(expr)))
             case Call(function, operand):
                 return call(function, self.pointwise(operand))
             case Number() | Name():
                 return expr
 
-    def from_field(self, part: tuple[Expr, Expr]) -> Expr:
+    def linear_input(self, part: tuple[Expr, Expr]) -> Expr:
         """Return the name of ``D[f]`` times its number."""
         operator, body = part
         value, inner = split_coefficient(body)
         if not isinstance(inner, Name) or inner.id not in self.fields:
-            raise NotSeparableError(to_text(applied(operator, body)))
+            raise NotSemilinearError(to_text(apply_operator(operator, body)))
         return scale(value, self.input(inner.id, operator))
 
     def input(self, field: str, operator: Expr) -> Name:
         """Return the name under which bodies read ``V f``."""
-        name = to_text(applied(operator, Name(field)))
+        name = to_text(apply_operator(operator, Name(field)))
         self.inputs[name] = Input(field, operator)
         return Name(name)
 
 
-def applied(operator: Expr, operand: Expr) -> Expr:
+def apply_operator(operator: Expr, operand: Expr) -> Expr:
     """Return an operator of :data:`OPERAND` on an operand."""
     # Not in normal form: merging derivatives would change what becomes of the Nyquist mode.
     match operator:
         case Derivative(inner, axis, order):
-            return Derivative(applied(inner, operand), axis, order)
+            return Derivative(apply_operator(inner, operand), axis, order)
         case Call(function, inner):
-            return Call(function, applied(inner, operand))
+            return Call(function, apply_operator(inner, operand))
     return operand

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from dashred.physics.backends.numba_backend import Factor
+from dashred.physics.backends.numba_backend import WindowFactor
 from dashred.physics.expressions.algebra import Expr, Number, multiply, substitute
 from dashred.physics.window import Shape, Window
 
 
 @dataclass(frozen=True)
-class Columns:
+class CoefficientLayout:
     """Where the weights of a row stand: terms, terms within the window, the window's factors.
 
     Attributes:
@@ -36,12 +36,12 @@ class Columns:
         """Return the column of a term's coefficient within the window."""
         return self.terms + term if self.shapes else None
 
-    def factors(self) -> list[Factor]:
+    def factors(self) -> list[WindowFactor]:
         """Return the factors of χ with the columns of their unknowns."""
         found, flag = [], 2 * self.terms
         for shape in self.shapes:
             unknowns = {name: flag + 1 + k for k, name in enumerate(shape.names)}
-            found.append(Factor(flag, shape.expression, unknowns))
+            found.append(WindowFactor(flag, shape.expression, unknowns))
             flag += 1 + len(shape.names)
         return found
 
@@ -73,5 +73,5 @@ class Columns:
         return multiply(found)
 
 
-def _values(factor: Factor, weights: Tensor) -> dict[str, Expr]:
+def _values(factor: WindowFactor, weights: Tensor) -> dict[str, Expr]:
     return {name: Number(float(weights[column])) for name, column in factor.unknowns.items()}

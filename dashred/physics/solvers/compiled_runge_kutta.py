@@ -12,11 +12,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from dashred.physics.backends.numba_backend import KERNEL, REAL, Array, Body, compile_kernel
+from dashred.physics.backends.numba_backend import KERNEL, REAL, Array, ChannelTerm, compile_kernel
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.runge_kutta import Tableau
-from dashred.physics.solvers.batch_coefficients import Columns
-from dashred.physics.solvers.compiled_step import between
+from dashred.physics.solvers.batch_coefficients import CoefficientLayout
+from dashred.physics.solvers.compiled_step import find_interval
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.schedule import schedule
 from dashred.physics.system import System, Term
@@ -25,7 +25,7 @@ from dashred.physics.window import Shape
 Progress = Callable[[float], None]
 
 
-class CompiledOde:
+class CompiledRungeKutta:
     """The same trajectories as :func:`dashred.physics.solvers.simulate.simulate` with fixed steps.
 
     Worth its second of compilation where many runs are made of one system.
@@ -41,18 +41,18 @@ class CompiledOde:
     ) -> None:
         assert system.tableau is not None
         self.system, self.tableau = system, system.tableau
-        columns = Columns(len(terms), shapes)
+        columns = CoefficientLayout(len(terms), shapes)
         channel = {field: i for i, field in enumerate(system.fields)}
-        bodies = [Body(channel[f], expr, None) for f, expr in system.resolved.items()]
+        bodies = [ChannelTerm(channel[f], expr, None) for f, expr in system.resolved.items()]
         bodies += [
-            Body(channel[term.equation], term.expression, j, columns.inside(j))
+            ChannelTerm(channel[term.equation], term.expression, j, columns.windowed(j))
             for j, term in enumerate(terms)
         ]
         self.kernel = compile_kernel(
-            bodies, list(system.fields), [], columns.factors(), system.measured
+            bodies, list(system.fields), [], columns.factors(), system.input_signals
         )
 
-    def with_step(self, dt: float) -> CompiledOde:
+    def with_step(self, dt: float) -> CompiledRungeKutta:
         """Return the same with another time step, nothing compiled again."""
         other = copy.copy(self)
         other.system = self.system.with_step(dt)
@@ -71,7 +71,7 @@ class CompiledOde:
             start: ``(batch, field)`` at ``times[0]``.
             times: output times, ``(time,)``.
             weights: coefficient of every term, ``(batch, term)``; with windows, as
-                :class:`dashred.physics.solvers.batch_coefficients.Columns` lays them out.
+                :class:`dashred.physics.solvers.batch_coefficients.CoefficientLayout` lays them out.
             sampled_forcing: a free forcing of every trajectory.
         """
         if sampled_forcing is None:
@@ -90,14 +90,14 @@ class CompiledOde:
             np.ascontiguousarray(weights.numpy()),
             sampled_forcing.knots.numpy(),
             sampled_forcing.values.permute(1, 2, 0).contiguous().numpy(),
-            _square(self.tableau),
+            _square_matrix(self.tableau),
             np.array(self.tableau.b),
             np.array(self.tableau.c),
         )
         return torch.from_numpy(saved[..., 0]).permute(2, 0, 1).contiguous()
 
 
-def integrate_compiled(
+def integrate_runge_kutta(
     system: System,
     start: Tensor,
     times: Tensor,
@@ -107,23 +107,23 @@ def integrate_compiled(
     """Return what :func:`.simulate.simulate` returns, compiled for this run."""
     if forcing is None:
         forcing = Forcing((), torch.zeros((len(start), 0), dtype=torch.float64))
-    found = CompiledOde(system, forcing.terms)(start, times, forcing.coefficients)
+    found = CompiledRungeKutta(system, forcing.terms)(start, times, forcing.coefficients)
     if progress is not None:
         progress(1.0)
     return found
 
 
 @numba.njit(cache=True)
-def _force(
+def _add_forcing(
     knots: Array, sampled_forcing: NDArray[np.float64], t: float, rates: NDArray[np.float64]
 ) -> None:
     """Add the free forcing at one time to rates ``(field, row, 1)``."""
     if len(knots):
-        k, share = between(knots, t)
+        k, share = find_interval(knots, t)
         rates[:, :, 0] += (1 - share) * sampled_forcing[k] + share * sampled_forcing[k + 1]
 
 
-def _square(tableau: Tableau) -> Array:
+def _square_matrix(tableau: Tableau) -> Array:
     """Return the shares a of a tableau, ``(stage, stage)``, zeros on and above the diagonal."""
     found = np.zeros((len(tableau.b), len(tableau.b)))
     for row, shares in zip(found, tableau.a, strict=True):
@@ -132,7 +132,7 @@ def _square(tableau: Tableau) -> Array:
 
 
 @numba.njit(cache=True)
-def _move(y: Array, h: float, shares: Array, count: int, rates: Array, out: Array) -> None:
+def _add_stages(y: Array, h: float, shares: Array, count: int, rates: Array, out: Array) -> None:
     """Set ``out`` to ``y + h Σ_j shares_j rates_j`` over the first rates, ``(place,)`` each."""
     for place in range(len(out)):
         out[place] = y[place]
@@ -186,10 +186,10 @@ def _integrate(
         t, h = times[i], steps[i]
         for stage in range(len(b)):
             now = t + c[stage] * h
-            _move(flat_y, h, a[stage], stage, flat_rates, flat_at)
+            _add_stages(flat_y, h, a[stage], stage, flat_rates, flat_at)
             kernel(at, nowhere, now, weights, rates[stage])
-            _force(knots, sampled_forcing, now, rates[stage])
-        _move(flat_y, h, b, len(b), flat_rates, flat_y)
+            _add_forcing(knots, sampled_forcing, now, rates[stage])
+        _add_stages(flat_y, h, b, len(b), flat_rates, flat_y)
         if ends[i]:
             output += 1
             saved[output] = y

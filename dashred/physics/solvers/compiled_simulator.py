@@ -10,13 +10,13 @@ import torch
 from torch import Tensor
 
 from dashred.physics.expressions.algebra import multiply
-from dashred.physics.expressions.semilinear import NotSeparableError
+from dashred.physics.expressions.semilinear import NotSemilinearError
 from dashred.physics.forcing_basis import SampledForcing
-from dashred.physics.solvers.batch_coefficients import Columns
-from dashred.physics.solvers.compiled_etdrk4 import CompiledMarch
-from dashred.physics.solvers.compiled_runge_kutta import CompiledOde
+from dashred.physics.solvers.batch_coefficients import CoefficientLayout
+from dashred.physics.solvers.compiled_etdrk4 import CompiledETDRK4
+from dashred.physics.solvers.compiled_runge_kutta import CompiledRungeKutta
 from dashred.physics.solvers.forcing import Forcing
-from dashred.physics.solvers.simulate import is_long, simulate
+from dashred.physics.solvers.simulate import simulate, worth_compiling
 from dashred.physics.system import System, Term
 from dashred.physics.window import Shape
 
@@ -34,7 +34,7 @@ class CompiledSystem(Protocol):
         """Return ``(batch, time, field, *grid)`` for the weights and forcing of each trajectory.
 
         Weights ``(batch, term)``; with windows, as
-        :class:`dashred.physics.solvers.batch_coefficients.Columns` has them.
+        :class:`dashred.physics.solvers.batch_coefficients.CoefficientLayout` has them.
         """
 
     def with_step(self, dt: float) -> Self:
@@ -57,7 +57,7 @@ class InterpretedSystem:
         sampled_forcing: SampledForcing | None = None,
     ) -> Tensor:
         """Return ``(batch, time, field, *grid)`` for the weights and forcing of each trajectory."""
-        columns = Columns(len(self.terms), self.shapes)
+        columns = CoefficientLayout(len(self.terms), self.shapes)
         if not self.shapes:
             forcing = Forcing(self.terms, weights)
             return simulate(self.system, start, times, forcing, sampled_forcing=sampled_forcing)
@@ -73,7 +73,7 @@ class InterpretedSystem:
         self,
         start: Tensor,
         times: Tensor,
-        columns: Columns,
+        columns: CoefficientLayout,
         weights: Tensor,
         sampled_forcing: SampledForcing | None,
     ) -> Tensor:
@@ -87,7 +87,7 @@ class InterpretedSystem:
         return replace(self, system=self.system.with_step(dt))
 
 
-def compiled(
+def compile_system(
     system: System, terms: Sequence[Term], shapes: tuple[Shape, ...] = ()
 ) -> CompiledSystem:
     """Return the system compiled: spectral systems, and ODE systems with fixed steps, on the CPU.
@@ -98,16 +98,16 @@ def compiled(
         shapes: of the windows in which it may carry them.
     """
     if not system.axes and system.tableau is not None:
-        return CompiledOde(system, terms, shapes)
+        return CompiledRungeKutta(system, terms, shapes)
     if system.spectral:
         try:
-            return CompiledMarch(system, terms, shapes)
-        except (NotSeparableError, ArithmeticError):
+            return CompiledETDRK4(system, terms, shapes)
+        except (NotSemilinearError, ArithmeticError):
             pass
     return InterpretedSystem(system, tuple(terms), shapes)
 
 
-def compiled_if_long(
+def compile_if_worthwhile(
     system: System, terms: Sequence[Term], start: Tensor, span: float
 ) -> CompiledSystem:
     """Return the system compiled where running it so long pays for that, else interpreted.
@@ -118,5 +118,5 @@ def compiled_if_long(
         start: ``(batch, field, *grid)``.
         span: time that is run through, all runs together.
     """
-    pays = is_long(system, start, span, len(terms))
-    return compiled(system, terms) if pays else InterpretedSystem(system, tuple(terms))
+    pays = worth_compiling(system, start, span, len(terms))
+    return compile_system(system, terms) if pays else InterpretedSystem(system, tuple(terms))

@@ -14,7 +14,7 @@ from dashred.physics.solvers.forcing import Forcing, RowwiseForcing
 
 # Measured on 192 trajectories of 256 points with 48 terms: gathering and scattering the carriers
 # of a term costs about four times its evaluation on every trajectory.
-WORTH_FROM = 0.25
+DENSE_FRACTION = 0.25
 
 
 class DenseForcing:
@@ -42,14 +42,14 @@ class DenseForcing:
         return [Value(each.expand(shape)) for each in sums]
 
 
-TermwiseForcing = RowwiseForcing | DenseForcing
+ForcingEvaluator = RowwiseForcing | DenseForcing
 
 
 def forcing_evaluator(
     forcing: Forcing, fields: tuple[str, ...], operators: Operators
-) -> TermwiseForcing:
+) -> ForcingEvaluator:
     """Return whichever of the two is cheaper for these coefficients."""
     carried = (forcing.coefficients != 0).double()
-    if len(forcing.terms) and float(carried.mean()) >= WORTH_FROM:
+    if len(forcing.terms) and float(carried.mean()) >= DENSE_FRACTION:
         return DenseForcing(forcing, fields, operators)
     return RowwiseForcing(forcing, fields, operators)

@@ -61,7 +61,7 @@ class ETDRK4:
         return torch.addcmul(found, self.last, n_c)
 
 
-class Steppers:
+class StepperCache:
     """The steps of one tendency by their length; the latest few are kept."""
 
     def __init__(self, linear: Tensor, nonlinear: Callable[[Tensor, float], Tensor]) -> None:
@@ -84,7 +84,7 @@ def coefficients(linear: Tensor, h: float) -> Coefficients:
     return Coefficients(torch.exp(z), torch.exp(z / 2), *_contour_integrals(z, h))
 
 
-def coefficient_slopes(linear: Tensor, h: float) -> Coefficients:
+def coefficient_derivatives(linear: Tensor, h: float) -> Coefficients:
     """Return the derivative of every coefficient with respect to L, shaped as L is."""
     z = (h * linear).to(torch.complex128)
     full, half = h * torch.exp(z), h / 2 * torch.exp(z / 2)

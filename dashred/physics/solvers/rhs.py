@@ -12,7 +12,7 @@ from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.grids.fourier_symbols import symbols
 from dashred.physics.grids.grid_value import Value, total
 from dashred.physics.grids.spectral import Spectral
-from dashred.physics.solvers.dense_forcing import TermwiseForcing, forcing_evaluator
+from dashred.physics.solvers.dense_forcing import ForcingEvaluator, forcing_evaluator
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
 
@@ -41,7 +41,7 @@ class GridTendency:
         values = self.system.values(state, t)
         tendencies = self.program(values, self.operators)
         if self.forcing is not None:
-            tendencies = _summed(tendencies, self.forcing(values))
+            tendencies = _add(tendencies, self.forcing(values))
         found = [torch.as_tensor(self.operators.on_grid(value)) for value in tendencies]
         shape = (len(state), *self.system.grid.shape)
         rates = torch.stack([f.to(state).expand(shape) for f in found], dim=1)
@@ -72,8 +72,8 @@ class SpectralTendency:
         self.forcing = None
         if forcing is not None:
             self.forcing = self._take_linear(forcing, device)
-        self.reads_surroundings = not self._names(forcing) <= set(system.fields)
-        self.mask = two_thirds(system).to(device) if system.config.integrator.dealias else None
+        self.needs_coordinates = not self._names(forcing) <= set(system.fields)
+        self.mask = dealias_mask(system).to(device) if system.config.integrator.dealias else None
 
     def __call__(self, modes: Tensor, t: float) -> Tensor:
         """Return N in modes, ``(batch, field, *modes)``."""
@@ -81,17 +81,17 @@ class SpectralTendency:
         whole = torch.fft.irfftn(modes, s=grid.shape, dim=grid.dims)
         fields = map(Value, whole.unbind(1), modes.unbind(1))
         values = dict(zip(self.system.fields, fields, strict=True))
-        if self.reads_surroundings:
+        if self.needs_coordinates:
             values |= self.system.coordinates_and_inputs(t, modes.device)
         tendencies = self.program(values, self.operators)
         if self.forcing is not None:
-            tendencies = _summed(tendencies, self.forcing(values))
+            tendencies = _add(tendencies, self.forcing(values))
         rates = self.operators.stacked_modes(tendencies, like=modes[:, 0])
         if self.sampled_forcing is not None:
             rates = rates + torch.fft.rfftn(self.sampled_forcing.at(t), dim=grid.dims)
-        return self.kept(rates)
+        return self.dealias(rates)
 
-    def kept(self, modes: Tensor) -> Tensor:
+    def dealias(self, modes: Tensor) -> Tensor:
         """Return the modes that the 2/3 rule keeps: all of them unless it was asked for."""
         return modes if self.mask is None else modes * self.mask
 
@@ -99,7 +99,7 @@ class SpectralTendency:
         terms = forcing.terms if forcing is not None else ()
         return self.program.names.union(*(names(term.expression) for term in terms))
 
-    def _take_linear(self, forcing: Forcing, device: torch.device) -> TermwiseForcing:
+    def _take_linear(self, forcing: Forcing, device: torch.device) -> ForcingEvaluator:
         space = (1,) * len(self.system.grid.shape)
         split = [split_linear(term.expression, term.equation) for term in forcing.terms]
         for term, column, (taken, _) in zip(
@@ -119,11 +119,11 @@ class SpectralTendency:
         return forcing_evaluator(kept, self.system.fields, self.operators)
 
 
-def _summed(left: list[Value], right: list[Value]) -> list[Value]:
+def _add(left: list[Value], right: list[Value]) -> list[Value]:
     return [total([a, b]) for a, b in zip(left, right, strict=True)]
 
 
-def two_thirds(system: System) -> Tensor:
+def dealias_mask(system: System) -> Tensor:
     """Return 1 for the modes below two thirds of the highest wavenumber on every axis, else 0."""
     mask = torch.ones((), dtype=torch.float64)
     for k in system.grid.wavenumbers:

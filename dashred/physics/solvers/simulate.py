@@ -11,7 +11,7 @@ from dashred.core.errors import InputError
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.runge_kutta import THREE_EIGHTHS, Tableau, advance
 from dashred.physics.solvers.adaptive import integrate_adaptive
-from dashred.physics.solvers.etdrk4 import Steppers
+from dashred.physics.solvers.etdrk4 import StepperCache
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.rhs import GridTendency, SpectralTendency
 from dashred.physics.solvers.schedule import schedule
@@ -48,18 +48,18 @@ def simulate(
         Trajectories do not touch each other, up to rounding; adaptive methods (ODEs) choose
         their steps for the whole batch, so there up to the tolerance.
     """
-    if sampled_forcing is None and _long(system, start, times, forcing):
-        from dashred.physics.solvers.compiled_etdrk4 import march_compiled
-        from dashred.physics.solvers.compiled_runge_kutta import integrate_compiled
+    if sampled_forcing is None and _worth_compiling(system, start, times, forcing):
+        from dashred.physics.solvers.compiled_etdrk4 import integrate_etdrk4
+        from dashred.physics.solvers.compiled_runge_kutta import integrate_runge_kutta
 
-        run = march_compiled if system.axes else integrate_compiled
+        run = integrate_etdrk4 if system.axes else integrate_runge_kutta
         return run(system, start, times, forcing, progress)
     if system.spectral:
         tendency = SpectralTendency(system, forcing, start.device, sampled_forcing)
-        states = _spectral_march(tendency, start, times.tolist())
+        states = _integrate_spectral(tendency, start, times.tolist())
     elif system.tableau is not None:
         explicit = GridTendency(system, forcing, sampled_forcing)
-        states = _march(explicit, system.tableau, start, times.tolist(), system.dt)
+        states = _integrate_fixed(explicit, system.tableau, start, times.tolist(), system.dt)
     else:
         return _integrate_adaptive(system, start, times, forcing, sampled_forcing)
     saved = []
@@ -70,15 +70,15 @@ def simulate(
     return torch.stack(saved, dim=1)
 
 
-def _long(system: System, start: Tensor, times: Tensor, forcing: Forcing | None) -> bool:
+def _worth_compiling(system: System, start: Tensor, times: Tensor, forcing: Forcing | None) -> bool:
     """Tell whether a run is so long that compiling it pays."""
     if forcing is not None and forcing.coefficients.requires_grad:
         return False
     span = float(times[-1] - times[0])
-    return is_long(system, start, span, 0 if forcing is None else len(forcing.terms))
+    return worth_compiling(system, start, span, 0 if forcing is None else len(forcing.terms))
 
 
-def is_long(system: System, start: Tensor, span: float, terms: int) -> bool:
+def worth_compiling(system: System, start: Tensor, span: float, terms: int) -> bool:
     """Tell whether runs are so long, all together, that compiling the system pays.
 
     Args:
@@ -121,25 +121,25 @@ def check_finite(trajectories: Tensor, times: Tensor, system: System) -> None:
     )
 
 
-def _spectral_march(
+def _integrate_spectral(
     tendency: SpectralTendency, start: Tensor, times: list[float]
 ) -> Iterator[Tensor]:
     grid = tendency.system.grid
-    steppers = Steppers(tendency.linear, tendency)
+    steppers = StepperCache(tendency.linear, tendency)
     state, modes = start, start
     yield state
     for step in schedule(times, tendency.system.dt):
         if step.begins:
             # Every interval starts from the grid: rounding makes modes that are no real field's,
             # which the equations cannot see and a linear instability would amplify without end.
-            modes = tendency.kept(torch.fft.rfftn(state, dim=grid.dims))
+            modes = tendency.dealias(torch.fft.rfftn(state, dim=grid.dims))
         modes = steppers[step.h].step(modes, step.t)
         if step.ends:
             state = torch.fft.irfftn(modes, s=grid.shape, dim=grid.dims)
             yield state
 
 
-def _march(
+def _integrate_fixed(
     tendency: GridTendency, tableau: Tableau, start: Tensor, times: list[float], dt: float
 ) -> Iterator[Tensor]:
     state = start
@@ -187,17 +187,17 @@ def _until_blow_up(tendency: GridTendency, start: Tensor, times: Tensor) -> Tens
         try:
             path.append(_adaptive(tendency, path[-1], window)[:, -1])
         except FloatingPointError:
-            path.append(_overrun(tendency, path[-1], window))
+            path.append(_integrate_past_blow_up(tendency, path[-1], window))
             break
     lost = torch.full_like(start, torch.nan)
     return torch.stack(path + [lost] * (len(times) - len(path)), dim=1)
 
 
-def _overrun(tendency: GridTendency, state: Tensor, window: Tensor) -> Tensor:
+def _integrate_past_blow_up(tendency: GridTendency, state: Tensor, window: Tensor) -> Tensor:
     """Run into the infinity that adaptive steps stop short of, to see whose field it is."""
     begin, end_time = window.tolist()
     dt = (end_time - begin) / OVERRUN_STEPS
-    *_, end = _march(tendency, THREE_EIGHTHS, state, [begin, end_time], dt)
+    *_, end = _integrate_fixed(tendency, THREE_EIGHTHS, state, [begin, end_time], dt)
     return torch.full_like(end, torch.nan) if torch.isfinite(end).all() else end
 
 

@@ -16,12 +16,12 @@ Modes = NDArray[Any]
 Places = NDArray[np.int64]
 
 # Sums may be fused and reordered, but values that are not finite stay what they are.
-compiled = numba.njit(
+jit = numba.njit(
     nogil=True, cache=True, fastmath={"contract", "reassoc", "nsz"}, error_model="numpy"
 )
 
 
-@compiled
+@jit
 def apply_slopes(inputs: Real, slopes: Real, reads: Places, writes: Places, out: Real) -> None:
     """Set ``δG_m = Σ_i ∂G_m/∂v_i δv_i``.
 
@@ -43,7 +43,7 @@ def apply_slopes(inputs: Real, slopes: Real, reads: Places, writes: Places, out:
                     g[i] += slope[i] * v[i]
 
 
-@compiled
+@jit
 def add_products(factors: Modes, terms: Modes, reads: Places, writes: Places, out: Modes) -> None:
     """Add ``factors[s] terms[reads[s]]`` to ``out[writes[s]]``, for every s and column."""
     for column in range(out.shape[1]):
@@ -53,8 +53,8 @@ def add_products(factors: Modes, terms: Modes, reads: Places, writes: Places, ou
                 total[k] += factor[k] * term[k]
 
 
-@compiled
-def spread(modes: Modes, factors: Modes, reads: Places, out: Modes) -> None:
+@jit
+def gather_products(modes: Modes, factors: Modes, reads: Places, out: Modes) -> None:
     """Set ``out[s] = factors[s] modes[reads[s]]``, for every s and column."""
     for s in range(len(reads)):
         for column in range(out.shape[1]):
@@ -63,7 +63,7 @@ def spread(modes: Modes, factors: Modes, reads: Places, out: Modes) -> None:
                 found[k] = factor[k] * mode[k]
 
 
-@compiled
+@jit
 def add_rows(rows: Modes, places: Places, out: Modes) -> None:
     """Add ``rows[row]`` to ``out[equation, column]`` for every ``(equation, column, row)``."""
     for p in range(len(places)):
@@ -72,7 +72,7 @@ def add_rows(rows: Modes, places: Places, out: Modes) -> None:
             total[k] += row[k]
 
 
-@compiled
+@jit
 def add_shifts(symbols: Modes, shift: Modes, places: Places, out: Modes) -> None:
     """Add ``symbols[p] shift[equation]`` to ``out[equation, column]`` for every place p."""
     for p in range(len(places)):
@@ -82,7 +82,7 @@ def add_shifts(symbols: Modes, shift: Modes, places: Places, out: Modes) -> None
             total[k] += factor[k] * change[k]
 
 
-@compiled
+@jit
 def first_stage(
     u: Modes, n: Modes, step: Modes, linear: Modes, rest: Modes, end: Modes, a: Modes
 ) -> None:
@@ -112,7 +112,7 @@ def first_stage(
                 to_end[k] = full[k] * at[k] + first[k] * rate[k]
 
 
-@compiled
+@jit
 def middle_stage(base: Modes, n: Modes, q: Modes, middle: Modes, end: Modes, found: Modes) -> None:
     """Set ``found = base + q n`` and add ``middle n`` to the end of the step."""
     for field in range(base.shape[0]):
@@ -125,7 +125,7 @@ def middle_stage(base: Modes, n: Modes, q: Modes, middle: Modes, end: Modes, fou
                 total[k] += weight[k] * rate[k]
 
 
-@compiled
+@jit
 def last_stage(end: Modes, n: Modes, last: Modes, found: Modes) -> None:
     """Set ``found = end + last n``."""
     for field in range(end.shape[0]):

@@ -34,7 +34,7 @@ def supports_ode(system: System, terms: Sequence[Term]) -> bool:
         return False
     try:
         for expr in (*system.resolved.values(), *(term.expression for term in terms)):
-            _slopes(system, expr)
+            _gradient(system, expr)
     except (NotDifferentiableError, ArithmeticError):
         return False
     return True
@@ -75,22 +75,22 @@ def tangent_ode(
     # A trajectory that blows up is told by its values.
     with np.errstate(all="ignore"):
         equations = _equations(system, forcing)
-        clock = _clock(tableau, steps)
-        around = _surroundings(system, clock)
-        forced = _driven(system, clock, sampled_forcing)
+        clock = _stage_times(tableau, steps)
+        around = _time_and_inputs(system, clock)
+        forced = _forcing_at_stages(system, clock, sampled_forcing)
         base = tableau, steps, start.numpy(), system.fields
         stages, states = trajectory(*base, equations, around, forced)
-        slopes, source = _along(system, stages, around, equations, sources)
+        slopes, source = _jacobians_and_sources(system, stages, around, equations, sources)
         still = np.zeros((*source.shape[:2], *directions.shape))
-        pulsed = [] if forcing_basis is None else [_pulsed(forcing_basis, clock)]
+        pulsed = [] if forcing_basis is None else [_basis_sources(forcing_basis, clock)]
         source = np.concatenate([still, source, *pulsed], axis=2)
         begin = directions.double().numpy()
-        found = _columns(tableau, steps, begin, slopes, source)
+        found = _integrate_columns(tableau, steps, begin, slopes, source)
     for state, columns in zip(states, found, strict=True):
         yield torch.from_numpy(state), torch.from_numpy(columns)
 
 
-def _clock(tableau: Tableau, steps: Sequence[Step]) -> Array:
+def _stage_times(tableau: Tableau, steps: Sequence[Step]) -> Array:
     """Return the time of every stage, ``(step, stage)``."""
     return np.array([[step.t + node * step.h for node in tableau.c] for step in steps])
 
@@ -105,16 +105,18 @@ def _equations(system: System, forcing: Forcing | None) -> list[Expr]:
     return [add(added[field]) for field in system.fields]
 
 
-def _slopes(system: System, expr: Expr) -> list[Expr]:
+def _gradient(system: System, expr: Expr) -> list[Expr]:
     return [differentiate(expr, field) for field in system.fields]
 
 
-def _surroundings(system: System, t: Array) -> dict[str, Array]:
+def _time_and_inputs(system: System, t: Array) -> dict[str, Array]:
     """Return the time and the inputs."""
-    return {"t": t, **system.measured.at(t)}
+    return {"t": t, **system.input_signals.at(t)}
 
 
-def _driven(system: System, clock: Array, sampled_forcing: SampledForcing | None) -> Array:
+def _forcing_at_stages(
+    system: System, clock: Array, sampled_forcing: SampledForcing | None
+) -> Array:
     """Return the free forcing at every stage, ``(step, stage, field)``."""
     if sampled_forcing is None:
         return np.zeros((*clock.shape, len(system.fields)))
@@ -123,7 +125,7 @@ def _driven(system: System, clock: Array, sampled_forcing: SampledForcing | None
     return np.stack([np.interp(clock, knots, along) for along in values.T], axis=-1)
 
 
-def _along(
+def _jacobians_and_sources(
     system: System,
     stages: Array,
     around: Mapping[str, Array],
@@ -136,7 +138,7 @@ def _along(
         ``(step, stage, equation, field)`` and ``(step, stage, column, equation)``.
     """
     fields = len(system.fields)
-    slopes = [slope for expr in equations for slope in _slopes(system, expr)]
+    slopes = [slope for expr in equations for slope in _gradient(system, expr)]
     rows: dict[tuple[int, int], list[Expr]] = {}
     for column, terms in enumerate(sources):
         for term in terms:
@@ -152,7 +154,7 @@ def _along(
     return np.ascontiguousarray(jacobian), driven
 
 
-def _pulsed(forcing_basis: ForcingBasis, clock: Array) -> Array:
+def _basis_sources(forcing_basis: ForcingBasis, clock: Array) -> Array:
     """Return what every pulse adds to the rates, ``(step, stage, column, equation)``."""
     hats = forcing_basis.hats(clock.ravel()).reshape(*clock.shape, -1)
     cells = forcing_basis.bumps.numpy().ravel()
@@ -161,7 +163,7 @@ def _pulsed(forcing_basis: ForcingBasis, clock: Array) -> Array:
     return found.reshape(*clock.shape, forcing_basis.count, forcing_basis.fields)
 
 
-def _columns(
+def _integrate_columns(
     tableau: Tableau, steps: Sequence[Step], begin: Array, slopes: Array, source: Array
 ) -> list[Array]:
     """Return the columns at every output time, each ``(column, field)``."""
@@ -192,11 +194,13 @@ def _propagators(tableau: Tableau, h: Array, slopes: Array, source: Array) -> tu
     pushed: list[Array] = []
     for stage, shares in enumerate(tableau.a):
         jacobian = slopes[:, stage].swapaxes(1, 2)
-        turned.append((still + along * _combined(shares, turned)) @ jacobian)
-        at = np.zeros_like(source[:, 0]) + along * _combined(shares, pushed)
+        turned.append((still + along * _weighted_sum(shares, turned)) @ jacobian)
+        at = np.zeros_like(source[:, 0]) + along * _weighted_sum(shares, pushed)
         pushed.append(at @ jacobian + source[:, stage])
-    return still + along * _combined(tableau.b, turned), along * _combined(tableau.b, pushed)
+    return still + along * _weighted_sum(tableau.b, turned), along * _weighted_sum(
+        tableau.b, pushed
+    )
 
 
-def _combined(shares: Sequence[float], rates: Sequence[Array]) -> Array | float:
+def _weighted_sum(shares: Sequence[float], rates: Sequence[Array]) -> Array | float:
     return sum((share * rate for share, rate in zip(shares, rates, strict=True)), 0.0)

@@ -13,7 +13,7 @@ import numpy as np
 
 from dashred.physics.backends.codegen import define
 from dashred.physics.backends.numpy_backend import Array, Pointwise
-from dashred.physics.backends.scalar_backend import NO_NUMBER, scalar_program
+from dashred.physics.backends.scalar_backend import NON_FINITE_ERRORS, scalar_program
 from dashred.physics.expressions.algebra import Expr
 from dashred.physics.runge_kutta import Tableau
 from dashred.physics.solvers.schedule import Step
@@ -54,8 +54,8 @@ def trajectory(
         return [rate + push for rate, push in zip(found, pushes[i][stage], strict=True)]
 
     try:
-        return _march(tableau, steps, start, by_numbers)
-    except NO_NUMBER:
+        return _integrate(tableau, steps, start, by_numbers)
+    except NON_FINITE_ERRORS:
         arrays = Pointwise(equations)
 
     def by_arrays(state: list[float], i: int, stage: int) -> list[float]:
@@ -63,10 +63,10 @@ def trajectory(
         found = arrays(dict(zip(names, values, strict=True)), (1,))[:, 0].tolist()
         return [rate + push for rate, push in zip(found, pushes[i][stage], strict=True)]
 
-    return _march(tableau, steps, start, by_arrays)
+    return _integrate(tableau, steps, start, by_arrays)
 
 
-def _march(
+def _integrate(
     tableau: Tableau, steps: Sequence[Step], start: Array, rates: Rates
 ) -> tuple[Array, Array]:
     advance = _stepper(tableau)
@@ -94,7 +94,7 @@ def _stepper(tableau: Tableau) -> Stepper:
     return step
 
 
-def _moved(shares: Sequence[float]) -> str:
+def _stage_code(shares: Sequence[float]) -> str:
     """Return the code of ``y + h Σ_j shares_j k_j``."""
     read = {j: share for j, share in enumerate(shares) if share}
     if not read:

@@ -10,9 +10,9 @@ import numpy as np
 
 from dashred.physics.backends.numpy_backend import Array
 from dashred.physics.grids.transforms import from_modes, to_modes
-from dashred.physics.solvers.etdrk4 import coefficient_slopes, coefficients
+from dashred.physics.solvers.etdrk4 import coefficient_derivatives, coefficients
 from dashred.physics.solvers.schedule import Step
-from dashred.physics.tangents.semilinear_rhs import Modes, SeparatedTendency
+from dashred.physics.tangents.semilinear_rhs import Modes, SemilinearTendency
 
 STAGES = 4
 
@@ -34,24 +34,26 @@ class Stage(NamedTuple):
     shift: Modes
 
 
-class BaseMarch:
+class ReferenceTrajectory:
     """Steps one state in float64.
 
     Args:
         tendency: L and N.
     """
 
-    def __init__(self, tendency: SeparatedTendency) -> None:
+    def __init__(self, tendency: SemilinearTendency) -> None:
         self.tendency = tendency
         linear = tendency.linear
         self.coefficients = cache(lambda h: [c.numpy() for c in coefficients(linear, h)])
-        self._slopes = cache(lambda h: [c.numpy() for c in coefficient_slopes(linear, h)])
+        self._slopes = cache(lambda h: [c.numpy() for c in coefficient_derivatives(linear, h)])
 
     def in_modes(self, points: Array) -> Modes:
         """Return the modes of a state ``(field, 1, *grid)``."""
         return to_modes(points, self.tendency.rank) * self.tendency.mask
 
-    def follow(self, steps: Sequence[Step], modes: Modes) -> tuple[Modes, list[Array], list[Stage]]:
+    def advance(
+        self, steps: Sequence[Step], modes: Modes
+    ) -> tuple[Modes, list[Array], list[Stage]]:
         """Return the last modes, the states at output times, ``(field, 1, *grid)``, all stages."""
         outputs: list[Array] = []
         stages: list[Stage] = []

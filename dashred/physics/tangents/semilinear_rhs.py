@@ -15,21 +15,21 @@ from numpy.typing import NDArray
 
 from dashred.physics.backends.numpy_backend import Array, Pointwise
 from dashred.physics.expressions.algebra import Expr, add, scale
-from dashred.physics.expressions.semilinear import Input, Separated, separate
+from dashred.physics.expressions.semilinear import Input, SemilinearForm, semilinear_form
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.grids.fourier_symbols import symbols
 from dashred.physics.grids.spectral import Spectral
 from dashred.physics.grids.transforms import from_modes, to_modes
-from dashred.physics.solvers.compiled_step import between
+from dashred.physics.solvers.compiled_step import find_interval
 from dashred.physics.solvers.forcing import Forcing
-from dashred.physics.solvers.rhs import two_thirds
+from dashred.physics.solvers.rhs import dealias_mask
 from dashred.physics.system import System
 
 Modes = NDArray[Any]
 """Of the fields, ``(field, state, *modes)``, if nothing else is said."""
 
 
-def separated(system: System, forcing: Forcing | None) -> Separated:
+def forced_semilinear_form(system: System, forcing: Forcing | None) -> SemilinearForm:
     """Return the separated equations with the forcing of one trajectory added.
 
     What the equations and the forcing's terms share is computed once.
@@ -43,21 +43,21 @@ def separated(system: System, forcing: Forcing | None) -> Separated:
         for term, coefficient in zip(forcing.terms, coefficients, strict=True):
             added[term.equation].append(scale(coefficient, term.expression))
     equations = {field: add(terms) for field, terms in added.items()}
-    return separate(equations, [axis.name for axis in system.axes])
+    return semilinear_form(equations, [axis.name for axis in system.axes])
 
 
-def symbol_of(system: System, operator: Expr) -> Modes:
+def operator_symbol(system: System, operator: Expr) -> Modes:
     """Return the Fourier symbol of an operator on one field, ``(*modes)``."""
     assert isinstance(system.operators, Spectral)
     found: Modes = symbols([[operator]], system.operators, torch.device("cpu"))[0].numpy()
     return found
 
 
-def mask_of(system: System) -> Modes:
+def mode_mask(system: System) -> Modes:
     """Return 1 for the modes that the 2/3 rule keeps, ``(*modes)``: all unless it was asked for."""
     *first, last = system.grid.shape
     if system.config.integrator.dealias:
-        return two_thirds(system).numpy()
+        return dealias_mask(system).numpy()
     return np.ones((*first, last // 2 + 1))
 
 
@@ -72,7 +72,7 @@ class Inputs:
     def __init__(self, system: System, inputs: Mapping[str, Input]) -> None:
         self.names, self.shape = tuple(inputs), system.grid.shape
         self.fields = np.array([system.fields.index(v.field) for v in inputs.values()], dtype=int)
-        found = [symbol_of(system, v.operator)[None] for v in inputs.values()]
+        found = [operator_symbol(system, v.operator)[None] for v in inputs.values()]
         self.multipliers = np.array(found)
 
     def __call__(self, modes: Modes) -> Array:
@@ -86,7 +86,7 @@ class Inputs:
         return dict(zip(self.names, points, strict=True))
 
 
-class SeparatedTendency:
+class SemilinearTendency:
     """``û' = Lû + N(û, t)`` of a system with one forcing and one drive.
 
     Attributes:
@@ -101,23 +101,23 @@ class SeparatedTendency:
         self, system: System, forcing: Forcing | None, sampled_forcing: SampledForcing | None = None
     ) -> None:
         assert isinstance(system.operators, Spectral)
-        self.parts = separated(system, forcing)
+        self.form = forced_semilinear_form(system, forcing)
         index = {field: i for i, field in enumerate(system.fields)}
-        linear = list(self.parts.linear.values())
+        linear = list(self.form.linear.values())
         self.linear = symbols(linear, system.operators, torch.device("cpu"))[:, None]
-        self.inputs = Inputs(system, self.parts.inputs)
-        self.rank, self.mask = len(system.grid.shape), mask_of(system)
-        outside = [self.mask * symbol_of(system, c.operator) for c in self.parts.channels]
+        self.inputs = Inputs(system, self.form.inputs)
+        self.rank, self.mask = len(system.grid.shape), mode_mask(system)
+        outside = [self.mask * operator_symbol(system, c.operator) for c in self.form.channels]
         self.outside = np.array(outside)[:, None]
-        self.places = [index[channel.equation] for channel in self.parts.channels]
+        self.places = [index[channel.equation] for channel in self.form.channels]
         self.couplings = [
-            (index[equation], index[field], self.mask * symbol_of(system, operator))
-            for equation, couplings in self.parts.couplings.items()
+            (index[equation], index[field], self.mask * operator_symbol(system, operator))
+            for equation, couplings in self.form.couplings.items()
             for field, operator in couplings.items()
         ]
-        self._bodies = Pointwise([channel.body for channel in self.parts.channels])
+        self._bodies = Pointwise([channel.body for channel in self.form.channels])
         self._coordinates = {k: v.numpy() for k, v in system.grid.places.items()}
-        self._measured = system.measured
+        self._input_signals = system.input_signals
         self._knots: Array = (
             np.zeros(0) if sampled_forcing is None else sampled_forcing.knots.numpy()
         )
@@ -127,7 +127,7 @@ class SeparatedTendency:
 
     def coordinates_and_inputs(self, t: Array) -> dict[str, Array]:
         """Return coordinates, time and measured inputs, at some times."""
-        return {**self._coordinates, "t": t, **self._measured.at(t)}
+        return {**self._coordinates, "t": t, **self._input_signals.at(t)}
 
     def __call__(self, modes: Modes, points: Array, t: float) -> Modes:
         """Return N of states in modes; ``points`` are their inputs."""
@@ -141,6 +141,6 @@ class SeparatedTendency:
         for equation, field, symbol in self.couplings:
             found[equation] += symbol * modes[field]
         if len(self._knots):
-            k, share = between(self._knots, t)
+            k, share = find_interval(self._knots, t)
             found += (1 - share) * self._drive[k] + share * self._drive[k + 1]
         return found

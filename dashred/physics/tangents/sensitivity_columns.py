@@ -13,14 +13,14 @@ from dashred.physics.expressions.algebra import Expr
 from dashred.physics.grids.transforms import from_modes, to_modes
 from dashred.physics.solvers.schedule import Step
 from dashred.physics.tangents import column_kernels as kernels
-from dashred.physics.tangents.reference_trajectory import STAGES, BaseMarch
+from dashred.physics.tangents.reference_trajectory import STAGES, ReferenceTrajectory
 from dashred.physics.tangents.semilinear_rhs import Modes
 from dashred.physics.tangents.sources import Sources
 
 Real = NDArray[Any]
 
 
-class Block(NamedTuple):
+class StageBlock(NamedTuple):
     """What the columns need of the stages of some steps; all axes of a grid flattened.
 
     Attributes:
@@ -34,7 +34,7 @@ class Block(NamedTuple):
     shifts: Modes
 
 
-class ColumnMarch:
+class SensitivityIntegrator:
     """Steps ``δu' = Lδu + N'(u)δu + θ``. ETDRK4 is linear in its stages: so is its derivative.
 
     Attributes:
@@ -46,20 +46,22 @@ class ColumnMarch:
         dtype: precision, float32 or float64.
     """
 
-    def __init__(self, base: BaseMarch, sources: Sources, dtype: type[np.floating[Any]]) -> None:
+    def __init__(
+        self, base: ReferenceTrajectory, sources: Sources, dtype: type[np.floating[Any]]
+    ) -> None:
         tendency = base.tendency
         self.base, self.sources = base, sources
         self.dtype = np.result_type(dtype, np.complex64)
         self.shape = tendency.inputs.shape
         found = [
             (channel, tendency.inputs.names.index(name), slope)
-            for channel, part in enumerate(tendency.parts.channels)
-            for name, slope in tendency.parts.slopes(part).items()
+            for channel, part in enumerate(tendency.form.channels)
+            for name, slope in tendency.form.slopes(part).items()
         ]
         self.slopes: list[Expr] = [slope for _, _, slope in found]
         # Neither FFTs of inputs without a slope nor of channels without one.
-        channels, self._writes = _numbered([channel for channel, _, _ in found])
-        inputs, self._reads = _numbered([place for _, place, _ in found])
+        channels, self._writes = _renumber([channel for channel, _, _ in found])
+        inputs, self._reads = _renumber([place for _, place, _ in found])
         self._fields = tendency.inputs.fields[inputs]
         self._multipliers = self._flat(tendency.inputs.multipliers[inputs])
         self._outside = self._flat(tendency.outside[channels])
@@ -72,8 +74,8 @@ class ColumnMarch:
             lambda h: np.array([self._flat(c) for c in base.coefficients(h)])
         )
 
-    def carry(
-        self, steps: Sequence[Step], modes: Modes, chunk: range, block: Block
+    def advance(
+        self, steps: Sequence[Step], modes: Modes, chunk: range, block: StageBlock
     ) -> tuple[Modes, list[Real]]:
         """Step some columns.
 
@@ -110,13 +112,13 @@ class ColumnMarch:
 class _Chunk:
     """Columns that are stepped together, and the memory that this takes."""
 
-    def __init__(self, march: ColumnMarch, shape: tuple[int, ...], chunk: range) -> None:
+    def __init__(self, march: SensitivityIntegrator, shape: tuple[int, ...], chunk: range) -> None:
         self.march, self.shape = march, shape
         sources = march.sources
         symbols = sources.symbols.reshape(len(sources.symbols), march.base.tendency.mask.size)
-        self.shifts = _within(sources.shifts, chunk)
+        self.shifts = _select_columns(sources.shifts, chunk)
         self.symbols = symbols[self.shifts[:, 2]].astype(march.dtype)
-        self.drives = _within(sources.drives, chunk)
+        self.drives = _select_columns(sources.drives, chunk)
         fields, columns, size = shape[0], shape[1], march.base.tendency.mask.size
         memory = np.empty((5, fields, columns, size), dtype=march.dtype)
         self.n, self.linear, self.rest, self.end, self.stage = memory
@@ -125,7 +127,7 @@ class _Chunk:
         points = int(np.prod(march.shape))
         self.channels = np.empty((len(march._places), columns, points), dtype=real)
 
-    def step(self, modes: Modes, step: Modes, block: Block, at: int) -> Modes:
+    def step(self, modes: Modes, step: Modes, block: StageBlock, at: int) -> Modes:
         """Return the columns after a step whose first stage is the block's stage ``at``."""
         u = np.ascontiguousarray(modes).reshape(self.n.shape)
         _, _, q, _, middle, last = step
@@ -144,10 +146,10 @@ class _Chunk:
         self._shift(found, block, at + 3)
         return found.reshape(self.shape)
 
-    def _shift(self, modes: Modes, block: Block, at: int) -> None:
+    def _shift(self, modes: Modes, block: StageBlock, at: int) -> None:
         kernels.add_shifts(self.symbols, block.shifts[at], self.shifts, modes)
 
-    def _tendency(self, modes: Modes, block: Block, at: int) -> None:
+    def _tendency(self, modes: Modes, block: StageBlock, at: int) -> None:
         """Set ``n`` to ``N'δu + θ``."""
         march = self.march
         self.n[...] = 0
@@ -162,7 +164,7 @@ class _Chunk:
     def _channels(self, modes: Modes, slopes: Real) -> Modes:
         """Return δG in modes, ``(channel, column, mode)``."""
         march = self.march
-        kernels.spread(modes, march._multipliers, march._fields, self.spectra)
+        kernels.gather_products(modes, march._multipliers, march._fields, self.spectra)
         inputs = from_modes(self.spectra.reshape(-1, *self.shape[1:]), march.shape)
         flat = inputs.reshape(*inputs.shape[:2], -1)
         kernels.apply_slopes(flat, slopes, march._reads, march._writes, self.channels)
@@ -171,13 +173,13 @@ class _Chunk:
         return hats.reshape(*hats.shape[:2], -1)
 
 
-def _numbered(places: list[int]) -> tuple[list[int], NDArray[np.int64]]:
+def _renumber(places: list[int]) -> tuple[list[int], NDArray[np.int64]]:
     """Return the different places, in order, and the number among them of each."""
     different = sorted(set(places))
     return different, np.array([different.index(place) for place in places], dtype=np.int64)
 
 
-def _within(places: Sequence[tuple[int, int, int]], chunk: range) -> NDArray[np.int64]:
+def _select_columns(places: Sequence[tuple[int, int, int]], chunk: range) -> NDArray[np.int64]:
     """Return the places in some columns, counted from the first of these."""
     found = [(e, column - chunk.start, i) for e, column, i in places if column in chunk]
     return np.array(found, dtype=np.int64).reshape(-1, 3)

@@ -13,12 +13,12 @@ from dashred.physics.backends.numpy_backend import Array
 from dashred.physics.backends.torch_backend import Program
 from dashred.physics.expressions.algebra import ZERO, Expr, add
 from dashred.physics.expressions.linear import split_linear
-from dashred.physics.expressions.semilinear import NotSeparableError, Separator
+from dashred.physics.expressions.semilinear import NotSemilinearError, SemilinearBuilder
 from dashred.physics.forcing_basis import ForcingBasis
 from dashred.physics.grids.grid_value import Value, on_whole_grid
 from dashred.physics.grids.transforms import to_modes
 from dashred.physics.system import System, Term
-from dashred.physics.tangents.semilinear_rhs import Inputs, Modes, mask_of, symbol_of
+from dashred.physics.tangents.semilinear_rhs import Inputs, Modes, mode_mask, operator_symbol
 
 Places = list[tuple[int, int, int]]
 
@@ -60,10 +60,10 @@ class Sources:
             linear, rest = split_linear(expr, equation)
             if linear:
                 self.shifts.append((*place, len(symbols)))
-                symbols.append(symbol_of(system, add(linear)))
+                symbols.append(operator_symbol(system, add(linear)))
             if rest != ZERO:
                 self.drives.append((*place, rows.setdefault(rest, len(rows))))
-        mask = mask_of(system)
+        mask = mode_mask(system)
         self.symbols = np.array(symbols).reshape(-1, *mask.shape)
         self.rows, self._mask = len(rows), mask
         self._take_apart(rows)
@@ -112,7 +112,7 @@ class Sources:
 
     def _take_apart(self, rows: Mapping[Expr, int]) -> None:
         fields, axes = self.system.fields, [axis.name for axis in self.system.axes]
-        separator = Separator(frozenset(fields), tuple(axes))
+        separator = SemilinearBuilder(frozenset(fields), tuple(axes))
         bodies: dict[Expr, int] = {}
         others: dict[Expr, int] = {}
         self._channels: list[tuple[int, int, Modes]] = []
@@ -120,7 +120,7 @@ class Sources:
         for expr, row in rows.items():
             try:
                 couplings, channels = separator.equation("", expr)
-            except NotSeparableError:
+            except NotSemilinearError:
                 others[expr] = row
                 continue
             for field, operator in couplings.items():
@@ -135,7 +135,7 @@ class Sources:
         self._others = Program(list(others)) if others else None
 
     def _symbol(self, operator: Expr) -> Modes:
-        found: Modes = self._mask * symbol_of(self.system, operator)
+        found: Modes = self._mask * operator_symbol(self.system, operator)
         return found
 
     def _evaluated(self, modes: Modes, times: Array) -> Array:

@@ -20,14 +20,14 @@ from torch import Tensor
 from dashred.core.threads import in_threads
 from dashred.physics.backends.numpy_backend import Pointwise
 from dashred.physics.expressions.algebra import ZERO
-from dashred.physics.expressions.semilinear import NotSeparableError, separate
+from dashred.physics.expressions.semilinear import NotSemilinearError, semilinear_form
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.schedule import Step, schedule
 from dashred.physics.system import System, Term
-from dashred.physics.tangents.reference_trajectory import STAGES, BaseMarch, Stage
-from dashred.physics.tangents.semilinear_rhs import Modes, SeparatedTendency
-from dashred.physics.tangents.sensitivity_columns import Block, ColumnMarch
+from dashred.physics.tangents.reference_trajectory import STAGES, ReferenceTrajectory, Stage
+from dashred.physics.tangents.semilinear_rhs import Modes, SemilinearTendency
+from dashred.physics.tangents.sensitivity_columns import SensitivityIntegrator, StageBlock
 from dashred.physics.tangents.sources import Sources
 
 POINTS_AT_ONCE = 2**12
@@ -54,10 +54,10 @@ def supports(system: System, terms: Sequence[Term]) -> bool:
         empty = dict.fromkeys(system.fields, ZERO)
         added = [{**empty, term.equation: term.expression} for term in terms]
         for equations in (system.resolved, *added):
-            parts = separate(equations, axes)
+            parts = semilinear_form(equations, axes)
             for channel in parts.channels:
                 parts.slopes(channel)
-    except (NotSeparableError, ArithmeticError):
+    except (NotSemilinearError, ArithmeticError):
         return False
     return True
 
@@ -101,33 +101,33 @@ def tangent_linear(
     tangents = torch.zeros((count, *start.shape), dtype=dtype, device=start.device)
     tangents[: len(directions)] = directions
     yield start, tangents
-    tendency = SeparatedTendency(system, forcing, sampled_forcing)
+    tendency = SemilinearTendency(system, forcing, sampled_forcing)
     driven = Sources(system, sources, len(directions), forcing_basis)
-    model = _Linearised(tendency, driven, dtype)
+    model = _LinearisedSystem(tendency, driven, dtype)
     size = max(1, COLUMN_POINTS // start.numel())
     chunks = [range(i, min(i + size, count)) for i in range(0, count, size)]
-    modes = model.base.in_modes(start.cpu().numpy()[:, None])
+    modes = model.reference.in_modes(start.cpu().numpy()[:, None])
     by_field = tangents.cpu().numpy().swapaxes(0, 1)
     columns = [model.columns.in_modes(by_field[:, c.start : c.stop]) for c in chunks]
     steps_at_once = max(1, POINTS_AT_ONCE // (STAGES * start[0].numel()))
     for steps in _blocks(schedule(times.tolist(), system.dt), steps_at_once):
         # A trajectory that blows up is told by its values.
         with np.errstate(all="ignore"):
-            modes, states, stages = model.base.follow(steps, modes)
-            block = model.along(stages)
+            modes, states, stages = model.reference.advance(steps, modes)
+            block = model.evaluate(stages)
         found = torch.zeros((len(states), *tangents.shape), dtype=dtype)
-        carry = partial(_carry, model.columns, steps, chunks, block, columns, found)
+        carry = partial(_advance_chunk, model.columns, steps, chunks, block, columns, found)
         for _ in in_threads(carry, len(chunks)):
             pass
         for state, out in zip(states, found, strict=True):
             yield torch.from_numpy(state[:, 0]).to(start.device), out.to(start.device)
 
 
-def _carry(
-    march: ColumnMarch,
+def _advance_chunk(
+    march: SensitivityIntegrator,
     steps: Sequence[Step],
     chunks: Sequence[range],
-    block: Block,
+    block: StageBlock,
     columns: list[Modes],
     found: Tensor,
     which: int,
@@ -135,21 +135,21 @@ def _carry(
     """Step one chunk of the columns, and put what it is at output times to its place."""
     chunk = chunks[which]
     with np.errstate(all="ignore"):
-        columns[which], outputs = march.carry(steps, columns[which], chunk, block)
+        columns[which], outputs = march.advance(steps, columns[which], chunk, block)
     for out, points in zip(found, outputs, strict=True):
         out[chunk.start : chunk.stop] = torch.from_numpy(points).transpose(0, 1)
 
 
-class _Linearised:
+class _LinearisedSystem:
     """The equations about a base trajectory, a block of steps at a time."""
 
-    def __init__(self, tendency: SeparatedTendency, sources: Sources, dtype: torch.dtype) -> None:
+    def __init__(self, tendency: SemilinearTendency, sources: Sources, dtype: torch.dtype) -> None:
         self.dtype = PRECISION[dtype]
-        self.base, self.sources = BaseMarch(tendency), sources
-        self.columns = ColumnMarch(self.base, self.sources, self.dtype)
+        self.base, self.sources = ReferenceTrajectory(tendency), sources
+        self.columns = SensitivityIntegrator(self.base, self.sources, self.dtype)
         self.program = Pointwise([*self.columns.slopes, *self.sources.bodies])
 
-    def along(self, stages: Sequence[Stage]) -> Block:
+    def along(self, stages: Sequence[Stage]) -> StageBlock:
         """Evaluate all that the columns need, at all stages of a block at once."""
         tendency, rank, count = self.base.tendency, self.base.tendency.rank, len(stages)
         modes = np.concatenate([stage.modes for stage in stages], axis=1)
@@ -161,7 +161,7 @@ class _Linearised:
         slopes, bodies = np.split(found, [len(self.columns.slopes)])
         rows = self.sources(bodies, modes, times, self.dtype)
         shifts = np.concatenate([stage.shift for stage in stages], axis=1)
-        return Block(
+        return StageBlock(
             _by_stage(slopes).astype(self.dtype),
             _by_stage(rows),
             _by_stage(shifts).astype(self.columns.dtype),

@@ -85,7 +85,7 @@ class Simulator:
     def _check_inputs(self, times: Tensor) -> None:
         if not self.system.inputs:
             return
-        known = self.system.measured.times
+        known = self.system.input_signals.times
         spare = 1e-9 * max(1.0, float(np.abs(known).max()))
         if times[0] < known[0] - spare or times[-1] > known[-1] + spare:
             what = f"the inputs are known from {known[0]:g} to {known[-1]:g} alone"

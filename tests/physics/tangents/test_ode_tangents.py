@@ -10,7 +10,7 @@ import torch
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.library import resolve
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.solvers.compiled_simulator import compiled
+from dashred.physics.solvers.compiled_simulator import compile_system
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
@@ -78,7 +78,7 @@ def test_columns_are_the_derivatives_of_the_run(system: System, forcing: Forcing
 def test_a_free_forcing_is_carried_and_differentiated(system: System, forcing: Forcing) -> None:
     start, h = nominal_start(system)[0], 1e-5
     forcing_basis = ForcingBasis.over(system, TIMES, 1, 4)
-    run = compiled(system, forcing.terms)
+    run = compile_system(system, forcing.terms)
     amplitudes = 0.3 * torch.randn(
         (1, *forcing_basis.shape), generator=torch.Generator().manual_seed(0)
     )
