@@ -20,8 +20,8 @@ from dashred.physics.solvers.batch_coefficients import CoefficientLayout
 from dashred.physics.solvers.compiled_simulator import CompiledSystem, compile_system
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
-from dashred.physics.tangents.ode_tangents import supports_ode, tangent_ode
-from dashred.physics.tangents.tangent_linear import supports, tangent_linear
+from dashred.physics.tangents.ode_tangents import has_ode_tangents, tangent_ode
+from dashred.physics.tangents.tangent_linear import has_spectral_tangents, tangent_linear
 from dashred.physics.window import Shape, Window
 
 
@@ -60,7 +60,9 @@ class CandidateSimulator:
             self._columns[candidate.key] = [*range(first, first + len(candidate.terms))]
             first += len(candidate.terms)
         self._layout = CoefficientLayout(len(self.terms), shapes)
-        self.has_tangents = supports(system, self.terms) or supports_ode(system, self.terms)
+        self.has_tangents = has_spectral_tangents(system, self.terms) or has_ode_tangents(
+            system, self.terms
+        )
 
     @cached_property
     def _run(self) -> CompiledSystem:

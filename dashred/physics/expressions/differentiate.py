@@ -1,4 +1,4 @@
-"""Partial derivatives of an expression's tree, in normal form."""
+"""Symbolic partial derivatives of expressions, in normal form."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from dashred.physics.expressions.functions import FUNCTIONS
 from dashred.physics.expressions.parser import Vocabulary, parse
 
 ARGUMENT = "x"
-"""The argument's name in the table's derivatives."""
+"""Name of the argument in the derivatives of :data:`FUNCTIONS`."""
 
 
 class NotDifferentiableError(Exception):
@@ -38,8 +38,8 @@ class NotDifferentiableError(Exception):
 def differentiate(expr: Expr, name: str) -> Expr:
     """Return ``∂expr/∂name``.
 
-    Spatial operators are passed as if the name were the same everywhere, as a parameter is:
-    ``∂/∂c lap(c*u) = lap(u)``. A jump's derivative is zero: ``sign`` and ``step`` are flat.
+    The derivative commutes with spatial operators, as for a parameter that is constant in space:
+    ``∂/∂c lap(c*u) = lap(u)``. The derivatives of ``sign`` and ``step`` are zero.
 
     Raises:
         NotDifferentiableError: the name is the field that a flux transports.
@@ -81,7 +81,7 @@ def _product_rule(factors: tuple[Expr, ...], name: str) -> Expr:
 def _power_rule(base: Expr, exponent: Expr, name: str) -> Expr:
     of_base, of_exponent = differentiate(base, name), differentiate(exponent, name)
     found = []
-    # The logarithm of a negative base must not enter where the exponent is constant.
+    # For a constant exponent, log(base) must not appear: the base may be negative.
     if of_base != ZERO:
         lowered = power(base, add((exponent, Number(-1.0))))
         found.append(multiply((exponent, lowered, of_base)))

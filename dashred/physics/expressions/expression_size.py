@@ -1,4 +1,7 @@
-"""How large an expression gets when its lets are put in: a few lines of them can make billions."""
+"""Size of an expression after substitution of its lets, computed without substituting.
+
+A few nested lets can expand to billions of nodes.
+"""
 
 from __future__ import annotations
 
@@ -7,24 +10,24 @@ from dataclasses import dataclass
 
 from dashred.physics.expressions.nodes import Expr, Name, children
 
-MAX_NODES, DEEPEST = 5000, 100
+MAX_NODES, MAX_DEPTH = 5000, 100
 
 
 @dataclass(frozen=True)
 class Size:
-    """Parts of an expression's tree, and levels."""
+    """Number of nodes and levels of an expression tree."""
 
     nodes: int = 1
     depth: int = 1
 
     @property
-    def too_large(self) -> bool:
-        """Whether this is more than anybody writes, and more than the analysis can take."""
+    def is_too_large(self) -> bool:
+        """Whether the expression exceeds the limits of the analysis."""
         return self.nodes > MAX_NODES or self.depth > MAX_DEPTH
 
 
 def size_of(expr: Expr, named: Mapping[str, Size]) -> Size:
-    """Return the size of an expression with others, of known sizes, put in for names."""
+    """Return the size of an expression after substituting names by expressions of known size."""
     if isinstance(expr, Name):
         return named.get(expr.id, Size())
     below = [size_of(child, named) for child in children(expr)]

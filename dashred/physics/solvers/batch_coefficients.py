@@ -1,4 +1,4 @@
-"""What the rows of a compiled batch carry: coefficients of terms, and of terms within a window."""
+"""Layout of the coefficients of a compiled batch: terms, terms within a window, window unknowns."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from dashred.physics.window import Shape, Window
 
 @dataclass(frozen=True)
 class CoefficientLayout:
-    """Where the weights of a row stand: terms, terms within the window, the window's factors.
+    """Columns of the weights of a row: terms, terms within the window, the window's factors.
 
     Attributes:
-        terms: how many terms there are.
-        shapes: of every factor that a window may have; none, where there are no windows.
+        terms: number of terms.
+        shapes: the factors that a window may have; empty without windows.
     """
 
     terms: int
@@ -27,17 +27,17 @@ class CoefficientLayout:
 
     @property
     def count(self) -> int:
-        """Columns in all."""
+        """Number of columns."""
         if not self.shapes:
             return self.terms
         return 2 * self.terms + sum(1 + len(shape.names) for shape in self.shapes)
 
-    def inside(self, term: int) -> int | None:
-        """Return the column of a term's coefficient within the window."""
+    def window_column(self, term: int) -> int | None:
+        """Return the column of a term's additional coefficient within the window."""
         return self.terms + term if self.shapes else None
 
     def factors(self) -> list[WindowFactor]:
-        """Return the factors of χ with the columns of their unknowns."""
+        """Return the possible factors of χ with the columns of their unknowns."""
         found, flag = [], 2 * self.terms
         for shape in self.shapes:
             unknowns = {name: flag + 1 + k for k, name in enumerate(shape.names)}
@@ -50,8 +50,8 @@ class CoefficientLayout:
 
         Args:
             everywhere: coefficients of the terms, ``(row, term)``.
-            inside: what is added to them within the window, ``(row, term)``.
-            windows: the window of each row.
+            inside: additional coefficients within the window, ``(row, term)``.
+            windows: window of each row.
         """
         found = torch.zeros((len(everywhere), self.count), dtype=torch.float64)
         found[:, : self.terms] = everywhere
@@ -64,7 +64,7 @@ class CoefficientLayout:
         return found
 
     def window(self, weights: Tensor) -> Expr:
-        """Return χ of one row, ``(column,)``."""
+        """Return χ of one row from its weights ``(column,)``."""
         found = [
             substitute(factor.expression, _values(factor, weights))
             for factor in self.factors()

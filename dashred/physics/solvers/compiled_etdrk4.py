@@ -27,17 +27,18 @@ Progress = Callable[[float], None]
 
 
 class CompiledETDRK4:
-    """Compiled simulation: trajectories as :func:`simulate` returns them, several times as fast.
+    """A spectral system compiled for many runs.
 
-    Worth its seconds of compilation where many runs are made of one system.
+    It returns the trajectories of :func:`simulate` several times as fast, after some seconds of
+    compilation.
 
     Args:
         system: a spectral system.
-        terms: whatever a trajectory may carry, lets and parameters resolved.
-        shapes: of the windows in which it may carry them.
+        terms: all terms that a trajectory may have, with lets and parameters resolved.
+        shapes: the possible factors of the windows of these terms.
 
     Raises:
-        NotSeparableError, ArithmeticError: the equations cannot be taken apart.
+        NotSemilinearError, ArithmeticError: the equations have no semilinear form.
     """
 
     def __init__(
@@ -47,7 +48,7 @@ class CompiledETDRK4:
         self.tendency = CompiledTendency(system, terms, shapes)
 
     def with_step(self, dt: float) -> CompiledETDRK4:
-        """Return a copy with another time step, without recompiling."""
+        """Return a copy with another time step, without recompilation."""
         other = copy.copy(self)
         other.system = self.system.with_step(dt)
         return other
@@ -67,7 +68,7 @@ class CompiledETDRK4:
             times: output times, ``(time,)``.
             weights: coefficients of the terms, ``(batch, column)``, in the order of
                 :class:`dashred.physics.solvers.batch_coefficients.CoefficientLayout`.
-            sampled_forcing: a free forcing of each trajectory.
+            sampled_forcing: free forcing of each trajectory.
             progress: called with the fraction done.
         """
         batch = self.tendency.batch(weights.numpy(), sampled_forcing)
@@ -92,7 +93,7 @@ class CompiledETDRK4:
             )
 
         with warnings.catch_warnings():
-            # Numba calls first-class functions an experimental feature.
+            # Numba warns that first-class functions are an experimental feature.
             warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
             for done in in_threads(run, len(start)):
                 if progress is not None:
@@ -107,10 +108,10 @@ def integrate_etdrk4(
     forcing: Forcing | None,
     progress: Progress | None,
 ) -> Tensor:
-    """Return what :func:`dashred.physics.solvers.simulate.simulate` returns, compiled for this run.
+    """Compile the system for one run and return what :func:`.simulate.simulate` returns.
 
     Raises:
-        NotSeparableError, ArithmeticError: the equations cannot be taken apart.
+        NotSemilinearError, ArithmeticError: the equations have no semilinear form.
     """
     if forcing is None:
         forcing = Forcing((), torch.zeros((len(start), 0), dtype=torch.float64))

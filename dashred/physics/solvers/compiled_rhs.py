@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from dashred.physics.backends.numba_backend import Array, ChannelTerm, compile_kernel, names_read
+from dashred.physics.backends.numba_backend import Array, ChannelTerm, compile_kernel, names_used
 from dashred.physics.expressions.algebra import ZERO, Expr
 from dashred.physics.expressions.semilinear import (
     OPERAND,
@@ -32,17 +32,17 @@ CPU = torch.device("cpu")
 
 
 class CompiledTendency:
-    """``û' = Lû + N(û, t)``, separated and compiled once.
+    """``û' = Lû + N(û, t)`` in semilinear form, compiled once.
 
-    The separation is :mod:`dashred.physics.expressions.semilinear`.
+    The semilinear form is that of :mod:`dashred.physics.expressions.semilinear`.
 
     Args:
         system: a spectral system.
-        terms: whatever a trajectory may carry, lets and parameters resolved.
-        shapes: of the windows in which it may carry them; those that are pointwise alone.
+        terms: all terms that a trajectory may have, with lets and parameters resolved.
+        shapes: the possible factors of the windows; only pointwise terms can have a window.
 
     Raises:
-        NotSeparableError, ArithmeticError: as of :func:`semilinear.separate`.
+        NotSemilinearError, ArithmeticError: see :func:`.semilinear.semilinear_form`.
     """
 
     def __init__(
@@ -59,12 +59,12 @@ class CompiledTendency:
         self._symbols = self._term_symbols(forms)
         self._base_symbols = symbols(list(base.linear.values()), self.operators, CPU).numpy()
         self._channels: dict[tuple[str, Expr], int] = {}
-        self.bodies = [*self._bodies(base, None)]
+        self.channel_terms = [*self._channel_terms(base, None)]
         for j, form in enumerate(forms):
-            self.bodies += self._bodies(form, j)
-        self._couplings = [*self._coupled(base, None)]
+            self.channel_terms += self._channel_terms(form, j)
+        self._couplings = [*self._coupling_symbols(base, None)]
         for j, form in enumerate(forms):
-            self._couplings += self._coupled(form, j)
+            self._couplings += self._coupling_symbols(form, j)
         inputs: dict[str, Input] = dict(base.inputs)
         for form in forms:
             inputs |= form.inputs
@@ -74,14 +74,16 @@ class CompiledTendency:
         self._derived = [
             (name, self.fields[v.field], self._symbol(v.operator)) for name, v in derived.items()
         ]
-        self._readers = [[b for b in self.bodies if name in names_read([b])] for name in derived]
+        self._readers = [
+            [f for f in self.channel_terms if name in names_used([f])] for name in derived
+        ]
         self._writers = [
-            [b for b in self.bodies if b.channel == c] for c in range(len(self._channels))
+            [f for f in self.channel_terms if f.channel == c] for c in range(len(self._channels))
         ]
         coordinates = self.grid.places
         read = [*self.fields, *derived]
         self.kernel = compile_kernel(
-            self.bodies, read, list(coordinates), self.layout.factors(), system.input_signals
+            self.channel_terms, read, list(coordinates), self.layout.factors(), system.input_signals
         )
         shape = self.grid.shape
         points = [np.broadcast_to(x.numpy(), shape).ravel() for x in coordinates.values()]
@@ -92,36 +94,42 @@ class CompiledTendency:
         self._mask = dealias_mask(system).numpy() if system.config.integrator.dealias else None
 
     def batch(self, weights: Array, sampled_forcing: SampledForcing | None = None) -> BatchTendency:
-        """Return the right-hand side of a batch with weights ``(row, column)`` and a free forcing."""
+        """Return the right-hand side of a batch.
+
+        Args:
+            weights: coefficients of the terms, ``(row, column)``.
+            sampled_forcing: free forcing of each row.
+        """
         return BatchTendency(self, np.ascontiguousarray(weights), sampled_forcing)
 
-    def _bodies(self, form: SemilinearForm, weight: int | None) -> list[ChannelTerm]:
+    def _channel_terms(self, form: SemilinearForm, weight: int | None) -> list[ChannelTerm]:
         found = []
         for channel in form.channels:
             if channel.body != ZERO:
                 key = channel.equation, channel.operator
-                channel = self._channels.setdefault(key, len(self._channels))
-                found.append(ChannelTerm(channel, channel.body, weight))
+                index = self._channels.setdefault(key, len(self._channels))
+                found.append(ChannelTerm(index, channel.body, weight))
         return found
 
     def _add_windowed(self, terms: Sequence[Term], axes: list[str]) -> dict[str, Input]:
         """Add every pointwise term multiplied by the window; return the inputs of these terms."""
-        separator = SemilinearBuilder(frozenset(self.fields), tuple(axes))
+        builder = SemilinearBuilder(frozenset(self.fields), tuple(axes))
         for j, term in enumerate(terms):
             try:
-                body = separator.pointwise(term.expression)
+                body = builder.pointwise(term.expression)
             except NotSemilinearError:
                 continue
             key = term.equation, OPERAND
             channel = self._channels.setdefault(key, len(self._channels))
-            existing = [b for b in self.bodies if b == ChannelTerm(channel, body, j)]
+            existing = [f for f in self.channel_terms if f == ChannelTerm(channel, body, j)]
             for found in existing:
-                self.bodies.remove(found)
+                self.channel_terms.remove(found)
             weight = j if existing else None
-            self.bodies.append(ChannelTerm(channel, body, weight, self.layout.windowed(j)))
-        return separator.inputs
+            window_weight = self.layout.window_column(j)
+            self.channel_terms.append(ChannelTerm(channel, body, weight, window_weight))
+        return builder.inputs
 
-    def _coupled(
+    def _coupling_symbols(
         self, form: SemilinearForm, weight: int | None
     ) -> list[tuple[int, int, Modes, int | None]]:
         return [
@@ -132,7 +140,7 @@ class CompiledTendency:
 
     def _term_symbols(self, forms: Sequence[SemilinearForm]) -> Modes:
         """Return the contribution of each term to L, ``(term, field, *modes)``."""
-        found = [symbols(list(form.linear.values()), self.operators, CPU).numpy() for p in parts]
+        found = [symbols(list(form.linear.values()), self.operators, CPU).numpy() for form in forms]
         *first, last = self.grid.shape
         shape = (len(self.fields), *first, last // 2 + 1)
         return np.array(found).reshape(-1, *shape)
@@ -193,12 +201,12 @@ def _forcing_modes(sampled_forcing: SampledForcing | None, modes: int) -> Modes:
 
 
 def _active(groups: Sequence[Sequence[ChannelTerm]], weights: Array) -> NDArray[np.bool_]:
-    """Return whether a row has a term of each group, ``(row, group)``."""
+    """Return whether each row has a term of each group, ``(row, group)``."""
     active = np.zeros((len(weights), len(groups)), dtype=np.bool_)
-    for channel, bodies in enumerate(groups):
-        for body in bodies:
-            columns = [c for c in (body.weight, body.windowed) if c is not None]
-            active[:, channel] |= (weights[:, columns] != 0).any(axis=1) if columns else True
+    for index, group in enumerate(groups):
+        for term in group:
+            columns = [c for c in (term.weight, term.window_weight) if c is not None]
+            active[:, index] |= (weights[:, columns] != 0).any(axis=1) if columns else True
     return active
 
 

@@ -1,6 +1,6 @@
-"""Passes over the columns of a sensitivity, compiled: each touches a row while it is in the cache.
+"""Compiled loops over the columns of a sensitivity; each loop works on rows that fit in the cache.
 
-Columns are ``(field, column, mode)`` with all axes of a mode flattened; complex64 or complex128.
+Columns are ``(field, column, mode)``, complex64 or complex128. The axes of a mode are flattened.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ Real = NDArray[Any]
 Modes = NDArray[Any]
 Places = NDArray[np.int64]
 
-# Sums may be fused and reordered, but values that are not finite stay what they are.
+# Sums may be fused and reordered; NaN and infinity keep their meaning.
 jit = numba.njit(
     nogil=True, cache=True, fastmath={"contract", "reassoc", "nsz"}, error_model="numpy"
 )
@@ -28,8 +28,8 @@ def apply_slopes(inputs: Real, slopes: Real, reads: Places, writes: Places, out:
     Args:
         inputs: δv, ``(input, column, point)``.
         slopes: ∂G/∂v, ``(slope, point)``.
-        reads: input of every slope.
-        writes: channel of every slope, in order.
+        reads: index of the input of each slope.
+        writes: index of the channel of each slope, sorted.
         out: δG, ``(channel, column, point)``.
     """
     for column in range(out.shape[1]):
@@ -45,7 +45,7 @@ def apply_slopes(inputs: Real, slopes: Real, reads: Places, writes: Places, out:
 
 @jit
 def add_products(factors: Modes, terms: Modes, reads: Places, writes: Places, out: Modes) -> None:
-    """Add ``factors[s] terms[reads[s]]`` to ``out[writes[s]]``, for every s and column."""
+    """Add ``factors[s] terms[reads[s]]`` to ``out[writes[s]]``, for each s and column."""
     for column in range(out.shape[1]):
         for s in range(len(reads)):
             factor, term, total = factors[s], terms[reads[s], column], out[writes[s], column]
@@ -55,7 +55,7 @@ def add_products(factors: Modes, terms: Modes, reads: Places, writes: Places, ou
 
 @jit
 def gather_products(modes: Modes, factors: Modes, reads: Places, out: Modes) -> None:
-    """Set ``out[s] = factors[s] modes[reads[s]]``, for every s and column."""
+    """Set ``out[s] = factors[s] modes[reads[s]]``, for each s and column."""
     for s in range(len(reads)):
         for column in range(out.shape[1]):
             factor, mode, found = factors[s], modes[reads[s], column], out[s, column]
@@ -65,7 +65,7 @@ def gather_products(modes: Modes, factors: Modes, reads: Places, out: Modes) -> 
 
 @jit
 def add_rows(rows: Modes, places: Places, out: Modes) -> None:
-    """Add ``rows[row]`` to ``out[equation, column]`` for every ``(equation, column, row)``."""
+    """Add ``rows[r]`` to ``out[e, c]`` for each place ``(e, c, r)``."""
     for p in range(len(places)):
         row, total = rows[places[p, 2]], out[places[p, 0], places[p, 1]]
         for k in range(len(total)):
@@ -74,7 +74,7 @@ def add_rows(rows: Modes, places: Places, out: Modes) -> None:
 
 @jit
 def add_shifts(symbols: Modes, shift: Modes, places: Places, out: Modes) -> None:
-    """Add ``symbols[p] shift[equation]`` to ``out[equation, column]`` for every place p."""
+    """Add ``symbols[p] shift[equation]`` to ``out[equation, column]`` for each place p."""
     for p in range(len(places)):
         equation = places[p, 0]
         factor, change, total = symbols[p], shift[equation], out[equation, places[p, 1]]
@@ -86,16 +86,16 @@ def add_shifts(symbols: Modes, shift: Modes, places: Places, out: Modes) -> None
 def first_stage(
     u: Modes, n: Modes, step: Modes, linear: Modes, rest: Modes, end: Modes, a: Modes
 ) -> None:
-    """Begin a step: set a, and what the later stages add their own N to.
+    """Compute stage a and the contributions of u and N(u) to the later stages.
 
     Args:
-        u: at the begin of the step.
+        u: state at the start of the step.
         n: N(u).
-        step: the coefficients in their order, ``(coefficient, field, mode)``.
-        linear: ``exp(hL/2) u``, for b.
-        rest: ``exp(hL/2) a - q N(u)``, for c.
-        end: ``exp(hL) u + first N(u)``, for the end of the step.
-        a: the next stage.
+        step: coefficients of the step, ``(coefficient, field, mode)``.
+        linear: set to ``exp(hL/2) u``, for stage b.
+        rest: set to ``exp(hL/2) a - q N(u)``, for stage c.
+        end: set to ``exp(hL) u + first N(u)``, for the end of the step.
+        a: set to the next stage.
     """
     for field in range(u.shape[0]):
         full, half, q, first = step[0, field], step[1, field], step[2, field], step[3, field]

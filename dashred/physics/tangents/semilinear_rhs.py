@@ -1,7 +1,7 @@
-"""``N(u, t)`` of separated equations in Fourier modes, at few states side by side, in NumPy.
+"""``N(u, t)`` of equations in semilinear form, in Fourier modes, evaluated by NumPy.
 
-A few hundred points are so little that an operation costs what its call costs: NumPy's calls
-cost a fifth of torch's, and one FFT serves all inputs, one all channels.
+On a few hundred points, call overhead dominates. NumPy's overhead is a fifth of torch's. One FFT
+transforms all inputs, and one transforms all channels.
 """
 
 from __future__ import annotations
@@ -26,16 +26,14 @@ from dashred.physics.solvers.rhs import dealias_mask
 from dashred.physics.system import System
 
 Modes = NDArray[Any]
-"""Of the fields, ``(field, state, *modes)``, if nothing else is said."""
+"""Modes of the fields, ``(field, state, *modes)`` unless stated otherwise."""
 
 
 def forced_semilinear_form(system: System, forcing: Forcing | None) -> SemilinearForm:
-    """Return the separated equations with the forcing of one trajectory added.
-
-    What the equations and the forcing's terms share is computed once.
+    """Return the semilinear form of the equations with the forcing of one trajectory.
 
     Raises:
-        NotSeparableError, ArithmeticError: as of :func:`semilinear.separate`.
+        NotSemilinearError, ArithmeticError: see :func:`.semilinear.semilinear_form`.
     """
     added = {field: [expr] for field, expr in system.resolved.items()}
     if forcing is not None:
@@ -54,7 +52,7 @@ def operator_symbol(system: System, operator: Expr) -> Modes:
 
 
 def mode_mask(system: System) -> Modes:
-    """Return 1 for the modes that the 2/3 rule keeps, ``(*modes)``: all unless it was asked for."""
+    """Return the mask of the 2/3 rule, ``(*modes)``; all ones if the integrator does not use it."""
     *first, last = system.grid.shape
     if system.config.integrator.dealias:
         return dealias_mask(system).numpy()
@@ -62,10 +60,10 @@ def mode_mask(system: System) -> Modes:
 
 
 class Inputs:
-    """What pointwise functions read: ``v = V f`` on the grid.
+    """Inputs ``v = V f`` of the pointwise functions, on the grid.
 
     Attributes:
-        fields: the field of every input.
+        fields: index of the field of each input.
         multipliers: V, ``(input, 1, *modes)``.
     """
 
@@ -82,19 +80,19 @@ class Inputs:
         return from_modes(modes[self.fields] * self.multipliers, self.shape)
 
     def named(self, points: Array) -> dict[str, Array]:
-        """Return the inputs by their names."""
+        """Return the inputs by name."""
         return dict(zip(self.names, points, strict=True))
 
 
 class SemilinearTendency:
-    """``û' = Lû + N(û, t)`` of a system with one forcing and one drive.
+    """``û' = Lû + N(û, t)`` of a system with one forcing and one free forcing.
 
     Attributes:
-        parts: the equations taken apart.
+        form: the semilinear form of the equations.
         linear: L, ``(field, 1, *modes)``.
-        outside: D, ``(channel, 1, *modes)``; the modes dropped by the 2/3 rule are zero.
-        places: the equation of every channel.
-        couplings: ``(equation, field, C)``, likewise.
+        channel_symbols: D, ``(channel, 1, *modes)``; zero for modes removed by the 2/3 rule.
+        channel_equations: index of the equation of each channel.
+        couplings: ``(equation, field, C)``; C is zero for modes removed by the 2/3 rule.
     """
 
     def __init__(
@@ -107,15 +105,15 @@ class SemilinearTendency:
         self.linear = symbols(linear, system.operators, torch.device("cpu"))[:, None]
         self.inputs = Inputs(system, self.form.inputs)
         self.rank, self.mask = len(system.grid.shape), mode_mask(system)
-        outside = [self.mask * operator_symbol(system, c.operator) for c in self.form.channels]
-        self.outside = np.array(outside)[:, None]
-        self.places = [index[channel.equation] for channel in self.form.channels]
+        found = [self.mask * operator_symbol(system, c.operator) for c in self.form.channels]
+        self.channel_symbols = np.array(found)[:, None]
+        self.channel_equations = [index[channel.equation] for channel in self.form.channels]
         self.couplings = [
             (index[equation], index[field], self.mask * operator_symbol(system, operator))
             for equation, couplings in self.form.couplings.items()
             for field, operator in couplings.items()
         ]
-        self._bodies = Pointwise([channel.body for channel in self.form.channels])
+        self._channel_bodies = Pointwise([channel.body for channel in self.form.channels])
         self._coordinates = {k: v.numpy() for k, v in system.grid.places.items()}
         self._input_signals = system.input_signals
         self._knots: Array = (
@@ -123,24 +121,26 @@ class SemilinearTendency:
         )
         if sampled_forcing is not None:
             hats = to_modes(sampled_forcing.values[0].numpy(), self.rank)
-            self._drive: Modes = self.mask * hats[:, :, None]
+            self._forcing_modes: Modes = self.mask * hats[:, :, None]
 
     def coordinates_and_inputs(self, t: Array) -> dict[str, Array]:
-        """Return coordinates, time and measured inputs, at some times."""
+        """Return coordinates, time and measured inputs at times ``t``."""
         return {**self._coordinates, "t": t, **self._input_signals.at(t)}
 
     def __call__(self, modes: Modes, points: Array, t: float) -> Modes:
-        """Return N of states in modes; ``points`` are their inputs."""
+        """Return N in modes, given the modes of the states and their inputs on the grid."""
         values = {**self.coordinates_and_inputs(np.array(t)), **self.inputs.named(points)}
-        channels = self._bodies(values, (modes.shape[1], *self.inputs.shape))
+        channels = self._channel_bodies(values, (modes.shape[1], *self.inputs.shape))
         hats = to_modes(channels, self.rank)
-        hats *= self.outside
+        hats *= self.channel_symbols
         found: Modes = hats[: len(modes)]
-        for place, hat in zip(self.places[len(modes) :], hats[len(modes) :], strict=True):
-            found[place] += hat
+        for equation, hat in zip(
+            self.channel_equations[len(modes) :], hats[len(modes) :], strict=True
+        ):
+            found[equation] += hat
         for equation, field, symbol in self.couplings:
             found[equation] += symbol * modes[field]
         if len(self._knots):
-            k, share = find_interval(self._knots, t)
-            found += (1 - share) * self._drive[k] + share * self._drive[k + 1]
+            k, fraction = find_interval(self._knots, t)
+            found += (1 - fraction) * self._forcing_modes[k] + fraction * self._forcing_modes[k + 1]
         return found

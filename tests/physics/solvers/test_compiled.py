@@ -15,7 +15,11 @@ from dashred.core.threads import use_threads
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.compiled_etdrk4 import CompiledETDRK4
 from dashred.physics.solvers.compiled_runge_kutta import CompiledRungeKutta
-from dashred.physics.solvers.compiled_simulator import CompiledSystem, InterpretedSystem, compile_system
+from dashred.physics.solvers.compiled_simulator import (
+    CompiledSystem,
+    InterpretedSystem,
+    compile_system,
+)
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term

@@ -14,7 +14,7 @@ from dashred.physics.solvers.compiled_simulator import compile_system
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
-from dashred.physics.tangents.ode_tangents import supports_ode, tangent_ode
+from dashred.physics.tangents.ode_tangents import has_ode_tangents, tangent_ode
 from tests import laws
 
 TIMES = torch.tensor([0.5, 0.6, 0.93, 1.0, 1.7, 3.1]).double()
@@ -120,6 +120,6 @@ def test_a_trajectory_that_is_lost_is_told_by_its_values(system: System, term: s
 
 
 def test_what_it_cannot_carry_is_told(system: System, tmp_path: Path) -> None:
-    assert supports_ode(system, ())
+    assert has_ode_tangents(system, ())
     adaptive = laws.declared(tmp_path, TEXT.replace("method: rk4", "method: dopri5"))
-    assert not supports_ode(adaptive, ())
+    assert not has_ode_tangents(adaptive, ())
