@@ -85,7 +85,7 @@ def find_interval(knots: Array, t: float) -> tuple[int, float]:
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def _rate(
+def _evaluate_nonlinear(
     kernel: Kernel,
     modes: Modes,
     t: float,
@@ -181,12 +181,12 @@ def integrate_row(
         full, half, q = row_factors[0, i_row], row_factors[1, i_row], row_factors[2, i_row]
         first, middle, last = row_factors[3, i_row], row_factors[4, i_row], row_factors[5, i_row]
         arguments = row, tendency, shape, axes, spectra, inputs, channels
-        _rate(kernel, modes, t, *arguments, n_u)
+        _evaluate_nonlinear(kernel, modes, t, *arguments, n_u)
         linear = half * modes
         a = linear + q * n_u
-        _rate(kernel, a, t + h / 2, *arguments, n_a)
-        _rate(kernel, linear + q * n_a, t + h / 2, *arguments, n_b)
-        _rate(kernel, half * a + q * (2 * n_b - n_u), t + h, *arguments, n_c)
+        _evaluate_nonlinear(kernel, a, t + h / 2, *arguments, n_a)
+        _evaluate_nonlinear(kernel, linear + q * n_a, t + h / 2, *arguments, n_b)
+        _evaluate_nonlinear(kernel, half * a + q * (2 * n_b - n_u), t + h, *arguments, n_c)
         modes[:] = full * modes + first * n_u + middle * (n_a + n_b) + last * n_c
         if steps.ends[i]:
             saved += 1
