@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 
 from dashred.core.findings.law_schema import (
     Alternative,
+    AlternativeTerm,
+    MissingTerm,
     ParameterChange,
     Region,
     SmallerLaw,
-    TermFound,
-    TermTried,
 )
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import Candidate
@@ -27,14 +27,14 @@ MOST_ALTERNATIVES = 3
 NEAR = 12.0
 
 
-def explain(system: System, discovered: Discovery) -> list[TermFound | ParameterChange]:
+def explain(system: System, discovered: Discovery) -> list[MissingTerm | ParameterChange]:
     """Return ``findings["terms"]``: one entry for each candidate of the best law."""
     return terms_of(system, discovered.best, lambda candidate: inclusion(discovered, candidate))
 
 
 def terms_of(
     system: System, law: Law, probability: Callable[[Candidate], float] = lambda _: 1.0
-) -> list[TermFound | ParameterChange]:
+) -> list[MissingTerm | ParameterChange]:
     """Return one entry for each candidate of a law.
 
     Args:
@@ -42,7 +42,7 @@ def terms_of(
         law: the law.
         probability: that a candidate belongs to the law; 1 where the law is given.
     """
-    found: list[TermFound | ParameterChange] = []
+    found: list[MissingTerm | ParameterChange] = []
     for index, candidate in enumerate(law.candidates):
         included = probability(candidate)
         if candidate.equation is None:
@@ -99,10 +99,10 @@ def smaller(discovered: Discovery, system: System) -> list[SmallerLaw]:
     ]
 
 
-def _term(system: System, law: Law, index: int, included: float) -> TermFound:
+def _term(system: System, law: Law, index: int, included: float) -> MissingTerm:
     candidate = law.candidates[index]
     assert candidate.equation is not None
-    found = TermFound(
+    found = MissingTerm(
         equation=candidate.equation,
         term=candidate.name,
         coefficient=float(law.coefficients[index]),
@@ -191,9 +191,9 @@ def _ends(system: System, law: Law, index: int) -> list[float]:
 
 def _tried(
     system: System, candidates: Sequence[Candidate], coefficients: Sequence[float]
-) -> list[TermTried]:
+) -> list[AlternativeTerm]:
     return [
-        TermTried(
+        AlternativeTerm(
             equation=candidate.equation,
             term=candidate.name,
             coefficient=value

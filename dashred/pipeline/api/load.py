@@ -27,7 +27,7 @@ from dashred.pipeline.api.result import Result
 from dashred.pipeline.api.simulator import Simulator
 from dashred.pipeline.outputs.corrected_config import NAME as CORRECTED
 from dashred.pipeline.run.output_dir import check_ours, clear_output, make_output, results_in
-from dashred.reporting.figures.figure_names import drawn_by_us
+from dashred.reporting.figures.figure_names import is_report_figure
 
 DPI = 100
 
@@ -50,7 +50,7 @@ def load(folder: str | os.PathLike[str]) -> Result:
     check_freeze(place)
     findings = json.loads((place / "findings.json").read_text(encoding="utf-8"))
     estimates = _dataset(place / "estimates.nc")
-    pictures = sorted(path for path in place.iterdir() if drawn_by_us(path))
+    pictures = sorted(path for path in place.iterdir() if is_report_figure(path))
     return Result(
         findings=findings,
         estimates=estimates,
@@ -111,7 +111,7 @@ def _copy(source: Path, folder: Path) -> None:
     output = make_output(str(folder))
     if output.samefile(source):
         return
-    files = [*results_in(source), *(path for path in source.iterdir() if drawn_by_us(path))]
+    files = [*results_in(source), *(path for path in source.iterdir() if is_report_figure(path))]
     check_ours(output, (), str(folder))
     clear_output(output)
     for path in files:

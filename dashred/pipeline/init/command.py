@@ -8,28 +8,28 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dashred.core.argument_types import read_path
-from dashred.core.arguments import Command, word
+from dashred.core.arguments import Command, argument
 from dashred.core.errors import DONE, InputError
 
 
 @dataclass(frozen=True, kw_only=True)
-class Words:
+class Arguments:
     """The words of the command."""
 
-    path: Path = word(
+    path: Path = argument(
         read_path,
         "FILE.csv",
         "a column `time`, and one for each sensor. Without a table of sensors the columns are the "
         "fields of an ODE: call them what your equations call them",
     )
-    sensors: Path | None = word(
+    sensors: Path | None = argument(
         read_path,
         "TABLE.csv",
         "of sensors in space: columns name (the recording's column), field, x or x and y (from 0 "
         "up) and, if known, std (of the noise)",
         default=None,
     )
-    output: Path | None = word(
+    output: Path | None = argument(
         read_path,
         "FILE.yaml",
         "where to write; default: the recording's name with .yaml, in this folder. A file that is "
@@ -40,7 +40,7 @@ class Words:
 
 COMMAND = Command(
     "dashred init",
-    Words,
+    Arguments,
     """\
 Reads a recording and writes a first configuration for it: fields, start, steps as the recording
 shows them, every block with what it means, and what is yours to fill in marked TO DO.""",

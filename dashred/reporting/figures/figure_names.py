@@ -71,7 +71,7 @@ def is_figure(name: str) -> bool:
     return name in named or name in OF_THE_TRUTH or bool(OF_LATER_EPISODES.fullmatch(name))
 
 
-def drawn_by_us(path: Path) -> bool:
+def is_report_figure(path: Path) -> bool:
     """Whether a file is a figure of dashred, by its name and by its PNG text."""
     if not is_figure(path.name) or not path.is_file():
         return False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from dashred.core.findings.law_schema import ParameterChange, TermFound, TermTried
+from dashred.core.findings.law_schema import AlternativeTerm, MissingTerm, ParameterChange
 from dashred.core.findings.schema import Findings
 from dashred.physics.system import System
 from dashred.reporting.text.causes import cause_text
@@ -39,7 +39,7 @@ def add_text(findings: Findings, system: System) -> Findings:
     return findings
 
 
-def add_term_text(term: TermFound | ParameterChange, system: System) -> None:
+def add_term_text(term: MissingTerm | ParameterChange, system: System) -> None:
     """Add the effect of a term and its text, or the text of a parameter."""
     if term["equation"] is None:
         term["says"] = parameter_text(term)
@@ -51,7 +51,7 @@ def add_term_text(term: TermFound | ParameterChange, system: System) -> None:
     term["says"] = f"{found.text}{where}"
 
 
-def describe(term: TermFound | TermTried, system: System, std: float = 0.0) -> Description:
+def describe(term: MissingTerm | AlternativeTerm, system: System, std: float = 0.0) -> Description:
     """Describe a term of a law; `std` is that of its coefficient, of a tried term unknown."""
     equation = term["equation"]
     assert equation is not None
@@ -59,7 +59,7 @@ def describe(term: TermFound | TermTried, system: System, std: float = 0.0) -> D
     return describe_term(system, equation, expr, term["coefficient"], std)
 
 
-def law_text(terms: Sequence[TermFound | ParameterChange], system: System) -> str:
+def law_text(terms: Sequence[MissingTerm | ParameterChange], system: System) -> str:
     """Return a law in one sentence for the missing terms and one for the wrong parameters."""
     for term in terms:
         add_term_text(term, system)
