@@ -1,4 +1,4 @@
-"""The texts in the findings, rendered from their numbers, names and kinds."""
+"""The texts in the findings, generated from the other keys."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def add_text(findings: Findings, system: System) -> Findings:
     """Add the texts to the findings, in place, and return them.
 
     Args:
-        findings: complete but for the texts.
-        system: the simulator; it defines the meanings of fields, and the units.
+        findings: the findings without texts.
+        system: the simulator; it defines the meanings and units of fields.
     """
     for cause in findings["causes"] or []:
         if text := cause_text(cause, system.units):
@@ -27,9 +27,9 @@ def add_text(findings: Findings, system: System) -> Findings:
     for term in findings["terms"] or []:
         add_term_text(term, system)
     for law in (*(findings["alternatives"] or []), *(findings["smaller"] or [])):
-        for tried in law["terms"]:
-            window = tried["window"]
-            tried["region"] = None if window is None else region_text(window, system.units)
+        for term_of_law in law["terms"]:
+            window = term_of_law["window"]
+            term_of_law["region"] = None if window is None else region_text(window, system.units)
     where = findings["where"]
     if where is not None:
         states, in_space = where["states"], bool(system.axes)
@@ -40,7 +40,7 @@ def add_text(findings: Findings, system: System) -> Findings:
 
 
 def add_term_text(term: MissingTerm | ParameterChange, system: System) -> None:
-    """Add the effect of a term and its text, or the text of a parameter."""
+    """Add the effect and the text of a term, or the text of a parameter."""
     if term["equation"] is None:
         term["says"] = parameter_text(term)
         return
@@ -52,7 +52,7 @@ def add_term_text(term: MissingTerm | ParameterChange, system: System) -> None:
 
 
 def describe(term: MissingTerm | AlternativeTerm, system: System, std: float = 0.0) -> Description:
-    """Describe a term of a law; `std` is that of its coefficient, of a tried term unknown."""
+    """Describe a term of a law; `std` is that of its coefficient, 0 if unknown."""
     equation = term["equation"]
     assert equation is not None
     expr = system.parse(term["term"], f"library.{equation}", equation=equation)
