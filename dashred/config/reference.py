@@ -104,8 +104,8 @@ def _section_of(kind: Any) -> type | None:
 
 
 def _below(defaults: dict[str, Any], name: str) -> dict[str, Any]:
-    found = defaults.get(name)
-    return found if isinstance(found, dict) else {}
+    result = defaults.get(name)
+    return result if isinstance(result, dict) else {}
 
 
 def _meanings(kind: type) -> dict[str, str]:
@@ -187,5 +187,5 @@ def _bare(kind: Any) -> Any:
 
 def _annotation(kind: Any, sort: type) -> Any:
     kind = required(kind)
-    found = get_args(kind)[1:] if get_origin(kind) is Annotated else ()
-    return next((each for each in found if isinstance(each, sort)), None)
+    result = get_args(kind)[1:] if get_origin(kind) is Annotated else ()
+    return next((each for each in result if isinstance(each, sort)), None)

@@ -50,11 +50,11 @@ def overrides_from_dict(overrides: Mapping[str, Any], label: str) -> Source:
 
 
 def _leaves(values: Mapping[str, Any], parent: str) -> list[tuple[str, Any]]:
-    found = []
+    result = []
     for name, value in values.items():
         key = f"{parent}.{name}" if parent else name
-        found += _leaves(value, key) if isinstance(value, dict) and value else [(key, value)]
-    return found
+        result += _leaves(value, key) if isinstance(value, dict) and value else [(key, value)]
+    return result
 
 
 class _Reader:
@@ -65,14 +65,14 @@ class _Reader:
         self.lines: dict[str, str] = {}
 
     def mapping(self, values: Mapping[Any, Any], parent: str) -> dict[str, Any]:
-        found = {}
+        result = {}
         for name, value in values.items():
             if not isinstance(name, str) or not name:
                 where = self._place(parent)
                 raise InputError(f"a key must be a name, not {name!r}", where=where)
             key = f"{parent}.{name}" if parent else name
-            found[check_text(name, where=self._place(parent))] = self.value(value, key)
-        return found
+            result[check_text(name, where=self._place(parent))] = self.value(value, key)
+        return result
 
     def value(self, value: Any, key: str) -> Any:
         where = self.lines[key] = self._place(key)

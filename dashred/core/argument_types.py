@@ -71,7 +71,7 @@ def ranges_reader(*, at_most: int) -> Callable[[str], tuple[int, ...]]:
     """Return a reader of ``0-4``, ``0,1,3`` or a mixture; a range has at most ``at_most``."""
 
     def read(text: str) -> tuple[int, ...]:
-        found: dict[int, None] = {}
+        result: dict[int, None] = {}
         for item in _items(text):
             match = RANGE.match(item)
             if not match:
@@ -81,8 +81,8 @@ def ranges_reader(*, at_most: int) -> Callable[[str], tuple[int, ...]]:
                 raise ValueError(f"{item} is decreasing")
             if last - first >= at_most:
                 raise ValueError(f"{item} is more than {at_most} numbers")
-            found |= dict.fromkeys(range(first, last + 1))
-        return tuple(found)
+            result |= dict.fromkeys(range(first, last + 1))
+        return tuple(result)
 
     return read
 

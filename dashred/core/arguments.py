@@ -83,12 +83,12 @@ def argument(
 
 def declared_arguments(kind: type[DataclassInstance]) -> list[Argument]:
     """Return the arguments that a dataclass declares, in order."""
-    found = []
+    result = []
     for member in fields(kind):
         if "argument" in member.metadata:
             name, *rest = member.metadata["argument"]
-            found.append(Argument(member.name, name or member.name, *rest))
-    return found
+            result.append(Argument(member.name, name or member.name, *rest))
+    return result
 
 
 def key_value_pairs(argv: Iterable[str]) -> Iterator[tuple[str, str]]:

@@ -97,10 +97,10 @@ def check_freeze(output: Path) -> None:
 
 def versions() -> dict[str, str]:
     """Return the versions that determine the findings: Python and the numerical packages."""
-    found = {"python": platform.python_version()}
+    result = {"python": platform.python_version()}
     for package in PACKAGES:
         try:
-            found[package] = metadata.version(package)
+            result[package] = metadata.version(package)
         except metadata.PackageNotFoundError:
             continue
-    return found
+    return result

@@ -204,8 +204,8 @@ def errors_by_method(**rmse: float) -> ErrorsByMethod:
     if unknown := rmse.keys() - set(AT_SENSORS):
         raise TypeError(f"the findings have no method called {', '.join(sorted(unknown))}")
     always = [name for name in AT_SENSORS if name in ErrorsByMethod.__required_keys__]
-    found = with_deprecated(dict.fromkeys(always) | rmse)
-    return cast(ErrorsByMethod, found)
+    result = with_deprecated(dict.fromkeys(always) | rmse)
+    return cast(ErrorsByMethod, result)
 
 
 def new_findings(

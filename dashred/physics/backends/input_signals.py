@@ -29,8 +29,8 @@ class InputSignals:
 
     def at(self, t: float | Array) -> dict[str, Array]:
         """Return every input at times ``t``, with the shape of ``t``."""
-        found = {name: np.interp(t, self.times, values) for name, values in self.values.items()}
-        return {name: np.asarray(values) for name, values in found.items()}
+        result = {name: np.interp(t, self.times, values) for name, values in self.values.items()}
+        return {name: np.asarray(values) for name, values in result.items()}
 
     @cached_property
     def table(self) -> Array:

@@ -63,7 +63,7 @@ class Pointwise:
         """Return the functions, ``(function, *shape)``; ``values`` broadcast to ``shape``."""
         memory: list[Points] = []
         rows = np.empty((len(self._rows), *shape))
-        found = np.empty((self._count, *shape))
+        result = np.empty((self._count, *shape))
         # A blow-up shows as non-finite values, as in torch, and not as a warning.
         with np.errstate(all="ignore"):
             for step in self._steps:
@@ -71,11 +71,11 @@ class Pointwise:
             for row, slot in zip(rows, self._rows, strict=True):
                 row[...] = memory[slot]
             for m, value, slot in self._single:
-                np.multiply(memory[slot], value, out=found[m])
+                np.multiply(memory[slot], value, out=result[m])
             if self._sums:
                 flat = rows.reshape(len(rows), math.prod(shape))
-                found[self._sums] = (self._weights @ flat).reshape(-1, *shape)
-        return found
+                result[self._sums] = (self._weights @ flat).reshape(-1, *shape)
+        return result
 
     def _compile(self, expr: Expr) -> int:
         if expr not in self._slots:

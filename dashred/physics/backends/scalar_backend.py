@@ -28,8 +28,8 @@ def scalar_program(expressions: Sequence[Expr], names: Sequence[str]) -> ScalarP
     """
     known = {name: f"n{i}" for i, name in enumerate(names)}
     writer = CodeWriter(known)
-    found = "".join(f"{writer.write(expr)}, " for expr in expressions)
-    lines = [*writer.lines, f"return ({found})"]
+    result = "".join(f"{writer.write(expr)}, " for expr in expressions)
+    lines = [*writer.lines, f"return ({result})"]
     source = "\n    ".join([f"def program({', '.join(known.values())}):", *lines])
     scope: dict[str, Any] = {"math": MATH, "inf": math.inf, "nan": math.nan}
     define(source, scope)

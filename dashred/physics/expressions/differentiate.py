@@ -80,14 +80,14 @@ def _product_rule(factors: tuple[Expr, ...], name: str) -> Expr:
 
 def _power_rule(base: Expr, exponent: Expr, name: str) -> Expr:
     of_base, of_exponent = differentiate(base, name), differentiate(exponent, name)
-    found = []
+    result = []
     # For a constant exponent, log(base) must not appear: the base may be negative.
     if of_base != ZERO:
         lowered = power(base, add((exponent, Number(-1.0))))
-        found.append(multiply((exponent, lowered, of_base)))
+        result.append(multiply((exponent, lowered, of_base)))
     if of_exponent != ZERO:
-        found.append(multiply((power(base, exponent), call("log", base), of_exponent)))
-    return add(found)
+        result.append(multiply((power(base, exponent), call("log", base), of_exponent)))
+    return add(result)
 
 
 def _outer_derivative(function: str, operand: Expr) -> Expr:

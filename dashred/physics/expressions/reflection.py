@@ -63,8 +63,8 @@ class Reflection:
         if not self.axes:
             return expr
         summands = expr.terms if isinstance(expr, Sum) else (expr,)
-        found = (self._split_parity(summand) for summand in summands)
-        return add(_with_side(parity ^ odd, part) for parity, part in found)
+        result = (self._split_parity(summand) for summand in summands)
+        return add(_with_side(parity ^ odd, part) for parity, part in result)
 
     def value(self, field: str) -> Expr:
         """Return the expression of a field's value on ``[0, L]``, valid on both halves."""

@@ -108,7 +108,7 @@ def semilinear_form(equations: Mapping[str, Expr], axes: Sequence[str]) -> Semil
     builder = SemilinearBuilder(frozenset(equations), tuple(axes))
     split = {field: split_linear(expr, field) for field, expr in equations.items()}
     parts = {field: builder.equation(field, rest) for field, (_, rest) in split.items()}
-    channels = [found for _, found in parts.values()]
+    channels = [result for _, result in parts.values()]
     return SemilinearForm(
         linear={field: linear for field, (linear, _) in split.items()},
         couplings={field: couplings for field, (couplings, _) in parts.items()},

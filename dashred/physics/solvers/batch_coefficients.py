@@ -38,12 +38,12 @@ class CoefficientLayout:
 
     def factors(self) -> list[WindowFactor]:
         """Return the possible factors of χ with the columns of their unknowns."""
-        found, flag = [], 2 * self.terms
+        result, flag = [], 2 * self.terms
         for shape in self.shapes:
             unknowns = {name: flag + 1 + k for k, name in enumerate(shape.names)}
-            found.append(WindowFactor(flag, shape.expression, unknowns))
+            result.append(WindowFactor(flag, shape.expression, unknowns))
             flag += 1 + len(shape.names)
-        return found
+        return result
 
     def weights(self, everywhere: Tensor, inside: Tensor, windows: Sequence[Window]) -> Tensor:
         """Return the weights of a batch, ``(row, column)``.
@@ -53,24 +53,24 @@ class CoefficientLayout:
             inside: additional coefficients within the window, ``(row, term)``.
             windows: window of each row.
         """
-        found = torch.zeros((len(everywhere), self.count), dtype=torch.float64)
-        found[:, : self.terms] = everywhere
-        found[:, self.terms : 2 * self.terms] = inside
+        result = torch.zeros((len(everywhere), self.count), dtype=torch.float64)
+        result[:, : self.terms] = everywhere
+        result[:, self.terms : 2 * self.terms] = inside
         flags = {f.expression: f for f in self.factors()}
-        for row, window in zip(found, windows, strict=True):
+        for row, window in zip(result, windows, strict=True):
             factor = flags[window.shape.expression]
             row[factor.flag] = 1.0
             row[list(factor.unknowns.values())] = torch.tensor(window.values, dtype=torch.float64)
-        return found
+        return result
 
     def window(self, weights: Tensor) -> Expr:
         """Return χ of one row from its weights ``(column,)``."""
-        found = [
+        result = [
             substitute(factor.expression, _values(factor, weights))
             for factor in self.factors()
             if weights[factor.flag]
         ]
-        return multiply(found)
+        return multiply(result)
 
 
 def _values(factor: WindowFactor, weights: Tensor) -> dict[str, Expr]:

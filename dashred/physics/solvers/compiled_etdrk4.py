@@ -136,5 +136,5 @@ def step_arrays(times: Sequence[float], dt: float) -> StepArrays:
 def _factors(linear: Modes, lengths: NDArray[np.float64]) -> Modes:
     """Return the ETDRK4 coefficients, ``(length, 6, row, field, mode)``."""
     rates = torch.from_numpy(linear)
-    found = [torch.stack(list(coefficients(rates, h))) for h in lengths.tolist()]
-    return torch.stack(found).flatten(4).contiguous().numpy()
+    result = [torch.stack(list(coefficients(rates, h))) for h in lengths.tolist()]
+    return torch.stack(result).flatten(4).contiguous().numpy()

@@ -103,13 +103,13 @@ class CompiledTendency:
         return BatchTendency(self, np.ascontiguousarray(weights), sampled_forcing)
 
     def _channel_terms(self, form: SemilinearForm, weight: int | None) -> list[ChannelTerm]:
-        found = []
+        result = []
         for channel in form.channels:
             if channel.body != ZERO:
                 key = channel.equation, channel.operator
                 index = self._channels.setdefault(key, len(self._channels))
-                found.append(ChannelTerm(index, channel.body, weight))
-        return found
+                result.append(ChannelTerm(index, channel.body, weight))
+        return result
 
     def _add_windowed(self, terms: Sequence[Term], axes: list[str]) -> dict[str, Input]:
         """Add every pointwise term multiplied by the window; return the inputs of these terms."""
@@ -122,8 +122,8 @@ class CompiledTendency:
             key = term.equation, OPERAND
             channel = self._channels.setdefault(key, len(self._channels))
             existing = [f for f in self.channel_terms if f == ChannelTerm(channel, body, j)]
-            for found in existing:
-                self.channel_terms.remove(found)
+            for result in existing:
+                self.channel_terms.remove(result)
             weight = j if existing else None
             window_weight = self.layout.window_column(j)
             self.channel_terms.append(ChannelTerm(channel, body, weight, window_weight))
@@ -140,14 +140,16 @@ class CompiledTendency:
 
     def _term_symbols(self, forms: Sequence[SemilinearForm]) -> Modes:
         """Return the contribution of each term to L, ``(term, field, *modes)``."""
-        found = [symbols(list(form.linear.values()), self.operators, CPU).numpy() for form in forms]
+        result = [
+            symbols(list(form.linear.values()), self.operators, CPU).numpy() for form in forms
+        ]
         *first, last = self.grid.shape
         shape = (len(self.fields), *first, last // 2 + 1)
-        return np.array(found).reshape(-1, *shape)
+        return np.array(result).reshape(-1, *shape)
 
     def _symbol(self, operator: Expr) -> Modes:
-        found: Modes = symbols([[operator]], self.operators, CPU)[0].numpy()
-        return found
+        result: Modes = symbols([[operator]], self.operators, CPU)[0].numpy()
+        return result
 
 
 class BatchTendency:

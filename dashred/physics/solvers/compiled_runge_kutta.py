@@ -107,10 +107,10 @@ def integrate_runge_kutta(
     """Compile the system for one run and return what :func:`.simulate.simulate` returns."""
     if forcing is None:
         forcing = Forcing((), torch.zeros((len(start), 0), dtype=torch.float64))
-    found = CompiledRungeKutta(system, forcing.terms)(start, times, forcing.coefficients)
+    result = CompiledRungeKutta(system, forcing.terms)(start, times, forcing.coefficients)
     if progress is not None:
         progress(1.0)
-    return found
+    return result
 
 
 @numba.njit(cache=True)
@@ -125,10 +125,10 @@ def _add_forcing(
 
 def _square_matrix(tableau: Tableau) -> Array:
     """Return the coefficients a of a tableau as a lower triangular matrix, ``(stage, stage)``."""
-    found = np.zeros((len(tableau.b), len(tableau.b)))
-    for row, shares in zip(found, tableau.a, strict=True):
+    result = np.zeros((len(tableau.b), len(tableau.b)))
+    for row, shares in zip(result, tableau.a, strict=True):
         row[: len(shares)] = shares
-    return found
+    return result
 
 
 @numba.njit(cache=True)

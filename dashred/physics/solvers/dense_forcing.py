@@ -34,8 +34,8 @@ class DenseForcing:
     def __call__(self, values: Mapping[str, Value]) -> list[Value]:
         """Return the forcing of each field, given the values of :meth:`System.values`."""
         sums: list[Tensor] = [self.zero for _ in self.fields]
-        found = self.program(values, self.operators)
-        for equation, weight, value in zip(self.equations, self.weights, found, strict=True):
+        result = self.program(values, self.operators)
+        for equation, weight, value in zip(self.equations, self.weights, result, strict=True):
             points = torch.as_tensor(self.operators.on_grid(value)).to(weight)
             sums[equation] = torch.addcmul(sums[equation], weight, points)
         shape = (len(self.weights[0]), *self.operators.grid.shape)

@@ -42,9 +42,9 @@ class ETDRK4:
         self, linear: Tensor, nonlinear: Callable[[Tensor, float], Tensor], h: float
     ) -> None:
         self.nonlinear, self.h = nonlinear, h
-        found = coefficients(linear, h)
-        self.full, self.half, self.q = found.full, found.half, found.q
-        self.first, self.middle, self.last = found.first, found.middle, found.last
+        result = coefficients(linear, h)
+        self.full, self.half, self.q = result.full, result.half, result.q
+        self.first, self.middle, self.last = result.first, result.middle, result.last
 
     def step(self, modes: Tensor, t: float) -> Tensor:
         """Return the modes at ``t + h``."""
@@ -57,9 +57,9 @@ class ETDRK4:
         n_b = nonlinear(b, t + h / 2)
         c = torch.addcmul(self.half * a, q, torch.sub(2 * n_b, n_u))
         n_c = nonlinear(c, t + h)
-        found = torch.addcmul(self.full * modes, self.first, n_u)
-        found = torch.addcmul(found, self.middle, n_a + n_b)
-        return torch.addcmul(found, self.last, n_c)
+        result = torch.addcmul(self.full * modes, self.first, n_u)
+        result = torch.addcmul(result, self.middle, n_a + n_b)
+        return torch.addcmul(result, self.last, n_c)
 
 
 class StepperCache:
@@ -89,7 +89,7 @@ def coefficient_derivatives(linear: Tensor, h: float) -> Coefficients:
     """Return the derivative of each coefficient with respect to L, in the shape of L."""
     z = (h * linear).to(torch.complex128)
     full, half = h * torch.exp(z), h / 2 * torch.exp(z / 2)
-    return Coefficients(full, half, *(h * found for found in _contour_integrals(z, h, order=1)))
+    return Coefficients(full, half, *(h * result for result in _contour_integrals(z, h, order=1)))
 
 
 def _contour_integrals(z: Tensor, h: float, order: int = 0) -> tuple[Tensor, ...]:
@@ -98,9 +98,9 @@ def _contour_integrals(z: Tensor, h: float, order: int = 0) -> tuple[Tensor, ...
         # The selection of distinct values is not differentiable.
         return _integrals_around(z, h, order)
     different, places = np.unique(z.cpu().numpy(), return_inverse=True)
-    found = _integrals_around(torch.from_numpy(different).to(z.device), h, order)
+    result = _integrals_around(torch.from_numpy(different).to(z.device), h, order)
     at = torch.from_numpy(places).to(z.device).reshape(z.shape)
-    return tuple(each[at] for each in found)
+    return tuple(each[at] for each in result)
 
 
 def _integrals_around(z: Tensor, h: float, order: int) -> tuple[Tensor, ...]:

@@ -69,8 +69,8 @@ class RowwiseForcing:
         ):
             rows = dict(zip(self.fields, slices, strict=True))
             [value] = program({**values, **rows}, self.operators)
-            found = torch.as_tensor(self.operators.on_grid(value), dtype=torch.float64)
-            on_grid.append(found.expand(size, *self.operators.grid.shape))
+            result = torch.as_tensor(self.operators.on_grid(value), dtype=torch.float64)
+            on_grid.append(result.expand(size, *self.operators.grid.shape))
         added = torch.cat(on_grid) * self.weights
         sums = added.new_zeros((len(self.fields) * self.batch, *added.shape[1:]))
         summed = sums.index_add(0, self.slots, added)

@@ -39,9 +39,9 @@ class GridTendency:
         tendencies = self.program(values, self.operators)
         if self.forcing is not None:
             tendencies = _add(tendencies, self.forcing(values))
-        found = [torch.as_tensor(self.operators.on_grid(value)) for value in tendencies]
+        result = [torch.as_tensor(self.operators.on_grid(value)) for value in tendencies]
         shape = (len(state), *self.system.grid.shape)
-        rates = torch.stack([f.to(state).expand(shape) for f in found], dim=1)
+        rates = torch.stack([f.to(state).expand(shape) for f in result], dim=1)
         return rates if self.sampled_forcing is None else rates + self.sampled_forcing.at(t)
 
 

@@ -58,9 +58,9 @@ def gather_products(modes: Modes, factors: Modes, reads: Places, out: Modes) -> 
     """Set ``out[s] = factors[s] modes[reads[s]]``, for each s and column."""
     for s in range(len(reads)):
         for column in range(out.shape[1]):
-            factor, mode, found = factors[s], modes[reads[s], column], out[s, column]
-            for k in range(len(found)):
-                found[k] = factor[k] * mode[k]
+            factor, mode, result = factors[s], modes[reads[s], column], out[s, column]
+            for k in range(len(result)):
+                result[k] = factor[k] * mode[k]
 
 
 @jit
@@ -113,24 +113,24 @@ def first_stage(
 
 
 @jit
-def middle_stage(base: Modes, n: Modes, q: Modes, middle: Modes, end: Modes, found: Modes) -> None:
-    """Set ``found = base + q n`` and add ``middle n`` to the end of the step."""
+def middle_stage(base: Modes, n: Modes, q: Modes, middle: Modes, end: Modes, result: Modes) -> None:
+    """Set ``result = base + q n`` and add ``middle n`` to the end of the step."""
     for field in range(base.shape[0]):
         factor, weight = q[field], middle[field]
         for column in range(base.shape[1]):
             known, rate = base[field, column], n[field, column]
-            total, out = end[field, column], found[field, column]
+            total, out = end[field, column], result[field, column]
             for k in range(len(out)):
                 out[k] = known[k] + factor[k] * rate[k]
                 total[k] += weight[k] * rate[k]
 
 
 @jit
-def last_stage(end: Modes, n: Modes, last: Modes, found: Modes) -> None:
-    """Set ``found = end + last n``."""
+def last_stage(end: Modes, n: Modes, last: Modes, result: Modes) -> None:
+    """Set ``result = end + last n``."""
     for field in range(end.shape[0]):
         weight = last[field]
         for column in range(end.shape[1]):
-            total, rate, out = end[field, column], n[field, column], found[field, column]
+            total, rate, out = end[field, column], n[field, column], result[field, column]
             for k in range(len(out)):
                 out[k] = total[k] + weight[k] * rate[k]

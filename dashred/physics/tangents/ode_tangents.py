@@ -86,8 +86,8 @@ def tangent_ode(
         basis_source = [] if forcing_basis is None else [_basis_sources(forcing_basis, stage_times)]
         source = np.concatenate([no_source, source, *basis_source], axis=2)
         begin = directions.double().numpy()
-        found = _integrate_columns(tableau, steps, begin, jacobians, source)
-    for state, columns in zip(states, found, strict=True):
+        result = _integrate_columns(tableau, steps, begin, jacobians, source)
+    for state, columns in zip(states, result, strict=True):
         yield torch.from_numpy(state), torch.from_numpy(columns)
 
 
@@ -146,10 +146,10 @@ def _jacobians_and_sources(
             rows.setdefault(place, []).append(term.expression)
     shape = stages.shape[:2]
     values = {**inputs, **dict(zip(system.fields, np.moveaxis(stages, -1, 0), strict=True))}
-    found = Pointwise([*derivatives, *map(add, rows.values())])(values, shape)
-    jacobian = np.moveaxis(found[: fields**2], 0, -1).reshape(*shape, fields, fields)
+    result = Pointwise([*derivatives, *map(add, rows.values())])(values, shape)
+    jacobian = np.moveaxis(result[: fields**2], 0, -1).reshape(*shape, fields, fields)
     source = np.zeros((*shape, len(sources), fields))
-    for (column, equation), body in zip(rows, found[fields**2 :], strict=True):
+    for (column, equation), body in zip(rows, result[fields**2 :], strict=True):
         source[:, :, column, equation] = body
     return np.ascontiguousarray(jacobian), source
 
@@ -159,8 +159,8 @@ def _basis_sources(forcing_basis: ForcingBasis, stage_times: Array) -> Array:
     hats = forcing_basis.hats(stage_times.ravel()).reshape(*stage_times.shape, -1)
     cells = forcing_basis.bumps.numpy().ravel()
     equations = np.eye(forcing_basis.fields)
-    found: Array = np.einsum("ef,c,stk->steckf", equations, cells, hats)
-    return found.reshape(*stage_times.shape, forcing_basis.count, forcing_basis.fields)
+    result: Array = np.einsum("ef,c,stk->steckf", equations, cells, hats)
+    return result.reshape(*stage_times.shape, forcing_basis.count, forcing_basis.fields)
 
 
 def _integrate_columns(

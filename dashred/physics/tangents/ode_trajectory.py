@@ -50,8 +50,8 @@ def trajectory(
     program = scalar_program(equations, names)
 
     def scalar_rates(state: list[float], i: int, stage: int) -> list[float]:
-        found = program(*state, *input_values[i][stage])
-        return [rate + f for rate, f in zip(found, forcing[i][stage], strict=True)]
+        result = program(*state, *input_values[i][stage])
+        return [rate + f for rate, f in zip(result, forcing[i][stage], strict=True)]
 
     try:
         return _integrate(tableau, steps, start, scalar_rates)
@@ -60,8 +60,8 @@ def trajectory(
 
     def array_rates(state: list[float], i: int, stage: int) -> list[float]:
         values = np.array([*state, *input_values[i][stage]])[:, None]
-        found = arrays(dict(zip(names, values, strict=True)), (1,))[:, 0].tolist()
-        return [rate + f for rate, f in zip(found, forcing[i][stage], strict=True)]
+        result = arrays(dict(zip(names, values, strict=True)), (1,))[:, 0].tolist()
+        return [rate + f for rate, f in zip(result, forcing[i][stage], strict=True)]
 
     return _integrate(tableau, steps, start, array_rates)
 

@@ -81,7 +81,7 @@ class ReferenceTrajectory:
         points_b, n_b = self._rate(b, middle_time)
         c = half * a + q * (2 * n_b - n_u)
         points_c, n_c = self._rate(c, end)
-        found: Modes = full * u + first * n_u + middle * (n_a + n_b) + last * n_c
+        result: Modes = full * u + first * n_u + middle * (n_a + n_b) + last * n_c
         shifts = self._shifts(step.h, u, a, (n_u, n_a, n_b, n_c))
         stages += [
             Stage(t, u, points_u, shifts[0]),
@@ -89,7 +89,7 @@ class ReferenceTrajectory:
             Stage(middle_time, b, points_b, shifts[2]),
             Stage(end, c, points_c, shifts[3]),
         ]
-        return found
+        return result
 
     def _rate(self, modes: Modes, t: float) -> tuple[Array, Modes]:
         points = self.tendency.inputs(modes)

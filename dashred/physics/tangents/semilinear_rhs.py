@@ -47,8 +47,8 @@ def forced_semilinear_form(system: System, forcing: Forcing | None) -> Semilinea
 def operator_symbol(system: System, operator: Expr) -> Modes:
     """Return the Fourier symbol of an operator on one field, ``(*modes)``."""
     assert isinstance(system.operators, Spectral)
-    found: Modes = symbols([[operator]], system.operators, torch.device("cpu"))[0].numpy()
-    return found
+    result: Modes = symbols([[operator]], system.operators, torch.device("cpu"))[0].numpy()
+    return result
 
 
 def mode_mask(system: System) -> Modes:
@@ -70,8 +70,8 @@ class Inputs:
     def __init__(self, system: System, inputs: Mapping[str, Input]) -> None:
         self.names, self.shape = tuple(inputs), system.grid.shape
         self.fields = np.array([system.fields.index(v.field) for v in inputs.values()], dtype=int)
-        found = [operator_symbol(system, v.operator)[None] for v in inputs.values()]
-        self.multipliers = np.array(found)
+        result = [operator_symbol(system, v.operator)[None] for v in inputs.values()]
+        self.multipliers = np.array(result)
 
     def __call__(self, modes: Modes) -> Array:
         """Return the inputs, ``(input, state, *grid)``."""
@@ -105,8 +105,8 @@ class SemilinearTendency:
         self.linear = symbols(linear, system.operators, torch.device("cpu"))[:, None]
         self.inputs = Inputs(system, self.form.inputs)
         self.rank, self.mask = len(system.grid.shape), mode_mask(system)
-        found = [self.mask * operator_symbol(system, c.operator) for c in self.form.channels]
-        self.channel_symbols = np.array(found)[:, None]
+        result = [self.mask * operator_symbol(system, c.operator) for c in self.form.channels]
+        self.channel_symbols = np.array(result)[:, None]
         self.channel_equations = [index[channel.equation] for channel in self.form.channels]
         self.couplings = [
             (index[equation], index[field], self.mask * operator_symbol(system, operator))
@@ -133,14 +133,16 @@ class SemilinearTendency:
         channels = self._channel_bodies(values, (modes.shape[1], *self.inputs.shape))
         hats = to_modes(channels, self.rank)
         hats *= self.channel_symbols
-        found: Modes = hats[: len(modes)]
+        result: Modes = hats[: len(modes)]
         for equation, hat in zip(
             self.channel_equations[len(modes) :], hats[len(modes) :], strict=True
         ):
-            found[equation] += hat
+            result[equation] += hat
         for equation, field, symbol in self.couplings:
-            found[equation] += symbol * modes[field]
+            result[equation] += symbol * modes[field]
         if len(self._knots):
             k, fraction = find_interval(self._knots, t)
-            found += (1 - fraction) * self._forcing_modes[k] + fraction * self._forcing_modes[k + 1]
-        return found
+            result += (1 - fraction) * self._forcing_modes[k] + fraction * self._forcing_modes[
+                k + 1
+            ]
+        return result

@@ -53,15 +53,15 @@ class SensitivityIntegrator:
         self.reference, self.sources = reference, sources
         self.dtype = np.result_type(dtype, np.complex64)
         self.shape = tendency.inputs.shape
-        found = [
+        result = [
             (channel, tendency.inputs.names.index(name), slope)
             for channel, part in enumerate(tendency.form.channels)
             for name, slope in tendency.form.slopes(part).items()
         ]
-        self.slopes: list[Expr] = [slope for _, _, slope in found]
+        self.slopes: list[Expr] = [slope for _, _, slope in result]
         # Inputs and channels without a slope need no FFT.
-        channels, self._writes = _renumber([channel for channel, _, _ in found])
-        inputs, self._reads = _renumber([place for _, place, _ in found])
+        channels, self._writes = _renumber([channel for channel, _, _ in result])
+        inputs, self._reads = _renumber([place for _, place, _ in result])
         self._fields = tendency.inputs.fields[inputs]
         self._multipliers = self._flat(tendency.inputs.multipliers[inputs])
         self._channel_symbols = self._flat(tendency.channel_symbols[channels])
@@ -101,8 +101,8 @@ class SensitivityIntegrator:
     def in_modes(self, points: Real) -> Modes:
         """Return the modes of columns ``(field, column, *grid)``."""
         mask = self.reference.tendency.mask.astype(points.dtype)
-        found: Modes = to_modes(points, len(self.shape)) * mask
-        return found
+        result: Modes = to_modes(points, len(self.shape)) * mask
+        return result
 
     def _flat(self, symbols: Modes) -> Modes:
         """Flatten symbols ``(item, …, *modes)`` to ``(item, mode)``."""
@@ -145,10 +145,10 @@ class _Chunk:
         kernels.middle_stage(self.rest, self.n, 2 * q, middle, self.end, self.stage)
         self._shift(self.stage, block, at + 2)
         self._tendency(self.stage, block, at + 3)
-        found = np.empty_like(u)
-        kernels.last_stage(self.end, self.n, last, found)
-        self._shift(found, block, at + 3)
-        return found.reshape(self.shape)
+        result = np.empty_like(u)
+        kernels.last_stage(self.end, self.n, last, result)
+        self._shift(result, block, at + 3)
+        return result.reshape(self.shape)
 
     def _shift(self, modes: Modes, block: StageBlock, at: int) -> None:
         kernels.add_shifts(self.symbols, block.shifts[at], self.shifts, modes)
@@ -187,5 +187,5 @@ def _renumber(places: list[int]) -> tuple[list[int], NDArray[np.int64]]:
 
 def _select_columns(places: Sequence[tuple[int, int, int]], chunk: range) -> NDArray[np.int64]:
     """Return the places in a chunk of columns, with column indices relative to the chunk."""
-    found = [(e, column - chunk.start, i) for e, column, i in places if column in chunk]
-    return np.array(found, dtype=np.int64).reshape(-1, 3)
+    result = [(e, column - chunk.start, i) for e, column, i in places if column in chunk]
+    return np.array(result, dtype=np.int64).reshape(-1, 3)

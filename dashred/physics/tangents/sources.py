@@ -91,16 +91,16 @@ class Sources:
         """
         hats = self._to_modes(values, modes, times, dtype)
         modes = modes.astype(np.result_type(dtype, np.complex64))
-        found = np.zeros((self.rows, *modes.shape[1:]), dtype=modes.dtype)
+        result = np.zeros((self.rows, *modes.shape[1:]), dtype=modes.dtype)
         for row, body, symbol in self._channels:
-            found[row] += hats[body] * symbol.astype(modes.dtype)
+            result[row] += hats[body] * symbol.astype(modes.dtype)
         for row, field, symbol in self._couplings:
-            found[row] += modes[field] * symbol.astype(modes.dtype)
+            result[row] += modes[field] * symbol.astype(modes.dtype)
         if self._forcing_basis is None:
-            return found
+            return result
         hats = self._forcing_basis.hats(times.ravel())
-        basis_rows = np.einsum("tk,c...->ckt...", hats, self.bumps).astype(found.dtype)
-        return np.concatenate((found, basis_rows.reshape(-1, *found.shape[1:])))
+        basis_rows = np.einsum("tk,c...->ckt...", hats, self.bumps).astype(result.dtype)
+        return np.concatenate((result, basis_rows.reshape(-1, *result.shape[1:])))
 
     def _to_modes(
         self, values: Array, modes: Modes, times: Array, dtype: type[np.floating[Any]]
@@ -135,8 +135,8 @@ class Sources:
         self._others = Program(list(others)) if others else None
 
     def _symbol(self, operator: Expr) -> Modes:
-        found: Modes = self._mask * operator_symbol(self.system, operator)
-        return found
+        result: Modes = self._mask * operator_symbol(self.system, operator)
+        return result
 
     def _evaluate_others(self, modes: Modes, times: Array) -> Array:
         """Return the terms without a semilinear form, ``(term, time, *grid)``."""
@@ -146,15 +146,15 @@ class Sources:
         points = torch.fft.irfftn(hats, s=system.grid.shape, dim=system.grid.dims)
         values = system.coordinates_and_inputs(times, hats.device)
         values |= dict(zip(system.fields, map(Value, points, hats), strict=True))
-        found = (system.operators.on_grid(v) for v in self._others(values, system.operators))
+        result = (system.operators.on_grid(v) for v in self._others(values, system.operators))
         shape = (modes.shape[1], *system.grid.shape)
-        rows = [on_whole_grid(f, system.grid).expand(shape) for f in found]
+        rows = [on_whole_grid(f, system.grid).expand(shape) for f in result]
         return torch.stack(rows).numpy()
 
 
 def _by_place(sources: Sequence[tuple[Term, ...]], first: int) -> dict[tuple[str, int], Expr]:
-    found: dict[tuple[str, int], list[Expr]] = {}
+    result: dict[tuple[str, int], list[Expr]] = {}
     for column, terms in enumerate(sources, first):
         for term in terms:
-            found.setdefault((term.equation, column), []).append(term.expression)
-    return {place: add(terms) for place, terms in found.items()}
+            result.setdefault((term.equation, column), []).append(term.expression)
+    return {place: add(terms) for place, terms in result.items()}

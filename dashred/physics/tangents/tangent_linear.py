@@ -115,11 +115,13 @@ def tangent_linear(
         with np.errstate(all="ignore"):
             modes, states, stages = model.reference.advance(steps, modes)
             block = model.evaluate(stages)
-        found = torch.zeros((len(states), *tangents.shape), dtype=dtype)
-        advance_chunk = partial(_advance_chunk, model.columns, steps, chunks, block, columns, found)
+        result = torch.zeros((len(states), *tangents.shape), dtype=dtype)
+        advance_chunk = partial(
+            _advance_chunk, model.columns, steps, chunks, block, columns, result
+        )
         for _ in in_threads(advance_chunk, len(chunks)):
             pass
-        for state, out in zip(states, found, strict=True):
+        for state, out in zip(states, result, strict=True):
             yield torch.from_numpy(state[:, 0]).to(start.device), out.to(start.device)
 
 
@@ -129,14 +131,14 @@ def _advance_chunk(
     chunks: Sequence[range],
     block: StageBlock,
     columns: list[Modes],
-    found: Tensor,
+    result: Tensor,
     index: int,
 ) -> None:
-    """Integrate one chunk of the columns and write its values at output times to ``found``."""
+    """Integrate one chunk of the columns and write its values at output times to ``result``."""
     chunk = chunks[index]
     with np.errstate(all="ignore"):
         columns[index], outputs = integrator.advance(steps, columns[index], chunk, block)
-    for out, points in zip(found, outputs, strict=True):
+    for out, points in zip(result, outputs, strict=True):
         out[chunk.start : chunk.stop] = torch.from_numpy(points).transpose(0, 1)
 
 
@@ -157,8 +159,8 @@ class _LinearisedSystem:
         times = np.array([stage.t for stage in stages]).reshape(-1, *(1,) * tendency.rank)
         values = {**tendency.coordinates_and_inputs(times), **tendency.inputs.named(points)}
         values |= self.sources.inputs.named(self.sources.inputs(modes))
-        found = self.program(values, (count, *tendency.inputs.shape))
-        slopes, bodies = np.split(found, [len(self.columns.slopes)])
+        result = self.program(values, (count, *tendency.inputs.shape))
+        slopes, bodies = np.split(result, [len(self.columns.slopes)])
         rows = self.sources(bodies, modes, times, self.dtype)
         shifts = np.concatenate([stage.shift for stage in stages], axis=1)
         return StageBlock(
@@ -168,11 +170,11 @@ class _LinearisedSystem:
         )
 
 
-def _by_stage(found: Modes) -> Modes:
+def _by_stage(result: Modes) -> Modes:
     """Reorder ``(item, stage, …)`` to a contiguous ``(stage, item, point)``."""
-    items, stages = found.shape[:2]
-    size = math.prod(found.shape[2:])
-    return np.ascontiguousarray(found.reshape(items, stages, size).swapaxes(0, 1))
+    items, stages = result.shape[:2]
+    size = math.prod(result.shape[2:])
+    return np.ascontiguousarray(result.reshape(items, stages, size).swapaxes(0, 1))
 
 
 def _blocks(steps: Iterator[Step], size: int) -> Iterator[list[Step]]:

@@ -51,16 +51,16 @@ def page(
             more terms.
         commit: git commit of dashred, or None.
     """
-    fit, units, found = findings["fit"], findings.get("units", NO_UNITS), findings["terms"] or []
+    fit, units, terms = findings["fit"], findings.get("units", NO_UNITS), findings["terms"] or []
     system = findings["input"]["config"].get("system", {})
     splits = findings["input"]["splits"]
     return render(
         TEMPLATE,
         **_head(findings, main_effects),
         untested=findings["verdict"] in UNTESTED,
-        location=verdict.location(findings["where"], units) if found else [],
+        location=verdict.location(findings["where"], units) if terms else [],
         consequences=verdict.consequences(findings),
-        terms=sections.terms_table(found),
+        terms=sections.terms_table(terms),
         probabilities=sections.cause_probabilities(findings["causes"] or []),
         certainty=verdict.certainty(findings),
         alternatives=sections.alternatives_table(findings["alternatives"] or []),

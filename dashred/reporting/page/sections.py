@@ -33,10 +33,10 @@ MIN_CORRELATION = 0.1
 MIN_PROBABILITY = 0.005
 
 
-def terms_table(found: Sequence[Mapping[str, Any]]) -> Table:
+def terms_table(terms: Sequence[Mapping[str, Any]]) -> Table:
     """Return the terms of the law with their coefficients, intervals and probabilities."""
-    rows, with_unit = [], any("unit" in term for term in found)
-    for term in found:
+    rows, with_unit = [], any("unit" in term for term in terms)
+    for term in terms:
         value, std = rounded(term["coefficient"], term["std"])
         low, high = (rounded(end, term["std"])[0] for end in term["ci95"])
         where = "parameter" if term["equation"] is None else f"equation of {term['equation']}"

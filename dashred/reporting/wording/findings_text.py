@@ -44,11 +44,11 @@ def add_term_text(term: MissingTerm | ParameterChange, system: System) -> None:
     if term["equation"] is None:
         term["says"] = parameter_text(term)
         return
-    found = describe(term, system, term["std"])
-    term["effect"] = found.effect
+    description = describe(term, system, term["std"])
+    term["effect"] = description.effect
     region = term["region"]
     where = f", {region_text(region[0], system.units)}" if region else ""
-    term["says"] = f"{found.text}{where}"
+    term["says"] = f"{description.text}{where}"
 
 
 def describe(term: MissingTerm | AlternativeTerm, system: System, std: float = 0.0) -> Description:

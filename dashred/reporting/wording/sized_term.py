@@ -84,18 +84,18 @@ class SizedTerm:
 
     def powers(self) -> dict[str, int] | None:
         """Return the exponent of each field, or None if the term is not a monomial of fields."""
-        found: dict[str, int] = {}
+        result: dict[str, int] = {}
         for factor in self.factors:
             match factor:
                 case Name(id) if id in self.system.fields:
-                    found[id] = found.get(id, 0) + 1
+                    result[id] = result.get(id, 0) + 1
                 case Power(Name(id), Number(n)) if (
                     id in self.system.fields and n > 0 and n % 1 == 0
                 ):
-                    found[id] = found.get(id, 0) + int(n)
+                    result[id] = result.get(id, 0) + int(n)
                 case _:
                     return None
-        return found
+        return result
 
 
 def format_expression(expr: Expr) -> str:

@@ -41,8 +41,8 @@ def describe_term(
         _monomial,
     )
     for rule in rules:
-        if found := rule(sized):
-            return found
+        if result := rule(sized):
+            return result
     return Description(f"a further change of {sized.field_meaning}", sized.text, " by ")
 
 

@@ -40,12 +40,12 @@ def forcing_figure(
         sensors: positions of the fit sensors, marked at the left edge.
         clock: label of the time axis.
     """
-    found = {
+    result = {
         field: np.asarray(values, float)
         for field, values in forcing["amplitude"].items()
         if np.any(np.abs(values) > SIGNIFICANCE * np.asarray(forcing["std"][field], float))
     }
-    shown = found or {f: np.asarray(v, float) for f, v in forcing["amplitude"].items()}
+    shown = result or {f: np.asarray(v, float) for f, v in forcing["amplitude"].items()}
     limit = max(float(np.abs(values).max()) for values in shown.values()) or 1.0
     times = np.asarray(forcing["times"], float)
     with style():
