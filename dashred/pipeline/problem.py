@@ -12,7 +12,7 @@ from torch import Tensor
 from dashred.config import Config
 from dashred.config.checks.checks import MAX_STEPS
 from dashred.core.errors import InputError
-from dashred.core.findings.cause_schema import SensorFaultFound
+from dashred.core.findings.cause_schema import FaultySensor
 from dashred.data.episodes import Episodes, name_episode_in_errors
 from dashred.data.inputs import with_inputs
 from dashred.data.io.reader import read_episodes
@@ -89,7 +89,7 @@ class Problem:
         """Return the noise σ of the named sensors, ``(sensor,)``."""
         return torch.tensor([self.noise[name] for name in names], dtype=torch.float64)
 
-    def fault_details(self, fault: SensorFault) -> SensorFaultFound:
+    def fault_details(self, fault: SensorFault) -> FaultySensor:
         """Return a sensor fault as data, with the field that the sensor reads."""
         split, axes = self.split, self.system.axes
         parts = (split.fit, split.validation, split.tested)

@@ -16,12 +16,12 @@ from torch import Tensor
 
 from dashred.inference.forward.candidates import Candidate, build_forcing
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
-from dashred.physics.solvers.batch_coefficients import Columns
-from dashred.physics.solvers.compiled_simulator import CompiledSystem, compiled
+from dashred.physics.solvers.batch_coefficients import CoefficientLayout
+from dashred.physics.solvers.compiled_simulator import CompiledSystem, compile_system
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
-from dashred.physics.tangents.ode_tangents import supports_ode, tangent_ode
-from dashred.physics.tangents.tangent_linear import supports, tangent_linear
+from dashred.physics.tangents.ode_tangents import has_ode_tangents, tangent_ode
+from dashred.physics.tangents.tangent_linear import has_spectral_tangents, tangent_linear
 from dashred.physics.window import Shape, Window
 
 
@@ -59,12 +59,14 @@ class CandidateSimulator:
         for candidate in candidates:
             self._columns[candidate.key] = [*range(first, first + len(candidate.terms))]
             first += len(candidate.terms)
-        self._layout = Columns(len(self.terms), shapes)
-        self.has_tangents = supports(system, self.terms) or supports_ode(system, self.terms)
+        self._layout = CoefficientLayout(len(self.terms), shapes)
+        self.has_tangents = has_spectral_tangents(system, self.terms) or has_ode_tangents(
+            system, self.terms
+        )
 
     @cached_property
     def _run(self) -> CompiledSystem:
-        return compiled(self.system, self.terms, self.shapes)
+        return compile_system(self.system, self.terms, self.shapes)
 
     def coarse(self) -> CandidateSimulator:
         """Return the simulator with the time step of the derivative for its trajectories, too."""

@@ -23,7 +23,7 @@ from dashred.inference.initial_state.covariance_tapers import (
     sensor_distances,
 )
 from dashred.physics.library import resolve
-from dashred.physics.solvers.compiled_simulator import compiled_if_long
+from dashred.physics.solvers.compiled_simulator import compile_if_worthwhile
 from dashred.physics.system import System, Term
 
 # The filter diverges if a smaller share of the members remains.
@@ -118,7 +118,9 @@ def ensemble_filter(
     """
     if coefficients is None:
         terms, coefficients = (), members.new_zeros((len(members), 0))
-    run = compiled_if_long(system, resolve(system, terms), members, float(times[-1] - times[0]))
+    run = compile_if_worthwhile(
+        system, resolve(system, terms), members, float(times[-1] - times[0])
+    )
     tapers = _Tapers(system, operator, settings, coefficients.shape[1])
     states, starts = members, members
     innovations, stds = torch.full_like(values, torch.nan), torch.full_like(values, torch.nan)

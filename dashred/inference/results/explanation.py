@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 
 from dashred.core.findings.law_schema import (
     Alternative,
+    AlternativeTerm,
+    MissingTerm,
     ParameterChange,
     Region,
     SmallerLaw,
-    TermFound,
-    TermTried,
 )
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import Candidate
@@ -27,14 +27,14 @@ MOST_ALTERNATIVES = 3
 NEAR = 12.0
 
 
-def terms_of_discovery(system: System, discovery: Discovery) -> list[TermFound | ParameterChange]:
+def terms_of_discovery(system: System, discovery: Discovery) -> list[MissingTerm | ParameterChange]:
     """Return ``findings["terms"]``: one entry for each candidate of the best law."""
     return terms_of_law(system, discovery.best, lambda candidate: inclusion(discovery, candidate))
 
 
 def terms_of_law(
     system: System, law: Law, probability: Callable[[Candidate], float] = lambda _: 1.0
-) -> list[TermFound | ParameterChange]:
+) -> list[MissingTerm | ParameterChange]:
     """Return one entry for each candidate of a law.
 
     Args:
@@ -42,7 +42,7 @@ def terms_of_law(
         law: the law.
         probability: probability that a candidate belongs to the law; 1 for a given law.
     """
-    found: list[TermFound | ParameterChange] = []
+    found: list[MissingTerm | ParameterChange] = []
     for index, candidate in enumerate(law.candidates):
         included = probability(candidate)
         if candidate.equation is None:
@@ -100,10 +100,10 @@ def smaller_laws(discovery: Discovery, system: System) -> list[SmallerLaw]:
     ]
 
 
-def _term(system: System, law: Law, index: int, included: float) -> TermFound:
+def _term(system: System, law: Law, index: int, included: float) -> MissingTerm:
     candidate = law.candidates[index]
     assert candidate.equation is not None
-    found = TermFound(
+    found = MissingTerm(
         equation=candidate.equation,
         term=candidate.name,
         coefficient=float(law.coefficients[index]),
@@ -192,9 +192,9 @@ def _interval_ends(system: System, law: Law, index: int) -> list[float]:
 
 def _terms_tried(
     system: System, candidates: Sequence[Candidate], coefficients: Sequence[float]
-) -> list[TermTried]:
+) -> list[AlternativeTerm]:
     return [
-        TermTried(
+        AlternativeTerm(
             equation=candidate.equation,
             term=candidate.name,
             coefficient=value

@@ -8,7 +8,7 @@ from typing import cast
 
 from torch import Tensor
 
-from dashred.core.findings.cause_schema import Cause, SensorFaultFound, Verdict
+from dashred.core.findings.cause_schema import Cause, FaultySensor, Verdict
 from dashred.inference.fit.law import Law, SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.hypotheses.result import MIN_FORCING_GAIN, Discovery
@@ -21,7 +21,7 @@ UNEXPLAINED = 0.75
 STUCK = 1.5
 
 
-def describe_fault(fault: SensorFault) -> SensorFaultFound:
+def describe_fault(fault: SensorFault) -> FaultySensor:
     """Return a fault as data, without the quantity and the position of its sensor."""
     return {
         "sensor": fault.sensor,
@@ -35,7 +35,7 @@ def describe_fault(fault: SensorFault) -> SensorFaultFound:
     }
 
 
-FaultDetails = Callable[[SensorFault], SensorFaultFound]
+FaultDetails = Callable[[SensorFault], FaultySensor]
 
 
 def verdict(
@@ -177,7 +177,7 @@ def _cause(kind: Verdict, probability: float, law: Law, details: FaultDetails) -
     return cause
 
 
-def _sensor_fault(probability: float, fault: SensorFaultFound) -> Cause:
+def _sensor_fault(probability: float, fault: FaultySensor) -> Cause:
     cause: Cause = {"kind": "sensor-fault", "probability": probability, "where": None}
     cause.update(cast(Cause, fault))
     return cause

@@ -10,8 +10,8 @@ from typing import Any
 
 from dashred.config import Config, Source, build_config, read_file
 from dashred.config.commandline import find_system
-from dashred.config.source_dict import overrides_of, source_of
-from dashred.core.arguments import PLACE
+from dashred.config.source_dict import overrides_from_dict, source_from_dict
+from dashred.core.arguments import COMMAND_LINE
 from dashred.core.errors import InputError
 
 OVERRIDES, DICT, NAME = "overrides", "dict", "system"
@@ -49,7 +49,7 @@ class Definition:
             InputError: a value is invalid.
         """
         values = dict(self.overrides) if seed is None else {**self.overrides, "seed": seed}
-        overrides = overrides_of(values, OVERRIDES)
+        overrides = overrides_from_dict(values, OVERRIDES)
         for key, hint in UNSUPPORTED.items():
             if key in overrides.values:
                 raise InputError(f"{key} cannot be set here", where=OVERRIDES, hint=hint)
@@ -83,7 +83,7 @@ def from_file(
 
 def _with_place(error: InputError, place: str) -> InputError:
     """Return an error of the command line as an error of the named Python argument."""
-    if error.where != PLACE:
+    if error.where != COMMAND_LINE:
         return error
     return InputError(error.what, where=place, hint=error.hint)
 
@@ -100,4 +100,4 @@ def from_values(
     Raises:
         InputError: the dict contains a value that YAML cannot represent.
     """
-    return Definition(source_of(values, DICT), name, None, overrides, places, trust)
+    return Definition(source_from_dict(values, DICT), name, None, overrides, places, trust)

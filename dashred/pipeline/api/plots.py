@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from dashred.core.errors import InputError
 from dashred.pipeline.outputs.figures import Figures
-from dashred.reporting.figures.figure_names import WHOLE, sensors_of_episode
+from dashred.reporting.figures.figure_names import HELD_OUT_EPISODE, sensor_figure_of_episode
 
 
 class Plots:
@@ -56,11 +56,11 @@ class Plots:
         Args:
             episode: number of the episode, from 1 on; the longest episode is the first.
         """
-        return self._draw(sensors_of_episode(episode))
+        return self._draw(sensor_figure_of_episode(episode))
 
     def held_out_episode(self) -> Figure:
         """Draw the episode that was held out as a whole."""
-        return self._draw(WHOLE)
+        return self._draw(HELD_OUT_EPISODE)
 
     def coefficients(self) -> Figure:
         """Draw the coefficients that latent SINDy proposes, by epoch of assimilation."""

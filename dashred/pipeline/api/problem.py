@@ -15,7 +15,7 @@ from dashred.core.progress import shown_on
 from dashred.data.inputs import drive_signals, with_inputs
 from dashred.data.io.in_memory import HINT, RECORDING, SENSORS
 from dashred.data.io.write_netcdf import recording_dataset
-from dashred.physics.backends.input_signals import NOTHING
+from dashred.physics.backends.input_signals import NO_INPUTS
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.system import System
 from dashred.pipeline.api.check import Check
@@ -212,7 +212,9 @@ class Problem:
         else:
             clock = self._default_times(times)
             inputs = (
-                drive_signals(self._system, self.config, clock) if self._system.inputs else NOTHING
+                drive_signals(self._system, self.config, clock)
+                if self._system.inputs
+                else NO_INPUTS
             )
         system = with_inputs(self._system, inputs)
         return Simulator(system, lambda: nominal_start(system)[0], clock)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from dashred.core.argument_types import read_path
-from dashred.core.arguments import Command, word
+from dashred.core.arguments import Command, argument
 from dashred.core.errors import DONE, run_entry
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.templates import render
@@ -44,14 +44,14 @@ class Entry:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Words:
+class Arguments:
     """Arguments of the command."""
 
-    path: Path = word(read_path, "FILE.md", "file to write")
+    path: Path = argument(read_path, "FILE.md", "file to write")
 
 
 COMMAND = Command(
-    "python -m dashred.pipeline.api.reference", Words, "Writes the reference of the Python API."
+    "python -m dashred.pipeline.api.reference", Arguments, "Writes the reference of the Python API."
 )
 
 

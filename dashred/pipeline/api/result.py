@@ -12,7 +12,7 @@ from dashred.core.files.user_path import user_path
 from dashred.pipeline.api.plots import Plots
 from dashred.pipeline.api.simulator import Simulator
 from dashred.pipeline.outputs.figures import Figures
-from dashred.reporting.page.html import in_notebook
+from dashred.reporting.page.html import notebook_html
 from dashred.reporting.text.summary import summary
 from dashred.reporting.text.verdict import law
 
@@ -122,4 +122,4 @@ class Result:
         return f"<dashred.Result {self.verdict}{f': {self.law}' if self.law else ''}>"
 
     def _repr_html_(self) -> str:
-        return in_notebook(self.findings, self._main_effects)
+        return notebook_html(self.findings, self._main_effects)

@@ -84,7 +84,7 @@ class Simulator:
     def _check_inputs(self, times: Tensor) -> None:
         if not self.system.inputs:
             return
-        known = self.system.measured.times
+        known = self.system.input_signals.times
         margin = 1e-9 * max(1.0, float(np.abs(known).max()))
         if times[0] < known[0] - margin or times[-1] > known[-1] + margin:
             what = f"the inputs are known only from {known[0]:g} to {known[-1]:g}"

@@ -8,28 +8,28 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dashred.core.argument_types import read_path
-from dashred.core.arguments import Command, word
+from dashred.core.arguments import Command, argument
 from dashred.core.errors import DONE, InputError
 
 
 @dataclass(frozen=True, kw_only=True)
-class Words:
+class Arguments:
     """Arguments of the command."""
 
-    path: Path = word(
+    path: Path = argument(
         read_path,
         "FILE.csv",
         "recording with a column `time` and one for each sensor. Without a sensor table the "
         "columns are the fields of an ODE: give them the names that your equations use",
     )
-    sensors: Path | None = word(
+    sensors: Path | None = argument(
         read_path,
         "TABLE.csv",
         "table of sensors in space with the columns name (the column of the recording), field, "
         "x or x and y (at least 0) and, if known, std (of the noise)",
         default=None,
     )
-    output: Path | None = word(
+    output: Path | None = argument(
         read_path,
         "FILE.yaml",
         "configuration to write; default: the name of the recording with .yaml, in this folder. "
@@ -40,7 +40,7 @@ class Words:
 
 COMMAND = Command(
     "dashred init",
-    Words,
+    Arguments,
     """\
 Reads a recording and writes a first configuration for it. The fields, the start and the time steps
 are guessed from the recording. Comments explain each block, and TO DO marks the lines that you must

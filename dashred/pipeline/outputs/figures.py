@@ -22,7 +22,7 @@ from dashred.pipeline.outputs.sensor_figures import (
     draw_whole_episode,
 )
 from dashred.pipeline.problem import Problem
-from dashred.reporting.figures.figure_names import WHOLE, sensors_of_episode
+from dashred.reporting.figures.figure_names import HELD_OUT_EPISODE, sensor_figure_of_episode
 from dashred.reporting.figures.save import evidence_figure
 
 Figures = Mapping[str, Callable[[], Figure]]
@@ -35,9 +35,9 @@ def figures_of(problem: Problem, analysis: Analysis, findings: Findings) -> Figu
     """Return the figures in the order in which they are drawn."""
     figures: dict[str, Callable[[], Figure]] = {}
     for number, (episode, results) in enumerate(analysis.episodes(problem), start=1):
-        figures[sensors_of_episode(number)] = partial(draw_traces, episode, results)
+        figures[sensor_figure_of_episode(number)] = partial(draw_traces, episode, results)
     for whole, free in zip(problem.whole, analysis.trajectories.whole, strict=True):
-        figures[WHOLE] = partial(draw_whole_episode, whole, free)
+        figures[HELD_OUT_EPISODE] = partial(draw_whole_episode, whole, free)
     figures["coefficients.png"] = partial(draw_coefficients, problem, analysis.assimilated)
     figures["sparsity.png"] = partial(draw_sparsity, analysis)
     figures["learning.png"] = partial(_learning, analysis)

@@ -13,9 +13,9 @@ from dashred.pipeline.run.provenance import git_commit
 from dashred.reporting.figures.figure_names import (
     OF_EQUATIONS,
     PROOF,
-    SENSORS,
+    SENSORS_CAPTION,
     Captions,
-    sensors_of_episode,
+    sensor_figure_of_episode,
 )
 from dashred.reporting.figures.gallery import Gallery
 from dashred.reporting.page import html
@@ -60,7 +60,7 @@ def main_effects(problem: Problem, findings: Findings) -> list[str]:
 def _captions(problem: Problem) -> Captions:
     """Return the captions of the figures, including the sensor figures of all fitted episodes."""
     others = {
-        f"{SENSORS} in episode {episode.name}": sensors_of_episode(number)
+        f"{SENSORS_CAPTION} in episode {episode.name}": sensor_figure_of_episode(number)
         for number, episode in enumerate(problem.others, start=2)
     }
     return OF_EQUATIONS | {PROOF: OF_EQUATIONS[PROOF] | others}

@@ -7,7 +7,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from dashred.core.findings.law_schema import EnergyLost, Share
+from dashred.core.findings.law_schema import EnergyLoss, Share
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import build_forcing
 from dashred.physics.solvers.simulate import simulate
@@ -20,7 +20,7 @@ DRAWS = 32
 @torch.no_grad()
 def energy_loss(
     system: System, law: Law, times: Tensor, rng: np.random.Generator
-) -> EnergyLost | None:
+) -> EnergyLoss | None:
     """Return the share of energy that the corrected system loses in its first and last cycle.
 
     A cycle lies between two upward crossings of the mean by the first field; its share is
@@ -43,7 +43,7 @@ def energy_loss(
     if not len(best) or not with_cycles:
         return None
     spread = np.std([[each[0], each[-1]] for each in with_cycles], axis=0)
-    return EnergyLost(
+    return EnergyLoss(
         expression=system.config.energy,
         cycles=len(best),
         first=Share(lost=float(best[0]), std=float(spread[0])),

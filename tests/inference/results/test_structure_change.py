@@ -12,7 +12,7 @@ import torch
 from dashred.config import load_config
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.results.structure_change import stays_port_hamiltonian, structure_changes
-from dashred.physics.backends.input_signals import Measured
+from dashred.physics.backends.input_signals import InputSignals
 from dashred.physics.port_hamiltonian import PortHamiltonian
 from dashred.physics.sampled_states import SampledStates
 from dashred.physics.system import System
@@ -152,7 +152,7 @@ def test_a_term_of_a_driven_circuit(
     config = load_config(["conf=rlc"], entry="test")
     times = torch.linspace(0, 20, 41, dtype=torch.float64)
     voltage = {"V": amplitude * np.sin(1.1 * times.numpy())}
-    system = System(config.system, config.where, Measured(times.numpy(), voltage))
+    system = System(config.system, config.where, InputSignals(times.numpy(), voltage))
     assert system.config.structure is not None
     form = PortHamiltonian.of(system, system.config.structure)
     visited = SampledStates(torch.stack([torch.cos(times), -torch.sin(times)], dim=1), times)

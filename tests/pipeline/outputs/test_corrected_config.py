@@ -13,7 +13,7 @@ from dashred.config import Config, load_config
 from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.inference.results.parameter_change import is_exact
-from dashred.physics.backends.input_signals import Measured
+from dashred.physics.backends.input_signals import InputSignals
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.pipeline.outputs.corrected_config import write_corrected
@@ -40,7 +40,7 @@ def states(system: System) -> Tensor:
 
 def driven(system: System) -> System:
     inputs = {name: np.array([0.3]) for name in system.config.inputs}
-    return System(system.config, system.where, Measured(np.zeros(1), inputs))
+    return System(system.config, system.where, InputSignals(np.zeros(1), inputs))
 
 
 def added(system: System, law: Law, where: Tensor) -> Tensor:

@@ -18,7 +18,7 @@ from torch import Tensor
 from dashred.inference.fit.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.windows.windowed_hypothesis import LOG_WIDTH, WindowGuess
-from dashred.physics.expressions.semilinear import NotSeparableError, Separator
+from dashred.physics.expressions.semilinear import NotSemilinearError, SemilinearBuilder
 from dashred.physics.grids.grid import Axis
 from dashred.physics.system import System
 from dashred.physics.window import Shape, Window, box, gate, onset
@@ -49,11 +49,11 @@ class WindowPiece:
 
 def _can_be_local(system: System, candidate: Candidate) -> bool:
     """Tell whether a candidate is pointwise, so that a window can multiply it."""
-    separator = Separator(frozenset(system.fields), tuple(a.name for a in system.axes))
+    separator = SemilinearBuilder(frozenset(system.fields), tuple(a.name for a in system.axes))
     try:
         for term in candidate.terms:
             separator.pointwise(term.expression)
-    except NotSeparableError:
+    except NotSemilinearError:
         return False
     return candidate.equation is not None
 
