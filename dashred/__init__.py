@@ -1,7 +1,7 @@
-"""Find the physics that a simulation leaves out, from sparse sensors alone (DA-SHRED).
+"""Find the physics that a simulation leaves out, from sparse sensors (DA-SHRED).
 
-``Problem.from_yaml("rde", recording=dataset).discover()`` returns a ``Result``. Names are imported
-when they are first used: ``import dashred`` alone takes milliseconds.
+``Problem.from_yaml("rde", recording=dataset).discover()`` returns a ``Result``. Public names are
+imported on first use, so that ``import dashred`` takes milliseconds.
 """
 
 import os
@@ -44,31 +44,31 @@ __all__ = [
 ]
 
 
-def _keep_out(folder: str) -> None:
-    """Import nothing from the folder that the user is in, here or in a child; unless it is ours.
+def _exclude_from_path(folder: str) -> None:
+    """Import nothing from the current folder, here or in children, unless it is the checkout.
 
-    `python -m` looks there first: a stranger's recording may lie beside a stranger's ``yaml.py``.
+    `python -m` looks there first, and a folder of recordings may contain another ``yaml.py``.
     """
     if sys.path[:1] == [folder] and not os.path.samefile(folder, f"{__path__[0]}/.."):
         del sys.path[0]
         os.environ["PYTHONSAFEPATH"] = "1"
 
 
-# `python -m` shows itself so while it looks for the module: a command of ours is being started.
-# What its imports lack is told by name, as anything else that goes wrong is.
+# `python -m` sets this value while it looks for the module: a command of dashred is being started.
+# The hook reports missing packages by name, like other errors.
 if sys.argv[:1] == ["-m"]:
-    _keep_out(os.getcwd())
+    _exclude_from_path(os.getcwd())
     from dashred.core.system_errors import report_uncaught
 
     sys.excepthook = report_uncaught
 
 
 def __getattr__(name: str) -> object:
-    """Import a public name when it is first used (PEP 562)."""
+    """Import a public name on first use (PEP 562)."""
     if name == "__version__":
         found: object = _version()
     elif name in _PUBLIC:
-        found = getattr(_imported(name), name)
+        found = getattr(_import_module(name), name)
     else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     globals()[name] = found
@@ -79,11 +79,11 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
 
 
-def _imported(name: str) -> object:
+def _import_module(name: str) -> object:
     """Return the module of a public name.
 
     Raises:
-        InputError: it records a hidden truth, and this installation has none.
+        InputError: the name is part of the evaluation, which this installation does not have.
     """
     from importlib import import_module
 
@@ -94,8 +94,8 @@ def _imported(name: str) -> object:
             raise
         from dashred.core.errors import InputError
 
-        what = "this installation of dashred has no hidden truths to record"
-        raise InputError(what, where=name, hint="it takes a checkout of dashred") from None
+        what = "this installation of dashred has no twin experiments"
+        raise InputError(what, where=name, hint="use a checkout of dashred") from None
 
 
 def _version() -> str:

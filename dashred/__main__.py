@@ -10,7 +10,7 @@ from dashred.core.errors import DONE, WRONG_INPUT, InputError, nearest, run_entr
 
 
 class Entry(NamedTuple):
-    """One command: the module whose ``main`` takes its words, and what it does."""
+    """A command: the module with its ``main``, and its description."""
 
     module: str
     help: str
@@ -18,15 +18,17 @@ class Entry(NamedTuple):
 
 ANALYSIS = {
     "init": Entry("dashred.pipeline.init.command", "write a first configuration for a recording"),
-    "check": Entry("dashred.pipeline.check.command", "find mistakes before a run, within seconds"),
+    "check": Entry("dashred.pipeline.check.command", "find mistakes in the input within seconds"),
     "train": Entry("dashred.train", "find what a simulation leaves out; resume=RUN_ID resumes"),
     "fetch": Entry("dashred.data.io.fetch", "fetch the recording of a real pendulum"),
     "reference": Entry("dashred.config.reference_command", "print every configuration key"),
 }
 EVIDENCE = {
     "bench": Entry("dashred.evaluation.bench", "run many twin experiments and tabulate them"),
-    "compare": Entry("dashred.evaluation.compare", "run a bench, and other methods beside it"),
-    "prove": Entry("dashred.evaluation.prove", "analyse drawn cases whose truth is concealed"),
+    "compare": Entry(
+        "dashred.evaluation.compare", "run a bench and other methods on the same data"
+    ),
+    "prove": Entry("dashred.evaluation.prove", "analyse random cases with hidden truths"),
     "publish": Entry("dashred.evaluation.publish", "publish cases without their truths"),
     "record": Entry("dashred.evaluation.twins.record_command", "record a twin with a hidden truth"),
     "score": Entry("dashred.evaluation.twins.score_command", "score findings against the truth"),
@@ -35,21 +37,21 @@ COMMANDS = ANALYSIS | EVIDENCE
 
 
 def usage() -> str:
-    """Return what ``dashred --help`` prints."""
+    """Return the text of ``dashred --help``."""
     groups = {"Analyse a recording": ANALYSIS, "Evaluate the method, in a checkout": EVIDENCE}
     lines = ["usage: dashred COMMAND [key=value ...]", "       dashred COMMAND --help"]
     lines.append("       dashred --version")
     for title, group in groups.items():
-        lines += ["", f"{title}:", *(f"  {name:<10} {one.help}" for name, one in group.items())]
+        lines += ["", f"{title}:", *(f"  {name:<10} {entry.help}" for name, entry in group.items())]
     return "\n".join(lines) + "\n"
 
 
 def main(argv: list[str]) -> int:
-    """Run the command that the first word names, on the other words."""
+    """Run the command that the first argument names, with the other arguments."""
     if not argv or argv[0] in ("--help", "-h"):
         print(usage(), end="")
         return DONE if argv else WRONG_INPUT
-    name, *words = argv
+    name, *arguments = argv
     if name == "--version":
         from importlib.metadata import version
 
@@ -58,7 +60,7 @@ def main(argv: list[str]) -> int:
     if name not in COMMANDS:
         hint = f"dashred train {name}" if "=" in name else nearest(name, COMMANDS)
         raise InputError(f"there is no command {name!r}", where="command line", hint=hint)
-    return int(import_module(COMMANDS[name].module).main(words))
+    return int(import_module(COMMANDS[name].module).main(arguments))
 
 
 def run() -> int:

@@ -2,8 +2,8 @@
 
 The command analyses a recording (``recording.path=FILE``), runs a twin experiment
 (``recording.twin=NAME``) or resumes a run (``resume=RUN_ID``). ``python -m dashred.train`` is the
-same command. A twin experiment is three processes: a recorder that knows the hidden truth, an
-analysis that gets the recording alone, and a scorer that reads the truth when the findings are
+same command. A twin experiment runs three processes: a recorder that knows the hidden truth, an
+analysis that has the recording only, and a scorer that reads the truth after the findings are
 frozen.
 """
 
@@ -19,8 +19,8 @@ from dashred.core.mlflow.server import check_server
 
 def main(argv: list[str]) -> int:
     """Run an analysis or a twin experiment, or resume an interrupted run."""
-    helping = {"--help", "-h"} & set(argv)
-    if not helping and any(word.startswith("resume=") for word in argv):
+    is_help = {"--help", "-h"} & set(argv)
+    if not is_help and any(word.startswith("resume=") for word in argv):
         from dashred.evaluation.twins.twin_experiment import score_resumed
         from dashred.pipeline.run.resume import resume
 

@@ -87,16 +87,16 @@ def law(
         residuals=torch.full((SAMPLES, SENSORS), misfit, dtype=torch.float64),
         edges=edges,
         fault=fault,
-        widened=widened,
+        start_prior_factor=widened,
     )
 
 
 def discovery(
     *laws: Law,
-    nothing: Law | None = None,
-    reached: bool = True,
+    uncorrected: Law | None = None,
+    is_horizon_complete: bool = True,
     free_chi2: float = 1.0,
-    exhausted: bool = True,
+    is_search_complete: bool = True,
     seen: torch.Tensor | None = None,
     forcing_gain: float = 0.0,
     path: list[BestOfSize] | None = None,
@@ -110,15 +110,15 @@ def discovery(
     )
     return Discovery(
         laws=list(laws),
-        nothing=nothing or law(score=1000.0, misfit=3.0, chi2=9.0),
+        uncorrected=uncorrected or law(score=1000.0, misfit=3.0, chi2=9.0),
         noise=noise,
         first_guesses={"prior": 1.0},
         first_guess="prior",
         levels=[(10, 1.0), (SAMPLES, 1.1)],
-        reached=reached,
+        is_horizon_complete=is_horizon_complete,
         free_chi2=free_chi2,
-        exhausted=exhausted,
+        is_search_complete=is_search_complete,
         path=path or [BestOfSize((), (), 1000.0, 3.0)],
-        tried=50,
+        refit_count=50,
         forcing_gain=forcing_gain,
     )

@@ -13,22 +13,22 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
-from dashred.inference.fit.law import law_of
+from dashred.inference.fit.law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import grow, minimise
+from dashred.inference.fit.levenberg_marquardt import minimise, minimise_growing_horizon
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidate_simulator import CandidateSimulator
-from dashred.inference.forward.candidates import Candidate, build_candidates, forcing_of
+from dashred.inference.forward.candidates import Candidate, build_candidates, build_forcing
 from dashred.inference.forward.episodes import EpisodeStarts, stack_times
 from dashred.inference.forward.forward_model import ForwardModel
-from dashred.inference.forward.law_block import LawBlock, localised
+from dashred.inference.forward.law_block import LawBlock, restrict_to_window
 from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
-from dashred.inference.hypotheses.extended.extended_library import extended_candidates
+from dashred.inference.hypotheses.extended.extended_library import build_extended_candidates
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.windows.windowed_hypothesis import (
-    Guess,
     Hypothesis,
+    WindowGuess,
     build_problem,
     first_unknowns,
 )
@@ -86,7 +86,7 @@ class Waves:
         """Candidates that the library does not have."""
         states = self.simulated()
         library = [Term(e, self.system.parse(t, "library", equation=e)) for e, t in TERMS]
-        return extended_candidates(self.system, library, states, 0.0)
+        return build_extended_candidates(self.system, library, states, 0.0)
 
     @cached_property
     def operator(self) -> ObservationOperator:
@@ -134,7 +134,7 @@ class Waves:
         drawn = start or self.start
         generator = torch.Generator().manual_seed(seed)
         z = torch.randn((1, drawn.size), generator=generator).double()
-        forcing = forcing_of(
+        forcing = build_forcing(
             [candidate for candidate, _ in law],
             torch.tensor([[value for _, value in law]], dtype=torch.float64),
         )
@@ -153,7 +153,7 @@ class Waves:
 def fitted(objective: LeastSquaresProblem) -> Tensor:
     """Return the minimum of an F of the start alone, grown from its first samples."""
     begin = torch.zeros(objective.modes, dtype=torch.float64)
-    return minimise(objective, grow(objective, begin, 6), 8, 1e-4).phi
+    return minimise(objective, minimise_growing_horizon(objective, begin, 6), 8, 1e-4).phi
 
 
 def in_window(
@@ -163,12 +163,12 @@ def in_window(
     guess: tuple[float, ...] | None = None,
 ) -> HypothesisFit:
     """Return the fit of a term in a window to a recording of that, from the truth or a guess."""
-    hidden = localised(waves.candidates(["u: v**2"]), shape.at(values))
+    hidden = restrict_to_window(waves.candidates(["u: v**2"]), shape.at(values))
     recorded = waves.recorded(LOCAL_SIGMA, 4, [(hidden[0], LOCAL_XI)])
     objective = waves.objective(recorded, LOCAL_SIGMA, ["u: v**2"])
     spread = [0.8] * (len(values) - 1)
-    hypothesis = Hypothesis((), (0,), Guess(shape, guess or values, (*spread, 1.0)))
+    hypothesis = Hypothesis((), (0,), WindowGuess(shape, guess or values, (*spread, 1.0)))
     mine = build_problem(objective, hypothesis)
     z = fitted(waves.objective(recorded, LOCAL_SIGMA))
     found = minimise(mine, first_unknowns(z, [LOCAL_XI], hypothesis.guess), 12, 1e-6)
-    return HypothesisFit(law_of(mine, found, found.cost), mine, found.phi)
+    return HypothesisFit(build_law(mine, found, found.cost), mine, found.phi)

@@ -10,15 +10,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dashred.config.bundled_systems import BASE, bundled, results_root
+from dashred.config.bundled_systems import BASE, bundled_names, results_root
 from dashred.config.checks.checks import check, check_recorded
 from dashred.config.checks.expressions import check_expressions
 from dashred.config.checks.system_units import collect_units
 from dashred.config.commandline import (
     check_overrides,
-    check_places,
+    check_private_keys,
     find_system,
-    split_words,
+    parse_arguments,
     usage,
 )
 from dashred.config.frozen import config_sha256, frozen_input
@@ -34,7 +34,7 @@ from dashred.config.schema.settings import (
     Tracking,
 )
 from dashred.config.source import Source, read_file
-from dashred.core.arguments import PLACE
+from dashred.core.arguments import COMMAND_LINE
 from dashred.physics.system_schema import Axis, Integrator, System
 
 __all__ = [
@@ -54,7 +54,7 @@ __all__ = [
     "TimeSplit",
     "Tracking",
     "build_config",
-    "bundled",
+    "bundled_names",
     "config_sha256",
     "frozen_input",
     "load_config",
@@ -79,7 +79,7 @@ class Config(Settings):
     source: Path | None
     lines: dict[str, str]
     written: dict[str, Any]
-    override_place: str = PLACE
+    override_place: str = COMMAND_LINE
 
     def where(self, key: str) -> str:
         """Return the location of a dotted key or of its section: ``conf/rde.yaml:12``."""
@@ -98,9 +98,9 @@ def load_config(argv: list[str], *, entry: str) -> Config:
     if {"--help", "-h"} & set(argv):
         print(usage(entry))
         raise SystemExit(0)
-    words, trusted = split_trust(argv)
-    word, overrides = split_words(words, entry=entry)
-    path, label = find_system(word)
+    arguments, trusted = split_trust(argv)
+    system, overrides = parse_arguments(arguments, entry=entry)
+    path, label = find_system(system)
     written, source = read_file(path, label=label), path.resolve()
     config = build_config(written, overrides, name=path.stem, source=source, trust=trusted)
     check_recorded(config, config.where)
@@ -129,7 +129,7 @@ def build_config(
     """
     defaults = prepare(read_file(BASE, label="conf/base.yaml"), folder=results_root())
     system = prepare(written, folder=source.parent if source else Path.cwd())
-    check_places(system)
+    check_private_keys(system)
     overrides = prepare(overrides, folder=Path.cwd())
     check_overrides(overrides, system)
     lines = defaults.lines | system.lines | overrides.lines | {"": written.lines[""]}

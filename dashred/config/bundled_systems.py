@@ -1,4 +1,4 @@
-"""Where the bundled systems lie: in the installed package, or beside it in a checkout."""
+"""Location of the bundled systems: in the installed package, or beside it in a checkout."""
 
 from __future__ import annotations
 
@@ -8,32 +8,35 @@ from pathlib import Path
 from dashred.core.errors import InputError
 
 PACKAGE = Path(str(files("dashred"))).resolve()
-# The build puts conf/ into the package; in a checkout it stands beside it.
-INSTALLED = (PACKAGE / "conf").is_dir()
-CONF = PACKAGE / "conf" if INSTALLED else PACKAGE.parent / "conf"
+# The build copies conf/ into the package; in a checkout it is beside the package.
+IS_INSTALLED = (PACKAGE / "conf").is_dir()
+CONF = PACKAGE / "conf" if IS_INSTALLED else PACKAGE.parent / "conf"
 BASE = CONF / "base.yaml"
 
 
-def bundled() -> list[str]:
-    """Names of the systems that come with dashred."""
+def bundled_names() -> list[str]:
+    """Return the names of the bundled systems."""
     return sorted(path.stem for path in CONF.glob("*.yaml") if path != BASE)
 
 
 def results_root() -> Path:
-    """Return the folder that results go to by default.
+    """Return the default folder of results.
 
-    It is the checkout, or the current folder where dashred is installed.
+    It is the root of the checkout, or the current folder if dashred is installed as a package.
     """
-    return Path.cwd() if INSTALLED else PACKAGE.parent
+    return Path.cwd() if IS_INSTALLED else PACKAGE.parent
 
 
 def check_checkout(what: str) -> None:
-    """Refuse what an installed package cannot do.
+    """Check that dashred runs from a checkout.
+
+    Args:
+        what: what needs a checkout, as the start of the message, such as ``the proof is run``.
 
     Raises:
-        InputError: this is not a checkout.
+        InputError: dashred is an installed package.
     """
-    if INSTALLED:
+    if IS_INSTALLED:
         raise InputError(
             f"{what} in a checkout of dashred, and not in the installed package",
             where=str(PACKAGE),

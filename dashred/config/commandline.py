@@ -1,4 +1,4 @@
-"""The words of a command line: which system, and the values that override its files."""
+"""Read the command line of an analysis: the system, and values that override its files."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import difflib
 from pathlib import Path
 from typing import Any
 
-from dashred.config.bundled_systems import BASE, CONF, bundled
+from dashred.config.bundled_systems import BASE, CONF, bundled_names
 from dashred.config.schema.types import kind_at, optional, required
 from dashred.config.source import Source, check_text, read_text
-from dashred.core.arguments import PLACE, pairs
+from dashred.core.arguments import COMMAND_LINE, key_value_pairs
 from dashred.core.errors import InputError, nearest
 from dashred.core.files.user_path import user_path
 
-# A stranger's file that held them would choose what is written over on this disk, and to whom the
-# results and MLflow's password are sent.
-OF_THE_USER_ALONE = ("output", "tracking.root", "tracking.run", "tracking.parent")
+# A system's file may come from someone else. With these keys it could choose which files are
+# overwritten, and to which server the results and MLflow's password are sent.
+COMMAND_LINE_ONLY = ("output", "tracking.root", "tracking.run", "tracking.parent")
 
 USAGE = """\
 usage: dashred {entry} conf=SYSTEM [key=value ...]
@@ -36,27 +36,27 @@ The defaults:
 
 
 def usage(entry: str) -> str:
-    """What ``dashred ENTRY --help`` prints: the words it takes, and every default."""
+    """Return the text of ``dashred ENTRY --help``: the arguments, and all defaults."""
     defaults = BASE.read_text(encoding="utf-8")
-    return USAGE.format(entry=entry, bundled=", ".join(bundled()), defaults=defaults)
+    return USAGE.format(entry=entry, bundled=", ".join(bundled_names()), defaults=defaults)
 
 
 def find_system(word: str) -> tuple[Path, str]:
-    """The file that ``conf=word`` means, and its name in messages.
+    """Return the file of ``conf=word``, and its name in messages.
 
     Raises:
-        InputError: neither a bundled name nor a file of a system.
+        InputError: ``word`` is neither the name of a bundled system nor the path of a YAML file.
     """
-    if word in bundled():
+    if word in bundled_names():
         return CONF / f"{word}.yaml", f"conf/{word}.yaml"
-    path = user_path(word, PLACE)
+    path = user_path(word, COMMAND_LINE)
     if path.suffix not in (".yaml", ".yml"):
         what = f"unknown conf {word!r}" if word else "conf= is empty"
         hint = _systems(word)
         if path.suffix == ".csv" and path.is_file():
-            what = f"{word} is a recording, no configuration"
+            what = f"{word} is a recording, not a configuration"
             hint = f"dashred init path={word} writes a first one for it"
-        raise InputError(what, where=PLACE, hint=hint)
+        raise InputError(what, where=COMMAND_LINE, hint=hint)
     if not path.is_file():
         raise InputError("there is no such file", where=word, hint=_systems(path.stem))
     if CONF / "twins" in path.resolve().parents:
@@ -66,35 +66,35 @@ def find_system(word: str) -> tuple[Path, str]:
     return path, word
 
 
-def split_words(words: list[str], *, entry: str) -> tuple[str, Source]:
-    """The word of ``conf=``, and the overrides as a layer; a later word wins over an earlier one.
+def parse_arguments(arguments: list[str], *, entry: str) -> tuple[str, Source]:
+    """Return the value of ``conf=``, and the overrides as a layer; the last value of a key counts.
 
     Raises:
-        InputError: a word that is not ``key=value``, an unknown key, or no ``conf=``.
+        InputError: an argument is not ``key=value``, a key is unknown, or ``conf=`` is missing.
     """
-    chosen: list[str] = []
+    systems: list[str] = []
     values: dict[str, Any] = {}
-    lines = {"": PLACE}
-    for key, text in pairs(words):
+    lines = {"": COMMAND_LINE}
+    for key, text in key_value_pairs(arguments):
         if key == "conf":
-            chosen.append(text)
+            systems.append(text)
             continue
-        value, keys = _value(_spelt_out(key, entry), text)
-        _put(values, _spelt_out(key, entry), value)
-        lines |= dict.fromkeys(keys, PLACE)
-    if len(chosen) != 1:
-        what = "which system? conf= is missing" if not chosen else "conf= is given twice"
-        raise InputError(what, where=PLACE, hint=_systems(""))
-    return chosen[0], Source(values, lines)
+        value, keys = _value(_full_key(key, entry), text)
+        _put(values, _full_key(key, entry), value)
+        lines |= dict.fromkeys(keys, COMMAND_LINE)
+    if len(systems) != 1:
+        what = "which system? conf= is missing" if not systems else "conf= is given twice"
+        raise InputError(what, where=COMMAND_LINE, hint=_systems(""))
+    return systems[0], Source(values, lines)
 
 
 def check_overrides(overrides: Source, system: Source) -> None:
-    """Refuse a new entry in a section whose names the system's own file settles.
+    """Check that overrides add no entries to sections whose names the system's file defines.
 
-    Otherwise a misspelt parameter would be one more parameter, which nothing reads.
+    Otherwise a misspelt parameter would be a further parameter that no equation uses.
 
     Raises:
-        InputError: with the nearest name.
+        InputError: an entry is unknown; the hint is the nearest name.
     """
     declared: dict[str, Any] = system.values.get("system", {})
     for section, entries in overrides.values.get("system", {}).items():
@@ -106,39 +106,39 @@ def check_overrides(overrides: Source, system: Source) -> None:
                 section == "spread" and name in declared.get("fields", {})
             ):
                 raise InputError(
-                    f"system.{section} has no {name}", where=PLACE, hint=nearest(name, known)
+                    f"system.{section} has no {name}", where=COMMAND_LINE, hint=nearest(name, known)
                 )
 
 
-def check_places(system: Source) -> None:
-    """Refuse a system's file that says where results go: that is the user's own to say.
+def check_private_keys(system: Source) -> None:
+    """Check that a system's file does not set where results are written or sent.
 
     Raises:
-        InputError: with the word of the command line that would say it.
+        InputError: it does; the hint is the argument for the command line.
     """
-    for key in OF_THE_USER_ALONE:
+    for key in COMMAND_LINE_ONLY:
         if key in system.lines:
             raise InputError(
-                f"a system's file does not say {key}: it could name any folder or server",
+                f"a system's file cannot set {key}: it could name any folder or server",
                 where=system.lines[key],
-                hint=f"leave it out, and say it on the command line: {key}=...",
+                hint=f"remove it, and set it on the command line: {key}=...",
             )
 
 
-def _spelt_out(key: str, entry: str) -> str:
+def _full_key(key: str, entry: str) -> str:
     return "recording.twin" if entry == "record" and key == "twin" else key
 
 
 def _value(key: str, text: str) -> tuple[Any, dict[str, str]]:
-    """Read a word's value by the kind of its key: a text as it stands, all else as YAML."""
-    kind = kind_at(key, lambda _: PLACE)
+    """Read a value by the type of its key: text as it is, everything else as YAML."""
+    kind = kind_at(key, lambda _: COMMAND_LINE)
     if required(kind) is str and not text.startswith(("'", '"')):
-        nothing = text in ("", "null") and optional(kind)
-        return None if nothing else check_text(text, where=PLACE), {key: PLACE}
+        is_null = text in ("", "null") and optional(kind)
+        return None if is_null else check_text(text, where=COMMAND_LINE), {key: COMMAND_LINE}
     try:
-        return read_text(text, label=PLACE, key=key)
+        return read_text(text, label=COMMAND_LINE, key=key)
     except InputError as error:
-        raise InputError(f"{key}: {error.what}", where=PLACE, hint=error.hint) from None
+        raise InputError(f"{key}: {error.what}", where=COMMAND_LINE, hint=error.hint) from None
 
 
 def _put(values: dict[str, Any], key: str, value: Any) -> None:
@@ -146,12 +146,12 @@ def _put(values: dict[str, Any], key: str, value: Any) -> None:
     for section in sections:
         below = values.setdefault(section, {})
         if not isinstance(below, dict):
-            raise InputError(f"{section} of {key} is given as a value too", where=PLACE)
+            raise InputError(f"{section} of {key} is given as a value too", where=COMMAND_LINE)
         values = below
     values[name] = value
 
 
 def _systems(word: str) -> str:
-    close = difflib.get_close_matches(word, bundled(), n=1)
+    close = difflib.get_close_matches(word, bundled_names(), n=1)
     start = f"did you mean conf={close[0]}? " if close else ""
-    return f"{start}bundled: {', '.join(bundled())}; or the path of a .yaml file"
+    return f"{start}bundled: {', '.join(bundled_names())}; or the path of a .yaml file"

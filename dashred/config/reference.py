@@ -1,4 +1,4 @@
-"""The page of every key, ``docs/config.md``, from the schema's text and the defaults' file."""
+"""Generate the reference of the configuration, ``docs/config.md``, from schema and defaults."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ WORDS = {int: "whole number", float: "number", str: "text", bool: "`true` or `fa
 
 @dataclass(frozen=True)
 class Key:
-    """One key as the page tells it.
+    """One key of the reference.
 
     Attributes:
-        name: dotted.
-        kind: its annotation, limits and unit included.
-        meaning: the text below it in the schema, on one line.
-        default: as YAML; None where it must be given.
+        name: dotted name.
+        kind: type annotation with limits and unit.
+        meaning: its docstring in the schema, on one line.
+        default: default as YAML, or None for a required key.
     """
 
     name: str
@@ -38,18 +38,18 @@ class Key:
 
     @property
     def words(self) -> str:
-        """Its type and limits in words."""
-        return _in_words(self.kind)
+        """Type and limits as text."""
+        return _type_text(self.kind)
 
     @property
     def unit(self) -> str | None:
-        """What it counts in."""
+        """Unit, if it has one."""
         return unit(self.kind)
 
 
 @dataclass(frozen=True)
 class Section:
-    """One section of a configuration: its dotted name, what it is, and its own keys."""
+    """A section of the configuration: dotted name, description, and keys."""
 
     name: str
     about: str
@@ -57,24 +57,24 @@ class Section:
 
 
 def page() -> str:
-    """Return the page; the same schema and defaults give the same text."""
+    """Return the reference as Markdown."""
     return render("config/templates/config.md.j2", sections=sections())
 
 
 def keys() -> list[Key]:
-    """Return every key that is no section, in the schema's order."""
+    """Return all keys that are not sections, in the order of the schema."""
     return [key for section in sections() for key in section.keys]
 
 
 def sections() -> list[Section]:
-    """Return every section, in the schema's order; that of the top has no name."""
+    """Return all sections, in the order of the schema; the top level has an empty name."""
     defaults = read_file(BASE, label="conf/base.yaml").values
     return list(_walk("", Settings, defaults))
 
 
 def _walk(prefix: str, kind: type, defaults: dict[str, Any]) -> Iterator[Section]:
-    own = list(_plain_keys(prefix, kind, defaults))
-    yield Section(prefix[:-1], _tidy(inspect.getdoc(kind) or ""), own)
+    plain = list(_plain_keys(prefix, kind, defaults))
+    yield Section(prefix[:-1], _one_line(inspect.getdoc(kind) or ""), plain)
     for name, section in _subsections(prefix, kind):
         yield from _walk(f"{name}.", section, _below(defaults, name[len(prefix) :]))
 
@@ -84,7 +84,7 @@ def _plain_keys(prefix: str, kind: type, defaults: dict[str, Any]) -> Iterator[K
     kinds = get_type_hints(kind, include_extras=True)
     for member in fields(kind):
         if _section_of(kinds[member.name]) is None:
-            name, meaning = prefix + member.name.rstrip("_"), _tidy(meanings[member.name])
+            name, meaning = prefix + member.name.rstrip("_"), _one_line(meanings[member.name])
             yield Key(name, kinds[member.name], meaning, _default(member, defaults))
 
 
@@ -96,7 +96,7 @@ def _subsections(prefix: str, kind: type) -> Iterator[tuple[str, type]]:
 
 
 def _section_of(kind: Any) -> type | None:
-    """The dataclass that a key holds, or holds by name; None for a plain key."""
+    """Return the dataclass of a section, or of a dict of sections; None for a plain key."""
     bare = required(kind)
     if get_origin(bare) is dict:
         bare = get_args(bare)[1]
@@ -104,22 +104,22 @@ def _section_of(kind: Any) -> type | None:
 
 
 def _below(defaults: dict[str, Any], name: str) -> dict[str, Any]:
-    found = defaults.get(name)
-    return found if isinstance(found, dict) else {}
+    result = defaults.get(name)
+    return result if isinstance(result, dict) else {}
 
 
 def _meanings(kind: type) -> dict[str, str]:
-    """What stands below each key of a section in the schema; Python itself keeps no such text."""
+    """Return the docstring of each key of a section, which Python does not keep."""
     [section] = ast.parse(inspect.getsource(kind)).body
     assert isinstance(section, ast.ClassDef)
-    told = {}
+    meanings = {}
     for key, below in pairwise([*section.body, ast.Pass()]):
         match key, below:
             case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=text)):
-                told[name] = str(text)
+                meanings[name] = str(text)
             case ast.AnnAssign(target=ast.Name(id=name)), _:
-                told[name] = ""
-    return told
+                meanings[name] = ""
+    return meanings
 
 
 def _default(member: Field[Any], defaults: dict[str, Any]) -> str | None:
@@ -138,46 +138,46 @@ def _yaml(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
-def _tidy(text: str) -> str:
-    """One line of Markdown of a docstring."""
+def _one_line(text: str) -> str:
+    """Return a docstring as one line of Markdown."""
     return " ".join(text.replace("``", "`").split())
 
 
-def _in_words(kind: Any) -> str:
-    """``number above 0``, ``list of whole numbers, each at least 1``, ``text; or `null```."""
-    bare, limit = _bare(kind), _mark(kind, Limit)
+def _type_text(kind: Any) -> str:
+    """Return a type as text, such as ``list of whole numbers, each at least 1``."""
+    bare, limit = _bare(kind), _annotation(kind, Limit)
     if bare is Any:
         return "see the meaning"
     if get_origin(bare) is Literal:
         words = " or ".join(f"`{choice}`" for choice in get_args(bare))
     elif get_origin(bare) is list:
-        within = _mark(get_args(bare)[0], Limit)
-        words = f"list of {_several(bare)}" + (f", each {within}" if within else "")
+        within = _annotation(get_args(bare)[0], Limit)
+        words = f"list of {_plural(bare)}" + (f", each {within}" if within else "")
     elif get_origin(bare) is dict:
-        words = _several(bare)
+        words = _plural(bare)
     else:
         words = WORDS[bare] + (f" {limit}" if limit else "")
     return f"{words}; or `null`" if optional(kind) else words
 
 
-def _several(kind: Any) -> str:
-    """What is in a list, or stands by name: ``numbers by name``, ``lists of texts, by name``."""
+def _plural(kind: Any) -> str:
+    """Return the items of a list or dict as text, such as ``numbers by name``."""
     *_, inner = (_bare(part) for part in get_args(kind))
     if inner is Any:
         words = "anything"
     elif get_origin(inner) is list:
-        words = f"lists of {_several(inner)},"
+        words = f"lists of {_plural(inner)},"
     else:
-        words = _several(inner) + "," if get_args(inner) else f"{WORDS[inner]}s"
+        words = _plural(inner) + "," if get_args(inner) else f"{WORDS[inner]}s"
     return f"{words} by name" if get_origin(kind) is dict else words
 
 
 def unit(kind: Any) -> str | None:
-    """What a number counts in, or the numbers of a list."""
-    mark = _mark(kind, Unit)
-    if mark is None and get_origin(_bare(kind)) is list:
-        mark = _mark(get_args(_bare(kind))[0], Unit)
-    return mark.name if mark else None
+    """Return the unit of a number or of the numbers in a list."""
+    annotation = _annotation(kind, Unit)
+    if annotation is None and get_origin(_bare(kind)) is list:
+        annotation = _annotation(get_args(_bare(kind))[0], Unit)
+    return annotation.name if annotation else None
 
 
 def _bare(kind: Any) -> Any:
@@ -185,7 +185,7 @@ def _bare(kind: Any) -> Any:
     return get_args(kind)[0] if get_origin(kind) is Annotated else kind
 
 
-def _mark(kind: Any, sort: type) -> Any:
+def _annotation(kind: Any, sort: type) -> Any:
     kind = required(kind)
-    carried = get_args(kind)[1:] if get_origin(kind) is Annotated else ()
-    return next((mark for mark in carried if isinstance(mark, sort)), None)
+    result = get_args(kind)[1:] if get_origin(kind) is Annotated else ()
+    return next((each for each in result if isinstance(each, sort)), None)

@@ -1,4 +1,4 @@
-"""Write the page of every configuration key: ``dashred reference path=docs/config.md``."""
+"""Write the reference of all configuration keys: ``dashred reference path=docs/config.md``."""
 
 from __future__ import annotations
 
@@ -7,29 +7,29 @@ from pathlib import Path
 
 from dashred.config.reference import page
 from dashred.core.argument_types import read_path
-from dashred.core.arguments import Command, word
+from dashred.core.arguments import Command, argument
 from dashred.core.errors import DONE, InputError
 from dashred.core.files.atomic import write_text_atomic
 
 
 @dataclass(frozen=True, kw_only=True)
-class Words:
-    """The words of the command."""
+class Arguments:
+    """Arguments of the command."""
 
-    path: Path | None = word(
-        read_path, "FILE.md", "the file; default: print the page", default=None
+    path: Path | None = argument(
+        read_path, "FILE.md", "file to write; default: print the reference", default=None
     )
 
 
 COMMAND = Command(
     "dashred reference",
-    Words,
-    "Writes the page of every configuration key: meaning, type, limits, unit, default.",
+    Arguments,
+    "Writes the reference of all configuration keys: meaning, type, limits, unit, default.",
 )
 
 
 def main(argv: list[str]) -> int:
-    """Write the page, or print it."""
+    """Write or print the reference."""
     path = COMMAND.read(argv).path
     if path is None:
         print(page())
@@ -38,5 +38,5 @@ def main(argv: list[str]) -> int:
         write_text_atomic(path, page())
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", where=str(path)) from None
-    print(f"{path} is written")
+    print(f"wrote {path}")
     return DONE

@@ -1,4 +1,4 @@
-"""A Python dict → plain values and their places, as :mod:`dashred.config.source` reads YAML."""
+"""Read a configuration from a Python dict, as :mod:`dashred.config.source` reads it from YAML."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from dashred.config.source import MAX_DEPTH, MAX_VALUES, Source, check_text
 from dashred.core.errors import InputError
 
 
-def source_of(values: Mapping[str, Any], label: str) -> Source:
+def source_from_dict(values: Mapping[str, Any], label: str) -> Source:
     """Return a nested dict as a layer of a configuration.
 
     Args:
-        values: of texts, numbers, true, false, None, lists and dicts.
-        label: what messages call it; a key is ``LABEL, KEY``.
+        values: dict of text, numbers, booleans, None, lists and dicts.
+        label: name of the dict in messages; a key is ``LABEL, KEY``.
 
     Raises:
-        InputError: a key that is no text, or a value that YAML could not hold.
+        InputError: a key is not text, or a value has no YAML form.
     """
     if not isinstance(values, Mapping):
         what = f"expected a dict of keys and values, got {type(values).__name__}"
@@ -27,15 +27,15 @@ def source_of(values: Mapping[str, Any], label: str) -> Source:
     return Source(reader.mapping(values, ""), reader.lines | {"": label})
 
 
-def overrides_of(overrides: Mapping[str, Any], label: str) -> Source:
+def overrides_from_dict(overrides: Mapping[str, Any], label: str) -> Source:
     """Return overrides as a layer; keys are dotted, nested, or both: ``{"shred.lags": 30}``.
 
     Raises:
-        InputError: as :func:`source_of`, or one key is given a value and values below it.
+        InputError: see :func:`source_from_dict`; or a key has both a value and keys below it.
     """
     nested: dict[str, Any] = {}
     leaves: dict[str, str] = {"": label}
-    for key, value in _leaves(source_of(overrides, label).values, ""):
+    for key, value in _leaves(source_from_dict(overrides, label).values, ""):
         *sections, name = key.split(".")
         below = nested
         for section in sections:
@@ -50,29 +50,29 @@ def overrides_of(overrides: Mapping[str, Any], label: str) -> Source:
 
 
 def _leaves(values: Mapping[str, Any], parent: str) -> list[tuple[str, Any]]:
-    found = []
+    result = []
     for name, value in values.items():
         key = f"{parent}.{name}" if parent else name
-        found += _leaves(value, key) if isinstance(value, dict) and value else [(key, value)]
-    return found
+        result += _leaves(value, key) if isinstance(value, dict) and value else [(key, value)]
+    return result
 
 
 class _Reader:
-    """Copies values, and notes the place of every key on the way."""
+    """Copies values, and records the location of every key."""
 
     def __init__(self, label: str) -> None:
         self.label, self.count = label, 0
         self.lines: dict[str, str] = {}
 
     def mapping(self, values: Mapping[Any, Any], parent: str) -> dict[str, Any]:
-        found = {}
+        result = {}
         for name, value in values.items():
             if not isinstance(name, str) or not name:
                 where = self._place(parent)
                 raise InputError(f"a key must be a name, not {name!r}", where=where)
             key = f"{parent}.{name}" if parent else name
-            found[check_text(name, where=self._place(parent))] = self.value(value, key)
-        return found
+            result[check_text(name, where=self._place(parent))] = self.value(value, key)
+        return result
 
     def value(self, value: Any, key: str) -> Any:
         where = self.lines[key] = self._place(key)
@@ -85,7 +85,7 @@ class _Reader:
             return check_text(value, where=where)
         if isinstance(value, Sequence) and not isinstance(value, bytes):
             return [self.value(item, f"{key}[{i}]") for i, item in enumerate(value)]
-        # A number of NumPy's is taken for what it holds.
+        # NumPy scalars are converted to Python numbers.
         number = value.item() if getattr(value, "shape", None) == () else value
         if isinstance(number, float) and not math.isfinite(number):
             raise InputError(f"{key} must be finite; got {number}", where=where)

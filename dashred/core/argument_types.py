@@ -1,4 +1,4 @@
-"""Readers of the values on a command line: each takes a text, and says what is wrong with it."""
+"""Readers of the values of command-line arguments: each converts a text or raises an error."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from dashred.core.files.user_path import user_path
 
-MOST = 1_000_000_000
+MAX_INTEGER = 1_000_000_000
 RANGE = re.compile(r"(\d{1,9})(?:-(\d{1,9}))?\Z")
 NUMBER = re.compile(r"-?(\d+(\.\d*)?|\.\d+)(e-?\d{1,2})?\Z")
 T = TypeVar("T")
@@ -20,16 +20,16 @@ def read_path(text: str) -> Path:
     """Read a path; ``~`` is the home folder.
 
     Raises:
-        InputError: no file can have this name.
+        InputError: the text is not a valid path.
     """
     return user_path(text, "command line")
 
 
-def read_absolute(text: str) -> Path:
-    """Read a path as it is from anywhere.
+def read_absolute_path(text: str) -> Path:
+    """Read a path and make it absolute.
 
     Raises:
-        InputError: no file can have this name.
+        InputError: the text is not a valid path.
     """
     return read_path(text).absolute()
 
@@ -38,19 +38,19 @@ def read_number(text: str) -> float:
     """Read a decimal number.
 
     Raises:
-        ValueError: it is none, or not finite.
+        ValueError: the text is not a finite number.
     """
     if not NUMBER.match(text) or not math.isfinite(float(text)):
-        raise ValueError(f"{text!r} is no number")
+        raise ValueError(f"{text!r} is not a number")
     return float(text)
 
 
-def whole(*, at_least: int = 0, at_most: int = MOST) -> Callable[[str], int]:
+def integer_reader(*, at_least: int = 0, at_most: int = MAX_INTEGER) -> Callable[[str], int]:
     """Return a reader of whole numbers within limits."""
 
     def read(text: str) -> int:
         if not re.fullmatch(r"\d{1,9}", text, re.ASCII):
-            raise ValueError(f"{text!r} is no whole number")
+            raise ValueError(f"{text!r} is not a whole number")
         if not at_least <= int(text) <= at_most:
             raise ValueError(f"{text} is not between {at_least} and {at_most}")
         return int(text)
@@ -58,8 +58,8 @@ def whole(*, at_least: int = 0, at_most: int = MOST) -> Callable[[str], int]:
     return read
 
 
-def list_of(read: Callable[[str], T]) -> Callable[[str], tuple[T, ...]]:
-    """Return a reader of values with commas between them; a value given again counts once."""
+def list_reader(read: Callable[[str], T]) -> Callable[[str], tuple[T, ...]]:
+    """Return a reader of comma-separated values; repeated values count once."""
 
     def read_all(text: str) -> tuple[T, ...]:
         return tuple(dict.fromkeys(map(read, _items(text))))
@@ -67,22 +67,22 @@ def list_of(read: Callable[[str], T]) -> Callable[[str], tuple[T, ...]]:
     return read_all
 
 
-def ranges(*, at_most: int) -> Callable[[str], tuple[int, ...]]:
-    """Return a reader of ``0-4``, ``0,1,3`` or a mixture of both, a range of so many at most."""
+def ranges_reader(*, at_most: int) -> Callable[[str], tuple[int, ...]]:
+    """Return a reader of ``0-4``, ``0,1,3`` or a mixture; a range has at most ``at_most``."""
 
     def read(text: str) -> tuple[int, ...]:
-        found: dict[int, None] = {}
+        result: dict[int, None] = {}
         for item in _items(text):
             match = RANGE.match(item)
             if not match:
-                raise ValueError(f"{item!r} is neither a whole number nor a range of them")
+                raise ValueError(f"{item!r} is neither a whole number nor a range of whole numbers")
             first, last = int(match[1]), int(match[2] or match[1])
             if last < first:
-                raise ValueError(f"{item} runs backwards")
+                raise ValueError(f"{item} is decreasing")
             if last - first >= at_most:
                 raise ValueError(f"{item} is more than {at_most} numbers")
-            found |= dict.fromkeys(range(first, last + 1))
-        return tuple(found)
+            result |= dict.fromkeys(range(first, last + 1))
+        return tuple(result)
 
     return read
 

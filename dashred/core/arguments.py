@@ -1,15 +1,15 @@
-"""The ``key=value`` words of a command line, declared as the fields of a dataclass.
+"""The ``key=value`` arguments of a command, declared as fields of a dataclass.
 
 .. code-block:: python
 
     @dataclass(frozen=True, kw_only=True)
-    class Words:
-        path: Path = word(read_path, "FILE.csv", "where to write")
-        jobs: int = word(whole(at_least=1), "2", "processes at once", default="1")
+    class Arguments:
+        path: Path = argument(read_path, "FILE.csv", "where to write")
+        jobs: int = argument(integer_reader(at_least=1), "2", "processes at once", default="1")
 
-    words = Command("dashred example", Words, "Writes an example.").read(argv)
+    arguments = Command("dashred example", Arguments, "Writes an example.").read(argv)
 
-The same declaration gives the values, the errors and the usage text.
+The declaration defines the values, the error messages and the usage text.
 """
 
 from __future__ import annotations
@@ -24,56 +24,56 @@ from dashred.core.errors import InputError, nearest
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-PLACE = "command line"
-HELP = {"--help", "-h"}
+COMMAND_LINE = "command line"
+HELP_FLAGS = {"--help", "-h"}
 WIDTH = 96
 T = TypeVar("T", bound="DataclassInstance")
 Reader = Callable[[str], Any]
 
 
 @dataclass(frozen=True)
-class Word:
-    """One word.
+class Argument:
+    """One argument ``name=value``.
 
     Attributes:
-        attribute: the field that holds its value.
+        attribute: field of the dataclass that holds the value.
         name: the part before ``=``.
-        read: turns the part after it into a value; a ValueError says what is wrong with it.
-        shape: an example of what follows ``=``, for the usage text and for hints.
-        help: one phrase.
-        required: whether the command needs it.
+        read: converts the part after ``=``; raises a ValueError that describes the problem.
+        example: an example of the part after ``=``, for the usage text and for hints.
+        help: description, one phrase.
+        is_required: whether the command needs the argument.
     """
 
     attribute: str
     name: str
     read: Reader
-    shape: str
+    example: str
     help: str
-    required: bool
+    is_required: bool
 
 
-def word(
+def argument(
     read: Reader,
-    shape: str,
+    example: str,
     help: str,
     *,
     name: str = "",
     default: str | None = "",
     factory: Callable[[], Any] | None = None,
 ) -> Any:
-    """Declare one word as a field of a dataclass.
+    """Declare an argument as a field of a dataclass.
 
     Args:
-        read: turns text into a value, or raises a ValueError that says what is wrong.
-        shape: an example of the text.
-        help: one phrase for the usage text.
-        name: of the word, where it is not that of the field.
-        default: as text; None for the value None. Without it the word is required.
-        factory: of a default that depends on the surroundings.
+        read: converts text to a value, or raises a ValueError that describes the problem.
+        example: an example of the text.
+        help: description for the usage text, one phrase.
+        name: name of the argument; by default the name of the field.
+        default: default as text, or None for the value None. Without it the argument is required.
+        factory: returns a default that depends on the environment.
     """
-    told = f"{help}; default: {default}" if default else help
+    described = f"{help}; default: {default}" if default else help
     required = default == "" and factory is None
-    metadata = {"word": (name, read, shape, told, required)}
+    metadata = {"argument": (name, read, example, described, required)}
     if factory is not None:
         return field(default_factory=factory, metadata=metadata)
     if required:
@@ -81,81 +81,85 @@ def word(
     return field(default=None if default is None else read(default), metadata=metadata)
 
 
-def declared(kind: type[DataclassInstance]) -> list[Word]:
-    """Return the words that a dataclass declares, in its order."""
-    found = []
+def declared_arguments(kind: type[DataclassInstance]) -> list[Argument]:
+    """Return the arguments that a dataclass declares, in order."""
+    result = []
     for member in fields(kind):
-        if "word" in member.metadata:
-            name, *rest = member.metadata["word"]
-            found.append(Word(member.name, name or member.name, *rest))
-    return found
+        if "argument" in member.metadata:
+            name, *rest = member.metadata["argument"]
+            result.append(Argument(member.name, name or member.name, *rest))
+    return result
 
 
-def pairs(argv: Iterable[str]) -> Iterator[tuple[str, str]]:
-    """Yield the key and the text of each word.
+def key_value_pairs(argv: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """Yield the key and the value of each argument, both as text.
 
     Raises:
-        InputError: a word is not ``key=value``.
+        InputError: an argument is not ``key=value``.
     """
     for text in argv:
         key, sign, value = text.partition("=")
         if not sign or not key or key.startswith("-"):
             hint = f"write {text.lstrip('-')}" if sign and key.strip("-") else "see --help"
-            raise InputError(f"expected key=value, got {text!r}", where=PLACE, hint=hint)
+            raise InputError(f"expected key=value, got {text!r}", where=COMMAND_LINE, hint=hint)
         yield key, value
 
 
 @dataclass(frozen=True)
 class Command(Generic[T]):
-    """What a command is called, what it takes, and what it says about itself.
+    """A command with its arguments and its usage text.
 
     Attributes:
-        program: what a user types before the words, ``dashred fetch``.
-        words: the dataclass that declares them.
+        program: the command as the user types it, such as ``dashred fetch``.
+        arguments: the dataclass that declares the arguments.
         about: what the command does.
-        rest: help for ``key=value``, where other words are passed on; they are not read here.
-        after: the end of the usage text.
+        rest: help for other ``key=value`` arguments that the command passes on, if it does.
+        after: last part of the usage text.
     """
 
     program: str
-    words: type[T]
+    arguments: type[T]
     about: str
     rest: str = ""
     after: str = ""
 
     def read(self, argv: Sequence[str], *, others: Iterable[str] = ()) -> T:
-        """Return the values of the words; ``--help`` prints the usage and exits with 0.
+        """Return the values of the arguments; ``--help`` prints the usage and exits with 0.
 
         Args:
-            argv: the words.
-            others: keys that a hint may suggest too.
+            argv: the arguments.
+            others: further keys that a hint may suggest.
 
         Raises:
-            InputError: a word is unknown, given twice, empty, missing or cannot be read.
+            InputError: an argument is unknown, given twice, empty, missing or invalid.
         """
-        if HELP & set(argv):
+        if HELP_FLAGS & set(argv):
             print(self.usage(), end="")
             raise SystemExit(0)
-        known = {one.name: one for one in declared(self.words)}
+        known = {argument.name: argument for argument in declared_arguments(self.arguments)}
         values: dict[str, Any] = {}
-        for key, text in pairs(argv):
+        for key, text in key_value_pairs(argv):
             if key not in known:
                 hint = nearest(key, [*known, *others])
-                raise InputError(f"unknown key {key}", where=PLACE, hint=hint)
+                raise InputError(f"unknown key {key}", where=COMMAND_LINE, hint=hint)
             if key in values:
-                raise InputError(f"{key}= is given twice", where=PLACE, hint="keep one of them")
+                raise InputError(
+                    f"{key}= is given twice", where=COMMAND_LINE, hint="keep one of them"
+                )
             values[key] = _value(known[key], text)
-        if missing := [f"{name}=" for name in known if known[name].required and name not in values]:
+        if missing := [
+            f"{name}=" for name in known if known[name].is_required and name not in values
+        ]:
             what = f"{' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing"
-            raise InputError(what, where=PLACE, hint=self._first_line())
-        return self.words(**{known[key].attribute: value for key, value in values.items()})
+            raise InputError(what, where=COMMAND_LINE, hint=self._first_line())
+        return self.arguments(**{known[key].attribute: value for key, value in values.items()})
 
     def usage(self) -> str:
         """Return what ``--help`` prints."""
-        told = [(f"{one.name}={one.shape}", one.help) for one in declared(self.words)]
+        described = [(f"{a.name}={a.example}", a.help) for a in declared_arguments(self.arguments)]
         if self.rest:
-            told.append(("key=value", self.rest))
-        indent = max(len(shown) for shown, _ in told) + 5
+            described.append(("key=value", self.rest))
+        indent = max(len(shown) for shown, _ in described) + 5
         rows = [
             textwrap.fill(
                 help,
@@ -165,28 +169,28 @@ class Command(Generic[T]):
                 break_on_hyphens=False,
                 break_long_words=False,
             )
-            for shown, help in told
+            for shown, help in described
         ]
         parts = [f"usage: {self._first_line()}", self.about.strip(), "\n".join(rows)]
         return "\n\n".join([*parts, *filter(None, [self.after.strip("\n")])]) + "\n"
 
     def _first_line(self) -> str:
-        """Return the command with its words, the optional ones only where all fit in a line."""
-        words = declared(self.words)
-        needed = [f"{one.name}={one.shape}" for one in words if one.required]
-        others = [f"[{one.name}={one.shape}]" for one in words if not one.required]
-        line = " ".join([self.program, *needed, *others])
+        """Return the command with its arguments; the optional ones only if all fit in one line."""
+        declared = declared_arguments(self.arguments)
+        required = [f"{a.name}={a.example}" for a in declared if a.is_required]
+        optional = [f"[{a.name}={a.example}]" for a in declared if not a.is_required]
+        line = " ".join([self.program, *required, *optional])
         if len(line) <= WIDTH and not self.rest:
             return line
-        return " ".join([self.program, *needed, "[key=value ...]"])
+        return " ".join([self.program, *required, "[key=value ...]"])
 
 
-def _value(known: Word, text: str) -> Any:
-    hint = f"for example {known.name}={known.shape}"
+def _value(argument: Argument, text: str) -> Any:
+    hint = f"for example {argument.name}={argument.example}"
     if not text:
-        raise InputError(f"{known.name}= is empty", where=PLACE, hint=hint)
+        raise InputError(f"{argument.name}= is empty", where=COMMAND_LINE, hint=hint)
     try:
-        return known.read(text)
+        return argument.read(text)
     except ValueError as error:
-        what = f"{known.name}={text}: {error}"
-        raise InputError(what, where=PLACE, hint=hint) from None
+        what = f"{argument.name}={text}: {error}"
+        raise InputError(what, where=COMMAND_LINE, hint=hint) from None

@@ -1,4 +1,7 @@
-"""Documents from Jinja2 templates, which lie in ``templates`` beside the code that fills them."""
+"""Render Jinja2 templates.
+
+Templates are in the folder ``templates`` beside the code that renders them.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +10,16 @@ from functools import cache
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
-# Of these nothing is escaped. Every other document is taken for HTML: values out of a configuration
-# or a recording must not become markup.
-PLAIN = ("md.j2", "yaml.j2")
+# These templates are not escaped. All others are HTML, in which values from a configuration or a
+# recording must not become markup.
+UNESCAPED = ("md.j2", "yaml.j2")
 
 
 @cache
 def _environment() -> Environment:
     environment = Environment(
         loader=PackageLoader("dashred", ""),
-        autoescape=select_autoescape(disabled_extensions=PLAIN, default=True),
+        autoescape=select_autoescape(disabled_extensions=UNESCAPED, default=True),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -27,15 +30,15 @@ def _environment() -> Environment:
 
 
 def _cell(text: str) -> str:
-    """Keep what Markdown would read as a sign of its own, and each line of a table one line."""
+    """Escape the special characters of Markdown, and join lines: a table cell is one line."""
     return re.sub(r"([\\|*_<`~\[])", r"\\\1", " ".join(text.split()))
 
 
 def render(template: str, **values: object) -> str:
-    """Fill in a template.
+    """Render a template.
 
     Args:
-        template: its path in the package: ``reporting/page/templates/report.html.j2``.
-        values: what it names; naming anything else is an error.
+        template: path in the package, such as ``reporting/page/templates/report.html.j2``.
+        values: the variables of the template; any other variable in it is an error.
     """
     return _environment().get_template(template).render(values)

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from dashred.config import Config
 from dashred.core.errors import InputError
-from dashred.physics.backends.input_signals import NOTHING, Measured
+from dashred.physics.backends.input_signals import NO_INPUTS, InputSignals
 from dashred.physics.backends.torch_backend import Program
 from dashred.physics.expressions.algebra import names
 from dashred.physics.grids.grid_value import Value
@@ -16,7 +16,7 @@ from dashred.physics.grids.operators import NoSpace
 from dashred.physics.system import System
 
 
-def drive_signals(system: System, config: Config, times: Tensor) -> Measured:
+def drive_signals(system: System, config: Config, times: Tensor) -> InputSignals:
     """Sample the expressions of ``recording.drive``.
 
     The signals are piecewise linear between samples for the recorder and the analysis alike.
@@ -33,7 +33,7 @@ def drive_signals(system: System, config: Config, times: Tensor) -> Measured:
         InputError: an input has no drive, or its drive depends on a name other than t.
     """
     if not system.inputs:
-        return NOTHING
+        return NO_INPUTS
     columns = {}
     for column in system.inputs.values():
         key = f"recording.drive.{column}"
@@ -50,10 +50,10 @@ def drive_signals(system: System, config: Config, times: Tensor) -> Measured:
         [value] = Program([expr])({"t": Value(times)}, NoSpace())
         found = torch.as_tensor(NoSpace().on_grid(value), dtype=torch.float64)
         columns[column] = np.ascontiguousarray(found.expand(len(times)).numpy())
-    return Measured(times.numpy(), columns)
+    return InputSignals(times.numpy(), columns)
 
 
-def with_inputs(system: System, inputs: Measured) -> System:
+def with_inputs(system: System, inputs: InputSignals) -> System:
     """Return the system driven by measured inputs, given by column of the recording."""
     values = {name: inputs.values[column] for name, column in system.inputs.items()}
-    return System(system.config, system.where, Measured(inputs.times, values))
+    return System(system.config, system.where, InputSignals(inputs.times, values))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dashred.core.errors import InputError, nearest
 from dashred.data.sensors import Sensor
-from dashred.physics.backends.input_signals import NOTHING, Measured
+from dashred.physics.backends.input_signals import NO_INPUTS, InputSignals
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class Recording:
     sensors: tuple[Sensor, ...]
     times: NDArray[np.float64]
     values: NDArray[np.float64]
-    inputs: Measured = NOTHING
+    inputs: InputSignals = NO_INPUTS
     units: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

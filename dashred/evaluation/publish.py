@@ -9,27 +9,27 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from dashred.core.argument_types import read_path, whole
-from dashred.core.arguments import PLACE, Command, word
+from dashred.core.argument_types import integer_reader, read_path
+from dashred.core.arguments import COMMAND_LINE, Command, argument
 from dashred.core.errors import DONE, InputError
 
 
 @dataclass(frozen=True, kw_only=True)
-class Words:
+class Arguments:
     """The words of the command."""
 
-    output: Path = word(read_path, "DIR", "folder of the published cases, such as conf/proof")
-    draw: str | None = word(str, "SECRET", "what the draw is seeded by", default=None)
-    truths: Path | None = word(read_path, "FILE", "where the truths are kept", default=None)
-    cases: int = word(whole(at_most=100_000), "8", "how many", default="8")
-    check: Path | None = word(
+    output: Path = argument(read_path, "DIR", "folder of the published cases, such as conf/proof")
+    draw: str | None = argument(str, "SECRET", "what the draw is seeded by", default=None)
+    truths: Path | None = argument(read_path, "FILE", "where the truths are kept", default=None)
+    cases: int = argument(integer_reader(at_most=100_000), "8", "how many", default="8")
+    check: Path | None = argument(
         read_path, "FILE", "claimed truths, instead of draw= and truths=", default=None
     )
 
 
 COMMAND = Command(
     "dashred publish",
-    Words,
+    Arguments,
     "Publishes drawn cases: recordings, configurations, and hashes of what they conceal.",
 )
 
@@ -45,7 +45,7 @@ def main(argv: list[str]) -> int:
         return DONE
     if words.draw is None or words.truths is None:
         what = "draw=SECRET and truths=FILE are needed, or check=FILE"
-        raise InputError(what, where=PLACE, hint="see dashred publish --help")
+        raise InputError(what, where=COMMAND_LINE, hint="see dashred publish --help")
     from dashred.evaluation.proof.cases.public import publish, select_cases
 
     publish(select_cases(words.draw, words.cases), words.output, words.truths)

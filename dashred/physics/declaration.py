@@ -110,7 +110,7 @@ class Declaration:
             InputError: see :meth:`resolve`.
         """
         odd = self.reflection.fields[equation]
-        return self.reflection.extended(self.resolve(expr, key), odd)
+        return self.reflection.extend(self.resolve(expr, key), odd)
 
     def _method(self) -> tuple[str, Tableau | None]:
         """Return the configured or default time stepper and its tableau.

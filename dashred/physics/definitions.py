@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from dashred.core.errors import InputError
 from dashred.physics.expressions.algebra import Expr, Number, names, substitute, to_text
-from dashred.physics.expressions.expression_size import DEEPEST, MOST_PARTS, Size, size_of
+from dashred.physics.expressions.expression_size import MAX_DEPTH, MAX_NODES, Size, size_of
 
 
 def check_order(
@@ -66,9 +66,9 @@ class Definitions:
         Raises:
             InputError: a constant becomes infinite, or the expression becomes too large.
         """
-        if size_of(expr, self._sizes).too_large:
+        if size_of(expr, self._sizes).is_too_large:
             problem = "this expression is too large after substitution of its lets"
-            hint = f"at most {MOST_PARTS} names, numbers and operators, {DEEPEST} levels deep"
+            hint = f"at most {MAX_NODES} names, numbers and operators, {MAX_DEPTH} levels deep"
             raise InputError(problem, where=self._where(key), hint=hint)
         try:
             return substitute(expr, self._values)

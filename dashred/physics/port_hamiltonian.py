@@ -31,7 +31,11 @@ from dashred.physics.expressions.algebra import (
     to_text,
 )
 from dashred.physics.expressions.differentiate import differentiate
-from dashred.physics.expressions.semilinear import NotSeparableError, Separator, applied
+from dashred.physics.expressions.semilinear import (
+    NotSemilinearError,
+    SemilinearBuilder,
+    apply_operator,
+)
 from dashred.physics.grids.quadrature import integral
 from dashred.physics.sampled_states import SampledStates, evaluate, without_sides
 from dashred.physics.system import System
@@ -206,14 +210,18 @@ def variational_derivative(system: System, density: Expr) -> dict[str, Expr]:
     Raises:
         InputError: the density applies an operator to a product.
     """
-    separator = Separator(frozenset(system.fields), tuple(axis.name for axis in system.axes))
+    separator = SemilinearBuilder(
+        frozenset(system.fields), tuple(axis.name for axis in system.axes)
+    )
     try:
         body = separator.pointwise(density)
-    except NotSeparableError as error:
+    except NotSemilinearError as error:
         where = system.where("system.structure.H")
         raise InputError(f"H applies an operator to a product: {error}", where=where) from None
     inputs = separator.inputs
-    known: dict[str, Expr] = {n: applied(v.operator, Name(v.field)) for n, v in inputs.items()}
+    known: dict[str, Expr] = {
+        n: apply_operator(v.operator, Name(v.field)) for n, v in inputs.items()
+    }
     found: dict[str, list[Expr]] = {field: [] for field in system.fields}
     for name, read in inputs.items():
         slope = substitute(differentiate(body, name), known)

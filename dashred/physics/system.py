@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from dashred.physics import system_schema as schema
-from dashred.physics.backends.input_signals import NOTHING, Array, Measured
+from dashred.physics.backends.input_signals import NO_INPUTS, Array, InputSignals
 from dashred.physics.backends.torch_backend import Program
 from dashred.physics.declaration import Declaration
 from dashred.physics.expressions import algebra
@@ -39,7 +39,7 @@ class System(Declaration):
 
     Attributes:
         dt: largest time step of the integrator.
-        measured: input signals; a simulation needs all inputs that the configuration names.
+        input_signals: of the recording; a simulation needs all inputs that the configuration names.
 
     A state is float64 ``(batch, field, *grid)``; for an ODE system ``(batch, field)``.
 
@@ -51,10 +51,10 @@ class System(Declaration):
         self,
         config: schema.System,
         where: Callable[[str], str],
-        measured: Measured = NOTHING,
+        input_signals: InputSignals = NO_INPUTS,
     ) -> None:
         super().__init__(config, where)
-        self.measured = measured
+        self.input_signals = input_signals
         self.grid = Grid(tuple(_axis(n, a, where) for n, a in config.axes.items()))
         self.dt = _number(_step(config.integrator), where("system.integrator.dt"))
 
@@ -95,7 +95,7 @@ class System(Declaration):
 
     def with_config(self, config: schema.System) -> System:
         """Return a system with another declaration and the same input signals."""
-        return System(config, self.where, self.measured)
+        return System(config, self.where, self.input_signals)
 
     def evaluate(self, text: str, state: Tensor, t: float = 0.0) -> Tensor:
         """Evaluate an expression of the system on states ``(*batch, field, *grid)``.
@@ -128,7 +128,7 @@ class System(Declaration):
     def coordinates_and_inputs(self, t: float | Array, device: torch.device) -> dict[str, Value]:
         """Return the values of coordinates, time and inputs."""
         named = {k: Value(v.to(device)) for k, v in self.grid.places.items()}
-        clock = {"t": t, **self.measured.at(t)}
+        clock = {"t": t, **self.input_signals.at(t)}
         return named | {
             name: Value(torch.as_tensor(now, dtype=torch.float64, device=device))
             for name, now in clock.items()

@@ -1,1 +1,1 @@
-"""The stages of one run, in the order of the story that ``dashred/train.py`` tells."""
+"""The stages of an analysis: simulation, training, assimilation, discovery and verification."""

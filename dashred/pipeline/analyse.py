@@ -1,4 +1,4 @@
-"""The analysis of one recording, from the words ``conf=SYSTEM ...`` or from a configuration."""
+"""Analysis of one recording, from the command line or from a configuration."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ def main(argv: list[str]) -> int:
 
 
 def analyse(config: Config) -> Path:
-    """Analyse one recording; return the folder of the findings.
+    """Analyse one recording and return the output folder.
 
     Raises:
-        InputError: the input is wrong. Nothing is written then, though the folder may be made.
+        InputError: the input is wrong; the output folder may have been created, but is empty.
     """
     if config.recording.path is None:
         raise InputError(
@@ -31,7 +31,7 @@ def analyse(config: Config) -> Path:
             where=config.where("recording"),
             hint="give recording.path=FILE, or recording.twin=NAME for a twin experiment",
         )
-    # Imported late: torch takes seconds, and wrong input is reported at once.
+    # Imported here because torch takes seconds to import, and input errors should appear at once.
     if config.system.snapshots is not None:
         from dashred.pipeline.snapshots.black_box import analyse_snapshots
 

@@ -1,4 +1,4 @@
-"""Everything an analysis has found out, as verification and the report read it."""
+"""The results of all stages of an analysis, as verification and the report read them."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from torch import Tensor
 
 from dashred.inference.hypotheses.result import Discovery
-from dashred.pipeline.assimilation import Assimilated
+from dashred.pipeline.assimilation import AssimilationResult
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation import Nominal
-from dashred.pipeline.training import Learned
+from dashred.pipeline.simulation import NominalRun
+from dashred.pipeline.training import TrainedNetwork
 from dashred.pipeline.trajectories import Trajectories
 
 
@@ -19,33 +19,32 @@ class Analysis:
     """The results of the stages.
 
     Attributes:
-        nominal: the simulator as it is.
-        learned: SHRED on the simulation.
-        found: SHRED and DA-SHRED on the recording.
-        discovered: the law.
-        free: free runs with and without it.
-        relearned: SHRED on the corrected simulation.
-        corrected_shred: what it reads from the recording, ``(time, field, *grid)``.
-        corrected_shred_of_others: from the other fitted episodes.
+        nominal: simulation from the nominal start, without corrections.
+        network: SHRED, trained on the simulation.
+        assimilated: SHRED and DA-SHRED on the recording.
+        discovery: the law and its alternatives.
+        trajectories: free runs with and without the law.
+        corrected_network: SHRED, trained on the corrected simulation.
+        corrected_shred: field that it reconstructs from the recording, ``(time, field, *grid)``.
+        corrected_shred_of_others: the same for the other fitted episodes.
     """
 
-    nominal: Nominal
-    learned: Learned
-    found: Assimilated
-    discovered: Discovery
-    free: Trajectories
-    relearned: Learned
+    nominal: NominalRun
+    network: TrainedNetwork
+    assimilated: AssimilationResult
+    discovery: Discovery
+    trajectories: Trajectories
+    corrected_network: TrainedNetwork
     corrected_shred: Tensor
     corrected_shred_of_others: tuple[Tensor, ...] = ()
 
     def episodes(self, problem: Problem) -> list[tuple[Problem, Analysis]]:
-        """Return every fitted episode with what was found out of it, the longest first."""
-        found, free, simulated = self.found, self.free, self.nominal
+        """Return each fitted episode with its results; the longest episode is first."""
         others = zip(
             problem.others,
-            simulated.others,
-            found.others,
-            free.others,
+            self.nominal.others,
+            self.assimilated.others,
+            self.trajectories.others,
             self.corrected_shred_of_others,
             strict=True,
         )
@@ -56,23 +55,23 @@ class Analysis:
                     episode,
                     replace(
                         self,
-                        nominal=replace(simulated, states=states),
-                        found=replace(found, shred=shred, dashred=dashred),
-                        free=run,
+                        nominal=replace(self.nominal, states=states),
+                        assimilated=replace(self.assimilated, shred=shred, dashred=dashred),
+                        trajectories=runs,
                         corrected_shred=corrected,
                     ),
                 )
-                for episode, states, (shred, dashred), run, corrected in others
+                for episode, states, (shred, dashred), runs, corrected in others
             ),
         ]
 
     def estimates(self, samples: int) -> dict[str, Tensor]:
         """Return the field by method over the first samples, ``(time, field, *grid)``."""
-        found = {
+        fields = {
             "simulation": self.nominal.states,
-            **self.free.states,
-            "shred": self.found.shred,
-            "dashred": self.found.dashred,
+            **self.trajectories.states,
+            "shred": self.assimilated.shred,
+            "dashred": self.assimilated.dashred,
             "corrected_shred": self.corrected_shred,
         }
-        return {name: states[:samples] for name, states in found.items()}
+        return {name: states[:samples] for name, states in fields.items()}

@@ -1,4 +1,4 @@
-"""Assimilate: fit the latent transform to the recording, with latent SINDy at every epoch."""
+"""Assimilation: fit the latent transform to the recording, with latent SINDy at every epoch."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from dashred.models.assimilation import AssimilatedEncoder, Assimilation
 from dashred.models.shred import SHRED, reconstruct
 from dashred.physics.runs.ensemble import term_scales
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation import Nominal
+from dashred.pipeline.simulation import NominalRun
 from dashred.pipeline.training import make_trainer
 from datamodules import EpisodesDataModule, RecordingDataModule
 
@@ -27,18 +27,18 @@ METRIC = "rmse/sensors_validate"
 
 
 @dataclass(frozen=True)
-class Assimilated:
-    """SHRED and DA-SHRED on the real recording.
+class AssimilationResult:
+    """SHRED and DA-SHRED on the recording.
 
     Attributes:
-        shred: field as SHRED reads it, ``(time, field, *grid)``, over the fit window.
-        dashred: the same with the latent transform.
-        best_epoch: epochs of assimilation that validated best; 0 keeps SHRED as it was.
-        proposals: of Algorithms 1 and 2, for the final state.
+        shred: field that SHRED reconstructs over the fit window, ``(time, field, *grid)``.
+        dashred: field that SHRED reconstructs with the latent transform, same shape.
+        best_epoch: epoch with the lowest validation error; 0 keeps SHRED unchanged.
+        proposals: algorithm → terms that Algorithms 1 and 2 propose for the final network.
         epochs: epochs at which the regressions ran.
         coefficients: algorithm → coefficients by epoch, ``(epoch, term)``.
         curves: metric → (epoch, value).
-        others: ``shred`` and ``dashred`` of the other fitted episodes.
+        others: ``(shred, dashred)`` of the other fitted episodes.
     """
 
     shred: Tensor
@@ -52,7 +52,7 @@ class Assimilated:
 
 
 def sensor_data(problem: Problem) -> RecordingDataModule:
-    """Return the recording as SHRED reads it, one episode after another."""
+    """Return the training data of the assimilation: the recording, episode by episode."""
     parts = [
         RecordingDataModule(
             episode.split.fit,
@@ -68,9 +68,19 @@ def sensor_data(problem: Problem) -> RecordingDataModule:
 
 
 def assimilate(
-    problem: Problem, nominal: Nominal, shred: SHRED, run: RunTracker, seconds: dict[str, float]
-) -> Assimilated:
-    """Fit T to the fit sensors, stop by the validation sensors, propose terms at every epoch."""
+    problem: Problem, nominal: NominalRun, shred: SHRED, run: RunTracker, seconds: dict[str, float]
+) -> AssimilationResult:
+    """Fit the latent transform T to the fit sensors and propose terms at every epoch.
+
+    Training stops when the error at the validation sensors no longer decreases.
+
+    Args:
+        problem: settings and recording.
+        nominal: simulation that gives the scales of the terms.
+        shred: network trained on the simulation; it is not changed.
+        run: tracker of the parent run.
+        seconds: run time by stage, updated.
+    """
     return fit_transform(problem, _latent_problem(problem, nominal), shred, run, seconds)[0]
 
 
@@ -80,8 +90,19 @@ def fit_transform(
     shred: SHRED,
     run: RunTracker,
     seconds: dict[str, float],
-) -> tuple[Assimilated, AssimilatedEncoder]:
-    """Do the same with what latent SINDy steps with given; returns G_R, with SHRED in it, too."""
+) -> tuple[AssimilationResult, AssimilatedEncoder]:
+    """Fit the latent transform with a given problem of latent SINDy.
+
+    Args:
+        problem: settings and recording.
+        latent: problem that latent SINDy solves at every epoch.
+        shred: network trained on the simulation; it is not changed.
+        run: tracker of the parent run.
+        seconds: run time by stage, updated.
+
+    Returns:
+        The result, and the encoder G_R: SHRED followed by the latent transform.
+    """
     settings, split = problem.config.assimilation, problem.split
     data = sensor_data(problem)
     lightning.seed_everything(problem.config.seed + 1, verbose=False)
@@ -123,7 +144,7 @@ def fit_transform(
     after = reconstruct(module.encoder, module.shred, data.windows)
     counts = [len(episode.split.fit.times) for episode in problem.episodes]
     (first, assimilated), *others = zip(before.split(counts), after.split(counts), strict=True)
-    found = Assimilated(
+    result = AssimilationResult(
         first,
         assimilated,
         best.best_epoch,
@@ -133,11 +154,11 @@ def fit_transform(
         curves.history,
         tuple(others),
     )
-    return found, module.encoder
+    return result, module.encoder
 
 
-def _latent_problem(problem: Problem, nominal: Nominal) -> LatentProblem:
-    # Steps must not lead from one episode into another: the longest, which is the first, speaks.
+def _latent_problem(problem: Problem, nominal: NominalRun) -> LatentProblem:
+    # A step must not lead from one episode into another. The first episode is the longest.
     fit = problem.split.fit
     count = len(fit.times)
     times = problem.times[:count]

@@ -1,4 +1,4 @@
-"""The analysis of a simulator that is given by its equations, from top to bottom."""
+"""Analysis of a recording with a simulator that is given by equations: all stages in order."""
 
 from __future__ import annotations
 
@@ -10,123 +10,140 @@ from dashred.config import Config, config_sha256
 from dashred.core.tracking import RunTracker
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
-from dashred.pipeline import assimilation, problem, simulation, surrogate, training, trajectories
+from dashred.pipeline import assimilation, simulation, surrogate, training, trajectories
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.discovery import discovery
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
 from dashred.pipeline.outputs import report
-from dashred.pipeline.problem import Problem
+from dashred.pipeline.problem import Problem, build_problem
 from dashred.pipeline.run import provenance
 from dashred.pipeline.run.checkpoints import Checkpoints, Stages
 from dashred.pipeline.run.output_dir import clear_output, named_output
 from dashred.pipeline.run.parent_run import open_parent
 from dashred.pipeline.run.run_manifest import manifest_of, remove_checkpoints
 from dashred.pipeline.run.run_tags import log_input, log_result
-from dashred.pipeline.simulation import Nominal
+from dashred.pipeline.simulation import NominalRun
 from dashred.pipeline.verification import verification as verify
 from dashred.pipeline.verification.structure import check_structure
 
 
 @dataclass(frozen=True)
-class Simulated:
-    """A problem and the runs of its simulator, from which SHRED learns.
+class SimulationRuns:
+    """A problem and the runs of its simulator.
 
     Attributes:
-        problem: with the terms that the sensors can identify.
-        nominal: the simulator's run from its nominal start.
-        resolution: the numerical error of that run.
-        ensemble: of randomised runs; None where the simulator is not resolved.
+        problem: problem, with the identifiable terms of the library.
+        nominal: run from the nominal start.
+        resolution: numerical error of that run.
+        ensemble: randomised runs for training; None if the simulator is not resolved.
     """
 
     problem: Problem
-    nominal: Nominal
+    nominal: NominalRun
     resolution: Resolution
     ensemble: Ensemble | None
 
 
-def simulate(posed: Problem, seconds: dict[str, float]) -> Simulated:
-    """Run the simulator: from its nominal start, at doubled resolution, and as an ensemble.
+def simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
+    """Run the simulator from its nominal start, at doubled resolution, and as an ensemble.
 
     Raises:
-        InputError: the input is wrong.
+        InputError: the simulation blows up, or the library has indistinguishable terms.
     """
-    nominal = simulation.simulate_nominal(posed, seconds)
-    posed = keep_identifiable_terms(posed, nominal.states, posed.times)
-    check_structure(posed.system, posed.times, nominal.states)
-    resolution = simulation.check(posed, nominal, seconds)
+    nominal = simulation.simulate_nominal(problem, seconds)
+    problem = keep_identifiable_terms(problem, nominal.states, problem.times)
+    check_structure(problem.system, problem.times, nominal.states)
+    resolution = simulation.check_discretisation(problem, nominal, seconds)
     ensemble = None
     if resolution.resolved:
-        ensemble = simulation.simulate_ensemble(posed, nominal, seconds)
-    return Simulated(posed, nominal, resolution, ensemble)
+        ensemble = simulation.simulate_ensemble(problem, nominal, seconds)
+    return SimulationRuns(problem, nominal, resolution, ensemble)
 
 
 def discover(
-    simulated: Simulated,
+    simulated: SimulationRuns,
     ensemble: Ensemble,
     run: RunTracker,
-    kept: Stages,
+    checkpoints: Stages,
     seconds: dict[str, float],
 ) -> Analysis:
-    """Train SHRED, assimilate, discover the law, and train SHRED on the corrected simulator."""
-    posed, nominal = simulated.problem, simulated.nominal
-    learned = kept.stage(
-        "shred", lambda: training.train_shred(posed, ensemble, run, seconds, "SHRED")
+    """Train SHRED, assimilate, discover the law, and train SHRED on the corrected simulator.
+
+    Args:
+        simulated: problem and runs of the simulator.
+        ensemble: randomised runs for training.
+        run: tracker of the parent run.
+        checkpoints: stores the result of each stage.
+        seconds: run time by stage, updated.
+    """
+    problem, nominal = simulated.problem, simulated.nominal
+    network = checkpoints.stage(
+        "shred", lambda: training.train_shred(problem, ensemble, run, seconds, "SHRED")
     )
-    found = kept.stage(
-        "assimilate", lambda: assimilation.assimilate(posed, nominal, learned.shred, run, seconds)
+    assimilated = checkpoints.stage(
+        "assimilate", lambda: assimilation.assimilate(problem, nominal, network.shred, run, seconds)
     )
-    discovered = kept.stage(
+    discovered = checkpoints.stage(
         "discover",
         lambda: discovery.discover(
-            posed, nominal, simulated.resolution, ensemble, learned, found, run, seconds
+            problem, nominal, simulated.resolution, ensemble, network, assimilated, run, seconds
         ),
     )
-    free = trajectories.run_free(posed, nominal, discovered, seconds)
-    relearned, (corrected_shred, *others) = kept.stage(
+    runs = trajectories.simulate_trajectories(problem, nominal, discovered, seconds)
+    corrected_network, (corrected_shred, *others) = checkpoints.stage(
         "corrected_shred",
-        lambda: surrogate.retrain(posed, nominal, discovered.best, free, learned, run, seconds),
+        lambda: surrogate.retrain(problem, nominal, discovered.best, runs, network, run, seconds),
     )
     return Analysis(
-        nominal, learned, found, discovered, free, relearned, corrected_shred, tuple(others)
+        nominal,
+        network,
+        assimilated,
+        discovered,
+        runs,
+        corrected_network,
+        corrected_shred,
+        tuple(others),
     )
 
 
 def analyse_equations(config: Config) -> Path:
-    """Analyse one recording; return the folder of the findings.
+    """Analyse one recording and return the output folder.
 
     Raises:
-        InputError: the input is wrong. Nothing is written then, though the folder may be made.
+        InputError: the input is wrong; the output folder may have been created, but is empty.
     """
     provenance.prepare_torch(config)
-    posed = problem.build_problem(config)
+    problem = build_problem(config)
     named = named_output(config)
     seconds: dict[str, float] = {}
     clock = time.perf_counter()
-    simulated = simulate(posed, seconds)
-    posed = simulated.problem
+    simulated = simulate(problem, seconds)
+    problem = simulated.problem
 
-    # All errors of the input have been raised by now: only from here on is anything written.
-    began = manifest_of(config, posed.recording_sha256)
-    with open_parent(config, named, began) as (run, folder):
+    # All input errors have been raised by now, so files may be written.
+    manifest = manifest_of(config, problem.recording_sha256)
+    with open_parent(config, named, manifest) as (run, folder):
         output = named or run.artifact_dir
         clear_output(output)
         log_input(run, config, provenance.git_commit())
-        kept = Checkpoints(folder, seconds)
+        checkpoints = Checkpoints(folder, seconds)
 
         if simulated.ensemble is None:
-            findings = verify.unresolved_findings(posed, simulated.resolution)
+            findings = verify.unresolved_findings(problem, simulated.resolution)
             verify.freeze_findings(output, findings, [])
             figures = report.report_unresolved(findings, output)
         else:
-            analysis = discover(simulated, simulated.ensemble, run, kept, seconds)
+            analysis = discover(simulated, simulated.ensemble, run, checkpoints, seconds)
             if config.tracking.model:
-                learned = analysis.relearned
-                kept.stage("model", lambda: surrogate.log_model(posed, learned, run, seconds))
-            findings = verify.verify(posed, analysis)
-            verify.write_findings(posed, analysis, findings, output)
-            figures = report.report(posed, analysis, findings, output, seconds)
+                network = analysis.corrected_network
+                checkpoints.stage(
+                    "model", lambda: surrogate.log_model(problem, network, run, seconds)
+                )
+            findings = verify.verify(problem, analysis)
+            verify.write_findings(problem, analysis, findings, output)
+            figures = report.report(problem, analysis, findings, output, seconds)
 
-        seconds["in all"] = time.perf_counter() - clock + kept.earlier
+        seconds["in all"] = time.perf_counter() - clock + checkpoints.earlier
         log_result(run, config, findings, output)
         provenance.finish(run, output, findings, figures, seconds, config_sha256(config))
         remove_checkpoints(folder, output)

@@ -1,4 +1,4 @@
-"""The start of an episode that is held out whole: fitted to its beginning, under a given law."""
+"""Fit the start of an episode that is held out as a whole, for a given law."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from dashred.inference.forward.law_block import LawBlock
 from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.initial_state.start_models import StartModel
-from dashred.inference.results.corrected_system import correct
+from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.physics.system import System
-from dashred.pipeline.discovery.objectives import sound_noise, trace_std
+from dashred.pipeline.discovery.least_squares import noise_of_sound_sensors, trace_std
 from dashred.pipeline.problem import Problem
 
 STEPS, TOLERANCE = 30, 1e-8
@@ -26,20 +26,20 @@ STEPS, TOLERANCE = 30, 1e-8
 
 @torch.no_grad()
 def fit_starts(episode: Problem, prior: StartModel, law: Law) -> tuple[Tensor, Tensor]:
-    """Return the starts ``(field, *grid)`` with the law, and of the simulator as it is.
+    """Return the fitted starts, ``(field, *grid)``, with the law and without it.
 
     Args:
-        episode: held out; its beginning is the fit part of its split.
-        prior: what is known of any start.
-        law: what the simulator leaves out.
+        episode: held-out episode; only the fit part of its split is used, which is its beginning.
+        prior: prior of the start.
+        law: law that was fitted to the other episodes.
     """
     return (
-        _fitted(episode, prior, law, correct(episode.system, law)),
-        _fitted(episode, prior, law, episode.system),
+        _fit_start(episode, prior, law, build_corrected_system(episode.system, law)),
+        _fit_start(episode, prior, law, episode.system),
     )
 
 
-def _fitted(episode: Problem, prior: StartModel, law: Law, system: System) -> Tensor:
+def _fit_start(episode: Problem, prior: StartModel, law: Law, system: System) -> Tensor:
     fit = episode.split.fit
     forward_model = ForwardModel(
         Simulator([CandidateSimulator(system, system.dt, [])]),
@@ -50,7 +50,9 @@ def _fitted(episode: Problem, prior: StartModel, law: Law, system: System) -> Te
     )
     none = torch.zeros(0, dtype=torch.float64)
     recorded = torch.from_numpy(fit.values)
-    objective = LeastSquaresProblem(forward_model, recorded, sound_noise(episode, law), none)
-    begin = fit_first_window(objective, trace_std(episode)).phi
-    z = minimise(objective, begin, STEPS, TOLERANCE).phi
+    objective = LeastSquaresProblem(
+        forward_model, recorded, noise_of_sound_sensors(episode, law), none
+    )
+    initial = fit_first_window(objective, trace_std(episode)).phi
+    z = minimise(objective, initial, STEPS, TOLERANCE).phi
     return prior.start(z[None])[0]

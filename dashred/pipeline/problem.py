@@ -1,4 +1,4 @@
-"""Pose the problem: the simulator, its library, the recording and who is held out."""
+"""The problem of an analysis: simulator, library, recording and held-out data."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from torch import Tensor
 from dashred.config import Config
 from dashred.config.checks.checks import MAX_STEPS
 from dashred.core.errors import InputError
-from dashred.core.findings.cause_schema import SensorFaultFound
+from dashred.core.findings.cause_schema import FaultySensor
 from dashred.data.episodes import Episodes, name_episode_in_errors
 from dashred.data.inputs import with_inputs
 from dashred.data.io.reader import read_episodes
@@ -23,36 +23,37 @@ from dashred.data.resampling import native_step, resample_all
 from dashred.data.sensors import Sensor
 from dashred.data.splits import Split, hold_out_episode, split_recording
 from dashred.inference.fit.law import SensorFault
-from dashred.inference.results.verdict import fault_found
+from dashred.inference.results.verdict import describe_fault
 from dashred.physics.expressions.algebra import names
 from dashred.physics.external.snapshot_file import open_snapshots
 from dashred.physics.external.snapshots import Snapshots
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
 
-# From so many episodes on, the last is held out whole.
+# With at least this many episodes, the last one is held out as a whole.
 FEWEST_TO_HOLD_OUT = 3
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Everything the later stages start from, of one episode; and the others beside it.
+    """The input of all later stages for one episode, with the other episodes.
 
     Attributes:
-        system: the simulator, under this episode's inputs.
+        config: settings of the analysis.
+        system: simulator, driven by the inputs of this episode.
         library: candidate terms.
-        left_out: default terms of which the simulation says that data would tell nothing, with why:
-            the term that each is proportional to, or a word; known when that has run.
         recording_sha256: hash of the recording as it was read.
-        times: analysis clock over the whole episode, ``(time,)``.
-        clock: one sentence on how the clock came about.
+        times: times of the samples over the whole episode, ``(time,)``.
+        clock: one sentence on how these times were chosen.
         split: roles of the sensors, and the parts of the recording.
-        noise: stated or estimated σ by sensor name, in the sensor's unit; of the fit and the
-            validation sensors, from the fit window: nothing held out has a part in it.
-        name: of the episode.
-        others: the further episodes that are fitted; this one is the longest.
-        whole: the episode that is held out whole, if there is one.
-        snapshots: runs of a simulator that is known by them alone; None where it has equations.
+        noise: standard deviation σ of the noise by sensor, in the unit of the sensor, as stated or
+            estimated. It covers the fit and validation sensors and uses no held-out data.
+        name: name of the episode.
+        left_out: default terms that the data cannot identify, with the reason: the term to which
+            each is proportional, or a word. Empty until the simulation has run.
+        others: the other fitted episodes; this one is the longest.
+        whole: the episode that is held out as a whole, if any.
+        snapshots: snapshots of a simulator without known equations; None if equations are given.
     """
 
     config: Config
@@ -71,38 +72,38 @@ class Problem:
 
     @property
     def episodes(self) -> tuple[Problem, ...]:
-        """All episodes that are fitted."""
+        """All fitted episodes."""
         return (self, *self.others)
 
     @property
     def ensemble_system(self) -> System:
-        """The simulator with the step that is good enough for an ensemble."""
+        """The simulator with the time step of the ensemble."""
         dt = self.config.simulation.dt
         return self.system if dt is None else self.system.with_step(dt)
 
     def operator(self, recording: Recording) -> ObservationOperator:
-        """Return H of the sensors of a part of the recording."""
+        """Return the observation operator H of the sensors of a part of the recording."""
         return ObservationOperator(recording.sensors, self.system)
 
     def noise_of(self, names: tuple[str, ...]) -> Tensor:
-        """Return σ of the named sensors, ``(sensor,)``."""
+        """Return the noise σ of the named sensors, ``(sensor,)``."""
         return torch.tensor([self.noise[name] for name in names], dtype=torch.float64)
 
-    def fault_details(self, fault: SensorFault) -> SensorFaultFound:
-        """Return a fault as data, with what the sensor reads, its axis and the episode."""
+    def fault_details(self, fault: SensorFault) -> FaultySensor:
+        """Return a sensor fault as data, with the field that the sensor reads."""
         split, axes = self.split, self.system.axes
         parts = (split.fit, split.validation, split.tested)
         reads = {s.name: s.reads for part in parts for s in part.sensors}
         episode = None if fault.episode is None else self.episodes[fault.episode].name
         return {
-            **fault_found(fault),
+            **describe_fault(fault),
             "reads": reads.get(fault.sensor),
             "axis": axes[0].name if len(axes) == 1 else None,
             "episode": episode,
         }
 
     def rng(self, stage: str) -> np.random.Generator:
-        """Return the random stream of one stage: no stage can shift another's draws."""
+        """Return the random number generator of one stage, independent of all other stages."""
         return np.random.default_rng([self.config.seed, *stage.encode()])
 
 
@@ -110,18 +111,18 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     """Read and check all input.
 
     Args:
-        config: the system, and how it is analysed.
-        recorded: the recording; None reads the one that ``recording.path`` names.
+        config: settings of the analysis.
+        recorded: recording; None reads the file at ``recording.path``.
 
     Raises:
-        InputError: whatever is wrong with the equations or the snapshots, the library, the
-            recording or the split.
+        InputError: the equations, the snapshots, the library, the recording or the split is
+            invalid.
     """
     system = System(config.system, config.where)
     library = build_library(system, config.library)
     read = read_recorded(config, system) if recorded is None else recorded
     _check_readings(system, read.sensors)
-    # What either side states holds; where both do, they agree.
+    # The system and the recording may each state units. The reader has checked that they agree.
     units = {**read.episodes[0].recording.units, **system.units}
     system = system.with_config(replace(system.config, units=units))
     every, snapshots = config.recording.every, _snapshots(system, read)
@@ -140,7 +141,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     if held_out:
         splits[-1] = hold_out_episode(sampled.episodes[-1].recording, splits[-1])
     noise, sha256 = _noise(raw[:fitted], splits[:fitted]), read.sha256()
-    posed = [
+    problems = [
         Problem(
             config=config,
             system=with_inputs(system, episode.recording.inputs),
@@ -155,16 +156,16 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
         )
         for episode, split in zip(sampled.episodes, splits, strict=True)
     ]
-    longest = max(posed[:fitted], key=lambda problem: len(problem.split.fit.times))
-    others = tuple(problem for problem in posed[:fitted] if problem is not longest)
-    return replace(longest, others=others, whole=tuple(posed[fitted:]))
+    longest = max(problems[:fitted], key=lambda problem: len(problem.split.fit.times))
+    others = tuple(problem for problem in problems[:fitted] if problem is not longest)
+    return replace(longest, others=others, whole=tuple(problems[fitted:]))
 
 
 def read_recorded(config: Config, system: System) -> Episodes:
-    """Read the recording that ``recording.path`` names.
+    """Read the recording at ``recording.path``.
 
     Raises:
-        InputError: whatever is wrong with it.
+        InputError: the recording is invalid.
     """
     assert config.recording.path is not None
     table = config.recording.sensors if isinstance(config.recording.sensors, str) else None
@@ -172,7 +173,7 @@ def read_recorded(config: Config, system: System) -> Episodes:
 
 
 def _snapshots(system: System, read: Episodes) -> Snapshots | None:
-    """Open the snapshots that stand for the simulator; None where it has equations.
+    """Open the snapshots of the simulator; return None if it is given by equations.
 
     Raises:
         InputError: they do not fit the system, or the recording has several episodes.
@@ -181,35 +182,38 @@ def _snapshots(system: System, read: Episodes) -> Snapshots | None:
     if path is None:
         return None
     if len(read.episodes) > 1:
-        what = f"the recording has {len(read.episodes)} episodes, and the simulator is snapshots"
-        raise InputError(what, hint="analyse one episode at a time: snapshots have no common law")
+        what = (
+            f"the recording has {len(read.episodes)} episodes, but an analysis with snapshots "
+            "takes one"
+        )
+        raise InputError(what, hint="analyse one episode at a time")
     return open_snapshots(path, system)
 
 
 def _check_readings(system: System, sensors: Sequence[Sensor]) -> None:
-    """Refuse what states alone do not determine.
+    """Check that every sensor reads a function of the state alone.
 
     Raises:
-        InputError: a sensor reads a let that names the time or an input.
+        InputError: a sensor reads a ``let`` that depends on time or on an input.
     """
     for sensor in sensors:
         key = f"system.let.{sensor.reads}"
         read = names(system.resolve(system.parse(sensor.reads, key), key)) & system.clock
         if read:
-            problem = f"sensor {sensor.name!r} reads {sensor.reads!r}, which names {min(read)!r}"
-            hint = "a sensor reads fields: take what time or an input adds out of its column"
-            raise InputError(problem, where=system.where(key), hint=hint)
+            what = f"sensor {sensor.name!r} reads {sensor.reads!r}, which depends on {min(read)!r}"
+            hint = "a sensor can read fields only: subtract the other contributions from its data"
+            raise InputError(what, where=system.where(key), hint=hint)
 
 
 def _check_steps(config: Config, span: float, dt: float) -> None:
     if span > MAX_STEPS * dt:
-        problem = f"the recording spans {span:g}: in steps of {dt:g} these are too many"
-        hint = f"{MAX_STEPS} steps at most: are the recording's times in the system's unit?"
-        raise InputError(problem, where=config.where("system.integrator.dt"), hint=hint)
+        what = f"the recording spans {span:g}, which takes too many steps of {dt:g}"
+        hint = f"the limit is {MAX_STEPS} steps: is the unit of time the same in both?"
+        raise InputError(what, where=config.where("system.integrator.dt"), hint=hint)
 
 
 def _noise(raw: Sequence[Recording], splits: Sequence[Split]) -> dict[str, float]:
-    """Return σ of every sensor that may be seen."""
+    """Return the noise σ of every fit and validation sensor, from the fit window."""
     early = []
     for recording, split in zip(raw, splits, strict=True):
         seen = recording.select([name for name in recording.names if name not in split.test])

@@ -1,4 +1,4 @@
-"""Simulate: the established start, the nominal run, the resolution check, the ensemble."""
+"""Simulation stages: nominal run, resolution check and ensemble."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from dashred.pipeline.problem import Problem
 
 
 @dataclass(frozen=True)
-class Nominal:
-    """The simulator as it is, over the recording's clock.
+class NominalRun:
+    """The uncorrected simulation at the times of the recording.
 
     Attributes:
-        prior: what is known of the start.
-        states: the simulation from the nominal start, ``(time, field, *grid)``.
-        others: the same over the clocks, and under the inputs, of the other fitted episodes.
-        whole: the same over those that are held out whole.
+        prior: prior of the start.
+        states: simulation from the nominal start, ``(time, field, *grid)``.
+        others: the same for the other fitted episodes, with their times and inputs.
+        whole: the same for the episodes that are held out as a whole.
     """
 
     prior: StartPrior
@@ -39,16 +39,16 @@ class Nominal:
 
     @cached_property
     def start(self) -> StartModel:
-        """What is known of the starts of all fitted episodes."""
+        """Prior of the starts of all fitted episodes."""
         return EpisodeStarts((self.prior,) * (1 + len(self.others)))
 
 
 @torch.no_grad()
-def simulate_nominal(problem: Problem, seconds: dict[str, float]) -> Nominal:
-    """Run the simulator from its own established start.
+def simulate_nominal(problem: Problem, seconds: dict[str, float]) -> NominalRun:
+    """Run the simulator from its nominal start, after the spin-up.
 
     Raises:
-        InputError: it blows up.
+        InputError: the simulation blows up.
     """
     system, times = problem.system, problem.times
     with stage("spin up and simulate", seconds) as report:
@@ -57,18 +57,21 @@ def simulate_nominal(problem: Problem, seconds: dict[str, float]) -> Nominal:
         check_finite(path, times, system)
     modes = system.config.spread.get("modes")
     prior = StartPrior(system, start[0], field_rms(path[0]), None if modes is None else int(modes))
-    further = [
+    others = [
         tuple(simulate(e.system, start, e.times)[0] for e in episodes)
         for episodes in (problem.others, problem.whole)
     ]
-    return Nominal(prior, path[0], *further)
+    return NominalRun(prior, path[0], *others)
 
 
 @torch.no_grad()
-def check(problem: Problem, nominal: Nominal, seconds: dict[str, float]) -> Resolution:
-    """Double the resolution and compare what the recording's sensors would read.
+def check_discretisation(
+    problem: Problem, nominal: NominalRun, seconds: dict[str, float]
+) -> Resolution:
+    """Double the resolution and return the largest change of the sensor readings.
 
-    Under every episode's inputs: the worst one tells. Without any inputs one run is like the other.
+    If the system has inputs, every episode is checked and the worst result is returned. Without
+    inputs all episodes have the same simulation, so one is checked.
     """
     every = (*problem.split.fit.sensors, *problem.split.validation.sensors)
     sensors = tuple({sensor.name: sensor for sensor in every}.values())
@@ -82,27 +85,36 @@ def check(problem: Problem, nominal: Nominal, seconds: dict[str, float]) -> Reso
     def checked(episode: Problem, path: Tensor) -> Resolution:
         coarse = readings(episode.system, path[None])
         least = minimum_scale(coarse[0], noise, reads, limit)
-        base = episode.system, path[:1], episode.times, coarse, readings, least, limit
-        return check_resolution(*base, lambda done: report(done, ""))
+        return check_resolution(
+            episode.system,
+            path[:1],
+            episode.times,
+            coarse,
+            readings,
+            least,
+            limit,
+            lambda done: report(done, ""),
+        )
 
     episodes = problem.episodes if problem.system.inputs else (problem,)
     paths = (nominal.states, *nominal.others)
     with stage("check the resolution", seconds) as report:
-        found = [checked(*pair) for pair in zip(episodes, paths, strict=False)]
-        worst = max(found, key=lambda resolution: resolution.error)
-        report(1.0, f"doubling moves a trace by {worst.error:.2%} of its std")
+        resolutions = [checked(*pair) for pair in zip(episodes, paths, strict=False)]
+        worst = max(resolutions, key=lambda resolution: resolution.error)
+        report(1.0, f"doubling changes a trace by {worst.error:.2%} of its std")
     return worst
 
 
 @torch.no_grad()
-def simulate_ensemble(problem: Problem, nominal: Nominal, seconds: dict[str, float]) -> Ensemble:
-    """Draw the members that SHRED learns from, over the fit window."""
+def simulate_ensemble(problem: Problem, nominal: NominalRun, seconds: dict[str, float]) -> Ensemble:
+    """Draw the simulations on which SHRED is trained, over the fit window."""
     settings = problem.config.simulation
     count = len(problem.split.fit.times)
     discrepancies = None
     if settings.discrepancy:
         discrepancies = Discrepancies(problem.library, settings.terms, settings.amplitude)
-    # Each under its own inputs; without any, the longest says most of how far a field may move.
+    # The nominal run limits the range of the fields. Each episode has its own if there are inputs.
+    # Without inputs the run of the longest episode covers the range best.
     paths = (nominal.states, *nominal.others)
     if not problem.system.inputs:
         paths = (nominal.states,) * len(problem.episodes)
@@ -119,39 +131,43 @@ def simulate_ensemble(problem: Problem, nominal: Nominal, seconds: dict[str, flo
                 lambda done: report(done, ""),
             )
             for (episode, times, members, suffix), path in zip(
-                shares(problem, settings.members), paths, strict=False
+                split_members(problem, settings.members), paths, strict=False
             )
         ]
-        ensemble = together(drawn)
+        ensemble = join_ensembles(drawn)
         kind = "with random discrepancies" if settings.discrepancy else "plain"
         report(1.0, f"{settings.members} members, {kind}")
     return ensemble
 
 
-def shares(problem: Problem, members: int) -> Iterator[tuple[Problem, Tensor, int, str]]:
-    """Yield episodes with a clock as long as the longest, their members, and a name for dice.
+def split_members(problem: Problem, members: int) -> Iterator[tuple[Problem, Tensor, int, str]]:
+    """Split the members of an ensemble over the fitted episodes.
 
-    Of more episodes than members the last have none.
+    If there are more episodes than members, the last episodes have no member.
+
+    Yields:
+        The episode; its times, over the length of the fit window of the longest episode; its
+        number of members; and the suffix of the name of its random number generator.
     """
     episodes = problem.episodes
-    passed = problem.times[: len(problem.split.fit.times)] - problem.times[0]
+    elapsed = problem.times[: len(problem.split.fit.times)] - problem.times[0]
     for index, episode in enumerate(episodes):
-        share = len(range(index, members, len(episodes)))
-        if not share:
+        count = len(range(index, members, len(episodes)))
+        if not count:
             return
         if episode is problem:
-            yield episode, problem.times[: len(passed)], share, ""
+            yield episode, problem.times[: len(elapsed)], count, ""
         else:
-            yield episode, episode.times[0] + passed, share, f" {episode.name}"
+            yield episode, episode.times[0] + elapsed, count, f" {episode.name}"
 
 
-def together(drawn: Sequence[Ensemble]) -> Ensemble:
-    """Return the members of all episodes, on the clock of the first."""
+def join_ensembles(drawn: Sequence[Ensemble]) -> Ensemble:
+    """Return the members of all episodes as one ensemble, with the times of the first."""
     if len(drawn) == 1:
         return drawn[0]
-    # By turns, so that members of every episode are among those that are held out.
-    turns = [turn for ensemble in drawn for turn in range(len(ensemble.states))]
-    order = sorted(range(len(turns)), key=turns.__getitem__)
+    # The episodes alternate, so that the held-out members come from every episode.
+    positions = [i for ensemble in drawn for i in range(len(ensemble.states))]
+    order = sorted(range(len(positions)), key=positions.__getitem__)
     states = torch.cat([ensemble.states for ensemble in drawn])[order]
     coefficients = torch.cat([ensemble.coefficients for ensemble in drawn])[order]
     return Ensemble(drawn[0].times, states, coefficients)

@@ -1,4 +1,4 @@
-"""Train SHRED on the ensemble, and measure it on members it has never seen."""
+"""Train SHRED on an ensemble of simulations and test it on held-out members."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ METRIC = "rmse/field_members"
 
 
 @dataclass(frozen=True)
-class Learned:
-    """SHRED, trained.
+class TrainedNetwork:
+    """SHRED after training.
 
     Attributes:
-        shred: the network, on the CPU, with its best weights.
-        test_rmse: RMSE of the field on simulated members that nothing has seen, in units of each
-            field's std; by field name, and over all under ``all``.
+        shred: network on the CPU, with the weights of the best epoch.
+        test_rmse: RMSE on the test members in units of the std of each field, by field name; the
+            key ``all`` holds the RMSE over all fields.
         scale: std of each field over the ensemble, ``(field,)``.
         curves: metric → (epoch, value).
     """
@@ -42,8 +42,8 @@ class Learned:
 
 
 @dataclass(frozen=True)
-class KeptNetwork:
-    """What a checkpoint holds of a :class:`Learned`: no module, its weights alone."""
+class StoredNetwork:
+    """A :class:`TrainedNetwork` as a checkpoint stores it: the weights without the module."""
 
     weights: dict[str, Tensor]
     grid: tuple[int, ...]
@@ -52,16 +52,16 @@ class KeptNetwork:
     curves: dict[str, list[tuple[int, float]]]
 
     @classmethod
-    def of(cls, learned: Learned) -> KeptNetwork:
-        """Take it out of the network."""
-        shred = learned.shred
+    def of(cls, network: TrainedNetwork) -> StoredNetwork:
+        """Return the content of a network."""
+        shred = network.shred
         weights = dict(shred.state_dict())
-        return cls(weights, shred.pod.grid, learned.test_rmse, learned.scale, learned.curves)
+        return cls(weights, shred.pod.grid, network.test_rmse, network.scale, network.curves)
 
-    def restored(self) -> Learned:
-        """Return the network again."""
+    def restored(self) -> TrainedNetwork:
+        """Return the network with these weights."""
         shred = SHRED.from_weights(self.weights, self.grid)
-        return Learned(shred, self.test_rmse, self.scale, self.curves)
+        return TrainedNetwork(shred, self.test_rmse, self.scale, self.curves)
 
 
 def train_shred(
@@ -70,17 +70,17 @@ def train_shred(
     run: RunTracker,
     seconds: dict[str, float],
     name: str,
-    begin: SHRED | None = None,
-) -> Learned:
-    """Train SHRED on simulated members; nothing real is in reach here.
+    initial: SHRED | None = None,
+) -> TrainedNetwork:
+    """Train SHRED on simulated members; the recording is not used.
 
     Args:
-        problem: settings, and which sensors are the input's.
-        ensemble: the members.
-        run: the parent of the run that this is logged to.
-        seconds: where to note the time.
-        name: of the network, ``SHRED``.
-        begin: a network to begin from; None begins at random.
+        problem: settings and input sensors.
+        ensemble: simulated members.
+        run: tracker of the parent run.
+        seconds: run time by stage, updated.
+        name: name of the network in the log, such as ``SHRED``.
+        initial: network whose weights are the initial ones; None draws them at random.
     """
     settings = problem.config.shred
     fit = problem.split.fit.select(problem.split.inputs)
@@ -98,8 +98,8 @@ def train_shred(
     shred = SHRED(
         data.scaler, data.pod, data.spread, settings.latent, settings.layers, settings.decoder
     ).float()
-    if begin is not None:
-        shred.initialise_from(begin)
+    if initial is not None:
+        shred.initialise_from(initial)
     steps = settings.epochs * settings.steps
     cells = data.pod.modes.shape[1]
     module = SimulationTraining(shred, data.noise.float(), cells, settings.rate, steps)
@@ -123,13 +123,13 @@ def train_shred(
         test_rmse = _test(shred, data, problem.system.fields)
         child.log_metrics({f"test/{k}": v for k, v in test_rmse.items()}, best.best_epoch)
         report(1.0, f"field RMSE {test_rmse['all']:.3f} std on unseen members")
-    return Learned(shred, test_rmse, data.pod.scale, curves.history)
+    return TrainedNetwork(shred, test_rmse, data.pod.scale, curves.history)
 
 
 def make_trainer(
     config: Config, callbacks: list[Callback], epochs: int, steps: int | float = 1.0
 ) -> Trainer:
-    """Return a Lightning trainer that logs through our callbacks alone."""
+    """Return a Lightning trainer that logs through the given callbacks only."""
     return Trainer(
         accelerator="gpu" if config.device.startswith("cuda") else "cpu",
         devices=[int(config.device.partition(":")[2] or 0)] if "cuda" in config.device else 1,
@@ -148,8 +148,8 @@ def make_trainer(
 def _test(shred: SHRED, data: SimulationDataModule, fields: tuple[str, ...]) -> dict[str, float]:
     truth = data.states("test").flatten(0, 1)
     windows = data.noisy_windows("test").flatten(0, 1).float()
-    found = torch.cat([shred(part).double() for part in windows.split(1024)])
-    error = (found - truth).transpose(0, 1).flatten(1)
+    estimates = torch.cat([shred(part).double() for part in windows.split(1024)])
+    error = (estimates - truth).transpose(0, 1).flatten(1)
     squared = (error / data.pod.scale[:, None]).square().mean(dim=1)
     by_field = dict(zip(fields, squared.sqrt().tolist(), strict=True))
     return {"all": float(squared.mean().sqrt()), **by_field}

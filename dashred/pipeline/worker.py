@@ -1,8 +1,8 @@
 """Analyse one recording after another: ``python -m dashred.pipeline.worker``.
 
-Imports and compiled kernels serve all recordings. Each line of stdin is JSON with the words of one
-analysis and the file that it prints to: ``{"words": [...], "log": FILE}``. Each is answered by a
-line of JSON on stdout: ``{"code": 0, "cpu_seconds": 61.2}``.
+All analyses share the imports and the compiled kernels. Each line of stdin is a JSON object with
+the arguments of one analysis and its log file: ``{"words": [...], "log": FILE}``. The worker
+answers it with a JSON object on stdout: ``{"code": 0, "cpu_seconds": 61.2}``.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from dashred.core.errors import DONE, OUR_FAILURE, WRONG_INPUT, InputError, run_
 
 
 def main(argv: list[str]) -> int:
-    """Answer every line, until there are no more."""
+    """Answer every line of stdin."""
     with os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8") as answers:
         for line in sys.stdin:
-            told = json.loads(line)
-            began = time.process_time()
-            with _printing_to(told["log"]):
-                code = _analyse(told["words"])
-            spent = round(time.process_time() - began, 2)
+            request = json.loads(line)
+            started = time.process_time()
+            with _print_to(request["log"]):
+                code = _analyse(request["words"])
+            spent = round(time.process_time() - started, 2)
             print(json.dumps({"code": code, "cpu_seconds": spent}), file=answers, flush=True)
     return DONE
 
 
 def _analyse(words: Sequence[str]) -> int:
-    """Run one analysis; whatever goes wrong with it is its own affair."""
+    """Run one analysis and return its exit code; no error ends the worker."""
     from dashred.pipeline.analyse import main as analyse
 
     try:
@@ -40,23 +40,23 @@ def _analyse(words: Sequence[str]) -> int:
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return WRONG_INPUT
-    except Exception:  # The next recording has a right to its analysis.
+    except Exception:  # The worker must go on to analyse the next recording.
         traceback.print_exc()
         return OUR_FAILURE
 
 
 @contextmanager
-def _printing_to(path: str) -> Iterator[None]:
-    """Send everything that is printed to a file, by whatever library and in whatever language."""
+def _print_to(path: str) -> Iterator[None]:
+    """Redirect stdout and stderr to a file, including the output of compiled libraries."""
     streams = (sys.stdout, sys.stderr)
-    before = [os.dup(stream.fileno()) for stream in streams]
+    saved = [os.dup(stream.fileno()) for stream in streams]
     with open(path, "wb") as log:
         for stream in streams:
             os.dup2(log.fileno(), stream.fileno())
         try:
             yield
         finally:
-            for stream, old in zip(streams, before, strict=True):
+            for stream, old in zip(streams, saved, strict=True):
                 stream.flush()
                 os.dup2(old, stream.fileno())
                 os.close(old)

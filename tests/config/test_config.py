@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dashred.config import Config, Settings, config_sha256, frozen_input, load_config, usage
-from dashred.config.bundled_systems import BASE, CONF, bundled
+from dashred.config.bundled_systems import BASE, CONF, bundled_names
 from dashred.core.errors import InputError
 
 SYSTEM = """\
@@ -145,7 +145,7 @@ def test_paths_count_from_the_place_that_wrote_them(
     assert config.recording.path == str(tmp_path / "sub" / "my.csv")
     assert config.output == str(tmp_path / "out")
     assert config.tracking.root == str(CONF.parent / "mlruns")
-    monkeypatch.setattr("dashred.config.bundled_systems.INSTALLED", True)
+    monkeypatch.setattr("dashred.config.bundled_systems.IS_INSTALLED", True)
     config = load_config(["conf=sub/own.yaml", "output=out"], entry="train")
     assert config.tracking.root == str(tmp_path / "mlruns")
 
@@ -171,7 +171,7 @@ def test_where_points_at_the_line_or_the_section_around(write: Any) -> None:
     assert config.where("nowhere") == "wave.yaml"
 
 
-@pytest.mark.parametrize("name", bundled())
+@pytest.mark.parametrize("name", bundled_names())
 def test_bundled_systems_load(name: str) -> None:
     config = load_config([f"conf={name}"], entry="train")
     assert config.name == name
@@ -413,7 +413,9 @@ def test_a_recording_is_no_system_and_init_makes_one(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("swing.csv").touch()
-    with pytest.raises(InputError, match=r"swing\.csv is a recording, no configuration") as caught:
+    with pytest.raises(
+        InputError, match=r"swing\.csv is a recording, not a configuration"
+    ) as caught:
         load_config(["conf=swing.csv"], entry="train")
     assert caught.value.hint == "dashred init path=swing.csv writes a first one for it"
 
@@ -423,7 +425,7 @@ def test_an_unknown_system_gets_the_nearest_and_the_list() -> None:
         load_config(["conf=rdee"], entry="train")
     assert caught.value.hint is not None
     assert "did you mean conf=rde?" in caught.value.hint
-    assert ", ".join(bundled()) in caught.value.hint
+    assert ", ".join(bundled_names()) in caught.value.hint
 
 
 def test_a_twin_file_is_not_a_system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

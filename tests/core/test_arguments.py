@@ -1,4 +1,4 @@
-"""Words are declared once: the values, the errors and the usage text follow."""
+"""Arguments are declared once: the values, the errors and the usage text follow."""
 
 from __future__ import annotations
 
@@ -7,28 +7,36 @@ from pathlib import Path
 
 import pytest
 
-from dashred.core.argument_types import list_of, ranges, read_number, read_path, whole
-from dashred.core.arguments import Command, pairs, word
+from dashred.core.argument_types import (
+    integer_reader,
+    list_reader,
+    ranges_reader,
+    read_number,
+    read_path,
+)
+from dashred.core.arguments import Command, argument, key_value_pairs
 from dashred.core.errors import InputError
 
 
 @dataclass(frozen=True, kw_only=True)
-class Words:
+class Arguments:
     """Of an example."""
 
-    path: Path = word(read_path, "FILE.csv", "where to write")
-    jobs: int = word(whole(at_least=1, at_most=64), "2", "processes at once", default="1")
-    noise: tuple[float, ...] = word(list_of(read_number), "0.1,0.2", "std", default="0.05")
-    root: str | None = word(str, "DIR", "folder", name="tracking.root", default=None)
-    folder: Path = word(read_path, "DIR", "where one is", factory=Path.cwd)
+    path: Path = argument(read_path, "FILE.csv", "where to write")
+    jobs: int = argument(
+        integer_reader(at_least=1, at_most=64), "2", "processes at once", default="1"
+    )
+    noise: tuple[float, ...] = argument(list_reader(read_number), "0.1,0.2", "std", default="0.05")
+    root: str | None = argument(str, "DIR", "folder", name="tracking.root", default=None)
+    folder: Path = argument(read_path, "DIR", "where one is", factory=Path.cwd)
 
 
-COMMAND = Command("dashred example", Words, "Writes an example.", after="Then look at it.\n")
+COMMAND = Command("dashred example", Arguments, "Writes an example.", after="Then look at it.\n")
 
 
 def test_words_are_values_of_their_types() -> None:
     found = COMMAND.read(["jobs=3", "path=a=b.csv", "noise=1,.5,1", "tracking.root=here"])
-    assert found == Words(path=Path("a=b.csv"), jobs=3, noise=(1.0, 0.5), root="here")
+    assert found == Arguments(path=Path("a=b.csv"), jobs=3, noise=(1.0, 0.5), root="here")
     assert found.folder == Path.cwd()
     assert COMMAND.read(["path=~"]).path == Path.home()
 
@@ -45,9 +53,9 @@ def test_words_are_values_of_their_types() -> None:
         (["paht=a"], "unknown key paht", "did you mean path?"),
         (["root=a"], "unknown key root", "tracking.root"),
         (["jobs=0"], "jobs=0: 0 is not between 1 and 64", "for example jobs=2"),
-        (["jobs=1.5"], "jobs=1.5: '1.5' is no whole number", "for example jobs=2"),
+        (["jobs=1.5"], "jobs=1.5: '1.5' is not a whole number", "for example jobs=2"),
         (["noise=1,,2"], "noise=1,,2: there is an empty value", "for example noise=0.1,0.2"),
-        (["noise=nan"], "noise=nan: 'nan' is no number", "for example noise"),
+        (["noise=nan"], "noise=nan: 'nan' is not a number", "for example noise"),
         (["path=\0"], "is not a valid file name", None),
     ],
 )
@@ -80,16 +88,16 @@ def test_the_usage_text_has_every_word(capsys: pytest.CaptureFixture[str]) -> No
         "  folder=DIR          where one is\n\n"
         "Then look at it.\n"
     )
-    passing_on = Command("dashred example", Words, "", rest="of every run").usage()
+    passing_on = Command("dashred example", Arguments, "", rest="of every run").usage()
     assert passing_on.startswith("usage: dashred example path=FILE.csv [key=value ...]\n")
     assert "  key=value           of every run\n" in passing_on
 
 
 def test_pairs_split_at_the_first_sign() -> None:
-    assert list(pairs(["a=b=c", "x.y="])) == [("a", "b=c"), ("x.y", "")]
+    assert list(key_value_pairs(["a=b=c", "x.y="])) == [("a", "b=c"), ("x.y", "")]
 
 
 def test_ranges_count_from_their_first_to_their_last() -> None:
-    assert ranges(at_most=5)("4,0-2") == (4, 0, 1, 2)
+    assert ranges_reader(at_most=5)("4,0-2") == (4, 0, 1, 2)
     with pytest.raises(ValueError, match="more than 5"):
-        ranges(at_most=5)("0-5")
+        ranges_reader(at_most=5)("0-5")

@@ -17,7 +17,7 @@ from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
 from dashred.data.resampling import resample_all
 from dashred.data.sensors import Sensor
-from dashred.physics.backends.input_signals import Measured
+from dashred.physics.backends.input_signals import InputSignals
 
 MANY = settings(
     max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
@@ -38,7 +38,7 @@ def several(draw, inputs=False):
         values = np.array(draw(st.lists(st.tuples(VALUES, VALUES), min_size=count, max_size=count)))
         values[0] = 1.0
         force = {"force": np.linspace(0, len(parts), count)} if inputs else {}
-        parts.append(Episode(name, Recording(SENSORS, times, values, Measured(times, force))))
+        parts.append(Episode(name, Recording(SENSORS, times, values, InputSignals(times, force))))
     return Episodes(tuple(parts))
 
 

@@ -34,7 +34,7 @@ def test_a_drive_is_known_as_far_as_forecasts_go(circuit) -> None:
     assert t[-1] == pytest.approx(DURATION_FACTOR * config.recording.duration)
     expected = 0.5 * np.sin(1.1 * t) + 0.3 * np.sin(2.3 * t)
     np.testing.assert_allclose(inputs.values["voltage"], expected, atol=1e-12)
-    [now] = with_inputs(system, inputs).measured.at(float(t[7])).values()
+    [now] = with_inputs(system, inputs).input_signals.at(float(t[7])).values()
     assert float(now) == pytest.approx(expected[7])
 
 

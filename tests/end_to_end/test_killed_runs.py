@@ -21,7 +21,7 @@ PRINTED = (
     "train SHRED",
     "assimilate",
     "grow the horizon",
-    "weigh other causes",
+    "compare hypotheses",
     "train corrected",
 )
 WRITTEN = (".estimates.nc.*.partial", "findings.json", "evidence.png", "report.html")

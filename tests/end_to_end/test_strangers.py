@@ -126,7 +126,7 @@ def test_a_file_does_not_say_where_results_go(says, quick, tmp_path, monkeypatch
         key, text = f"tracking.{key}", quick.read_text().replace("{model: false}", f"{{{says}}}")
     Path("theirs.yaml").write_text(text)
     line = text[: text.index(says)].count("\n") + 1
-    with pytest.raises(InputError, match=f"does not say {key}") as caught:
+    with pytest.raises(InputError, match=f"cannot set {key}") as caught:
         load_config(["conf=theirs.yaml", "recording.path=a.csv"], entry="train")
     assert caught.value.where == f"theirs.yaml:{line}"
     assert f"command line: {key}=" in str(caught.value.hint)

@@ -10,7 +10,7 @@ import yaml
 from hypothesis import strategies as st
 
 from dashred.config import Settings, config_sha256, load_config
-from dashred.config.commandline import split_words
+from dashred.config.commandline import parse_arguments
 from dashred.config.layers import prepare
 from dashred.config.source import Source, read_text
 from dashred.core.errors import InputError
@@ -119,7 +119,7 @@ WORDS = st.one_of(
 @fuzzed(200, 20_000, words=st.lists(WORDS, max_size=3))
 def test_any_words_are_split_or_refused(words: list[str]) -> None:
     try:
-        conf, overrides = split_words(["conf=rde", *words], entry="train")
+        conf, overrides = parse_arguments(["conf=rde", *words], entry="train")
         prepare(overrides, folder=Path("/nowhere"))
     except InputError as error:
         assert error.where

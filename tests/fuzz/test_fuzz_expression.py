@@ -12,7 +12,7 @@ from dashred.core.errors import InputError
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import Expr, Number
 from dashred.physics.expressions.functions import FUNCTIONS
-from dashred.physics.expressions.parser import KNOWN, LONGEST, Vocabulary, number, parse
+from dashred.physics.expressions.parser import KNOWN, MAX_LENGTH, Vocabulary, number, parse
 from tests.fuzz.examples import fuzzed
 
 LINE = Vocabulary(frozenset({"u", "v", "nu", "x", "t"}), ("x",), "u")
@@ -70,7 +70,7 @@ def test_what_is_read_is_read_again_as_the_same(text: str, vocabulary: Vocabular
         return
     assert all(map(math.isfinite, numbers(expr)))
     written = algebra.to_text(expr)
-    assume(len(written) <= LONGEST)
+    assume(len(written) <= MAX_LENGTH)
     again = parse(written, vocabulary, where="a.yaml:1")
     assert again == expr and hash(again) == hash(expr)
     assert algebra.to_text(again) == written

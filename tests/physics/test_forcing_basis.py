@@ -10,7 +10,7 @@ import torch
 
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.solvers.compiled_simulator import InterpretedSystem, compiled
+from dashred.physics.solvers.compiled_simulator import InterpretedSystem, compile_system
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
@@ -74,7 +74,7 @@ def test_a_driven_run_is_the_simulator_with_a_force_of_time(tmp_path: Path, text
     start = nominal_start(system)
     both = start.expand(2, *start.shape[1:]).contiguous()
     [terms] = (laws.term(system, equation, "t").terms,)
-    run = compiled(system, terms)
+    run = compile_system(system, terms)
     weights = torch.zeros((2, 1), dtype=torch.float64)
     found = run(both, TIMES, weights, forcing_basis.sampled_forcing(amplitudes))
     listed = (*terms, *laws.term(system, equation, "1").terms)
@@ -88,7 +88,7 @@ def test_tangents_are_the_derivative_of_driven_runs(wave: System) -> None:
     amplitudes = 0.3 * torch.randn((1, *forcing_basis.shape), generator=generator).double()
     start = nominal_start(wave)
     terms = laws.term(wave, "u", "u**2").terms
-    run, none = compiled(wave, terms), torch.zeros((1, 1), dtype=torch.float64)
+    run, none = compile_system(wave, terms), torch.zeros((1, 1), dtype=torch.float64)
     sampled_forcing = forcing_basis.sampled_forcing(amplitudes)
     states, tangents = zip(
         *tangent_linear(
@@ -121,7 +121,7 @@ def test_what_is_interpreted_is_driven_as_what_is_compiled(tmp_path: Path, text:
     start, sampled_forcing = driven(system)
     weights = torch.tensor([[0.1], [-0.2]], dtype=torch.float64)
     runs = (made(start, TIMES, weights, sampled_forcing) for made in (
-        InterpretedSystem(system, terms), compiled(system, terms)))  # fmt: skip
+        InterpretedSystem(system, terms), compile_system(system, terms)))  # fmt: skip
     torch.testing.assert_close(*runs, rtol=1e-9, atol=1e-9)
 
 

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from dashred.core.errors import InputError
-from dashred.physics.backends.input_signals import Measured
+from dashred.physics.backends.input_signals import InputSignals
 from dashred.physics.library import (
     build_library,
     check_collinear,
@@ -179,7 +179,7 @@ DRIVEN = """
 def test_an_input_is_a_candidate_and_is_told_from_a_constant_by_its_own_clock(make_system):
     times = torch.linspace(0, 3, 6, dtype=torch.float64)
     undriven = make_system(DRIVEN)
-    sampled_forcing = Measured(times.numpy(), {"V": torch.sin(times).numpy()})
+    sampled_forcing = InputSignals(times.numpy(), {"V": torch.sin(times).numpy()})
     system = System(undriven.config, undriven.where, sampled_forcing)
     library, states = build_library(system, None), random_states(system)
     assert "V" in {str(term) for term in library if term.equation == "phi"}

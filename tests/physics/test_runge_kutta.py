@@ -13,7 +13,7 @@ from torchdiffeq import odeint
 from dashred.physics.methods import METHODS
 from dashred.physics.runge_kutta import CLASSICAL, advance
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.solvers.compiled_simulator import InterpretedSystem, compiled
+from dashred.physics.solvers.compiled_simulator import InterpretedSystem, compile_system
 from dashred.physics.solvers.schedule import round_up, schedule
 from dashred.physics.solvers.simulate import simulate
 
@@ -91,7 +91,7 @@ def test_steps_are_those_of_torchdiffeq(method):
 def test_compiled_steps_are_those_that_are_interpreted(make_system, method):
     system = make_system(f"{OSCILLATOR}    integrator: {{method: {method}, dt: 0.03}}")
     start, times = nominal_start(system), torch.tensor([0.0, 0.1, 0.37, 1.0]).double()
-    run, plain = compiled(system, ()), simulate(system, start, times)
+    run, plain = compile_system(system, ()), simulate(system, start, times)
     assert not isinstance(run, InterpretedSystem)
     found = run(start, times, torch.zeros((1, 0)).double())
     torch.testing.assert_close(found, plain, rtol=1e-12, atol=1e-13)

@@ -21,8 +21,8 @@ from dashred.reporting.text.sensor_faults import fault_text
 
 
 @pytest.fixture
-def posed(quick, tmp_path):
-    """``posed(values)``: the problem of six sensors of u with these values, of unknown noise."""
+def make_problem(quick, tmp_path):
+    """Return a function that builds a problem with six sensors of u and unknown noise."""
 
     def build(
         values: NDArray[np.float64], *words: str, units: Mapping[str, str] = NO_UNITS
@@ -49,37 +49,37 @@ def traces(samples: int = 60) -> NDArray[np.float64]:
     return smooth + 0.05 * rng.standard_normal((samples, 6))
 
 
-def test_an_estimated_noise_has_not_seen_what_is_held_out(posed) -> None:
+def test_an_estimated_noise_has_not_seen_what_is_held_out(make_problem) -> None:
     values = traces()
-    before = posed(values)
+    before = make_problem(values)
     late = before.split.time_end + 1e-9 < 0.1 * np.arange(60)
     values[late] += 5 * np.random.default_rng(2).standard_normal((int(late.sum()), 6))
     tested = [int(name[1:]) for name in before.split.test]
     values[:, tested] = 100 * np.random.default_rng(3).standard_normal((60, len(tested)))
-    after = posed(values)
+    after = make_problem(values)
     assert after.noise == before.noise
     assert after.noise.keys() == {f"s{i}" for i in range(6)} - set(before.split.test)
     assert list(after.noise.values()) == pytest.approx([0.05] * 5, rel=0.5)
     assert after.recording_sha256 != before.recording_sha256
 
 
-def test_noise_is_estimated_at_the_recordings_own_step(posed) -> None:
-    every = posed(traces(120), "recording.every=0.2")
+def test_noise_is_estimated_at_the_recordings_own_step(make_problem) -> None:
+    every = make_problem(traces(120), "recording.every=0.2")
     assert len(every.times) == 60
     assert list(every.noise.values()) == pytest.approx([0.05] * 5, rel=0.5)
 
 
-def test_no_stage_can_shift_anothers_draws(posed) -> None:
-    problem = posed(traces())
+def test_no_stage_can_shift_anothers_draws(make_problem) -> None:
+    problem = make_problem(traces())
     draws = {name: problem.rng(name).standard_normal(3).tolist() for name in ("ensemble", "b")}
     assert problem.rng("ensemble").standard_normal(3).tolist() == draws["ensemble"]
     assert draws["ensemble"] != draws["b"]
-    other = posed(traces(), "seed=5")
+    other = make_problem(traces(), "seed=5")
     assert other.rng("ensemble").standard_normal(3).tolist() != draws["ensemble"]
 
 
-def test_units_of_either_side_hold_and_are_told(posed) -> None:
-    problem = posed(traces(), "system.units.x=m", units={"t": "s", "u": "K"})
+def test_units_of_either_side_hold_and_are_told(make_problem) -> None:
+    problem = make_problem(traces(), "system.units.x=m", units={"t": "s", "u": "K"})
     assert problem.system.units == {"t": "s", "u": "K", "x": "m"}
     told = {
         "bias": "sensor s1 has a bias of 1.50 ± 0.10 K",
@@ -91,4 +91,4 @@ def test_units_of_either_side_hold_and_are_told(posed) -> None:
         fault = problem.fault_details(SensorFault(kind, "s1", 1.5, 0.1, 3.0))
         assert fault_text(fault, problem.system.units) == words
     with pytest.raises(InputError, match="x is in cm here, but in m in command line"):
-        posed(traces(), "system.units.x=m", units={"x": "cm"})
+        make_problem(traces(), "system.units.x=m", units={"x": "cm"})

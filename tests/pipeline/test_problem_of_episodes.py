@@ -16,9 +16,9 @@ from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import SensorFault
 from dashred.pipeline.assimilation import sensor_data
-from dashred.pipeline.discovery.objectives import build_least_squares, exact_simulator
+from dashred.pipeline.discovery.least_squares import build_least_squares, exact_simulator
 from dashred.pipeline.problem import Problem, build_problem
-from dashred.pipeline.simulation import shares, simulate_ensemble, simulate_nominal
+from dashred.pipeline.simulation import simulate_ensemble, simulate_nominal, split_members
 from dashred.reporting.text.sensor_faults import fault_text
 
 SENSORS = tuple(Sensor(f"s{i}", "u", (0.3 + i,)) for i in range(6))
@@ -33,14 +33,14 @@ def episode(name: str) -> Episode:
     return Episode(name, Recording(SENSORS, times, values))
 
 
-def posed(quick: Path, folder: Path, *episodes: Episode) -> Problem:
+def make_problem(quick: Path, folder: Path, *episodes: Episode) -> Problem:
     path = folder / "recording.nc"
     write_netcdf(Episodes(episodes), path, ["x"])
     return build_problem(load_config([f"conf={quick}", f"recording.path={path}"], entry="train"))
 
 
 def test_the_last_fifth_of_each_is_held_out_and_of_three_the_last_whole(quick, tmp_path):
-    problem = posed(quick, tmp_path, *map(episode, "abc"))
+    problem = make_problem(quick, tmp_path, *map(episode, "abc"))
     assert [p.name for p in problem.episodes] == ["b", "a"]
     assert [p.name for p in problem.whole] == ["c"]
     [whole] = problem.whole
@@ -54,7 +54,7 @@ def test_the_last_fifth_of_each_is_held_out_and_of_three_the_last_whole(quick, t
 
 
 def test_of_two_none_is_held_out_whole(quick, tmp_path):
-    problem = posed(quick, tmp_path, *map(episode, "ab"))
+    problem = make_problem(quick, tmp_path, *map(episode, "ab"))
     assert [p.name for p in problem.episodes] == ["b", "a"]
     assert not problem.whole
     fault = SensorFault("spikes", "s1", 3.0, None, None, episode=1)
@@ -63,20 +63,20 @@ def test_of_two_none_is_held_out_whole(quick, tmp_path):
 
 
 def test_of_more_episodes_than_members_the_last_have_none(quick, tmp_path):
-    problem = posed(quick, tmp_path, *map(episode, "abc"))
-    assert [members for _, _, members, _ in shares(problem, 5)] == [3, 2]
-    assert [members for _, _, members, _ in shares(problem, 1)] == [1]
+    problem = make_problem(quick, tmp_path, *map(episode, "abc"))
+    assert [members for _, _, members, _ in split_members(problem, 5)] == [3, 2]
+    assert [members for _, _, members, _ in split_members(problem, 1)] == [1]
 
 
 def test_nothing_held_out_moves_what_is_fitted(quick, tmp_path):
-    before = posed(quick, tmp_path, *map(episode, "abc"))
+    before = make_problem(quick, tmp_path, *map(episode, "abc"))
     changed = []
     for part, end in zip(map(episode, "abc"), (3.2, 64.8, -100.0), strict=True):
         values = part.recording.values.copy()
         values[part.recording.times > end + 1e-9] += 10
         sensors, times = part.recording.sensors, part.recording.times
         changed.append(Episode(part.name, Recording(sensors, times, values)))
-    after = posed(quick, tmp_path, *changed)
+    after = make_problem(quick, tmp_path, *changed)
     assert after.noise == before.noise
     for one, other in zip(after.episodes, before.episodes, strict=True):
         np.testing.assert_array_equal(one.split.fit.values, other.split.fit.values)
@@ -86,7 +86,7 @@ def test_nothing_held_out_moves_what_is_fitted(quick, tmp_path):
 
 
 def test_no_window_spans_two_episodes(quick, tmp_path):
-    problem = posed(quick, tmp_path, *map(episode, "ab"))
+    problem = make_problem(quick, tmp_path, *map(episode, "ab"))
     data = sensor_data(problem)
     count = len(problem.split.fit.times)
     assert (
@@ -102,7 +102,7 @@ def test_no_window_spans_two_episodes(quick, tmp_path):
 
 
 def test_its_objective_has_a_start_for_each_and_all_samples_once(quick, tmp_path):
-    problem = posed(quick, tmp_path, *map(episode, "abc"))
+    problem = make_problem(quick, tmp_path, *map(episode, "abc"))
     nominal = simulate_nominal(problem, {})
     simulator = exact_simulator(problem, [])
     assert len(simulator.parts) == len(problem.episodes)
@@ -113,7 +113,7 @@ def test_its_objective_has_a_start_for_each_and_all_samples_once(quick, tmp_path
         len(part.split.fit.times) for part in problem.episodes
     )
     # Five samples of each: a horizon grows in all of them.
-    assert objective.until(5).noise.count == 2 * 5 * fitted
+    assert objective.truncate(5).noise.count == 2 * 5 * fitted
     cost, _ = objective.values(torch.zeros(1, objective.modes).double())
     assert bool(torch.isfinite(cost).all())
     members = problem.config.simulation.members
@@ -126,10 +126,10 @@ def test_a_sensor_that_is_silent_where_it_should_be_fitted_is_refused_by_episode
     values[:38, 2] = np.nan
     silent = Episode("a", Recording(SENSORS, part.times, values))
     with pytest.raises(InputError, match="episode 'a': sensor 's2' has no value until"):
-        posed(quick, tmp_path, episode("b"), silent)
+        make_problem(quick, tmp_path, episode("b"), silent)
 
 
 def test_an_episode_that_is_too_short_is_refused_by_name(quick, tmp_path):
     short = episode("a").recording.between(0.0, 1.5)
     with pytest.raises(InputError, match="episode 'short': 16 samples are too few"):
-        posed(quick, tmp_path, episode("b"), Episode("short", short))
+        make_problem(quick, tmp_path, episode("b"), Episode("short", short))

@@ -8,7 +8,7 @@ from typing import Any, cast
 import pytest
 import torch
 
-from dashred.inference.initial_state.start_models import nearest
+from dashred.inference.initial_state.start_models import project_state
 from dashred.pipeline.discovery import hypothesis_stage
 from dashred.pipeline.problem import Problem
 
@@ -24,7 +24,7 @@ def test_noise_far_above_the_stated_one_is_no_noise(monkeypatch, found, stated, 
     believed = SimpleNamespace(std=torch.ones(2))
     monkeypatch.setattr(hypothesis_stage, "fit_noise", lambda _: believed)
     noise: Any = SimpleNamespace(std=torch.tensor([found, found]))
-    assert hypothesis_stage.inflated(problem, noise) is inflated
+    assert hypothesis_stage.is_noise_inflated(problem, noise) is inflated
 
 
 def test_a_start_is_found_again_in_a_prior_that_is_not_linear() -> None:
@@ -35,5 +35,5 @@ def test_a_start_is_found_again_in_a_prior_that_is_not_linear() -> None:
             return torch.stack([z[:, 0].exp(), z[:, 1] + z[:, 0] ** 2], dim=1)[:, None]
 
     z = torch.tensor([0.7, -1.2], dtype=torch.float64)
-    found = nearest(Bent(), Bent().start(z[None])[0])
+    found = project_state(Bent(), Bent().start(z[None])[0])
     torch.testing.assert_close(found, z, atol=1e-4, rtol=0)

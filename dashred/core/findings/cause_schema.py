@@ -19,8 +19,8 @@ Verdict = Literal[
 NotConverged = Literal["window-not-reached", "law-not-fitted", "misfit-unexplained"]
 
 # `from` is a keyword of Python, so this cannot be written as a class.
-SensorFaultFound = TypedDict(
-    "SensorFaultFound",
+FaultySensor = TypedDict(
+    "FaultySensor",
     {
         "sensor": str,
         "fault": str,
@@ -32,9 +32,12 @@ SensorFaultFound = TypedDict(
         "episode": str | None,
     },
 )
-"""A faulty sensor. `value` is the bias, the drift per unit time, the value at which it is stuck
-from the time `from` on, the number of spikes, or the distance from its stated place along `axis`.
-`reads` is the field that it reads. `episode` is null for a fault in all of them."""
+"""A faulty sensor.
+
+`value` is the bias, the drift per unit time, the value at which the sensor is stuck from time
+`from`, the number of spikes, or the distance from the stated position along `axis`. `reads` is the
+field that the sensor reads. `episode` is null for a fault in all episodes.
+"""
 
 Cause = TypedDict(
     "Cause",
@@ -47,9 +50,9 @@ Cause = TypedDict(
         "terms": list[str],
         "parameter": list[str],
         "extended": bool,
-        # The start lies outside of its prior, by this factor of its spread.
+        # Distance of the initial state from its prior, in standard deviations of the prior.
         "start": float,
-        # A faulty sensor, as in SensorFaultFound.
+        # A faulty sensor: the keys of FaultySensor.
         "sensor": str,
         "fault": str,
         "value": float,
@@ -58,7 +61,7 @@ Cause = TypedDict(
         "reads": str | None,
         "axis": str | None,
         "episode": str | None,
-        # Outside of the library: the evidence for a free forcing.
+        # Outside the library: the evidence for a free forcing.
         "gain": float,
         # Not converged.
         "reason": NotConverged,
@@ -80,4 +83,4 @@ Cause = TypedDict(
     },
     total=False,
 )
-"""One explanation and its probability, with the keys of its kind. `says` is the cause as text."""
+"""One cause and its probability, with the keys of its kind. `says` is the cause as text."""

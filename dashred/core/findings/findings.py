@@ -1,8 +1,8 @@
-"""The findings files: how they are written, and how they are frozen.
+"""Write and freeze the files of the findings.
 
-`findings.json` is a function of input, config and seed alone: no clock, no score, sorted keys and
-rounded floats, so that the same run gives the same bytes. `freeze.json` fixes its hash before the
-seal of a twin experiment is opened.
+`findings.json` depends on input, configuration and seed only. It contains no clock time and no
+score, its keys are sorted, and its floats are rounded, so that the same run gives the same bytes.
+`freeze.json` stores its hash before the truth of a twin experiment is read.
 """
 
 import hashlib
@@ -23,17 +23,17 @@ PACKAGES = ("dashred", "lightning", "mlflow", "numpy", "pysindy", "scipy", "torc
 
 
 def canonical(value: Any) -> Any:
-    """Plain JSON data: floats to 8 significant digits, NaN and infinities to null.
+    """Return plain JSON data: floats with 8 significant digits, null for NaN and infinities.
 
-    Arrays and array scalars are taken through their `tolist`, so no array library is imported.
+    Arrays and array scalars are converted by `tolist`, so that no array library is imported.
 
     Raises:
-        TypeError: for what JSON cannot hold in one way only (sets, paths, keys that are no text).
+        TypeError: the value has no unique JSON form (sets, paths, keys that are not text).
     """
     if value is None or isinstance(value, bool | str | int):
         return value
     if isinstance(value, float):
-        # The sum turns -0.0 into 0.0, which would otherwise give the same number two spellings.
+        # Adding 0.0 converts -0.0 to 0.0, so that zero has one form.
         return float(f"{value:.{SIGNIFICANT_DIGITS}g}") + 0.0 if math.isfinite(value) else None
     if isinstance(value, Mapping):
         if not all(isinstance(key, str) for key in value):
@@ -47,21 +47,21 @@ def canonical(value: Any) -> Any:
 
 
 def write_json_atomic(path: Path, obj: Any) -> None:
-    """Write `obj` so that the same object gives the same bytes, and never half of them."""
+    """Write an object as JSON, completely or not at all; the same object gives the same bytes."""
     text = json.dumps(canonical(obj), sort_keys=True, indent=2, ensure_ascii=False, allow_nan=False)
     write_text_atomic(path, f"{text}\n")
 
 
 def sha256_of(path: Path) -> str:
-    """The SHA-256 of a file's bytes, in hexadecimal."""
+    """Return the SHA-256 of a file, in hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def freeze(output: Path, files: list[str]) -> None:
-    """Fix the findings: write `freeze.json` with the hash of `findings.json` and of `files`.
+    """Write `freeze.json` with the hashes of `findings.json` and of `files`.
 
-    `files` are paths relative to `output`; `findings.json` is always among them.
+    `files` are paths relative to `output`.
     """
     hashes = {name: sha256_of(output / name) for name in sorted({*files, "findings.json"})}
     time = datetime.now(UTC).isoformat(timespec="seconds")
@@ -70,37 +70,37 @@ def freeze(output: Path, files: list[str]) -> None:
 
 
 def check_freeze(output: Path) -> None:
-    """Make sure that nothing frozen in `output` has been touched since.
+    """Check that no frozen file in `output` has changed.
 
     Raises:
-        InputError: if there is no readable freeze, or a frozen file is changed or gone.
+        InputError: there is no valid freeze, or a frozen file is changed or missing.
     """
     path = output / "freeze.json"
     hint = "run the analysis again into a fresh output folder"
     try:
         frozen = json.loads(path.read_text(encoding="utf-8"))
         hashes = dict(frozen["files"])
-        consistent = frozen["sha256"] == hashes["findings.json"]
+        is_valid = frozen["sha256"] == hashes["findings.json"]
     except FileNotFoundError:
         raise InputError("the findings have not been frozen", where=str(path), hint=hint) from None
     except (OSError, ValueError, TypeError, KeyError):
-        consistent = False
-    if not consistent:
+        is_valid = False
+    if not is_valid:
         raise InputError("this is not a valid freeze", where=str(path), hint=hint)
     for name, digest in hashes.items():
         file = output / name
         if not file.is_file():
-            raise InputError("a frozen file is gone", where=str(file), hint=hint)
+            raise InputError("a frozen file is missing", where=str(file), hint=hint)
         if sha256_of(file) != digest:
             raise InputError("changed after it was frozen", where=str(file), hint=hint)
 
 
 def versions() -> dict[str, str]:
-    """The versions on which the findings depend: Python's and those of the numerical packages."""
-    found = {"python": platform.python_version()}
+    """Return the versions that determine the findings: Python and the numerical packages."""
+    result = {"python": platform.python_version()}
     for package in PACKAGES:
         try:
-            found[package] = metadata.version(package)
+            result[package] = metadata.version(package)
         except metadata.PackageNotFoundError:
             continue
-    return found
+    return result

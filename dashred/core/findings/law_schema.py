@@ -1,8 +1,8 @@
 """The schema of a law in the findings: its terms, alternatives, location and consequences.
 
-A quantity that was not determined is null. The texts `says`, `region` of :class:`TermTried` and
-`regime` render the other keys for a reader. They are added when the findings are assembled, and no
-code reads a number from them.
+A quantity that was not determined is null. The texts `says`, `regime` and `region` of
+:class:`AlternativeTerm` describe the other keys. They are added when the findings are assembled,
+and no code parses them.
 """
 
 from typing import Literal, NotRequired, Required, TypedDict
@@ -23,14 +23,15 @@ Region = TypedDict(
     total=False,
 )
 """Where a term acts: ``axis, from, to`` in space, ``axis: t, from`` in time, ``field, above`` or
-``field, below`` in the values of a field. `std` is that of each edge, `ci95` of the threshold."""
+``field, below`` in the values of a field. `std` is that of each edge, `ci95` that of the threshold.
+"""
 
 
-class TermFound(TypedDict):
-    """A missing term: coefficient, its std and 95 % interval in the user's units.
+class MissingTerm(TypedDict):
+    """A missing term: coefficient, its standard deviation and 95 % interval in the user's units.
 
-    `inclusion` is the posterior probability that the term belongs to the law. `unit` is that of the
-    coefficient, where it follows from stated units. `effect` names what the term does.
+    `inclusion` is the posterior probability that the term belongs to the law. `unit` is the unit of
+    the coefficient, if it follows from stated units. `effect` names the physical effect.
     """
 
     equation: str
@@ -65,14 +66,15 @@ ParameterChange = TypedDict(
     },
 )
 """A parameter with a wrong value: `coefficient` is ``to - from``, `ci95` that of the new value.
-`aliases` are other parameters a change of which has the same effect. The change is `exact`, or of
-first order. `unit` is the stated one, if any."""
+`aliases` are other parameters whose change has the same effect. The change is `exact`, or else of
+first order. `unit` is the stated unit, if any."""
 
 
-class TermTried(TypedDict):
-    """A term of an alternative law; of a parameter the equation is null.
+class AlternativeTerm(TypedDict):
+    """A term of an alternative law; the equation of a parameter is null.
 
-    `window` is where the term acts, and `region` the same as text; both are null everywhere.
+    `window` is where the term acts, and `region` is the same as text. Both are null for a term that
+    acts everywhere.
     """
 
     equation: str | None
@@ -83,26 +85,26 @@ class TermTried(TypedDict):
 
 
 class Alternative(TypedDict):
-    """Another law; `rival` if the recording does not distinguish it from the best one.
+    """An alternative law; `rival` if the recording does not distinguish it from the best law.
 
-    `same_as_best`: the sensors read the same under both, so no recording can distinguish them.
+    `same_as_best`: the sensors read the same under both laws, so no recording distinguishes them.
     """
 
-    terms: list[TermTried]
+    terms: list[AlternativeTerm]
     delta_bic: float
     rival: bool
     same_as_best: bool
 
 
 class SmallerLaw(TypedDict):
-    """The best law of fewer terms, and the share of what the best law explains that it explains."""
+    """The best law with fewer terms, and how much it explains as a share of the best law."""
 
-    terms: list[TermTried]
+    terms: list[AlternativeTerm]
     explained: float
 
 
 class SensorGain(TypedDict):
-    """Mean squared residual in units of the noise, without the law and with it, and p of that."""
+    """Mean squared residual in units of the noise, without and with the law, and the p-value."""
 
     name: str
     before: float | None
@@ -112,7 +114,7 @@ class SensorGain(TypedDict):
 
 
 class Profile(TypedDict):
-    """RMS residual over all sensors in units of the noise, without the law and with it."""
+    """RMS residual over all sensors in units of the noise, without and with the law."""
 
     times: list[float]
     before: list[float | None]
@@ -120,11 +122,11 @@ class Profile(TypedDict):
 
 
 class Forcing(TypedDict):
-    """The forcing that the simulation lacks, by place and time, in units of each own tendency.
+    """The forcing that the simulation lacks, in units of the tendency of each equation.
 
-    `places` holds the middle of each cell along every axis; amplitudes and their standard
-    deviations are, by equation, lists of cells of lists of knots; `peak` is where they are largest;
-    `gain` is the evidence for them.
+    `places` holds the centre of each cell along every axis. `amplitude` and `std` are, by equation,
+    lists of cells of lists of knots. `peak` is the place and time of the largest amplitude, and
+    `gain` the evidence for the forcing.
     """
 
     places: list[list[float]]
@@ -136,10 +138,10 @@ class Forcing(TypedDict):
 
 
 class ActiveStates(TypedDict, total=False):
-    """The states that carry most of a law's power: those on one side of a threshold.
+    """The states with most of a law's power: those on one side of a threshold.
 
-    The threshold `above` or `below` is that of `field`, or of its `magnitude`, to `precision`. The
-    `share` of all points lies there, and carries the share `carried` of the power.
+    `above` or `below` is the threshold of `field`, or of its `magnitude`, known to `precision`.
+    `share` is the fraction of points in these states, and `carried` their fraction of the power.
     """
 
     field: Required[str]
@@ -152,10 +154,10 @@ class ActiveStates(TypedDict, total=False):
 
 
 class Where(TypedDict):
-    """Where the law acts: in which equation, when, in what part of state space, at what sensors.
+    """Where the law acts: in which equations, at which times, in which states, at which sensors.
 
-    `states` is null where the law acts in all states; `regime` is the same as text. `forcing` is
-    the map of a free forcing, if one was needed; else null.
+    `states` is null if the law acts in all states; `regime` is the same as text. `forcing` is the
+    map of a free forcing, or null if none was needed.
     """
 
     equation: dict[str, float]
@@ -170,14 +172,14 @@ class Where(TypedDict):
 
 
 class Share(TypedDict):
-    """The share of its energy that a cycle loses, negative for a gain, and its std."""
+    """The fraction of energy lost in a cycle, negative for a gain, and its standard deviation."""
 
     lost: float
     std: float
 
 
-class EnergyLost(TypedDict):
-    """What the corrected system loses in its first and its last whole cycle of the fit window."""
+class EnergyLoss(TypedDict):
+    """Energy loss of the corrected system in the first and last full cycle of the fit window."""
 
     expression: str
     cycles: int
@@ -185,10 +187,10 @@ class EnergyLost(TypedDict):
     last: Share
 
 
-class StructureChanged(TypedDict):
-    """Which part of a port-Hamiltonian system a term changes; null where it is no single part.
+class PartChange(TypedDict):
+    """The part of a port-Hamiltonian system that a term changes; null if it is not a single part.
 
-    `passive`: of a change of R, the dissipation, whether the term by itself dissipates energy.
+    `passive` is for a change of R, the dissipation: whether the term alone dissipates energy.
     """
 
     term: str
@@ -196,8 +198,8 @@ class StructureChanged(TypedDict):
     passive: bool | None
 
 
-class StructureFound(TypedDict):
-    """What a law changes in a port-Hamiltonian system, and whether the corrected one is such."""
+class StructureChanges(TypedDict):
+    """Changes of a port-Hamiltonian system, and whether the result is port-Hamiltonian."""
 
-    changes: list[StructureChanged]
+    changes: list[PartChange]
     port_hamiltonian: bool

@@ -1,8 +1,8 @@
 """The names of the compared methods: in `findings.json`, `estimates.nc`, tables and figures.
 
-Of the simulations, `simulation` runs from the nominal start, `simulation_same_start` from the start
-fitted with the law, and `simulation_refit` from the start that fits best without a law. `corrected`
-is the simulation with the law.
+`simulation` runs from the nominal initial state, `simulation_same_start` from the initial state
+fitted with the law, and `simulation_refit` from the initial state that fits best without a law.
+`corrected` is the simulation with the law.
 """
 
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from typing import TypeVar
 
 Value = TypeVar("Value")
 
-# One curve for both: DA-SHRED equals SHRED where no latent transform was accepted.
+# One curve for both: DA-SHRED equals SHRED if no latent transform was accepted.
 SHRED_UNCHANGED = "shred = dashred"
 
 LABELS = {
@@ -31,7 +31,7 @@ LABELS = {
     "corrected": "dashred: corrected simulator",
     "corrected_shred": "dashred: corrected SHRED",
 }
-"""What a reader calls each method, by its name in the files."""
+"""The label of each method, by its name in the files."""
 
 AT_SENSORS = (
     "nearest_snapshots",
@@ -55,7 +55,7 @@ DEPRECATED = {
 
 
 def method_label(method: str) -> str:
-    """Return what a reader calls the method; an unknown one by its own name."""
+    """Return the label of a method, or its name if it has none."""
     return LABELS.get(method, method)
 
 

@@ -1,7 +1,8 @@
 """The schema of the findings files, `findings.json` and `score.json`.
 
 A quantity that was not determined is null. Errors are RMSEs in units of a standard deviation. The
-schemas of a law and of a cause are in files of their own.
+schemas of a law and of a cause are in :mod:`dashred.core.findings.law_schema` and
+:mod:`dashred.core.findings.cause_schema`.
 """
 
 from collections.abc import Mapping
@@ -10,11 +11,11 @@ from typing import Any, NotRequired, TypedDict, cast
 from dashred.core.findings.cause_schema import Cause, Verdict
 from dashred.core.findings.law_schema import (
     Alternative,
-    EnergyLost,
+    EnergyLoss,
+    MissingTerm,
     ParameterChange,
     SmallerLaw,
-    StructureFound,
-    TermFound,
+    StructureChanges,
     Where,
 )
 from dashred.core.findings.methods import AT_SENSORS, with_deprecated
@@ -46,11 +47,11 @@ class ErrorsByMethod(TypedDict):
 
 
 class HeldOut(TypedDict):
-    """RMSE on what no fit has seen.
+    """RMSE on data that no fit used.
 
-    `heldout_restarted` is the held-out time again, run from a state that was fitted to the last
-    samples before it alone. `heldout_episode` is an episode that is held out whole, run from a
-    start that was fitted to its beginning; it is there only where one is.
+    `heldout_restarted` is the held-out time simulated from a state that was fitted to the last
+    samples before it. `heldout_episode` is an episode that was held out completely, simulated from
+    an initial state that was fitted to its beginning; the key exists only with such an episode.
     """
 
     test_sensors: ErrorsByMethod
@@ -60,10 +61,11 @@ class HeldOut(TypedDict):
 
 
 class Fit(HeldOut):
-    """How well the recording is met; `noise_std` is per sensor, in the sensor's own unit.
+    """Quality of the fit to the recording; `noise_std` is by sensor, in the sensor's unit.
 
-    `noise_correlation` is between neighbouring samples, of the quantity in which it is largest;
-    `own_error` is the simulator's, where the recording begins, in standard deviations of the noise.
+    `noise_correlation` is the largest correlation of neighbouring samples over all quantities.
+    `own_error` is the numerical error of the simulator at the start of the recording, in standard
+    deviations of the noise.
     """
 
     noise_std: dict[str, float] | None
@@ -74,7 +76,7 @@ class Fit(HeldOut):
 
 
 class Proposal(TypedDict):
-    """One term that latent SINDy proposes: coefficient in user's units, rank 1 is the first."""
+    """A term that latent SINDy proposes; coefficient in the user's units, rank from 1."""
 
     equation: str
     term: str
@@ -84,14 +86,14 @@ class Proposal(TypedDict):
 
 
 class PathStep(TypedDict):
-    """The regression's RMSE when only so many terms are kept."""
+    """RMSE of the regression with a given number of terms."""
 
     terms: int
     rmse: float
 
 
 class LatentSindy(TypedDict):
-    """What one of the paper's two algorithms proposes."""
+    """Proposals of one of the paper's two algorithms."""
 
     proposals: list[Proposal]
     rmse_path: list[PathStep]
@@ -107,7 +109,7 @@ class Latent(TypedDict):
 class EpisodeSplit(TypedDict):
     """An episode from `begin` to `end` on its own clock; it was fitted until `time_end`.
 
-    Of one that is held out whole, its start alone.
+    If the episode is held out, only its initial state was fitted.
     """
 
     name: str
@@ -118,9 +120,9 @@ class EpisodeSplit(TypedDict):
 
 
 class Splits(TypedDict):
-    """Names of the sensors in each role, the end of the fit window, and anything to know of it.
+    """Names of the sensors in each role, the end of the fit window, and a note about the window.
 
-    `episodes` is there only where there are several; the window is then that of the longest.
+    `episodes` exists only with several episodes; the window is then that of the longest one.
     """
 
     inputs: list[str]
@@ -133,10 +135,10 @@ class Splits(TypedDict):
 
 
 class Input(TypedDict):
-    """Everything that determines the findings; the snapshots' hash, where there are any.
+    """Everything that determines the findings.
 
-    `library_left_out` has the default terms, `equation: term`, of which data like the simulation
-    would tell nothing, and why.
+    `snapshots_sha256` exists only with snapshots. `library_left_out` has the default terms,
+    `equation: term`, that data like the simulation cannot determine, and the reason.
     """
 
     config: dict[str, Any]
@@ -151,20 +153,20 @@ class Input(TypedDict):
 
 
 class Findings(TypedDict):
-    """`findings.json`; what has not been looked for is null.
+    """`findings.json`; quantities that were not analysed are null.
 
-    `units` are those that the configuration or the recording states, by name, that of time as `t`:
-    there where any is.
+    `units` are the units stated by the configuration or the recording, by name, and the unit of
+    time as `t`. The key exists only if a unit is stated.
     """
 
     verdict: Verdict | None
     causes: list[Cause] | None
     where: Where | None
-    terms: list[TermFound | ParameterChange] | None
+    terms: list[MissingTerm | ParameterChange] | None
     alternatives: list[Alternative] | None
     smaller: list[SmallerLaw] | None
-    energy: EnergyLost | None
-    structure: StructureFound | None
+    energy: EnergyLoss | None
+    structure: StructureChanges | None
     fit: Fit
     latent: Latent
     corrected: str | None
@@ -175,9 +177,9 @@ class Findings(TypedDict):
 class Score(TypedDict):
     """`score.json` of a twin; errors of fields are in units of each field's own std.
 
-    The coefficient error is a fraction, known where the support is exact. Forecasts are compared
-    over the forecast window, everything else over the fit window. A latent rank is the place of a
-    term of the true law among an algorithm's proposals.
+    The coefficient error is relative, and known if the support is exact. Forecasts are compared
+    over the forecast window, everything else over the fit window. A latent rank is the rank of a
+    term of the true law among the proposals of an algorithm.
 
     `before`, `before_refit` and `after` in `forecast` are deprecated: they repeat
     `simulation_same_start`, `simulation_refit` and `corrected` for one release.
@@ -194,16 +196,16 @@ class Score(TypedDict):
 
 
 def errors_by_method(**rmse: float) -> ErrorsByMethod:
-    """Return the errors of the given methods; the others are null.
+    """Return the errors of the given methods; other errors are null.
 
     Raises:
-        TypeError: a name is not that of a method compared at sensors.
+        TypeError: a name is not in ``AT_SENSORS``.
     """
     if unknown := rmse.keys() - set(AT_SENSORS):
         raise TypeError(f"the findings have no method called {', '.join(sorted(unknown))}")
     always = [name for name in AT_SENSORS if name in ErrorsByMethod.__required_keys__]
-    found = with_deprecated(dict.fromkeys(always) | rmse)
-    return cast(ErrorsByMethod, found)
+    result = with_deprecated(dict.fromkeys(always) | rmse)
+    return cast(ErrorsByMethod, result)
 
 
 def new_findings(
@@ -214,15 +216,15 @@ def new_findings(
     verdict: Verdict | None = None,
     causes: list[Cause] | None = None,
     where: Where | None = None,
-    terms: list[TermFound | ParameterChange] | None = None,
+    terms: list[MissingTerm | ParameterChange] | None = None,
     alternatives: list[Alternative] | None = None,
     smaller: list[SmallerLaw] | None = None,
-    energy: EnergyLost | None = None,
-    structure: StructureFound | None = None,
+    energy: EnergyLoss | None = None,
+    structure: StructureChanges | None = None,
     corrected: str | None = None,
     units: Mapping[str, str] | None = None,
 ) -> Findings:
-    """Findings in which everything that was not looked for is null."""
+    """Return findings in which quantities that are not given are null."""
     unfitted = Fit(
         noise_std=None,
         noise_correlation=None,

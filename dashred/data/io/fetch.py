@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dashred.core.argument_types import read_path
-from dashred.core.arguments import Command, word
+from dashred.core.arguments import Command, argument
 from dashred.core.errors import DONE, InputError
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.findings import sha256_of
@@ -18,15 +18,15 @@ from dashred.data.io.published_recording import PENDULUM, fetch_csv
 
 
 @dataclass(frozen=True, kw_only=True)
-class Words:
+class Arguments:
     """The words of the command."""
 
-    path: Path = word(
+    path: Path = argument(
         read_path,
         "FILE.csv",
         "output file; an existing file is verified and not overwritten",
     )
-    source: str = word(
+    source: str = argument(
         str,
         "URL|FILE",
         "another URL, or a file that you have downloaded",
@@ -36,7 +36,7 @@ class Words:
 
 COMMAND = Command(
     "dashred fetch",
-    Words,
+    Arguments,
     f"""\
 Downloads the recording of a real pendulum that the tutorial (docs/tutorial.md) analyses:
 {PENDULUM.contents}.""",

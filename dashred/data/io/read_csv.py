@@ -16,7 +16,7 @@ from dashred.data.io.csv_table import read_table, separator_hint
 from dashred.data.io.sensors_table import read_sensors
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.sensors import RESERVED, Sensor, SystemDescription, observable_names
-from dashred.physics.backends.input_signals import Measured
+from dashred.physics.backends.input_signals import InputSignals
 
 
 def read_csv(path: str, sensors_table: str | None, system: SystemDescription) -> Episodes:
@@ -73,7 +73,7 @@ def episodes_of_table(
         recording = checked_recording(
             sensors, times[rows], values[rows], path=stretch.location(path), place=place
         )
-        driven = Measured(times[rows], {name: found[rows] for name, found in inputs.items()})
+        driven = InputSignals(times[rows], {name: found[rows] for name, found in inputs.items()})
         return Episode(stretch.name, replace(recording, inputs=driven, units=stated.units))
 
     return Episodes(tuple(map(episode, _episode_rows(table))))

@@ -21,7 +21,7 @@ from dashred.data.episodes import Episode, EpisodeRows, Episodes, split_into_epi
 from dashred.data.io.csv_table import SECONDS_AS_NUMBERS
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.sensors import Sensor, SystemDescription, check_names, check_sensor
-from dashred.physics.backends.input_signals import Measured
+from dashred.physics.backends.input_signals import InputSignals
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -62,7 +62,7 @@ def episodes_of_dataset(dataset: xr.Dataset, path: str, system: SystemDescriptio
     parts = _episode_rows(dataset, "episode", "time", path)
     inputs = _inputs(dataset, system, parts, path)
 
-    def episode(stretch: EpisodeRows, driven: Measured) -> Episode:
+    def episode(stretch: EpisodeRows, driven: InputSignals) -> Episode:
         rows, first = stretch.rows, stretch.rows.start
 
         def place(row: int, sensor: str | None) -> str:
@@ -157,7 +157,7 @@ def _episode_rows(dataset: xr.Dataset, name: str, clock: str, path: str) -> list
 
 def _inputs(
     dataset: xr.Dataset, system: SystemDescription, parts: Sequence[EpisodeRows], path: str
-) -> list[Measured]:
+) -> list[InputSignals]:
     """Return the inputs of every episode by column, on their own or on the recording's clock."""
     clock, input_parts = "time", list(parts)
     if "input_time" in dataset.variables:
@@ -182,7 +182,7 @@ def _inputs(
             if not np.all(np.isfinite(own)) or not np.all(np.diff(own) > 0):
                 raise InputError(f"{clock!r} does not increase", where=part.location(path))
     return [
-        Measured(times[part.rows], {name: found[part.rows] for name, found in columns.items()})
+        InputSignals(times[part.rows], {name: found[part.rows] for name, found in columns.items()})
         for part in input_parts
     ]
 

@@ -1,4 +1,4 @@
-"""Run the other methods on outcome recording, in a process of its own.
+"""Run the other methods on one recording, in a process of its own.
 
 Like the analysis it is handed the recording alone. It writes ``baselines.nc``, the fields by
 method, and ``baselines.json``: laws, settings, seconds, failures, and the hash that freezes the
@@ -40,7 +40,7 @@ MAX_LENGTH = 200
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of outcome method.
+    """Outcome of one method.
 
     Attributes:
         found: the estimate; None if the method does not apply to the system or failed.
@@ -66,32 +66,36 @@ def analyse(config: Config) -> None:
     from dashred.evaluation.baselines.kalman_filter import filter_augmented, filter_state
     from dashred.evaluation.baselines.optimal_interpolation import optimal_interpolation
     from dashred.evaluation.baselines.plain_shred import plain_shred
-    from dashred.pipeline import problem, simulation
+    from dashred.pipeline import simulation
     from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
+    from dashred.pipeline.problem import build_problem
     from dashred.pipeline.run import provenance
     from dashred.pipeline.run.output_dir import make_output
 
     assert config.output is not None
     provenance.prepare_torch(config)
-    posed = problem.build_problem(config)
-    if posed.others:
-        fault = "the baselines read outcome episode, and the recording has several"
+    problem = build_problem(config)
+    if problem.others:
+        fault = "the baselines read one episode, and the recording has several"
         raise InputError(fault, where=config.recording.path)
-    nominal = simulation.simulate_nominal(posed, {})
-    posed = keep_identifiable_terms(posed, nominal.states, posed.times)
-    unchanged = replace(posed, config=_plain(config))
+    nominal = simulation.simulate_nominal(problem, {})
+    problem = keep_identifiable_terms(problem, nominal.states, problem.times)
+    unchanged = replace(problem, config=_plain(config))
     plain_seconds: dict[str, float] = {}
     plain = simulation.simulate_ensemble(unchanged, nominal, plain_seconds)
     keep = config.tracking
     experiment = keep.experiment or config.name
     with Tracker.open(keep.root, experiment, "baselines", parent=keep.parent) as run:
         methods: dict[str, tuple[Callable[[], Estimate | None], dict[str, float]]] = {
-            "closed_form": (partial(closed_form, posed, nominal.prior), {}),
-            "optimal_interpolation": (partial(optimal_interpolation, posed, plain), plain_seconds),
+            "closed_form": (partial(closed_form, problem, nominal.prior), {}),
+            "optimal_interpolation": (
+                partial(optimal_interpolation, problem, plain),
+                plain_seconds,
+            ),
             "shred_plain": (partial(plain_shred, unchanged, plain, run), plain_seconds),
-            "filter_state": (partial(filter_state, posed, plain), plain_seconds),
+            "filter_state": (partial(filter_state, problem, plain), plain_seconds),
             "filter_augmented": (
-                partial(filter_augmented, posed, plain, nominal.states),
+                partial(filter_augmented, problem, plain, nominal.states),
                 plain_seconds,
             ),
         }
@@ -99,11 +103,11 @@ def analyse(config: Config) -> None:
             name: attempt(method, sum(simulations.values()))
             for name, (method, simulations) in methods.items()
         }
-        _write(make_output(config.output), posed, ended, run.run_id)
+        _write(make_output(config.output), problem, ended, run.run_id)
 
 
 def attempt(method: Callable[[], Estimate | None], simulated: float) -> Outcome:
-    """Run outcome method and record its failure, if any.
+    """Run one method and record its failure, if any.
 
     Args:
         method: the method, without arguments.
@@ -126,7 +130,7 @@ def attempt(method: Callable[[], Estimate | None], simulated: float) -> Outcome:
 
 
 def failure_text(error: Exception) -> str:
-    """Print the traceback of a failure and return its message on outcome line.
+    """Print the traceback of a failure and return its message on one line.
 
     Raises:
         Exception: the error itself, if it is an error of the machine or the store.
@@ -142,17 +146,17 @@ def _plain(config: Config) -> Config:
     return replace(config, simulation=replace(config.simulation, discrepancy=False))
 
 
-def _write(output: Path, posed: Problem, ended: dict[str, Outcome], run_id: str) -> None:
+def _write(output: Path, problem: Problem, ended: dict[str, Outcome], run_id: str) -> None:
     from dashred.core.findings.findings import sha256_of, write_json_atomic
     from dashred.pipeline.outputs.field_files import write_estimates
 
     fields = {
         name: outcome.found.states for name, outcome in ended.items() if outcome.found is not None
     }
-    count = len(posed.split.fit.times)
+    count = len(problem.split.fit.times)
     sha256 = None
     if fields:
-        write_estimates(output / FIELDS, posed.system, posed.times[:count], fields)
+        write_estimates(output / FIELDS, problem.system, problem.times[:count], fields)
         sha256 = sha256_of(output / FIELDS)
     methods = {
         name: {

@@ -19,8 +19,8 @@ from dashred.evaluation.baselines.estimate import Estimate, TermEntry
 from dashred.evaluation.baselines.localisation import radii, radius_text
 from dashred.inference.forward.candidates import stable_limit
 from dashred.inference.initial_state.ensemble_filter import (
-    Filtered,
     FilterLostError,
+    FilterResult,
     FilterSettings,
     ensemble_filter,
 )
@@ -105,7 +105,7 @@ def _coefficients(problem: Problem, nominal: Tensor, members: int, width: float)
 
 def _most_likely(
     problem: Problem, starts: Tensor, trials: Sequence[Trial]
-) -> tuple[Filtered, Trial]:
+) -> tuple[FilterResult, Trial]:
     """Return the run with the most likely innovations.
 
     Raises:
@@ -141,7 +141,7 @@ def _localised(radius: float, inflation: float) -> FilterSettings:
 
 def _filter(
     problem: Problem, starts: Tensor, coefficients: Tensor | None, settings: FilterSettings
-) -> Filtered:
+) -> FilterResult:
     fit = problem.split.fit
     return ensemble_filter(
         problem.ensemble_system,
@@ -156,14 +156,14 @@ def _filter(
     )
 
 
-def _negative_log_likelihood(filtered: Filtered) -> float:
+def _negative_log_likelihood(filtered: FilterResult) -> float:
     """Return the negative log-likelihood of the innovations, up to a constant."""
     seen = ~filtered.innovations.isnan()
     std = filtered.innovation_std[seen]
     return float((std.log() + (filtered.innovations[seen] / std).square() / 2).sum())
 
 
-def _law(library: Sequence[Term], filtered: Filtered) -> list[TermEntry]:
+def _law(library: Sequence[Term], filtered: FilterResult) -> list[TermEntry]:
     """Return the significant terms, with a joint confidence of 95 %.
 
     At 95 % for each term, 2 of 40 absent terms would be significant by chance.

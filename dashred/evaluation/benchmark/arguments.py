@@ -6,10 +6,16 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TypeVar
 
-from dashred.config import Settings, bundled
+from dashred.config import Settings, bundled_names
 from dashred.config.bundled_systems import results_root
-from dashred.core.argument_types import list_of, ranges, read_absolute, read_number, whole
-from dashred.core.arguments import HELP, PLACE, Command, word
+from dashred.core.argument_types import (
+    integer_reader,
+    list_reader,
+    ranges_reader,
+    read_absolute_path,
+    read_number,
+)
+from dashred.core.arguments import COMMAND_LINE, HELP_FLAGS, Command, argument
 from dashred.core.errors import InputError
 
 # What differs from row to row, or is settled by the bench, and the word that says it here.
@@ -30,11 +36,11 @@ SYSTEM_NUMBER = "own"
 
 
 def _read_systems(text: str) -> tuple[str, ...]:
-    return tuple(bundled()) if text == "all" else list_of(str)(text)
+    return tuple(bundled_names()) if text == "all" else list_reader(str)(text)
 
 
 def _read_count(text: str) -> int | None:
-    return None if text == SYSTEM_NUMBER else whole(at_most=9999)(text)
+    return None if text == SYSTEM_NUMBER else integer_reader(at_most=9999)(text)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,46 +55,46 @@ class Request:
         overrides: words for every run.
     """
 
-    systems: tuple[str, ...] = word(
+    systems: tuple[str, ...] = argument(
         _read_systems,
         "SYSTEM,...",
-        f"bundled systems ({', '.join(bundled())}), all of them (all), or paths of YAML files",
+        f"bundled systems ({', '.join(bundled_names())}), all (every one), or paths of YAML files",
     )
-    twins: tuple[str, ...] | None = word(
-        list_of(str),
+    twins: tuple[str, ...] | None = argument(
+        list_reader(str),
         "a,b,null",
         "hidden truths; default: those that start from the simulator's own start",
         default=None,
     )
-    seeds: tuple[int, ...] = word(
-        ranges(at_most=10_000), "0-4", "a range, or a list such as 0,1,3", default="0"
+    seeds: tuple[int, ...] = argument(
+        ranges_reader(at_most=10_000), "0-4", "a range, or a list such as 0,1,3", default="0"
     )
-    noise: tuple[float, ...] = word(
-        list_of(read_number),
+    noise: tuple[float, ...] = argument(
+        list_reader(read_number),
         "0.01,0.05",
         "fractions of each field's standard deviation",
         default="0.05",
     )
-    sensors: tuple[int | None, ...] = word(
-        list_of(_read_count),
+    sensors: tuple[int | None, ...] = argument(
+        list_reader(_read_count),
         "own,4,8",
         "numbers of fit sensors; own is the system's own number",
         default=SYSTEM_NUMBER,
     )
-    extra: tuple[int | None, ...] = word(
-        list_of(_read_count),
+    extra: tuple[int | None, ...] = argument(
+        list_reader(_read_count),
         "own,0,4",
         "of them, those that SHRED's input is without",
         default=SYSTEM_NUMBER,
     )
-    jobs: int = word(
-        whole(at_least=1, at_most=9999),
+    jobs: int = argument(
+        integer_reader(at_least=1, at_most=9999),
         "2",
         "rows at once; more than one disturb each other's seconds",
         default="1",
     )
-    output: Path = word(
-        read_absolute,
+    output: Path = argument(
+        read_absolute_path,
         "DIR",
         f"default: {results_root() / 'bench'} (not tracked by git)",
         factory=lambda: results_root() / "bench",
@@ -133,9 +139,9 @@ def read_request(command: Command[R], argv: list[str]) -> R:
     overrides: list[str] = []
     for text in argv:
         key, sign, _ = text.partition("=")
-        if key in RESERVED and not HELP & set(argv):
+        if key in RESERVED and not HELP_FLAGS & set(argv):
             what, hint = f"{key}= is not a word of {command.program}", f"use {RESERVED[key]}"
-            raise InputError(what, where=PLACE, hint=hint)
+            raise InputError(what, where=COMMAND_LINE, hint=hint)
         passed_on = sign and key.partition(".")[0] in sections and key != "output"
         (overrides if passed_on else own).append(text)
     return replace(command.read(own, others=sections), overrides=tuple(overrides))

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from dashred.config import Config, config_sha256, load_config
-from dashred.core.arguments import PLACE
+from dashred.core.arguments import COMMAND_LINE
 from dashred.core.errors import InputError
 from dashred.evaluation.benchmark.arguments import Request
 from dashred.evaluation.twins.twin_file import (
@@ -77,7 +77,9 @@ def plan(request: Request) -> list[Row]:
         config = _config(system, request, "recording.twin=null")
         if sources.setdefault(config.name, config.source) != config.source:
             raise InputError(
-                f"two systems are called {config.name}", where=PLACE, hint="rename one of the files"
+                f"two systems are called {config.name}",
+                where=COMMAND_LINE,
+                hint="rename one of the files",
             )
         for noise, sensors, extra in product(request.noise, request.sensors, request.extra):
             sensor_arguments = _sensor_arguments(sensors, extra).values()

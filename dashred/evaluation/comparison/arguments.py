@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dashred.config.bundled_systems import results_root
-from dashred.core.argument_types import read_absolute
-from dashred.core.arguments import Command, word
+from dashred.core.argument_types import read_absolute_path
+from dashred.core.arguments import Command, argument
 from dashred.evaluation.benchmark import arguments as bench
 
 
@@ -20,14 +20,14 @@ class Request(bench.Request):
         document: file of the page; None for ``results.md`` in the folder of the rows.
     """
 
-    output: Path = word(
-        read_absolute,
+    output: Path = argument(
+        read_absolute_path,
         "DIR",
         f"default: {results_root() / 'comparison'} (not tracked by git)",
         factory=lambda: results_root() / "comparison",
     )
-    document: Path | None = word(
-        read_absolute,
+    document: Path | None = argument(
+        read_absolute_path,
         "FILE.md",
         "the page, its figures in figures/ beside it; default: DIR/results.md",
         default=None,

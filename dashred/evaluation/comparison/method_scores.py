@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dashred.core.argument_types import read_number, read_path, whole
-from dashred.core.arguments import Command, word
+from dashred.core.argument_types import integer_reader, read_number, read_path
+from dashred.core.arguments import Command, argument
 from dashred.core.errors import DONE, InputError, run_entry
 from dashred.core.findings.findings import check_freeze, sha256_of, write_json_atomic
 from dashred.evaluation.baselines.analyse import FIELDS, LAW_METHODS, LAWS, METHODS, NOT_FOR_SYSTEM
@@ -49,16 +49,18 @@ ALL_LAW_METHODS = ("corrected", "pde_find", *LAW_METHODS)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Words:
+class Arguments:
     """The words of this process."""
 
-    folder: Path = word(read_path, "DIR", "folder of the row")
-    noise: float = word(read_number, "0.05", "of the field that PDE-FIND gets")
-    seed: int = word(whole(), "0", "of that noise")
+    folder: Path = argument(read_path, "DIR", "folder of the row")
+    noise: float = argument(read_number, "0.05", "of the field that PDE-FIND gets")
+    seed: int = argument(integer_reader(), "0", "of that noise")
 
 
 COMMAND = Command(
-    "python -m dashred.evaluation.comparison.method_scores", Words, "Scores the methods of a row."
+    "python -m dashred.evaluation.comparison.method_scores",
+    Arguments,
+    "Scores the methods of a row.",
 )
 
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from dashred.core.findings.methods import SHRED_UNCHANGED, method_label
 from dashred.core.units import time_label
-from dashred.reporting.figures.style import method_look, new_figure, save_figure, style
+from dashred.reporting.figures.style import method_style, new_figure, save_figure, style
 
 METHODS_FIGURE = "methods_truth.png"
 # In the order of the legend. Related methods share a colour and differ in their dashes.
@@ -76,7 +76,7 @@ def methods_figure(
             ylim=(max(seen.min() / 1.5, LOWEST), min(seen.max() * 1.5, HIGHEST)),
         )
         for index, (method, values) in enumerate(drawn.items()):
-            axes.plot(times, values, label=method_label(method), **method_look(method, index))
+            axes.plot(times, values, label=method_label(method), **method_style(method, index))
         if drawn:
             figure.legend(loc="outside right upper")
     return figure

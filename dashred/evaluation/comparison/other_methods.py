@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dashred.core.argument_types import read_number, read_path
-from dashred.core.arguments import Command, declared, word
+from dashred.core.arguments import Command, argument, declared_arguments
 from dashred.core.errors import DONE, run_entry
 from dashred.evaluation.baselines.analyse import FIELDS, LAWS
 from dashred.evaluation.comparison.method_scores import ESTIMATES
@@ -22,16 +22,16 @@ from dashred.evaluation.twins.twin_experiment import analysis_arguments
 
 
 @dataclass(frozen=True, kw_only=True)
-class Words:
+class Arguments:
     """The words of this process; all others are those of the row's analysis."""
 
-    folder: Path = word(read_path, "DIR", "folder of the row")
-    noise: float = word(read_number, "0.05", "of the row")
+    folder: Path = argument(read_path, "DIR", "folder of the row")
+    noise: float = argument(read_number, "0.05", "of the row")
 
 
 COMMAND = Command(
     "python -m dashred.evaluation.comparison.other_methods",
-    Words,
+    Arguments,
     "Runs the other methods on the recording of a row, and scores all of them.",
     rest="the words of the row's analysis",
 )
@@ -43,7 +43,7 @@ def main(argv: list[str]) -> int:
     If the process of the other methods fails, the analysis is still scored. If the analysis has no
     field, the other methods are not run.
     """
-    own = {one.name for one in declared(Words)}
+    own = {one.name for one in declared_arguments(Arguments)}
     row = COMMAND.read([text for text in argv if text.partition("=")[0] in own])
     words = [text for text in argv if text.partition("=")[0] not in own]
     folder = row.folder

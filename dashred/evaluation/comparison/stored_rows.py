@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dashred.core.arguments import pairs
+from dashred.core.arguments import key_value_pairs
 from dashred.core.errors import InputError
 from dashred.evaluation.benchmark.arguments import Request
 from dashred.evaluation.benchmark.plan import Row, plan
@@ -55,7 +55,7 @@ def _request(record: dict[str, Any], request: Request) -> Request:
     twin, noise, seed, sensors, extra, words = (record[key] for key in ROW_KEYS)
     return replace(
         request,
-        systems=(dict(pairs(words))["conf"],),
+        systems=(dict(key_value_pairs(words))["conf"],),
         twins=(twin,),
         seeds=(seed,),
         noise=(noise,),

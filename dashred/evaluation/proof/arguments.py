@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dashred.config.bundled_systems import check_checkout, results_root
-from dashred.core.argument_types import read_absolute, whole
-from dashred.core.arguments import PLACE, Command, pairs, word
+from dashred.core.argument_types import integer_reader, read_absolute_path
+from dashred.core.arguments import COMMAND_LINE, Command, argument, key_value_pairs
 from dashred.core.errors import InputError
 from dashred.evaluation.proof.cases.draw_file import read_draw
 from dashred.evaluation.proof.isolation import CHECKOUT
@@ -20,50 +20,53 @@ MAX_COUNT = 100_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class Words:
+class Arguments:
     """The words of the command."""
 
-    cases: int = word(
-        whole(at_most=MAX_COUNT),
+    cases: int = argument(
+        integer_reader(at_most=MAX_COUNT),
         "120",
         "how many cases hide something (or, some of them, nothing)",
         default="12",
     )
-    nulls: int = word(
-        whole(at_most=MAX_COUNT),
+    nulls: int = argument(
+        integer_reader(at_most=MAX_COUNT),
         "100",
         "how many more hide nothing, a third of them with other troubles",
         default="0",
     )
-    jobs: int = word(
-        whole(at_least=1, at_most=MAX_COUNT), "2", "cases at once, each on one core", default="1"
+    jobs: int = argument(
+        integer_reader(at_least=1, at_most=MAX_COUNT),
+        "2",
+        "cases at once, each on one core",
+        default="1",
     )
-    output: Path | None = word(
-        read_absolute,
+    output: Path | None = argument(
+        read_absolute_path,
         "DIR",
         f"default: {results_root() / 'proof'}/COMMIT (not tracked by git)",
         default=None,
     )
-    document: Path | None = word(
-        read_absolute,
+    document: Path | None = argument(
+        read_absolute_path,
         "FILE",
         "writes the result as Markdown, its figures beside it; default: DIR/proof.md",
         default=None,
     )
-    pendulum: Path | None = word(
-        read_absolute,
+    pendulum: Path | None = argument(
+        read_absolute_path,
         "FILE",
         "the recording of a real pendulum, for the document's appendix",
         default=None,
     )
-    score: Path | None = word(
-        read_absolute,
+    score: Path | None = argument(
+        read_absolute_path,
         "DIR",
         "scores a finished draw again, with this commit's scorer: its analyses stay as they were "
         "frozen, and the document names both commits",
         default=None,
     )
-    draw: str | None = word(
+    draw: str | None = argument(
         str,
         "TEXT",
         "draws other cases, for practice: the document says so. By default the hash of the commit "
@@ -74,7 +77,7 @@ class Words:
 
 COMMAND = Command(
     "dashred prove",
-    Words,
+    Arguments,
     """\
 Draws sealed cases, lets them be analysed by processes that have no way to the truth, freezes the
 findings, opens the seals and scores. Cases that are done are not run again: after an interruption,
@@ -113,11 +116,13 @@ def read_words(argv: list[str]) -> Request:
     )
 
 
-def _read_rescore(words: Words, output: Path, argv: list[str]) -> Request:
+def _read_rescore(words: Arguments, output: Path, argv: list[str]) -> Request:
     """Return the request that rescores an existing draw."""
-    if excess := [key for key, _ in pairs(argv) if key in DRAW_KEYS]:
+    if excess := [key for key, _ in key_value_pairs(argv) if key in DRAW_KEYS]:
         hint = "the draw already determines it"
-        raise InputError(f"score= cannot be combined with {excess[0]}=", where=PLACE, hint=hint)
+        raise InputError(
+            f"score= cannot be combined with {excess[0]}=", where=COMMAND_LINE, hint=hint
+        )
     return Request(
         **read_draw(output),
         output=output,

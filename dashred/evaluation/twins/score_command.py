@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dashred.core.argument_types import read_path
-from dashred.core.arguments import PLACE, Command, word
+from dashred.core.arguments import COMMAND_LINE, Command, argument
 from dashred.core.errors import DONE, InputError
 from dashred.core.findings.findings import check_freeze, write_json_atomic
 from dashred.core.findings.methods import DEPRECATED, current_names, with_deprecated
@@ -35,17 +35,17 @@ TIME_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Words:
+class Arguments:
     """The words of the command."""
 
-    findings: Path = word(read_path, "DIR", "folder of the frozen findings")
-    sealed: Path = word(read_path, "FILE", "the truth, sealed.nc")
-    root: str | None = word(str, "DIR", "of the MLflow store, with run=", default=None)
-    experiment: str | None = word(str, "NAME", "of the run, with run=", default=None)
-    run: str | None = word(str, "RUN_ID", "the MLflow run that gets the score", default=None)
+    findings: Path = argument(read_path, "DIR", "folder of the frozen findings")
+    sealed: Path = argument(read_path, "FILE", "the truth, sealed.nc")
+    root: str | None = argument(str, "DIR", "of the MLflow store, with run=", default=None)
+    experiment: str | None = argument(str, "NAME", "of the run, with run=", default=None)
+    run: str | None = argument(str, "RUN_ID", "the MLflow run that gets the score", default=None)
 
 
-COMMAND = Command("dashred score", Words, "Compares frozen findings with the hidden truth.")
+COMMAND = Command("dashred score", Arguments, "Compares frozen findings with the hidden truth.")
 
 
 def main(argv: list[str]) -> int:
@@ -61,7 +61,7 @@ def main(argv: list[str]) -> int:
     return DONE
 
 
-def _run_of(words: Words) -> tuple[str, str, str] | None:
+def _run_of(words: Arguments) -> tuple[str, str, str] | None:
     """Return the store, the experiment and the id of the run that gets the score; None without.
 
     Raises:
@@ -71,7 +71,7 @@ def _run_of(words: Words) -> tuple[str, str, str] | None:
     if root is None and experiment is None and run is None:
         return None
     if root is None or experiment is None or run is None:
-        raise InputError("root=, experiment= and run= must be given together", where=PLACE)
+        raise InputError("root=, experiment= and run= must be given together", where=COMMAND_LINE)
     return root, experiment, run
 
 

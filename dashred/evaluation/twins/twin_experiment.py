@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from dashred.config import Config, load_config
-from dashred.core.arguments import PLACE
+from dashred.core.arguments import COMMAND_LINE
 from dashred.core.errors import DONE, WRONG_INPUT, InputError
 from dashred.core.files.atomic import copy_atomic
 from dashred.core.mlflow.store import Store, open_store, status_of
@@ -60,7 +60,9 @@ def run_twin(config: Config, argv: list[str]) -> int:
     """
     if "recording" in (word.partition("=")[0] for word in argv):
         hint = "set its keys one by one: recording.noise=0.03 recording.sensors=12"
-        raise InputError("recording= as a whole cannot be set for a twin", where=PLACE, hint=hint)
+        raise InputError(
+            "recording= as a whole cannot be set for a twin", where=COMMAND_LINE, hint=hint
+        )
     assert config.recording.twin is not None
     read_entry(config, config.recording.twin)  # an unknown twin is refused before processes start
     words = [word for word in argv if not word.startswith(OWN)]

@@ -1,4 +1,4 @@
-"""Fit a start to the first samples alone, from coarse to fine."""
+"""Fit the start to the first samples, with noise annealed from coarse to fine."""
 
 from __future__ import annotations
 
@@ -8,32 +8,32 @@ import torch
 from torch import Tensor
 
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
+from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 
-# Over longer stretches a front that is a little off, or chaos, has many false minima. What so few
-# readings leave open of the start the prior holds until there are more, however many modes it has.
+# A longer stretch has many false minima, if a front is slightly displaced or the system is chaotic.
+# The prior determines what so few readings do not, until the horizon grows.
 SAMPLES = 6
-# σ of the first window, in the traces' std, then in the noise's own.
+# Values of σ: first in units of the std of the traces, then in units of the noise.
 ANNEALING = (1.0, 0.3, 0.1, 0.03)
 FINAL_ANNEALING = (2.0, 1.0)
 STEPS = 2
-# A step that gains less ends a stage: the next stage moves everything anyway.
+# A stage ends at a step that lowers F by a smaller share.
 TOLERANCE = 0.02
 
 
 def first_samples(objective: LeastSquaresProblem) -> int:
-    """Return how many samples make the first window."""
+    """Return the number of samples of the first window."""
     return min(len(objective.recorded), SAMPLES)
 
 
-def fit_first_window(objective: LeastSquaresProblem, trace_std: Tensor) -> Fitted:
-    """Fit the start alone to the first samples, from coarse to fine (docs/method.md#first-window).
+def fit_first_window(objective: LeastSquaresProblem, trace_std: Tensor) -> FitResult:
+    """Fit the start to the first samples (docs/method.md#first-window).
 
     Args:
         objective: F over the whole record.
-        trace_std: std of each sensor's trace, ``(sensor,)``.
+        trace_std: std of the trace of each sensor, ``(sensor,)``.
     """
-    window = objective.only([]).until(first_samples(objective))
+    window = objective.subset([]).truncate(first_samples(objective))
     noise = window.noise
     ratio = float((noise.std / trace_std.clamp(min=1e-300)).median())
     rough = [a for a in ANNEALING if a > FINAL_ANNEALING[0] * ratio]

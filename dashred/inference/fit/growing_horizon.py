@@ -1,8 +1,7 @@
-"""Walk the fit from the first samples to the whole record: a growing horizon.
+"""Extend a fit from the first samples to the whole record: a growing horizon.
 
-Over a long stretch the misfit of a wrong start has countless false minima; over a short one
-it has none, and its solution is a good beginning for a slightly longer one
-(docs/method.md#growing-horizon).
+Over a long stretch the misfit of a wrong start has many false minima. Over a short one it has none,
+and its solution is a good first guess for a slightly longer one (docs/method.md#growing-horizon).
 """
 
 from __future__ import annotations
@@ -15,36 +14,36 @@ from torch import Tensor
 
 from dashred.core.progress import Report
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
+from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from dashred.inference.fit.subset_search import ProfiledProblem
 
 GROWTH = 1.3
-# A stage that fails is tried again with a shorter stretch.
+# A stage that fails is fitted again with less growth, down to this.
 SMALLEST_GROWTH = 1.03
-# Misfit, relative to the level so far, at which a stage has lost the trajectory.
-LOST = 1.3
+# A stage fails if its misfit exceeds the typical misfit of the earlier stages by this factor.
+DIVERGED = 1.3
 STAGE_STEPS = 6
-# A step that gains less ends a stage: the next stage moves everything anyway.
+# A stage ends at a step that lowers F by a smaller share.
 TOLERANCE = 0.02
-# The candidates are chosen again whenever the horizon has grown, and has to grow, by one factor;
-# by their effects as far ahead as the other.
-DOUBLED, AHEAD = 2, 3
-# How often further candidates join a walk that has got lost.
-REINFORCEMENTS = 2
-# A walk that has cost as much as this many Jacobians over the whole record is given up.
+# The candidates are chosen again whenever the horizon has grown by the first factor, as long as it
+# still has to grow by it. Their effects are compared up to the second factor times the horizon.
+REGROWTH, LOOKAHEAD = 2, 3
+# How often further candidates are added after stages have failed.
+MOST_ADDITIONS = 2
+# The growth ends when it has cost as much as this many Jacobians over the whole record.
 EFFORT = 40
 
 
 @dataclass(frozen=True)
 class HorizonFit:
-    """How far a walk came.
+    """The fit at the last horizon reached.
 
     Attributes:
-        phi: the fit at the last horizon reached, ``(unknown,)``, among all candidates.
-        members: the candidates that it carried.
-        readings: of the fit, ``(time, sensor)``.
-        samples: that horizon.
-        reached: whether it is the whole record.
+        phi: unknowns of the fit, with all candidates, ``(unknown,)``.
+        members: indices of the fitted candidates.
+        readings: readings of the fit, ``(time, sensor)``.
+        samples: the last horizon.
+        is_complete: whether the last horizon is the whole record.
         levels: ``(samples, χ²/n)`` of each stage.
     """
 
@@ -52,52 +51,54 @@ class HorizonFit:
     members: tuple[int, ...]
     readings: Tensor
     samples: int
-    reached: bool
+    is_complete: bool
     levels: list[tuple[int, float]]
 
 
 def grow_horizon(
-    objective: LeastSquaresProblem, phi: Tensor, samples: int, carried: int, report: Report
+    objective: LeastSquaresProblem, phi: Tensor, samples: int, count: int, report: Report
 ) -> HorizonFit:
-    """Extend the horizon while the misfit stays near its level so far.
+    """Extend the horizon while the misfit stays near its typical level.
 
-    The walk carries the candidates whose effects differ most over the next stretch; the others'
-    place they can take. Where it gets lost, those that differ most there join in.
+    The fit uses the candidates with the most distinct effects over the next stretch; they can
+    represent the others. If stages fail, further candidates are added.
 
     Args:
         objective: F over the whole record, with a tight prior on ξ.
         phi: a fit of the first samples, ``(unknown,)``.
-        samples: how many these are.
-        carried: how many candidates the walk carries.
+        samples: number of the first samples.
+        count: number of candidates in the fit.
         report: progress.
     """
     total = len(objective.recorded)
-    here = _State(objective, phi, samples, _telling(objective, phi, samples, carried))
-    here.settle()
-    chosen, reinforced, growth = samples, 0, GROWTH
-    while here.samples < total and here.effort < EFFORT * total:
-        if DOUBLED * chosen <= here.samples <= total / DOUBLED and growth == GROWTH:
-            chosen = here.samples
-            here.exchange(_telling(objective, here.phi, chosen, carried))
-        further = min(total, max(here.samples + 1, round(here.samples * growth)))
-        if here.advance(further, STAGE_STEPS if growth == GROWTH else 2 * STAGE_STEPS):
+    state = _HorizonState(objective, phi, samples, _most_distinct(objective, phi, samples, count))
+    state.fit_first()
+    chosen, additions, growth = samples, 0, GROWTH
+    while state.samples < total and state.effort < EFFORT * total:
+        if REGROWTH * chosen <= state.samples <= total / REGROWTH and growth == GROWTH:
+            chosen = state.samples
+            state.replace_candidates(_most_distinct(objective, state.phi, chosen, count))
+        further = min(total, max(state.samples + 1, round(state.samples * growth)))
+        if state.advance(further, STAGE_STEPS if growth == GROWTH else 2 * STAGE_STEPS):
             growth = GROWTH
-            report(further / total, f"horizon {further} of {total}, χ²/n {here.levels[-1][1]:.2f}")
+            report(further / total, f"horizon {further} of {total}, χ²/n {state.levels[-1][1]:.2f}")
             continue
         growth = 1 + (growth - 1) / 2
-        if growth <= SMALLEST_GROWTH and reinforced < REINFORCEMENTS:
-            others = _telling(objective, here.phi, here.samples, carried)
-            here.exchange(tuple(sorted({*here.members, *others})))
-            reinforced, growth = reinforced + 1, GROWTH
+        if growth <= SMALLEST_GROWTH and additions < MOST_ADDITIONS:
+            others = _most_distinct(objective, state.phi, state.samples, count)
+            state.replace_candidates(tuple(sorted({*state.members, *others})))
+            additions, growth = additions + 1, GROWTH
         elif growth <= SMALLEST_GROWTH:
             break
-    reached = here.samples == total
-    return HorizonFit(here.phi, here.members, here.readings, here.samples, reached, here.levels)
+    reached = state.samples == total
+    return HorizonFit(
+        state.phi, state.members, state.readings, state.samples, reached, state.levels
+    )
 
 
 @dataclass
-class _State:
-    """Where a walk is: its fit of the samples so far, with some of the candidates."""
+class _HorizonState:
+    """The fit over the present horizon, with some of the candidates."""
 
     objective: LeastSquaresProblem
     phi: Tensor
@@ -107,60 +108,62 @@ class _State:
     levels: list[tuple[int, float]] = field(default_factory=list)
     effort: int = 0
 
-    def settle(self) -> None:
-        """Fit the samples that the walk begins with."""
+    def fit_first(self) -> None:
+        """Fit the first horizon."""
         self._adopt(self._fit(self.members, self.samples, STAGE_STEPS), self.samples)
 
     def advance(self, further: int, steps: int) -> bool:
-        """Fit more samples; tell whether the misfit stayed near its level."""
-        tried = self._fit(self.members, further, steps)
-        # A run that blows up has no level, and is not near any.
-        if not self._level(tried, further) <= LOST * self._usual:
+        """Fit more samples; return whether the misfit stays near its typical level."""
+        fitted = self._fit(self.members, further, steps)
+        # Written with "not", because the misfit is NaN after a blow-up.
+        if not self._level(fitted, further) <= DIVERGED * self._typical_level:
             return False
-        self._adopt(tried, further)
+        self._adopt(fitted, further)
         return True
 
-    def exchange(self, members: tuple[int, ...]) -> None:
-        """Carry other candidates from here on, if they fit what is fitted."""
-        tried = self._fit(members, self.samples, STAGE_STEPS)
-        if members and self._level(tried, self.samples) <= LOST * self._usual:
+    def replace_candidates(self, members: tuple[int, ...]) -> None:
+        """Use other candidates from now on, if they fit the present horizon as well."""
+        fitted = self._fit(members, self.samples, STAGE_STEPS)
+        if members and self._level(fitted, self.samples) <= DIVERGED * self._typical_level:
             self.members = members
             self.levels.pop()
-            self._adopt(tried, self.samples)
+            self._adopt(fitted, self.samples)
 
     @property
-    def _usual(self) -> float:
+    def _typical_level(self) -> float:
         return max(1.0, median(level for _, level in self.levels))
 
-    def _fit(self, members: tuple[int, ...], samples: int, steps: int) -> Fitted:
-        mine = self.objective.only(members).until(samples)
-        begin = self.phi[self.objective.places(members)]
-        fitted = minimise(mine, begin, steps, TOLERANCE)
+    def _fit(self, members: tuple[int, ...], samples: int, steps: int) -> FitResult:
+        problem = self.objective.subset(members).truncate(samples)
+        begin = self.phi[self.objective.indices(members)]
+        fitted = minimise(problem, begin, steps, TOLERANCE)
         self.effort += fitted.jacobians * samples
         return fitted
 
-    def _level(self, fitted: Fitted, samples: int) -> float:
-        return fitted.chi2 / max(1, self.objective.noise.first(samples).count)
+    def _level(self, fitted: FitResult, samples: int) -> float:
+        return fitted.chi2 / max(1, self.objective.noise.truncate(samples).count)
 
-    def _adopt(self, fitted: Fitted, samples: int) -> None:
+    def _adopt(self, fitted: FitResult, samples: int) -> None:
         self.phi = self.objective.embed(fitted.phi, self.members)
         self.readings, self.samples = fitted.readings, samples
         self.levels.append((samples, self._level(fitted, samples)))
 
 
-def _telling(
+def _most_distinct(
     objective: LeastSquaresProblem, phi: Tensor, samples: int, count: int
 ) -> tuple[int, ...]:
-    """Return the candidates whose effects differ most, a while beyond the samples fitted so far.
+    """Return the candidates with the most distinct effects, over a stretch beyond the horizon.
 
-    None at all, where the fit blows up even within them.
+    If the run blows up there, the horizon itself is used; if it blows up too, there are none.
     """
-    every = tuple(range(len(objective.prior_std)))
-    if count >= len(every):
-        return every
-    for reach in (AHEAD * samples, samples):
-        window = objective.until(min(len(objective.recorded), reach))
+    all_members = tuple(range(len(objective.prior_std)))
+    if count >= len(all_members):
+        return all_members
+    for samples_ahead in (LOOKAHEAD * samples, samples):
+        window = objective.truncate(min(len(objective.recorded), samples_ahead))
         normal = window.linearise(phi)
-        if normal.finite:
-            return ProfiledProblem.of(normal, objective.modes).most_telling(count)
+        if normal.is_finite:
+            return ProfiledProblem.from_normal_equations(normal, objective.modes).most_distinct(
+                count
+            )
     return ()

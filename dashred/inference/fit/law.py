@@ -1,4 +1,4 @@
-"""A law: some candidates with their coefficients, fitted together with the start."""
+"""A law: a set of candidates with coefficients, fitted together with the start."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
-from dashred.inference.fit.levenberg_marquardt import Fitted
-from dashred.inference.forward.candidates import Candidate, forcing_of
+from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
+from dashred.inference.fit.levenberg_marquardt import FitResult
+from dashred.inference.forward.candidates import Candidate, build_forcing
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.window import Window
 
@@ -20,16 +20,16 @@ Z95 = 1.959964
 
 @dataclass(frozen=True)
 class SensorFault:
-    """What is wrong with a sensor.
+    """A fault of one sensor.
 
     Attributes:
         kind: bias, drift, stuck, spikes or misplaced.
         sensor: its name.
-        value: the bias, the drift per unit time, the value at which it is stuck, how many spikes,
-            or how far off its stated place it is.
-        std: its posterior standard deviation; None for a count.
-        begin: time from which on it is stuck; None for the other kinds.
-        episode: the one in which it is at fault, counted from 0; None if in all that there are.
+        value: the bias, the drift per unit time, the value at which the sensor is stuck, the
+            number of spikes, or the distance from the stated position.
+        std: posterior standard deviation of ``value``; None for a count.
+        begin: time from which the sensor is stuck; None for the other kinds.
+        episode: index of the episode with the fault, from 0; None for all episodes.
     """
 
     kind: str
@@ -45,18 +45,19 @@ class Law:
     """One explanation of the recording.
 
     Attributes:
-        candidates: what is missing or mis-stated; empty for the simulator as it is.
+        candidates: missing terms and changed parameters; empty for the unchanged simulator.
         coefficients: ξ, ``(candidate,)``, in the user's units.
-        covariance: posterior covariance of ξ, the start's uncertainty in it.
+        covariance: posterior covariance of ξ, including the uncertainty of the start.
         start: states at the first sample, ``(episode, field, *grid)``.
         score: ``F + k (ln n + 2 ln p)``; differences are ΔBIC.
-        chi2: mean squared whitened residual over the fit; 1 for noise alone.
-        residuals: readings minus recording over the fit, ``(time, sensor)``, NaN where missing.
+        chi2: mean squared whitened residual of the fit; 1 for noise alone.
+        residuals: readings minus recording, ``(time, sensor)``; NaN where missing.
         edges: posterior std of the window's unknowns; empty without a window.
-        threshold: 95 % interval of a gate's threshold; None without one, or where only its std is
-            known.
-        fault: what is wrong with a sensor, beside the law; None if nothing is.
-        widened: by how much the start lies outside of its prior, as a factor of its spread.
+        threshold: 95 % interval of the threshold of a window in a field; None without such a
+            window, or where only the std is known.
+        fault: the fault of a sensor, in addition to the law; None without one.
+        start_prior_factor: factor by which the prior of the start is widened; 1 for the stated
+            prior.
     """
 
     candidates: tuple[Candidate, ...]
@@ -69,7 +70,7 @@ class Law:
     edges: tuple[float, ...] = ()
     threshold: tuple[float, float] | None = None
     fault: SensorFault | None = None
-    widened: float = 1.0
+    start_prior_factor: float = 1.0
 
     @property
     def std(self) -> Tensor:
@@ -78,15 +79,15 @@ class Law:
 
     @property
     def keys(self) -> frozenset[str]:
-        """Its candidates, whatever acts beside them or limits them."""
+        """Keys of the candidates, without windows, faults and the start."""
         return frozenset(candidate.key for candidate in self.candidates)
 
     @property
     def parts(self) -> frozenset[str]:
-        """Everything that it says is otherwise than believed; nothing for the empty law.
+        """Everything that the law changes in the simulator; empty for the empty law.
 
-        A term in a window is that term with a freedom more: everywhere, it is nested in it. So is a
-        parameter that stands for the term.
+        A law with fewer parts is nested in one with more. A term that acts everywhere is nested in
+        the same term in a window. A parameter counts as the term that it replaces.
         """
         found = {
             candidate.replaces[0] if candidate.replaces else candidate.key
@@ -94,26 +95,26 @@ class Law:
         }
         if self.window is not None:
             found.add(f"in a {self.window.shape.kind} of {self.window.shape.of}")
-        return frozenset([*found, *self._lawless])
+        return frozenset([*found, *self._other_causes])
 
     @property
-    def _lawless(self) -> list[str]:
-        """What it says beside its terms."""
+    def _other_causes(self) -> list[str]:
+        """The sensor fault and the wider prior of the start, as text."""
         found = []
         if self.fault is not None:
             found.append(f"{self.fault.kind} of {self.fault.sensor}")
-        if self.widened > 1:
+        if self.start_prior_factor > 1:
             found.append("start outside of its prior")
         return found
 
     @property
-    def extended(self) -> bool:
-        """Whether it has terms that the library does not have."""
-        return any(candidate.extended for candidate in self.candidates)
+    def is_extended(self) -> bool:
+        """Whether it has terms that are not in the library."""
+        return any(candidate.is_extended for candidate in self.candidates)
 
     @property
     def window(self) -> Window | None:
-        """The window in which some of it acts."""
+        """The window of its local terms; None if all act everywhere."""
         return next((c.window for c in self.candidates if c.window is not None), None)
 
     def interval(self, index: int) -> tuple[float, float]:
@@ -122,10 +123,10 @@ class Law:
         return value - Z95 * std, value + Z95 * std
 
     def forcing(self) -> Forcing | None:
-        """Return the model error as the simulator takes it; None for the empty law."""
+        """Return the model error for the simulator; None for the empty law."""
         if not self.candidates:
             return None
-        return forcing_of(self.candidates, self.coefficients[None])
+        return build_forcing(self.candidates, self.coefficients[None])
 
     def __str__(self) -> str:
         """``u: 0.0249*u - 0.0251*u**3``; ``nothing`` for the empty law."""
@@ -133,33 +134,33 @@ class Law:
             f"{candidate} × {value:.4g}"
             for candidate, value in zip(self.candidates, self.coefficients.tolist(), strict=True)
         ]
-        return ", ".join([*parts, *self._lawless]) or "nothing"
+        return ", ".join([*parts, *self._other_causes]) or "nothing"
 
 
-def posterior(
+def build_selected_law(
     objective: LeastSquaresProblem,
-    normal: Normal,
+    normal: NormalEquations,
     phi: Tensor,
     members: tuple[int, ...],
     readings: Tensor,
     score: float,
 ) -> Law:
-    """Return the law at a minimum of F, its covariance from the Hessian.
+    """Return the law of one set of candidates at a minimum of F.
 
-    ``cov = (JᵀWᵀWJ + P)⁻¹`` over the start and the law's own coefficients
+    ``cov = (JᵀWᵀWJ + P)⁻¹`` over the start and the coefficients of the law
     (docs/method.md#error-bars).
 
     Args:
-        objective: F.
-        normal: normal equations about the minimum, or near it, of all candidates.
+        objective: F of all candidates.
+        normal: normal equations of all candidates at the minimum, or near it.
         phi: the minimum, ``(unknown,)``.
-        members: candidates of the law.
-        readings: there, ``(time, sensor)``.
-        score: of the law.
+        members: indices of the candidates of the law.
+        readings: readings at the minimum, ``(time, sensor)``.
+        score: score of the law.
     """
     forward_model = objective.forward_model
     z, xi = objective.split(phi)
-    covariance = normal.covariance(objective.places(members))
+    covariance = normal.covariance(objective.indices(members))
     chi2 = float(objective.residuals(readings).square().sum()) / objective.noise.count
     return Law(
         candidates=tuple(forward_model.law.candidates[j] for j in members),
@@ -172,21 +173,21 @@ def posterior(
     )
 
 
-def law_of(
+def build_law(
     objective: LeastSquaresProblem,
-    fitted: Fitted,
+    fitted: FitResult,
     score: float,
-    known: Normal | None = None,
+    known: NormalEquations | None = None,
 ) -> Law:
-    """Return the law at a minimum of F, with the covariance of its coefficients.
+    """Return the law of all candidates of F at a minimum of F.
 
     Args:
         objective: F.
-        fitted: its minimum.
-        score: of the law.
-        known: F linearised there, where it is known already.
+        fitted: the minimum.
+        score: score of the law.
+        known: normal equations at the minimum, if they are known already.
     """
-    candidates, modes = found_by(objective, fitted.phi), objective.modes
+    candidates, modes = fitted_candidates(objective, fitted.phi), objective.modes
     count, last = len(candidates), objective.forward_model.law.count
     z, xi = objective.split(fitted.phi)
     normal = known or objective.linearise(fitted.phi, fitted.readings)
@@ -200,20 +201,24 @@ def law_of(
         score=score,
         chi2=fitted.chi2 / objective.noise.count,
         residuals=torch.where(
-            objective.noise.seen, fitted.readings - objective.recorded, torch.nan
+            objective.noise.available, fitted.readings - objective.recorded, torch.nan
         ),
         edges=tuple(stds[modes + count : modes + last]),
     )
 
 
-def found_by(objective: LeastSquaresProblem, phi: Tensor) -> tuple[Candidate, ...]:
-    """Return what a fit's coefficients multiply, terms in a window with its edges."""
+def fitted_candidates(objective: LeastSquaresProblem, phi: Tensor) -> tuple[Candidate, ...]:
+    """Return the candidates of a fit; local terms carry the fitted window."""
     forward_model = objective.forward_model
-    return forward_model.law.terms(objective.split(phi)[1][forward_model.places.law])
+    return forward_model.law.terms(objective.split(phi)[1][forward_model.slices.law])
 
 
-def unlike(laws: Sequence[Law]) -> list[Law]:
-    """Return the laws, the best first, of several with the same candidates in like windows one."""
+def distinct_laws(laws: Sequence[Law]) -> list[Law]:
+    """Return the best law of each form, in the order of their scores.
+
+    Laws have the same form if they have the same candidates, in windows of the same kind, and the
+    same fault.
+    """
     kept: dict[object, Law] = {}
     for law in sorted(laws, key=lambda law: law.score):
         kept.setdefault(_form(law), law)
@@ -223,7 +228,7 @@ def unlike(laws: Sequence[Law]) -> list[Law]:
 def _form(law: Law) -> object:
     parts = tuple(sorted(_form_of(candidate) for candidate in law.candidates))
     fault = (law.fault.kind, law.fault.sensor) if law.fault else None
-    return parts, fault, law.widened
+    return parts, fault, law.start_prior_factor
 
 
 def _form_of(candidate: Candidate) -> tuple[str, str, str]:

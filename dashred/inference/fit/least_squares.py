@@ -1,6 +1,6 @@
-"""What every fit minimises, and its normal equations about a point.
+"""The least-squares problem, and its normal equations at a point.
 
-Regularised least squares through the simulator, in the unknowns ``φ = (z, ξ)``
+Every fit minimises a regularised sum of squares over the unknowns ``φ = (z, ξ)``
 (docs/method.md#fit-through-the-simulator)::
 
     F(φ) = ‖W(H S(φ) - y)‖² + ‖z‖² + ‖ξ/d‖²
@@ -26,7 +26,7 @@ from dashred.inference.initial_state.start_models import StartModel
 
 
 class Trials(NamedTuple):
-    """Runs of a batch.
+    """Readings and residuals of a batch of trial points.
 
     Attributes:
         readings: ``(batch, time, sensor)``.
@@ -37,19 +37,19 @@ class Trials(NamedTuple):
     residuals: Tensor
 
 
-# What is larger, in noise's σ, comes of a trajectory that is about to blow up: squares overflow.
+# A larger residual, in units of σ, comes from a trajectory that blows up. Its square overflows.
 LARGEST = 1e140
 
 
 @dataclass(frozen=True)
 class LeastSquaresProblem:
-    """What a fit minimises.
+    """The function F that a fit minimises.
 
     Attributes:
-        forward_model: from unknowns to readings.
+        forward_model: maps unknowns to readings.
         recorded: y, ``(time, sensor)``; NaN where missing.
-        noise: W, whitening.
-        prior_std: d of every coefficient, ``(coefficient,)``, in the user's units.
+        noise: W, whitens residuals.
+        prior_std: d, the prior std of every coefficient, ``(coefficient,)``, in the user's units.
     """
 
     forward_model: ForwardModel
@@ -59,7 +59,7 @@ class LeastSquaresProblem:
 
     @property
     def modes(self) -> int:
-        """Unknowns of the start."""
+        """Number of unknowns of the start."""
         return self.forward_model.start.size
 
     @property
@@ -68,49 +68,52 @@ class LeastSquaresProblem:
         ones = torch.ones(self.modes, dtype=torch.float64)
         return torch.cat([ones, self.prior_std.double() ** -2])
 
-    def only(self, members: Sequence[int]) -> LeastSquaresProblem:
-        """Return F with some of the candidates alone; those of F are its only coefficients."""
+    def subset(self, members: Sequence[int]) -> LeastSquaresProblem:
+        """Return F with some of its candidates, by index; F must have no other coefficients."""
         law = LawBlock([self.forward_model.law.candidates[j] for j in members])
         forward_model = replace(self.forward_model, law=law)
         return replace(self, forward_model=forward_model, prior_std=self.prior_std[list(members)])
 
-    def of(self, candidates: Sequence[Candidate]) -> LeastSquaresProblem:
-        """Return F of others, alone in the simulator's reach; their prior is their scale."""
-        simulator, law = self.forward_model.simulator.of(candidates), LawBlock(candidates)
+    def with_candidates(self, candidates: Sequence[Candidate]) -> LeastSquaresProblem:
+        """Return F with other candidates; the prior std of each is its scale."""
+        simulator, law = (
+            self.forward_model.simulator.with_candidates(candidates),
+            LawBlock(candidates),
+        )
         forward_model = replace(self.forward_model, simulator=simulator, law=law)
         return replace(self, forward_model=forward_model, prior_std=law.scales)
 
-    def about(self, start: StartModel) -> LeastSquaresProblem:
-        """Return F about another start."""
+    def with_start(self, start: StartModel) -> LeastSquaresProblem:
+        """Return F with another start model."""
         return replace(self, forward_model=replace(self.forward_model, start=start))
 
-    def extended(self, forward_model: ForwardModel, stds: Tensor) -> LeastSquaresProblem:
-        """Return F of a forward model with further unknowns, behind those of this one.
+    def with_unknowns(self, forward_model: ForwardModel, stds: Tensor) -> LeastSquaresProblem:
+        """Return F with further unknowns, after those of this F.
 
         Args:
-            forward_model: with the block that the unknowns belong to.
-            stds: their prior standard deviations, ``(unknown,)``.
+            forward_model: forward model with the block of the further unknowns.
+            stds: prior standard deviations of the further unknowns, ``(unknown,)``.
         """
         prior_std = torch.cat([self.prior_std, stds])
         return replace(self, forward_model=forward_model, prior_std=prior_std)
 
-    def until(self, samples: int) -> LeastSquaresProblem:
-        """Return F over the first samples alone."""
+    def truncate(self, samples: int) -> LeastSquaresProblem:
+        """Return F over the first samples."""
         return replace(
             self,
-            forward_model=self.forward_model.until(samples),
+            forward_model=self.forward_model.truncate(samples),
             recorded=self.recorded[:samples],
-            noise=self.noise.first(samples),
+            noise=self.noise.truncate(samples),
         )
 
     def embed(self, phi: Tensor, members: Sequence[int]) -> Tensor:
-        """Return unknowns of :meth:`only` some candidates among those of all."""
+        """Return the unknowns of :meth:`subset` as unknowns of this F, zero elsewhere."""
         whole = torch.zeros(self.modes + len(self.prior_std), dtype=torch.float64)
-        whole[self.places(members)] = phi
+        whole[self.indices(members)] = phi
         return whole
 
-    def places(self, members: Sequence[int]) -> list[int]:
-        """Return the indices of the start and of some candidates among the unknowns."""
+    def indices(self, members: Sequence[int]) -> list[int]:
+        """Return the indices, among the unknowns, of the start and of some candidates."""
         return [*range(self.modes), *(self.modes + j for j in members)]
 
     def split(self, phi: Tensor) -> tuple[Tensor, Tensor]:
@@ -121,37 +124,44 @@ class LeastSquaresProblem:
         """Return ``W(H S - y)``, ``(…, time·sensor)``."""
         return self.noise.whiten(readings - self.recorded).flatten(-2)
 
-    def noise_left(self, readings: Tensor, spent: float) -> NoiseModel:
-        """Return the noise that the residuals of a fit speak for: its size and correlation.
+    def estimate_noise(self, readings: Tensor, parameters: float) -> NoiseModel:
+        """Return the noise model that the residuals of a fit imply.
 
         Args:
-            readings: of the fit, ``(time, sensor)``.
-            spent: how many numbers it has taken from the recording (:meth:`Normal.spent`).
+            readings: readings of the fit, ``(time, sensor)``.
+            parameters: effective number of fitted parameters
+                (:meth:`NormalEquations.effective_parameters`).
         """
         groups = [sensor.reads for sensor in self.forward_model.sensors.sensors]
-        return self.noise.estimated(readings - self.recorded, groups, spent)
+        return self.noise.estimate(readings - self.recorded, groups, parameters)
 
     def penalty(self, phi: Tensor) -> Tensor:
         """Return ``‖z‖² + ‖ξ/d‖²``, ``(…)``."""
         z, xi = self.split(phi)
         return z.square().sum(dim=-1) + (xi / self.prior_std).square().sum(dim=-1)
 
-    def linearise(self, phi: Tensor, readings: Tensor | None = None) -> Normal:
-        """Return the normal equations about unknowns ``(unknown,)``.
+    def linearise(self, phi: Tensor, readings: Tensor | None = None) -> NormalEquations:
+        """Return the normal equations at a point.
 
         Args:
-            phi: the point.
-            readings: there, ``(time, sensor)``, where they are known already.
+            phi: the point, ``(unknown,)``.
+            readings: readings at the point, ``(time, sensor)``, if they are known already.
         """
         point = self.forward_model.linearise(*self.split(phi), readings)
-        columns = torch.cat([point.by_start, point.by_error], dim=-1).movedim(-1, 0)
+        columns = torch.cat([point.by_start, point.by_coefficients], dim=-1).movedim(-1, 0)
         jacobian = self.noise.whiten(columns).flatten(1).T
         residuals = self.residuals(point.readings)
         finite = bool(_in_bounds(jacobian).all() and _in_bounds(residuals).all())
-        return Normal(_or_zero(jacobian), self.precision, phi, _or_zero(residuals), finite)
+        return NormalEquations(
+            _zero_out_of_bounds(jacobian),
+            self.precision,
+            phi,
+            _zero_out_of_bounds(residuals),
+            finite,
+        )
 
     def values(self, phi: Float[Tensor, "batch unknown"]) -> tuple[Tensor, Trials]:
-        """Return F ``(batch,)``, infinite where a trajectory blows up, and what it is made of."""
+        """Return F, ``(batch,)``, and the readings and residuals; F is inf after a blow-up."""
         readings = self.forward_model.readings(*self.split(phi))
         residuals = self.residuals(readings)
         cost = residuals.square().sum(dim=-1) + self.penalty(phi)
@@ -159,22 +169,22 @@ class LeastSquaresProblem:
 
 
 @dataclass(frozen=True)
-class Normal:
-    """F linearised about one point: ``F(φ) ≈ ‖J φ - b‖² + φᵀP φ`` with ``b = J φ₀ - r``.
+class NormalEquations:
+    """F linearised at one point: ``F(φ) ≈ ‖J φ - b‖² + φᵀP φ`` with ``b = J φ₀ - r``.
 
     Attributes:
         jacobian: J, whitened, ``(time·sensor, unknown)``.
         precision: diagonal of P, ``(unknown,)``.
         phi: the point φ₀, ``(unknown,)``.
-        residuals: r there, whitened, ``(time·sensor,)``.
-        finite: whether nothing blew up; what did is zero in J and r and so says nothing.
+        residuals: r at φ₀, whitened, ``(time·sensor,)``.
+        is_finite: whether J and r are finite; entries that are not are set to zero.
     """
 
     jacobian: Tensor
     precision: Tensor
     phi: Tensor
     residuals: Tensor
-    finite: bool = True
+    is_finite: bool = True
 
     @cached_property
     def hessian(self) -> Tensor:
@@ -183,36 +193,36 @@ class Normal:
 
     @cached_property
     def target(self) -> Tensor:
-        """b, what the model would have to produce, were it linear, ``(time·sensor,)``."""
+        """The right-hand side b, ``(time·sensor,)``."""
         return self.jacobian @ self.phi - self.residuals
 
     def solution(self, index: Sequence[int]) -> Tensor:
-        """Return the minimum over some of the unknowns, the others zero: ``(len(index),)``."""
+        """Return the minimiser over some unknowns, with the others zero: ``(len(index),)``."""
         chosen = list(index)
-        return solve(self.hessian[chosen][:, chosen], self._goal[chosen, None])[:, 0]
+        return solve(self.hessian[chosen][:, chosen], self._right_side[chosen, None])[:, 0]
 
-    def least(self) -> float:
-        """Return the minimum of F, were the model linear."""
+    def minimum(self) -> float:
+        """Return the minimum of the linearised F."""
         everything = range(len(self.phi))
-        return float(self.target.square().sum() - self._goal @ self.solution(everything))
+        return float(self.target.square().sum() - self._right_side @ self.solution(everything))
 
     def covariance(self, index: Sequence[int]) -> Tensor:
-        """Return the posterior covariance ``(JᵀJ + P)⁻¹`` of some unknowns, the others zero."""
+        """Return the posterior covariance ``(JᵀJ + P)⁻¹`` of some unknowns; the others are 0."""
         chosen = list(index)
         hessian = self.hessian[chosen][:, chosen]
         size = hessian.diagonal().sqrt()
         eye = torch.eye(len(size), dtype=hessian.dtype)
         return solve(hessian / size[:, None] / size, eye) / size[:, None] / size
 
-    def spent(self, index: Sequence[int]) -> float:
-        """Return how many numbers a fit of some unknowns takes from the recording.
+    def effective_parameters(self, index: Sequence[int]) -> float:
+        """Return the effective number of parameters of a fit of some unknowns.
 
-        ``γ = tr (JᵀJ + P)⁻¹ JᵀJ`` (MacKay, *Bayesian interpolation*, 1992): what the readings say
-        nothing of stays where its prior has it, and is not taken from their residuals. Those of n
+        ``γ = tr (JᵀJ + P)⁻¹ JᵀJ`` (MacKay, *Bayesian interpolation*, 1992). Directions that the
+        readings do not determine keep their prior values and do not count. The residuals of n
         readings have ``E‖r‖² = n - γ``.
         """
         chosen = list(index)
-        # Singular values: of JᵀJ, where a chaotic run has made J large, rounding leaves no prior.
+        # From singular values: a chaotic run makes J large, and P is lost in JᵀJ by rounding.
         seen = torch.linalg.svdvals(self.jacobian[:, chosen] / self.precision[chosen].sqrt())
         return float((seen**2 / (1 + seen**2)).sum())
 
@@ -223,13 +233,13 @@ class Normal:
         damping: Float[Tensor, " batch"],
         free: Bool[Tensor, "batch unknown"],
     ) -> Tensor:
-        """Return ``δ = -(JᵀJ + P)⁻¹(Jᵀr + Pφ)`` of each row, in the unknowns that it may move.
+        """Return the step ``δ = -(JᵀJ + P)⁻¹(Jᵀr + Pφ)`` of each row, in its free unknowns.
 
         Args:
-            phi: where each row is.
-            residuals: r there.
-            damping: Levenberg-Marquardt's, in units of each unknown's curvature.
-            free: which unknowns each row may move.
+            phi: the point of each row.
+            residuals: r at these points, whitened.
+            damping: Levenberg–Marquardt damping, in units of the curvature of each unknown.
+            free: the free unknowns of each row.
         """
         gradient = residuals @ self.jacobian + self.precision * phi
         size = self.hessian.diagonal().sqrt()
@@ -242,14 +252,14 @@ class Normal:
         return solve(system, right[..., None])[..., 0] / size
 
     @cached_property
-    def _goal(self) -> Tensor:
+    def _right_side(self) -> Tensor:
         return self.jacobian.T @ self.target
 
 
 def _in_bounds(values: Tensor) -> Tensor:
-    """Tell what is finite, its square as well."""
+    """Return which values are finite and have a finite square."""
     return values.abs() < LARGEST
 
 
-def _or_zero(values: Tensor) -> Tensor:
+def _zero_out_of_bounds(values: Tensor) -> Tensor:
     return torch.where(_in_bounds(values), values, 0.0)

@@ -1,7 +1,7 @@
-"""Levenberg–Marquardt Gauss–Newton steps in batches.
+"""The Levenberg–Marquardt method, in batches.
 
-A run of several trajectories costs little more than one, so a step tries a whole ladder of
-dampings at once, and the fits of many sets of candidates share one Jacobian (chord steps).
+A batch of trajectories costs little more than one. A step therefore tries several dampings at once,
+and the fits of many sets of candidates share one Jacobian (chord steps).
 """
 
 from __future__ import annotations
@@ -13,31 +13,32 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
+from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 
-# One run tries all of a rung; the next, where none of it lowers F. In units of each curvature.
+# Dampings, in units of the curvature of each unknown. One run tries all dampings of a rung. If none
+# of them lowers F, the next rung follows.
 LADDER = ((0.0, 0.1, 3.0), (30.0, 300.0, 3000.0))
-# By how much a horizon grows at once, and the steps at each.
+# Growth factor of the horizon; steps and tolerance at each horizon.
 GROWTH, GROWING_STEPS, GROWING_TOLERANCE = 1.4, 3, 1e-2
-# Rounds of steps at most.
+# Largest number of rounds.
 ROUNDS = 4
-# Further steps with one Jacobian.
+# Largest number of further steps with one Jacobian.
 CHORDS = 3
-# A chord fit that needs more than this goes nowhere.
+# A chord fit that needs more damping than this is stopped.
 MOST_DAMPED = 10.0
 
 
 @dataclass(frozen=True)
-class Fitted:
-    """Where a fit has ended.
+class FitResult:
+    """The result of a fit.
 
     Attributes:
         phi: the unknowns, ``(unknown,)``.
-        cost: F there.
-        chi2: its part ``‖W(H S - y)‖²``.
-        readings: ``(time, sensor)``.
-        converged: the last step lowered F by less than was asked for.
-        jacobians: how many it took.
+        cost: F at ``phi``.
+        chi2: the part ``‖W(H S - y)‖²`` of F.
+        readings: readings at ``phi``, ``(time, sensor)``.
+        converged: whether the last step lowered F by less than the tolerance.
+        jacobians: number of Jacobians computed.
     """
 
     phi: Tensor
@@ -53,25 +54,25 @@ def minimise(
     phi: Float[Tensor, " unknown"],
     steps: int,
     tolerance: float,
-    known: Normal | None = None,
-) -> Fitted:
+    known: NormalEquations | None = None,
+) -> FitResult:
     """Minimise F with a fresh Jacobian at every step.
 
     Args:
         objective: F.
-        phi: where to begin.
-        steps: Jacobians at most.
-        tolerance: a step that lowers F by less than this, relatively, is the last.
-        known: F linearised about the beginning, under any prior, where that is known already.
+        phi: initial unknowns.
+        steps: largest number of Jacobians.
+        tolerance: the fit has converged if a step lowers F by a smaller share.
+        known: normal equations at ``phi``, under any prior, if they are known already.
     """
     [cost], (readings, [residuals]) = objective.values(phi[None])
-    fitted = Fitted(phi, float(cost), float(residuals.square().sum()), readings[0], False, 0)
+    fitted = FitResult(phi, float(cost), float(residuals.square().sum()), readings[0], False, 0)
     while fitted.jacobians < steps and not fitted.converged:
         if known is None or fitted.jacobians:
             normal = objective.linearise(fitted.phi, fitted.readings)
         else:
             normal = replace(known, precision=objective.precision)
-        if not normal.finite:
+        if not normal.is_finite:
             break
         lower = _step(objective, normal, fitted, LADDER)
         converged = fitted.cost - lower.cost < tolerance * fitted.cost
@@ -81,71 +82,71 @@ def minimise(
     return fitted
 
 
-def minimise_on(
-    objective: LeastSquaresProblem, phi: Tensor, steps: int, tolerance: float, worth: float
-) -> Fitted:
-    """Minimise F in rounds of so many steps, while a round gains what it is worth.
+def minimise_in_rounds(
+    objective: LeastSquaresProblem, phi: Tensor, steps: int, tolerance: float, least_gain: float
+) -> FitResult:
+    """Minimise F in rounds, as long as each round lowers F by enough.
 
-    Between a law's start, its coefficient and its window there may be a long curved valley.
+    A fit of a start, a coefficient and a window may have to follow a long curved valley.
 
     Args:
         objective: F.
-        phi: where to begin.
-        steps: of a round, Jacobians at most.
-        tolerance: as for :func:`minimise`.
-        worth: a round that lowers F by less is the last.
+        phi: initial unknowns.
+        steps: largest number of Jacobians in a round.
+        tolerance: see :func:`minimise`.
+        least_gain: a round that lowers F by no more than this is the last.
     """
     fitted = minimise(objective, phi, steps, tolerance)
     for _ in range(ROUNDS - 1):
         if fitted.converged:
             break
         before, fitted = fitted, minimise(objective, fitted.phi, steps, tolerance)
-        if not before.cost - fitted.cost > worth:
+        if not before.cost - fitted.cost > least_gain:
             break
     return fitted
 
 
-def grow(
+def minimise_growing_horizon(
     objective: LeastSquaresProblem,
     phi: Tensor,
     samples: int,
     growth: float = GROWTH,
     steps: int = GROWING_STEPS,
 ) -> Tensor:
-    """Return a fit of the whole record, however bad, grown from one of its first samples."""
-    for fitted in growing(objective, phi, samples, growth, steps):
+    """Return the unknowns of the last of :func:`growing_horizon_fits`."""
+    for fitted in growing_horizon_fits(objective, phi, samples, growth, steps):
         phi = fitted.phi
     return phi
 
 
-def growing(
+def growing_horizon_fits(
     objective: LeastSquaresProblem,
     phi: Tensor,
     samples: int,
     growth: float = GROWTH,
     steps: int = GROWING_STEPS,
-) -> Iterator[Fitted]:
-    """Yield fits over longer and longer horizons, the last of them the whole record.
+) -> Iterator[FitResult]:
+    """Yield fits over growing horizons; the last horizon is the whole record.
 
     Args:
         objective: F over the whole record.
-        phi: where to begin.
-        samples: the horizon before the first.
-        growth: of the horizon at once.
-        steps: Jacobians at each.
+        phi: initial unknowns.
+        samples: initial horizon; the first fit has a longer one.
+        growth: growth factor of the horizon.
+        steps: largest number of Jacobians at each horizon.
     """
     total = len(objective.recorded)
     while samples < total:
         samples = min(total, max(samples + 1, round(samples * growth)))
-        fitted = minimise(objective.until(samples), phi, steps, GROWING_TOLERANCE)
+        fitted = minimise(objective.truncate(samples), phi, steps, GROWING_TOLERANCE)
         phi = fitted.phi
         yield fitted
 
 
 def _chord_steps(
-    objective: LeastSquaresProblem, normal: Normal, fitted: Fitted, tolerance: float
-) -> Fitted:
-    """Go on with the same Jacobian while it gains: a run costs a tenth of another."""
+    objective: LeastSquaresProblem, normal: NormalEquations, fitted: FitResult, tolerance: float
+) -> FitResult:
+    """Repeat steps with the same Jacobian while they lower F: a run costs a tenth of a Jacobian."""
     for _ in range(CHORDS):
         lower = _step(objective, normal, fitted, LADDER[:1])
         gain, fitted = fitted.cost - lower.cost, lower
@@ -156,15 +157,15 @@ def _chord_steps(
 
 def _step(
     objective: LeastSquaresProblem,
-    normal: Normal,
-    fitted: Fitted,
+    normal: NormalEquations,
+    fitted: FitResult,
     ladder: Sequence[Sequence[float]],
-) -> Fitted:
-    """Return where the best damping leads; the same place, if none lowers F."""
-    here = objective.residuals(fitted.readings)
+) -> FitResult:
+    """Return the result of the step with the best damping; the same point if none lowers F."""
+    current = objective.residuals(fitted.readings)
     for rung in ladder:
         rows = fitted.phi.expand(len(rung), -1)
-        residuals = here.expand(len(rung), -1)
+        residuals = current.expand(len(rung), -1)
         damping = torch.tensor(rung, dtype=torch.float64)
         free = torch.ones(rows.shape, dtype=torch.bool)
         trial = rows + normal.steps(rows, residuals, damping, free)
@@ -189,7 +190,7 @@ class Refits:
     Attributes:
         phi: ``(set, unknown)``; zero for candidates not in the set.
         cost: F, ``(set,)``.
-        converged: ``(set,)``.
+        converged: whether the fit has ended within the steps, ``(set,)``.
     """
 
     phi: Tensor
@@ -199,26 +200,27 @@ class Refits:
 
 def chord_refits(
     objective: LeastSquaresProblem,
-    normal: Normal,
+    normal: NormalEquations,
     phi: Float[Tensor, "set unknown"],
     free: Bool[Tensor, "set unknown"],
     steps: int,
     tolerance: float,
-    hopeless: float,
+    margin: float,
 ) -> Refits:
     """Minimise F over many sets of unknowns at once, with one Jacobian for all.
 
-    Each step costs one batched run. A row whose step does not lower F is damped ten times more.
+    Each step costs one batched run. If a step does not lower F, the damping of its row is
+    multiplied by ten.
 
     Args:
         objective: F.
-        normal: the normal equations about a point near all of them.
-        phi: where each begins.
-        free: which unknowns each may move.
-        steps: runs at most.
-        tolerance: a row that gains less than this in F is done, absolutely.
-        hopeless: a row that would not come this near to the best, did it gain as much again, is
-            given up.
+        normal: normal equations at a point near all rows.
+        phi: initial unknowns of each row.
+        free: the free unknowns of each row.
+        steps: largest number of runs.
+        tolerance: a row has converged if a step lowers its F by less than this.
+        margin: a row is given up if the same gain once more would leave its F above the best by
+            more than this.
     """
     damping = torch.zeros(len(phi), dtype=torch.float64)
     cost, (_, residuals) = objective.values(phi)
@@ -238,7 +240,7 @@ def chord_refits(
         # After a damped step a small gain says nothing about the next.
         done[rows] = better & (gain < tolerance) & (damping[rows] < 1)
         done[rows] |= damping[rows] > MOST_DAMPED
-        done[rows] |= better & (cost[rows] - gain > cost.min() + hopeless)
+        done[rows] |= better & (cost[rows] - gain > cost.min() + margin)
         damping[rows] = torch.where(
             better, damping[rows] / 10, torch.clamp(damping[rows] * 10, min=0.1)
         )

@@ -1,4 +1,4 @@
-"""The noise of sensors: its size, and its correlation from sample to sample."""
+"""The noise model of the sensors: standard deviation and lag-one correlation."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-# Correlations below this many standard errors are taken for none.
+# A correlation below this many standard errors is set to zero.
 SIGNIFICANT = 3.0
 LARGEST_CORRELATION = 0.99
 
@@ -19,76 +19,77 @@ class NoiseModel:
     """First-order autoregressive noise: ``e_t = ρ e_{t-1} + √(1-ρ²) σ η_t``, η ~ N(0, 1).
 
     Attributes:
-        std: σ of each sensor, ``(sensor,)``, in the sensor's unit.
+        std: σ of each sensor, ``(sensor,)``, in the unit of the sensor.
         correlation: ρ of each sensor between neighbouring samples, ``(sensor,)``.
-        seen: which samples there are, ``(time, sensor)``; a gap starts the sequence anew.
+        available: whether a sample is available, ``(time, sensor)``; the sequence restarts after
+            a gap.
     """
 
     std: Tensor
     correlation: Tensor
-    seen: Tensor
+    available: Tensor
 
     @property
     def count(self) -> int:
-        """Samples there are."""
-        return int(self.seen.sum())
+        """Number of available samples."""
+        return int(self.available.sum())
 
     @property
     def effective_count(self) -> float:
-        """Independent samples that say as much: ``Σ n (1-ρ)/(1+ρ)`` over the sensors."""
+        """Effective number of independent samples: ``Σ n (1-ρ)/(1+ρ)`` over the sensors."""
         shares = (1 - self.correlation) / (1 + self.correlation)
-        return float(self.seen.sum(dim=0).double() @ shares)
+        return float(self.available.sum(dim=0).double() @ shares)
 
-    def first(self, samples: int) -> NoiseModel:
-        """Return the model of the first samples alone."""
-        return replace(self, seen=self.seen[:samples])
+    def truncate(self, samples: int) -> NoiseModel:
+        """Return the model of the first samples."""
+        return replace(self, available=self.available[:samples])
 
     def whiten(self, values: Float[Tensor, "*batch time sensor"]) -> Tensor:
-        """Return values in units of independent noise of variance 1; missing ones are zero."""
-        scaled = torch.where(self.seen, values, 0.0) / self.std
+        """Return values whitened to independent noise of variance 1; missing ones are zero."""
+        scaled = torch.where(self.available, values, 0.0) / self.std
         rho = self.correlation
         if not rho.any():
             return scaled
-        follows = (self.seen[1:] & self.seen[:-1]).to(scaled.dtype)
+        follows = (self.available[1:] & self.available[:-1]).to(scaled.dtype)
         rest = scaled[..., 1:, :] - rho * scaled[..., :-1, :] * follows
         rest = rest / (1 - rho**2 * follows).sqrt()
         return torch.cat([scaled[..., :1, :], rest], dim=-2)
 
     def scaled(self, factor: float) -> NoiseModel:
-        """Return the model with all σ multiplied."""
+        """Return the model with all σ multiplied by a factor."""
         return replace(self, std=self.std * factor)
 
-    def estimated(
+    def estimate(
         self, residuals: Float[Tensor, "time sensor"], groups: list[str], parameters: float
     ) -> NoiseModel:
-        """Return the model that the residuals of a fit speak for.
+        """Return the noise model estimated from the residuals of a fit.
 
-        Within what reads the same quantity σ keeps its ratios and takes its level from the
-        residuals, and ρ is their pooled lag-one correlation, if it is significant. Of what is not
-        seen at all, residuals say nothing: its σ stays.
+        Sensors are grouped by the quantity that they read. In a group the ratios of σ stay, and
+        the residuals set its level. ρ is the pooled lag-one correlation of the group, if it is
+        significant. A group without available samples keeps its σ, and its ρ is zero.
 
         Args:
             residuals: readings minus recording.
-            groups: what each sensor reads.
-            parameters: how many the fit has spent; divided by the number of samples.
+            groups: the quantity that each sensor reads.
+            parameters: effective number of fitted parameters.
         """
         std, correlation = self.std.clone(), torch.zeros_like(self.std)
         left = max(1.0 - parameters / max(1, self.count), 0.1)
-        squares = torch.where(self.seen, residuals / self.std, 0.0).square()
+        squares = torch.where(self.available, residuals / self.std, 0.0).square()
         for group in dict.fromkeys(groups):
-            mine = torch.tensor([g == group for g in groups])
-            if not self.seen[:, mine].any():
+            in_group = torch.tensor([g == group for g in groups])
+            if not self.available[:, in_group].any():
                 continue
-            mean = float(squares[:, mine].sum() / self.seen[:, mine].sum())
-            std[mine] *= max(math.sqrt(mean / left), 1e-12)
-            scaled = residuals[:, mine] / std[mine]
-            correlation[mine] = _lag_one(scaled, self.seen[:, mine])
-        return NoiseModel(std, correlation, self.seen)
+            mean = float(squares[:, in_group].sum() / self.available[:, in_group].sum())
+            std[in_group] *= max(math.sqrt(mean / left), 1e-12)
+            scaled = residuals[:, in_group] / std[in_group]
+            correlation[in_group] = _lag_one(scaled, self.available[:, in_group])
+        return NoiseModel(std, correlation, self.available)
 
 
-def _lag_one(scaled: Float[Tensor, "time sensor"], seen: Tensor) -> float:
-    """Return the correlation of neighbours; 0 where it is not significant, or negative."""
-    pairs = seen[1:] & seen[:-1]
+def _lag_one(scaled: Float[Tensor, "time sensor"], available: Tensor) -> float:
+    """Return the lag-one correlation; 0 if it is negative or not significant."""
+    pairs = available[1:] & available[:-1]
     if not pairs.any():
         return 0.0
     products = float((scaled[1:] * scaled[:-1])[pairs].sum())

@@ -1,28 +1,29 @@
-"""Normal equations, solved though rounding may have made them singular."""
+"""Solution of normal equations that may be singular by rounding."""
 
 from __future__ import annotations
 
 import torch
 from torch import Tensor
 
-# A diagonal of ones can be told from less than this no more, after a Jacobian's rounding.
+# Rounding error of a Jacobian, relative to a diagonal of ones.
 ROUNDING = 1e-12
 
 
 def solve(matrix: Tensor, right: Tensor) -> Tensor:
-    """Return ``A⁻¹ b`` of symmetric ``A = JᵀJ + P``.
+    """Return ``A⁻¹ b`` for a symmetric ``A = JᵀJ + P``.
 
-    Columns that are alike to rounding (powers of a field that hardly varies about its mean) drown
-    the prior: then with a ridge of rounding's own size on the diagonal, scaled to ones.
+    Nearly collinear columns (powers of a field that hardly varies about its mean) make A singular
+    by rounding. A is then scaled to a unit diagonal, and a ridge of the size of the rounding error
+    is added to the diagonal.
 
     Args:
         matrix: A, ``(*batch, unknown, unknown)``.
         right: b, ``(*batch, unknown, column)``.
     """
-    found, failed = torch.linalg.solve_ex(matrix, right)
+    solution, failed = torch.linalg.solve_ex(matrix, right)
     if not failed.any():
-        return found
+        return solution
     size = matrix.diagonal(dim1=-2, dim2=-1).sqrt()[..., None]
-    room = ROUNDING * torch.eye(matrix.shape[-1], dtype=matrix.dtype, device=matrix.device)
-    again, _ = torch.linalg.solve_ex(matrix / size / size.mT + room, right / size)
-    return torch.where(failed[..., None, None].bool(), again / size, found)
+    ridge = ROUNDING * torch.eye(matrix.shape[-1], dtype=matrix.dtype, device=matrix.device)
+    regularised, _ = torch.linalg.solve_ex(matrix / size / size.mT + ridge, right / size)
+    return torch.where(failed[..., None, None].bool(), regularised / size, solution)

@@ -1,4 +1,4 @@
-"""Which sets of candidates to refit: promising ones, and those one move away from the best."""
+"""The sets of candidates to refit: promising sets, and sets one move away from the best."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ Set = tuple[int, ...]
 
 LARGEST = 3
 LARGEST_ON_PATH = 6
-# Sets refitted at first, by size; the backward path and the proposals come on top.
+# Number of sets refitted at first, by size, in addition to the backward path and the proposals.
 REFITTED = {1: 6, 2: 8, 3: 8}
 NEIGHBOURS = 16
-# A fit that the linearisation about a better one undercuts by this has got stuck.
+# A fit is stuck if the linearised problem predicts an F that is lower by more than this.
 STUCK = 2.0
 
 
-def promising(problem: ProfiledProblem) -> list[Set]:
+def promising_sets(problem: ProfiledProblem) -> list[Set]:
     """Return the best sets of each size, and those of the backward path."""
     count = len(problem.target)
     found: list[Set] = []
@@ -30,14 +30,16 @@ def promising(problem: ProfiledProblem) -> list[Set]:
     return found + [members for members in path if len(members) > LARGEST]
 
 
-def neighbours(problem: ProfiledProblem, members: Set, tried: Mapping[Set, float]) -> list[Set]:
-    """Return the best sets that one swap, one addition or one omission makes of a set.
+def neighbouring_sets(
+    problem: ProfiledProblem, members: Set, tried: Mapping[Set, float]
+) -> list[Set]:
+    """Return the best sets that differ from a set by one swap, one addition or one omission.
 
-    And small ones that are promising from here. A set that was tried before stays out, unless
-    its fit falls short of what the linearisation promises: from afar a fit may have got stuck.
+    The small promising sets are included. A set that was refitted before is left out, unless its F
+    is above the prediction of the linearised problem: its fit may be stuck.
 
     Args:
-        problem: linearised about the set's fit.
+        problem: the linearised problem at the fit of the set.
         members: the set.
         tried: F of the sets that were refitted.
     """
@@ -45,18 +47,18 @@ def neighbours(problem: ProfiledProblem, members: Set, tried: Mapping[Set, float
     drops = [tuple(j for j in members if j != out) for out in members]
     swaps = [tuple(sorted((*kept, other))) for kept in drops for other in others]
     adds = [tuple(sorted((*members, other))) for other in others]
-    found: list[Set] = _unreached(problem, promising(problem), tried)
+    found: list[Set] = _to_refit(problem, promising_sets(problem), tried)
     for moves, most in ((drops, len(drops)), (swaps, NEIGHBOURS // 2), (adds, NEIGHBOURS // 2)):
         if moves:
             order = problem.costs(moves).argsort().tolist()
-            found += _unreached(problem, [moves[i] for i in order], tried)[:most]
+            found += _to_refit(problem, [moves[i] for i in order], tried)[:most]
     return found
 
 
-def _unreached(
+def _to_refit(
     problem: ProfiledProblem, sets: Sequence[Set], tried: Mapping[Set, float]
 ) -> list[Set]:
-    """Return the sets that were not tried, or whose fit falls short of the linearised one."""
+    """Return the sets that were not refitted, or whose F is above the prediction."""
     return [
         members
         for members in sets

@@ -1,4 +1,4 @@
-"""Select the law: refit the promising sets through the simulator, and swap until none wins."""
+"""Stepwise selection of the law: refit sets of candidates through the simulator."""
 
 from __future__ import annotations
 
@@ -12,32 +12,33 @@ from torch import Tensor
 from dashred.core.progress import Report
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import chord_refits, minimise
-from dashred.inference.fit.stepwise_moves import Set, neighbours, promising
+from dashred.inference.fit.stepwise_moves import Set, neighbouring_sets, promising_sets
 from dashred.inference.fit.subset_search import ProfiledProblem
 
 ROUNDS = 6
 CHORD_STEPS = 6
-# A row that gains less than this in F has come to its minimum, as far as ranking needs it.
-SETTLED = 0.5
+# A chord fit ends if a step lowers F by less than this: the ranking needs no more.
+CHORD_TOLERANCE = 0.5
 POLISH_STEPS = 6
-# Rivals of the best set that get Jacobians of their own: about another law's trajectory a fit may
-# get stuck far from where it belongs, if a field that no sensor reads has to move along.
+# Number of rivals of the best set that are refitted with their own Jacobians, and how. With the
+# Jacobian of another law a fit may get stuck, if a field that no sensor reads has to change too.
 RIVALS, RIVAL_STEPS, RIVAL_TOLERANCE = 4, 4, 1e-3
-# Sets whose score lies farther than this from the best are given up.
-HOPELESS = 40.0
-# A set that is predicted to leave so many times the misfit of the best is not fitted to the end.
-OUT_OF_QUESTION = 2.0
-# A smaller change of σ, or of its correlation, changes no choice.
-NOTICEABLE = 0.02
+# A set whose score exceeds the best by more than this is given up.
+SCORE_MARGIN = 40.0
+# A rival is refitted if its predicted F is below this multiple of the best F, or of the number of
+# samples if that is larger.
+LARGEST_COST_RATIO = 2.0
+# A smaller change of σ (relative) or of the correlation is ignored.
+NOISE_TOLERANCE = 0.02
 
 
 @dataclass(frozen=True)
-class Tried:
-    """One set of candidates, refitted.
+class RefittedSet:
+    """The fit of one set of candidates.
 
     Attributes:
-        members: indices of its candidates, sorted.
-        phi: the fit, ``(unknown,)``.
+        members: indices of the candidates, sorted.
+        phi: unknowns of the fit, ``(unknown,)``; zero for other candidates.
         cost: F.
         score: ``F + k (ln n + 2 ln p)``, lower is better.
     """
@@ -50,16 +51,16 @@ class Tried:
 
 @dataclass(frozen=True)
 class Selection:
-    """What the search has found.
+    """The result of the search.
 
     Attributes:
-        objective: F with the noise that the best law's residuals speak for.
-        tried: every set that was refitted, the best first.
-        exhausted: no swap, addition or omission wins any more.
+        objective: F with the noise model estimated from the residuals of the best set.
+        tried: every refitted set, the best first.
+        exhausted: whether no swap, addition or omission gives a better score.
     """
 
     objective: LeastSquaresProblem
-    tried: list[Tried]
+    tried: list[RefittedSet]
     exhausted: bool
 
 
@@ -70,26 +71,26 @@ def select(
 
     Args:
         objective: F over the whole record with a weak prior on ξ.
-        phi: a fit of all candidates, about which the first search is linearised.
-        proposals: sets to refit beside those that the search finds.
+        phi: a fit of all candidates, where the problem is linearised first.
+        proposals: further sets to refit.
         report: progress.
     """
     search = _Search(objective)
     search.linearise(phi)
-    first = [(), *promising(search.problem), *proposals]
+    first = [(), *promising_sets(search.problem), *proposals]
     search.refit(first)
     report(0.4, f"{len(search.tried)} sets refitted")
     exhausted = False
     for turn in range(ROUNDS):
         best = search.best
-        if search.adopt_noise(best):
+        if search.update_noise(best):
             search.rescore()
             best = search.best
         search.linearise(best.phi)
         costs = {members: found.cost for members, found in search.tried.items()}
-        search.refit(neighbours(search.problem, best.members, costs))
+        search.refit(neighbouring_sets(search.problem, best.members, costs))
         report(0.4 + 0.6 * (turn + 1) / ROUNDS, f"{len(search.tried)} sets refitted")
-        if search.best.members == best.members and not search.settle_rivals():
+        if search.best.members == best.members and not search.refit_rivals():
             exhausted = True
             break
     ranked = sorted(search.tried.values(), key=lambda found: found.score)
@@ -97,18 +98,20 @@ def select(
 
 
 def polish(
-    objective: LeastSquaresProblem, tried: Tried, tolerance: float, steps: int = POLISH_STEPS
-) -> Tried:
-    """Return the fit of one set with fresh Jacobians, until a step gains less than a share of F."""
-    mine = objective.only(tried.members)
-    begin = tried.phi[objective.places(tried.members)]
-    fitted = minimise(mine, begin, steps, tolerance)
-    score = fitted.cost + penalty(objective) * len(tried.members)
-    return Tried(tried.members, objective.embed(fitted.phi, tried.members), fitted.cost, score)
+    objective: LeastSquaresProblem, tried: RefittedSet, tolerance: float, steps: int = POLISH_STEPS
+) -> RefittedSet:
+    """Return the fit of one set with fresh Jacobians, until a step lowers F by a smaller share."""
+    problem = objective.subset(tried.members)
+    begin = tried.phi[objective.indices(tried.members)]
+    fitted = minimise(problem, begin, steps, tolerance)
+    score = fitted.cost + term_penalty(objective) * len(tried.members)
+    return RefittedSet(
+        tried.members, objective.embed(fitted.phi, tried.members), fitted.cost, score
+    )
 
 
-def penalty(objective: LeastSquaresProblem) -> float:
-    """Return the cost of one candidate more: ``ln n + 2 ln p``.
+def term_penalty(objective: LeastSquaresProblem) -> float:
+    """Return the penalty for each candidate: ``ln n + 2 ln p``.
 
     See docs/method.md#selection-of-the-law.
     """
@@ -116,8 +119,10 @@ def penalty(objective: LeastSquaresProblem) -> float:
     return math.log(objective.noise.effective_count) + 2 * math.log(candidates)
 
 
-def better(objective: LeastSquaresProblem, first: Tensor, second: Tensor) -> tuple[Tensor, float]:
-    """Return the better of two beginnings, ``(unknown,)``, and F there."""
+def choose_better(
+    objective: LeastSquaresProblem, first: Tensor, second: Tensor
+) -> tuple[Tensor, float]:
+    """Return the one of two points with the lower F, ``(unknown,)``, and its F."""
     begins = torch.stack([first, second])
     costs, _ = objective.values(begins)
     chosen = int(costs.argmin())
@@ -125,70 +130,69 @@ def better(objective: LeastSquaresProblem, first: Tensor, second: Tensor) -> tup
 
 
 class _Search:
-    """All sets tried so far, under one noise model and one linearisation."""
+    """The sets refitted so far, under one noise model and one linearisation."""
 
     def __init__(self, objective: LeastSquaresProblem) -> None:
         self.objective = objective
-        self.tried: dict[Set, Tried] = {}
-        self.settled: set[Set] = set()
+        self.tried: dict[Set, RefittedSet] = {}
+        self.refitted_rivals: set[Set] = set()
 
     @property
-    def best(self) -> Tried:
+    def best(self) -> RefittedSet:
         """The set with the lowest score."""
         return min(self.tried.values(), key=lambda found: found.score)
 
     def linearise(self, phi: Tensor) -> None:
-        """Move the linearisation to ``phi``."""
-        # What blows up has no derivative, and its fits will not be chosen.
+        """Linearise the problem at ``phi``."""
         self.normal = self.objective.linearise(phi)
-        self.problem = ProfiledProblem.of(self.normal, self.objective.modes)
+        self.problem = ProfiledProblem.from_normal_equations(self.normal, self.objective.modes)
 
-    def adopt_noise(self, best: Tried) -> bool:
-        """Estimate σ and its correlation from the residuals of the best set; tell if they moved."""
+    def update_noise(self, best: RefittedSet) -> bool:
+        """Estimate the noise from the residuals of the best set; return whether it changed."""
         objective = self.objective
         [readings] = objective.forward_model.readings(*objective.split(best.phi[None]))
-        normal = self.normal if self.normal.finite else objective.linearise(best.phi)
-        spent = normal.spent(objective.places(best.members))
-        noise = objective.noise_left(readings, spent)
+        normal = self.normal if self.normal.is_finite else objective.linearise(best.phi)
+        parameters = normal.effective_parameters(objective.indices(best.members))
+        noise = objective.estimate_noise(readings, parameters)
         resized = float((noise.std / objective.noise.std - 1).abs().max())
         recorrelated = float((noise.correlation - objective.noise.correlation).abs().max())
-        if max(resized, recorrelated) < NOTICEABLE:
+        if max(resized, recorrelated) < NOISE_TOLERANCE:
             return False
         self.objective = replace(objective, noise=noise)
         return True
 
     def rescore(self) -> None:
-        """Score the sets that may still win under the present noise; forget the others' scores."""
-        bound = self.best.score + HOPELESS
+        """Compute the scores of the near sets under the new noise model; the others get inf."""
+        bound = self.best.score + SCORE_MARGIN
         near = [found for found in self.tried.values() if found.score < bound]
         costs, _ = self.objective.values(torch.stack([found.phi for found in near]))
         for members, found in self.tried.items():
             self.tried[members] = replace(found, cost=math.inf, score=math.inf)
         for found, cost in zip(near, costs.tolist(), strict=True):
-            score = cost + penalty(self.objective) * len(found.members)
+            score = cost + term_penalty(self.objective) * len(found.members)
             self.tried[found.members] = replace(found, cost=cost, score=score)
 
     def refit(self, sets: Sequence[Set]) -> None:
-        """Refit sets, each from the linear prediction; an earlier, better fit stands."""
+        """Refit sets, each from the linear prediction; keep an earlier fit with a better score."""
         sets = list(dict.fromkeys(tuple(sorted(members)) for members in sets))
         if not sets:
             return
         free = _free(self.objective, sets)
-        begin = torch.stack([self._begin(members) for members in sets])
+        begin = torch.stack([self._predicted(members) for members in sets])
         found = chord_refits(
-            self.objective, self.normal, begin, free, CHORD_STEPS, SETTLED, HOPELESS
+            self.objective, self.normal, begin, free, CHORD_STEPS, CHORD_TOLERANCE, SCORE_MARGIN
         )
         for row, members in enumerate(sets):
             cost = float(found.cost[row])
-            score = cost + penalty(self.objective) * len(members)
+            score = cost + term_penalty(self.objective) * len(members)
             if members not in self.tried or score < self.tried[members].score:
-                self.tried[members] = Tried(members, found.phi[row], cost, score)
+                self.tried[members] = RefittedSet(members, found.phi[row], cost, score)
 
-    def settle_rivals(self) -> bool:
-        """Fit the nearest sets that are no larger, parts of the best too, to the end.
+    def refit_rivals(self) -> bool:
+        """Refit the best rivals that are no larger than the best set, with their own Jacobians.
 
         Returns:
-            whether one wins.
+            whether a rival is now the best set.
         """
         best = self.best
         others = [
@@ -197,37 +201,37 @@ class _Search:
             if 0 < len(members) <= len(best.members)
             and members != best.members
             and math.isfinite(found.score)
-            and self._may_win(members)
+            and self._is_near(members)
         ]
         for rival in sorted(others, key=lambda found: found.score)[:RIVALS]:
-            if rival.members in self.settled:
+            if rival.members in self.refitted_rivals:
                 continue
-            self.settled.add(rival.members)
-            begin = replace(rival, phi=self._at_start_of(best, rival))
+            self.refitted_rivals.add(rival.members)
+            begin = replace(rival, phi=self._choose_start(best, rival))
             fitted = polish(self.objective, begin, RIVAL_TOLERANCE, RIVAL_STEPS)
             if fitted.score < rival.score:
                 self.tried[rival.members] = fitted
         return self.best.members != best.members
 
-    def _may_win(self, members: Set) -> bool:
-        """Tell whether a set might leave as little as the best does, were the model linear."""
+    def _is_near(self, members: Set) -> bool:
+        """Return whether the predicted F of a set is near the F of the best."""
         [expected] = self.problem.costs([members]).tolist()
-        return expected < OUT_OF_QUESTION * max(self.best.cost, self.objective.noise.count)
+        return expected < LARGEST_COST_RATIO * max(self.best.cost, self.objective.noise.count)
 
-    def _at_start_of(self, best: Tried, rival: Tried) -> Tensor:
-        """Return the better beginning: where the rival is, or its law at the best one's start."""
+    def _choose_start(self, best: RefittedSet, rival: RefittedSet) -> Tensor:
+        """Return the rival's unknowns, or its law with the start of the best, by the lower F."""
         moved = rival.phi.clone()
         moved[: self.objective.modes] = best.phi[: self.objective.modes]
-        return better(self.objective, rival.phi, moved)[0]
+        return choose_better(self.objective, rival.phi, moved)[0]
 
-    def _begin(self, members: Set) -> Tensor:
-        """Return the best unknowns of the linearised problem."""
-        solution = self.normal.solution(self.objective.places(members))
+    def _predicted(self, members: Set) -> Tensor:
+        """Return the minimiser of the linearised problem."""
+        solution = self.normal.solution(self.objective.indices(members))
         return self.objective.embed(solution, members)
 
 
 def _free(objective: LeastSquaresProblem, sets: Sequence[Set]) -> Tensor:
     free = torch.zeros((len(sets), objective.modes + len(objective.prior_std)), dtype=torch.bool)
     for row, members in enumerate(sets):
-        free[row, objective.places(members)] = True
+        free[row, objective.indices(members)] = True
     return free

@@ -1,6 +1,7 @@
-"""Which sets of candidates explain the residual, on the linearised problem: only algebra.
+"""Search for sets of candidates on the linearised problem, by linear algebra alone.
 
-The start is eliminated first: a column counts only for what no change of the start can imitate.
+The start is eliminated first: a column counts only for the part that no change of the start can
+reproduce.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from jaxtyping import Float
 from scipy.linalg import qr
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import Normal
+from dashred.inference.fit.least_squares import NormalEquations
 from dashred.inference.fit.normal_equations import solve
 
 CHUNK = 20000
@@ -22,13 +23,13 @@ CHUNK = 20000
 
 @dataclass(frozen=True)
 class ProfiledProblem:
-    """The reduced problem ``F(ξ) = c - 2 gᵀξ + ξᵀ G ξ``, the start at its best for every ξ.
+    """The profiled problem ``F(ξ) = c - 2 gᵀξ + ξᵀ(G + P)ξ``, minimised over the start.
 
     Attributes:
         gram: G, the Schur complement, without the prior of ξ, ``(candidate, candidate)``.
         target: g, ``(candidate,)``.
         constant: c, the cost of the empty set.
-        precision: of ξ's prior, ``(candidate,)``.
+        precision: diagonal of P, the precision of the prior of ξ, ``(candidate,)``.
     """
 
     gram: Float[Tensor, "candidate candidate"]
@@ -37,31 +38,31 @@ class ProfiledProblem:
     precision: Float[Tensor, " candidate"]
 
     @classmethod
-    def of(cls, normal: Normal, modes: int) -> ProfiledProblem:
+    def from_normal_equations(cls, normal: NormalEquations, modes: int) -> ProfiledProblem:
         """Eliminate the start.
 
         Args:
-            normal: normal equations about a point.
-            modes: unknowns of the start, which come first.
+            normal: normal equations at a point.
+            modes: number of unknowns of the start, which come first.
         """
         target = normal.target
         start, error = normal.jacobian[:, :modes], normal.jacobian[:, modes:]
         eye = torch.eye(modes, dtype=start.dtype)
-        # ‖b - J_z z‖² + ‖z‖² as one least-squares problem, whose complement is kept.
+        # ‖b - J_z z‖² + ‖z‖² as one least-squares problem; its residual space remains.
         q, _ = torch.linalg.qr(torch.cat([start, eye]))
         stacked = torch.cat([error, torch.zeros(modes, error.shape[1], dtype=error.dtype)])
-        goal = torch.cat([target, torch.zeros(modes, dtype=target.dtype)])
+        right = torch.cat([target, torch.zeros(modes, dtype=target.dtype)])
         columns = stacked - q @ (q.T @ stacked)
-        rest = goal - q @ (q.T @ goal)
+        residual = right - q @ (q.T @ right)
         return cls(
             columns.T @ columns,
-            columns.T @ rest,
-            float(rest.square().sum()),
+            columns.T @ residual,
+            float(residual.square().sum()),
             normal.precision[modes:],
         )
 
     def costs(self, sets: Sequence[tuple[int, ...]]) -> Tensor:
-        """Return F of sets of one size, each with its best coefficients: ``(set,)``."""
+        """Return F of sets of the same size, minimised over their coefficients, ``(set,)``."""
         if not sets[0]:
             return torch.tensor([self.constant], dtype=torch.float64)
         chosen = torch.tensor(sets)
@@ -78,15 +79,16 @@ class ProfiledProblem:
         return self.constant - torch.cat(gains)
 
     def coefficients(self, chosen: tuple[int, ...]) -> Tensor:
-        """Return the best ξ of one set, ``(len(chosen),)``."""
+        """Return the ξ that minimises F for one set, ``(len(chosen),)``."""
         index = list(chosen)
         matrix = (self.gram + torch.diag(self.precision))[index][:, index]
         return solve(matrix, self.target[index, None])[:, 0]
 
-    def most_telling(self, count: int) -> tuple[int, ...]:
-        """Return the candidates whose effects, per prior std, span the most: QR with pivoting.
+    def most_distinct(self, count: int) -> tuple[int, ...]:
+        """Return the ``count`` candidates with the most distinct effects per prior std.
 
-        The Gram matrix has the pivots of the columns themselves, and is small.
+        They are chosen by QR with column pivoting. A square root of the Gram matrix
+        has the same pivots as the columns, and is smaller.
         """
         scaled = self.gram / self.precision.sqrt()[:, None] / self.precision.sqrt()
         values, vectors = torch.linalg.eigh(scaled)
@@ -102,22 +104,23 @@ def small_sets(count: int, largest: int) -> Iterator[list[tuple[int, ...]]]:
 
 
 def backward_path(problem: ProfiledProblem, largest: int) -> list[tuple[int, ...]]:
-    """Return the sets met when candidates are dropped one by one, the least needed first.
+    """Return the sets of backward elimination that have up to ``largest`` candidates.
 
-    The path finds sets that are too large to enumerate; those of up to ``largest`` are returned.
+    Each step drops the candidate whose omission raises F least. The path reaches sets that are too
+    large to enumerate.
     """
     gram = problem.gram + torch.diag(problem.precision)
     size = gram.diagonal().sqrt()
-    kept = list(range(len(size)))
+    remaining = list(range(len(size)))
     path = []
-    while kept:
-        if len(kept) <= largest:
-            path.append(tuple(kept))
-        scaled = gram[kept][:, kept] / size[kept, None] / size[kept]
-        scaled = scaled + 1e-10 * torch.eye(len(kept), dtype=torch.float64)
+    while remaining:
+        if len(remaining) <= largest:
+            path.append(tuple(remaining))
+        scaled = gram[remaining][:, remaining] / size[remaining, None] / size[remaining]
+        scaled = scaled + 1e-10 * torch.eye(len(remaining), dtype=torch.float64)
         inverse = torch.linalg.inv(scaled)
-        solved = inverse @ (problem.target[kept] / size[kept])
-        # What F rises by when one is left out: ξⱼ²/(G⁻¹)ⱼⱼ.
+        solved = inverse @ (problem.target[remaining] / size[remaining])
+        # The rise of F when candidate j is dropped: ξⱼ²/(G⁻¹)ⱼⱼ.
         rise = solved.square() / inverse.diagonal()
-        del kept[int(rise.argmin())]
+        del remaining[int(rise.argmin())]
     return path

@@ -1,8 +1,8 @@
-"""One simulator with candidate terms added: trajectories and their derivatives.
+"""One simulator with candidate terms: trajectories and their derivatives.
 
 It integrates ``∂u/∂t = N(u) + Σ_j ξ_j θ_j(u) + χ(ψ) Σ_j η_j θ_j(u) + f(x, t)``: the system's own
 tendency N, candidate terms θ, candidate terms within a window χ, and a forcing f. The coefficients
-of one trajectory are a row of weights, so that one compiled program serves every fit.
+of a trajectory are a row of weights, so that one compiled program serves every fit.
 """
 
 from __future__ import annotations
@@ -14,33 +14,33 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-from dashred.inference.forward.candidates import Candidate, forcing_of
+from dashred.inference.forward.candidates import Candidate, build_forcing
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
-from dashred.physics.solvers.batch_coefficients import Columns
-from dashred.physics.solvers.compiled_simulator import CompiledSystem, compiled
+from dashred.physics.solvers.batch_coefficients import CoefficientLayout
+from dashred.physics.solvers.compiled_simulator import CompiledSystem, compile_system
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
-from dashred.physics.tangents.ode_tangents import supports_ode, tangent_ode
-from dashred.physics.tangents.tangent_linear import supports, tangent_linear
+from dashred.physics.tangents.ode_tangents import has_ode_tangents, tangent_ode
+from dashred.physics.tangents.tangent_linear import has_spectral_tangents, tangent_linear
 from dashred.physics.window import Shape, Window
 
 
 class CandidateSimulator:
-    """A system with candidate terms, compiled by its first run.
+    """A system with candidate terms; the first run compiles it.
 
     A simulator that is only linearised is never compiled.
 
     Attributes:
-        system: the simulator.
+        system: the system.
         tangent: the same system with the time step of the derivative.
         shapes: shapes of the windows in which candidates may act.
         has_tangents: whether tangent-linear equations exist for it.
 
     Args:
         system: the simulator.
-        tangent_dt: longest time step of the derivative. An error of a percent in the derivative
-            costs nothing, since residuals always come from the system itself.
-        candidates: every term that may be added.
+        tangent_dt: largest time step of the derivative. An error of a percent in the derivative is
+            harmless, because the residuals always come from the system itself.
+        candidates: all candidates.
         shapes: shapes of the windows in which they may act.
     """
 
@@ -53,34 +53,36 @@ class CandidateSimulator:
     ) -> None:
         self.system, self.shapes = system, shapes
         self.tangent = system.with_step(max(tangent_dt, system.dt))
-        self.terms = forcing_of(candidates, torch.zeros((1, len(candidates)))).terms
+        self.terms = build_forcing(candidates, torch.zeros((1, len(candidates)))).terms
         self._columns: dict[str, list[int]] = {}
         first = 0
         for candidate in candidates:
             self._columns[candidate.key] = [*range(first, first + len(candidate.terms))]
             first += len(candidate.terms)
-        self._layout = Columns(len(self.terms), shapes)
-        self.has_tangents = supports(system, self.terms) or supports_ode(system, self.terms)
+        self._layout = CoefficientLayout(len(self.terms), shapes)
+        self.has_tangents = has_spectral_tangents(system, self.terms) or has_ode_tangents(
+            system, self.terms
+        )
 
     @cached_property
     def _run(self) -> CompiledSystem:
-        return compiled(self.system, self.terms, self.shapes)
+        return compile_system(self.system, self.terms, self.shapes)
 
     def coarse(self) -> CandidateSimulator:
-        """Return the simulator that takes the derivative's time steps itself."""
+        """Return the simulator with the time step of the derivative for its trajectories, too."""
         other = copy.copy(self)
         other.system = self.tangent
         other._run = self._run.with_step(self.tangent.dt)
         return other
 
     def finer(self) -> CandidateSimulator:
-        """Return the simulator whose derivative takes the system's own time steps."""
+        """Return the simulator with the time step of the system for its derivative, too."""
         other = copy.copy(self)
         other.tangent = self.system
         return other
 
-    def of(self, candidates: Sequence[Candidate]) -> CandidateSimulator:
-        """Return the same system with other candidates, without windows."""
+    def with_candidates(self, candidates: Sequence[Candidate]) -> CandidateSimulator:
+        """Return the simulator with other candidates, without windows."""
         return CandidateSimulator(self.system, self.tangent.dt, candidates)
 
     def weights(
@@ -95,7 +97,7 @@ class CandidateSimulator:
         Args:
             candidates: some of the simulator's candidates.
             xi: their coefficients, ``(row, candidate)``.
-            windowed: what is added to the coefficients within each row's window,
+            windowed: their additional coefficients within the window of each row,
                 ``(row, candidate)``; None without windows.
             windows: the window of each row.
         """
@@ -114,8 +116,8 @@ class CandidateSimulator:
         Args:
             start: states at the first time, ``(row, field, *grid)``.
             times: ``(time,)``.
-            weights: of each row, as :meth:`weights` returns them.
-            forcing: a forcing of each row.
+            weights: weights of each row, from :meth:`weights`.
+            forcing: forcing of each row; None without one.
         """
         return self._run(start, times, weights, forcing)
 
@@ -131,7 +133,7 @@ class CandidateSimulator:
     ) -> Iterator[tuple[Tensor, Tensor]]:
         """Yield the state and its derivatives at every time.
 
-        The columns are by the start's directions, the sources and the forcing's amplitudes.
+        The columns are the directions of the start, the sources and the amplitudes of the forcing.
         """
         base = self.tangent, start, directions, times, forcing, sources
         if self.system.axes:

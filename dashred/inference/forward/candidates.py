@@ -1,4 +1,4 @@
-"""What may be wrong with a simulator: missing library terms and mis-stated parameters."""
+"""Candidates for the model error: missing library terms and changed parameters."""
 
 from __future__ import annotations
 
@@ -25,15 +25,16 @@ class Candidate:
     """One unknown coefficient ξ of the model error ``Σ ξ θ(u)``.
 
     Attributes:
-        name: what ξ multiplies, in the user's words: ``u**3``; or the parameter it is added to.
-        equation: the equation it belongs to; None for a parameter, which may touch several.
-        terms: its tendency per unit of ξ: the term itself, or ``∂N/∂p`` by equation; resolved.
-        scale: ξ at which its tendency would have the rms of the equation's own.
-        limit: largest |ξ| that an explicit or anti-diffusive step bears; inf for most.
+        name: the term that ξ multiplies, as the user writes it, ``u**3``; or the parameter to which
+            ξ is added.
+        equation: equation of the term; None for a parameter, which may occur in several.
+        terms: tendency per unit of ξ: the term, or ``∂N/∂p`` of each equation; resolved.
+        scale: ξ at which its tendency has the same rms as the tendency of the equation.
+        limit: largest |ξ| for which the time step is stable; inf for most candidates.
         aliases: parameters whose change has the same effect to first order.
-        replaces: library terms, ``equation: term``, that a parameter stands for.
-        window: where alone it acts; None everywhere.
-        extended: whether it is a term that the library does not have.
+        replaces: library terms, ``equation: term``, that a parameter replaces.
+        window: window in which it acts; None everywhere.
+        is_extended: whether it is not a term of the library.
     """
 
     name: str
@@ -44,32 +45,32 @@ class Candidate:
     aliases: tuple[str, ...] = ()
     replaces: tuple[str, ...] = ()
     window: Window | None = None
-    extended: bool = False
+    is_extended: bool = False
 
     @property
     def key(self) -> str:
-        """``u: u**3``, or ``parameter nu``, wherever it acts."""
+        """``u: u**3`` or ``parameter nu``, without the window."""
         return f"{self.equation}: {self.name}" if self.equation else f"parameter {self.name}"
 
     def __str__(self) -> str:
-        """``u: u**3``, or ``parameter nu``; and where it acts, if not everywhere."""
+        """``u: u**3`` or ``parameter nu``, with the window if there is one."""
         return f"{self.key} {self.window}" if self.window else self.key
 
 
 def build_candidates(
     system: System, library: Sequence[Term], nominal: Tensor, t: float | Tensor
 ) -> list[Candidate]:
-    """Return the simulator's parameters, then the library's terms, none like another.
+    """Return the parameters and the library terms as candidates, without collinear ones.
 
-    Two candidates are alike if their tendencies are proportional over the nominal simulation.
-    Of parameters that are alike the first stays and carries the others' names; a term that is
-    like a parameter gives way to it.
+    Two candidates are collinear if their tendencies are proportional over the nominal simulation.
+    Of collinear parameters the first remains, with the others as aliases. A parameter replaces a
+    collinear term.
 
     Args:
         system: the simulator.
         library: the candidate terms.
         nominal: states of the simulator, ``(time, field, *grid)``.
-        t: time of all of them, or of each, ``(time,)``.
+        t: time of all states, or of each, ``(time,)``.
     """
     parameters = [_parameter(system, name) for name in system.config.parameters]
     resolved = resolve(system, library)
@@ -80,18 +81,18 @@ def build_candidates(
     found = [c for c in parameters if c.terms] + terms
     columns = torch.stack([_column(system, c, nominal, t) for c in found])
     sizes = columns.norm(dim=1)
-    kept: list[int] = []
+    independent: list[int] = []
     aliases: dict[int, list[str]] = {}
     replaced: dict[int, list[str]] = {}
     for j, candidate in enumerate(found):
         if not torch.isfinite(sizes[j]) or sizes[j] == 0:
             continue
-        cosines = (columns[kept] @ columns[j]).abs() / (sizes[kept] * sizes[j])
-        alike = torch.nonzero(cosines > 1 - COLLINEARITY_TOLERANCE).flatten().tolist()
-        if not alike:
-            kept.append(j)
+        cosines = (columns[independent] @ columns[j]).abs() / (sizes[independent] * sizes[j])
+        collinear = torch.nonzero(cosines > 1 - COLLINEARITY_TOLERANCE).flatten().tolist()
+        if not collinear:
+            independent.append(j)
             continue
-        first = kept[alike[0]]
+        first = independent[collinear[0]]
         if candidate.equation is None:
             aliases.setdefault(first, []).append(candidate.name)
         else:
@@ -105,7 +106,7 @@ def build_candidates(
             aliases=tuple(aliases.get(j, ())),
             replaces=tuple(replaced.get(j, ())),
         )
-        for j in kept
+        for j in independent
     ]
 
 
@@ -116,14 +117,14 @@ def replaced_terms(
     nominal: Tensor,
     t: float | Tensor,
 ) -> list[Candidate]:
-    """Return the library's terms that parameters stand for: somewhere only, they are themselves.
+    """Return the library terms that parameters replace: in a window they are distinct from these.
 
     Args:
         system: the simulator.
         library: the candidate terms.
-        candidates: what :func:`build_candidates` made of them.
+        candidates: the result of :func:`build_candidates`.
         nominal: states of the simulator, ``(time, field, *grid)``.
-        t: time of all of them, or of each, ``(time,)``.
+        t: time of all states, or of each, ``(time,)``.
     """
     replaced = {name for candidate in candidates for name in candidate.replaces}
     found = []
@@ -139,12 +140,12 @@ def replaced_terms(
 
 
 def indices_by_name(candidates: Sequence[Candidate]) -> dict[str, int]:
-    """Return the index of the candidate that stands for each library term, ``equation: term``."""
+    """Return the index of the candidate for each library term, ``equation: term``."""
     return {name: j for j, found in enumerate(candidates) for name in (str(found), *found.replaces)}
 
 
-def forcing_of(candidates: Sequence[Candidate], coefficients: Tensor) -> Forcing:
-    """Return the model error of coefficients ``(batch, candidate)``, in the user's units."""
+def build_forcing(candidates: Sequence[Candidate], coefficients: Tensor) -> Forcing:
+    """Return the model error with coefficients ``(batch, candidate)``, in the user's units."""
     terms = tuple(term for candidate in candidates for term in candidate.terms)
     owner = [j for j, candidate in enumerate(candidates) for _ in candidate.terms]
     return Forcing(terms, coefficients[:, owner])
@@ -157,7 +158,7 @@ def _parameter(system: System, name: str) -> Candidate:
 
 
 def _column(system: System, candidate: Candidate, states: Tensor, t: float | Tensor) -> Tensor:
-    """Return the candidate's tendency in units of each equation's own rms, over all fields."""
+    """Return the tendency of a candidate, in units of the rms tendency of each equation."""
     own = [Term(f, system.equations[f]) for f in system.fields]
     rms = evaluate_terms(system, own, states, t).flatten(1).square().mean(dim=1).sqrt()
     columns = torch.zeros((len(system.fields), states[:, 0].numel()), dtype=torch.float64)
@@ -169,10 +170,10 @@ def _column(system: System, candidate: Candidate, states: Tensor, t: float | Ten
 
 
 def stable_limit(system: System, terms: Sequence[Term]) -> float:
-    """Return the |ξ| at which the fastest mode of ``ξ θ`` grows e-fold within a step.
+    """Return the |ξ| at which the fastest mode of ``ξ θ`` grows by a factor of e within a step.
 
-    Only of what is linear in it: at fourth order the natural scale lies far above it, and the first
-    trial would blow up (docs/method.md#scales-and-priors).
+    Only the linear part of θ counts. For a term of fourth order the natural scale is far above this
+    limit, and the first trial would blow up (docs/method.md#scales-and-priors).
 
     Args:
         system: the simulator.
@@ -186,7 +187,7 @@ def stable_limit(system: System, terms: Sequence[Term]) -> float:
         for field in system.fields:
             linear, _ = split_linear(bare, field)
             if linear:
-                # What turns at the ends of an axis is stepped explicitly, too.
+                # A term with the side factor of a reflection is integrated explicitly, too.
                 own = field == term.equation and bare == term.expression
                 found = symbols([linear], system.operators, torch.device("cpu"))[0]
                 fastest = max(fastest, float((found.real if own else found).abs().max()))

@@ -1,4 +1,4 @@
-"""A free forcing as a block of unknowns: ``f_e(x, t) = Σ_ck a_eck b_c(x) h_k(t)``."""
+"""A free forcing with unknown amplitudes: ``f_e(x, t) = Σ_ck a_eck b_c(x) h_k(t)``."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 
 @dataclass(frozen=True)
 class ForcingBlock:
-    """A forcing whose amplitudes a are unknown.
+    """A forcing with unknown amplitudes a.
 
     Attributes:
-        basis: b and h.
-        size: an amplitude of each equation that makes a difference, ``(equation,)``.
+        basis: the basis functions b and h.
+        size: natural scale of the amplitudes of each equation, ``(equation,)``.
     """
 
     basis: ForcingBasis
@@ -28,18 +28,18 @@ class ForcingBlock:
 
     @property
     def scales(self) -> Tensor:
-        """A change of every amplitude that makes a difference, ``(unknown,)``."""
+        """Natural scale of every amplitude, ``(unknown,)``."""
         return self.by_amplitude(self.size)
 
     def by_amplitude(self, values: Tensor) -> Tensor:
-        """Return a value of each equation, once for each of its amplitudes, ``(unknown,)``."""
+        """Return one value of each equation repeated for all of its amplitudes, ``(unknown,)``."""
         _, cells, knots = self.basis.shape
         return values.repeat_interleave(cells * knots)
 
     def amplitudes(self, unknowns: Tensor) -> Tensor:
-        """Return rows of unknowns as amplitudes, ``(row, equation, cell, knot)``."""
+        """Return amplitudes ``(row, equation, cell, knot)`` from rows of unknowns."""
         return unknowns.reshape(-1, *self.basis.shape)
 
     def sampled(self, unknowns: Tensor) -> SampledForcing:
-        """Return the forcing of rows of unknowns, ``(row, unknown)``."""
+        """Return the forcing for rows of unknowns, ``(row, unknown)``."""
         return self.basis.sampled_forcing(self.amplitudes(unknowns))

@@ -1,13 +1,14 @@
-"""The forward model: from a start and a law, through the simulator, to what the sensors read.
+"""The forward model: it maps a start and a law, through the simulator, to sensor readings.
 
-It is composed of blocks, each with its own unknowns::
+It is composed of blocks with unknowns of their own::
 
     u(0) = u₀(z)                                    start
     ∂u/∂t = N(u) + Σ ξ θ(u) + f(x, t)               simulator, law, forcing
     y = H u + errors                                sensors
 
-The unknowns are the start's z and one vector of coefficients: of the law, then of the forcing, then
-of the sensors' errors. Every array has an episode axis; a single recording is one episode.
+The unknowns are z of the start and one vector of coefficients: those of the law, then those of the
+forcing, then those of the sensor errors. Every array has an episode axis; a single recording is one
+episode.
 """
 
 from __future__ import annotations
@@ -31,21 +32,21 @@ DIFFERENCE = 1e-5
 
 @dataclass(frozen=True)
 class Linearisation:
-    """Readings about one point: ``y ≈ readings + J_z δz + J_ξ δξ``.
+    """Readings linearised at one point: ``y ≈ readings + J_z δz + J_ξ δξ``.
 
     Attributes:
         readings: ``(time, sensor)``.
         by_start: J_z, ``(time, sensor, mode)``.
-        by_error: J_ξ in the user's units, ``(time, sensor, coefficient)``.
+        by_coefficients: J_ξ in the user's units, ``(time, sensor, coefficient)``.
     """
 
     readings: Tensor
     by_start: Tensor
-    by_error: Tensor
+    by_coefficients: Tensor
 
 
-class Places(NamedTuple):
-    """Where the unknowns of each block stand in the vector of coefficients."""
+class UnknownSlices(NamedTuple):
+    """The slice of each block in the vector of coefficients."""
 
     law: slice
     forcing: slice
@@ -57,11 +58,11 @@ class ForwardModel:
     """``(z, ξ) → y`` and its derivative (docs/method.md#fit-through-the-simulator).
 
     Attributes:
-        simulator: N, of every episode.
-        start: u₀(z), z ~ N(0, 1), ``(episode, field, *grid)``.
-        law: what is added to N.
-        sensors: H, and errors of the sensors.
-        times: clock of the part of the recording that is fitted, ``(time, episode)``.
+        simulator: the simulators of all episodes, with tendency N.
+        start: u₀(z) with z ~ N(0, I), ``(episode, field, *grid)``.
+        law: the terms added to N.
+        sensors: H and the sensor errors.
+        times: times of the fitted samples, ``(time, episode)``.
         forcing: f; None without one.
     """
 
@@ -73,35 +74,37 @@ class ForwardModel:
     forcing: ForcingBlock | None = None
 
     @property
-    def places(self) -> Places:
-        """Where the unknowns of each block stand in the vector of coefficients."""
+    def slices(self) -> UnknownSlices:
+        """The slice of each block in the vector of coefficients."""
         law = self.law.count
         forcing = law + (self.forcing.count if self.forcing else 0)
-        return Places(slice(law), slice(law, forcing), slice(forcing, forcing + self.sensors.count))
+        return UnknownSlices(
+            slice(law), slice(law, forcing), slice(forcing, forcing + self.sensors.count)
+        )
 
-    def until(self, samples: int) -> ForwardModel:
-        """Return the same over the first samples alone."""
+    def truncate(self, samples: int) -> ForwardModel:
+        """Return the forward model of the first samples."""
         return replace(self, times=self.times[:samples])
 
     def states(
         self, z: Float[Tensor, "batch mode"], xi: Float[Tensor, "batch coefficient"]
     ) -> Tensor:
         """Return the trajectories ``(batch, time, episode, field, *grid)``."""
-        places = self.places
-        weights = self.law.weights(self.simulator, xi[:, places.law])
-        forcing = self.forcing.sampled(xi[:, places.forcing]) if self.forcing else None
+        slices = self.slices
+        weights = self.law.weights(self.simulator, xi[:, slices.law])
+        forcing = self.forcing.sampled(xi[:, slices.forcing]) if self.forcing else None
         return self.simulator.run(self.start.start(z), self.times, weights, forcing)
 
     def sampled_states(
         self, z: Float[Tensor, " mode"], xi: Float[Tensor, " coefficient"]
     ) -> Tensor:
-        """Return all states of one run, ``(sample, field, *grid)``, episode after episode."""
+        """Return the states of one run, ``(sample, field, *grid)``, episode after episode."""
         [states] = self.states(z[None], xi[None])
         return concatenate_episodes(states, self.times)
 
     def readings(self, z: Tensor, xi: Tensor) -> Float[Tensor, "batch time sensor"]:
-        """Return what the sensors read; not finite from where a trajectory blows up."""
-        return self.sensors.read(self.states(z, xi), xi[:, self.places.errors])
+        """Return the readings; they are not finite after a blow-up."""
+        return self.sensors.read(self.states(z, xi), xi[:, self.slices.errors])
 
     def linearise(
         self,
@@ -109,36 +112,39 @@ class ForwardModel:
         xi: Float[Tensor, " coefficient"],
         readings: Float[Tensor, "time sensor"] | None = None,
     ) -> Linearisation:
-        """Return readings and Jacobian about one point, by tangents, or else by differences.
+        """Return the readings and their Jacobian at one point.
 
-        The columns of start, law and forcing are taken without the sensors' errors.
+        The Jacobian comes from tangent-linear equations, or from central differences if there are
+        none. The columns of start, law and forcing do not include the sensor errors.
 
         Args:
-            z: the start.
-            xi: the coefficients.
-            readings: there, where they are known already.
+            z: unknowns of the start.
+            xi: coefficients.
+            readings: readings at the point, if they are known already.
         """
         if readings is None:
             [readings] = self.readings(z[None], xi[None])
         jacobian, simulator = self._jacobian(z, xi), self.simulator
-        whole = bool(torch.isfinite(jacobian).all()) or not bool(torch.isfinite(readings).all())
-        if not whole and simulator.tangent.dt > simulator.system.dt:
-            # What is stable in its own steps may not be in the derivative's.
+        is_usable = bool(torch.isfinite(jacobian).all()) or not bool(torch.isfinite(readings).all())
+        if not is_usable and simulator.tangent.dt > simulator.system.dt:
+            # The larger time step of the derivative may be unstable.
             jacobian = self.finer()._jacobian(z, xi)
-        by_error = jacobian[..., len(z) :]
+        by_coefficients = jacobian[..., len(z) :]
         if self.sensors.errors is not None:
             [states] = self.states(z[None], xi[None])
-            columns = self.sensors.columns(states, xi[self.places.errors])
-            by_error = torch.cat([by_error, columns.to(by_error.dtype)], dim=-1)
-        return Linearisation(readings, jacobian[..., : len(z)], by_error)
+            columns = self.sensors.columns(states, xi[self.slices.errors])
+            by_coefficients = torch.cat(
+                [by_coefficients, columns.to(by_coefficients.dtype)], dim=-1
+            )
+        return Linearisation(readings, jacobian[..., : len(z)], by_coefficients)
 
     def finer(self) -> ForwardModel:
-        """Return the same with the simulator's own time steps for its derivative."""
+        """Return the forward model with the time step of the simulator for its derivative, too."""
         return replace(self, simulator=self.simulator.finer())
 
     @property
     def scales(self) -> Tensor:
-        """A change of every coefficient of law and forcing that makes a difference."""
+        """Natural scales of the coefficients of law and forcing, ``(coefficient,)``."""
         return torch.cat([block.scales for block in (self.law, self.forcing) if block])
 
     def _jacobian(self, z: Tensor, xi: Tensor) -> Tensor:
@@ -146,27 +152,27 @@ class ForwardModel:
         return (self._columns if self.simulator.has_tangents else self._differences)(z, xi)
 
     def _columns(self, z: Tensor, xi: Tensor) -> Tensor:
-        """Return the Jacobian by tangents."""
+        """Return the Jacobian from tangent-linear equations."""
         eye = torch.eye(len(z), dtype=torch.float64)
         [base] = self.start.start(z[None])
         directions = (self.start.start(z + DIFFERENCE * eye) - base) / DIFFERENCE
-        places, forcing = self.places, self.forcing
+        slices, forcing = self.slices, self.forcing
         blocks = self.simulator.tangents(
             base,
             directions,
             self.times,
-            self.law.forcing(xi[places.law]),
-            self.law.sources(xi[places.law]),
-            forcing.sampled(xi[None, places.forcing]) if forcing else None,
+            self.law.forcing(xi[slices.law]),
+            self.law.sources(xi[slices.law]),
+            forcing.sampled(xi[None, slices.forcing]) if forcing else None,
             forcing.basis if forcing else None,
         )
         return torch.cat([self._observe(*block) for block in blocks])
 
     def _observe(self, states: Tensor, tangents: Tensor) -> Tensor:
-        """Return H' w of tangents ``(sample, column, …)``: ``(sample, sensor, column)``.
+        """Return the derivative ``H'(u) w``, ``(sample, sensor, column)``.
 
         Args:
-            states: about which, ``(sample, episode, field, *grid)``.
+            states: u, ``(sample, episode, field, *grid)``.
             tangents: w, ``(sample, column, episode, field, *grid)``.
         """
         largest = tangents.abs().flatten(2).amax(dim=2).clamp(min=1e-300)
@@ -178,7 +184,7 @@ class ForwardModel:
 
     def _differences(self, z: Tensor, xi: Tensor) -> Tensor:
         """Return the Jacobian by central differences."""
-        scales, errors = self.scales, xi[self.places.errors]
+        scales, errors = self.scales, xi[self.slices.errors]
         steps = DIFFERENCE * torch.cat([torch.ones_like(z), scales, torch.zeros_like(errors)])
         moves = torch.diag(steps)[: len(z) + len(scales)]
         moved = torch.cat([z, xi]) + torch.cat([moves, -moves])

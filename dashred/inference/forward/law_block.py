@@ -1,4 +1,4 @@
-"""The law as a block of unknowns: coefficients of candidates, everywhere or in a window.
+"""The law as a block of unknowns: coefficients of candidates, global or within a window.
 
 The block adds ``Σ_i ξ_i θ_i(u) + χ(ψ₀ + δψ) Σ_j η_j θ_j(u)`` to the simulator's tendency. Its
 unknowns are ξ, then η, then δψ.
@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dashred.inference.forward.candidates import Candidate, forcing_of
+from dashred.inference.forward.candidates import Candidate, build_forcing
 from dashred.inference.forward.simulator import Simulator
 from dashred.physics.expressions.algebra import Number, multiply
 from dashred.physics.solvers.forcing import Forcing
@@ -24,12 +24,12 @@ EDGE_STEP = 0.1
 
 @dataclass(frozen=True)
 class WindowedTerms:
-    """Candidates that act within one window alone.
+    """Candidates that act within one window only.
 
     Attributes:
-        candidates: what η multiplies.
-        shape: of the window.
-        guess: ψ₀, the first guess of the window's parameters, ``(edge,)``.
+        candidates: candidates with coefficients η.
+        shape: shape of the window.
+        guess: ψ₀, first guess of the parameters of the window, ``(edge,)``.
     """
 
     candidates: Sequence[Candidate]
@@ -42,17 +42,17 @@ class WindowedTerms:
         return len(self.candidates) + len(self.guess)
 
     def window(self, unknowns: Tensor) -> Window:
-        """Return the window of one vector of unknowns ``(η, δψ)``."""
+        """Return the window for one vector of unknowns ``(η, δψ)``."""
         return self.shape.at((self.guess + unknowns[len(self.candidates) :]).tolist())
 
 
 @dataclass(frozen=True)
 class LawBlock:
-    """Candidates whose coefficients are unknown.
+    """Candidates with unknown coefficients.
 
     Attributes:
-        candidates: what ξ multiplies; they act everywhere.
-        windowed: further candidates, within a window; None without one.
+        candidates: candidates with coefficients ξ; they act everywhere.
+        windowed: further candidates within a window; None without a window.
     """
 
     candidates: Sequence[Candidate]
@@ -65,7 +65,7 @@ class LawBlock:
 
     @property
     def scales(self) -> Tensor:
-        """A change of every unknown that makes a difference, ``(unknown,)``."""
+        """Natural scale of every unknown, ``(unknown,)``."""
         sizes = [candidate.scale for candidate in self.candidates]
         if self.windowed:
             sizes += [candidate.scale for candidate in self.windowed.candidates]
@@ -73,11 +73,11 @@ class LawBlock:
         return torch.tensor(sizes, dtype=torch.float64)
 
     def terms(self, unknowns: Tensor) -> tuple[Candidate, ...]:
-        """Return what ξ and η multiply, the window at its place as a factor of the term."""
+        """Return the candidates of ξ and η; the terms of η contain the window as a factor."""
         if self.windowed is None:
             return tuple(self.candidates)
         window = self.windowed.window(unknowns[len(self.candidates) :])
-        return (*self.candidates, *localised(self.windowed.candidates, window))
+        return (*self.candidates, *restrict_to_window(self.windowed.candidates, window))
 
     def weights(self, simulator: Simulator, unknowns: Tensor) -> Tensor:
         """Return the simulator's weights for rows of unknowns, ``(row, weight)``."""
@@ -90,13 +90,13 @@ class LawBlock:
         return simulator.weights(both, coefficients * ~inside, coefficients * inside, windows)
 
     def forcing(self, unknowns: Tensor) -> Forcing:
-        """Return the law of one vector of unknowns; terms with a coefficient of 0 are left out."""
+        """Return the law for one vector of unknowns, without terms whose coefficient is 0."""
         terms = self.terms(unknowns)
-        carried = torch.nonzero(unknowns[: len(terms)]).flatten().tolist()
-        return forcing_of([terms[j] for j in carried], unknowns[None, carried])
+        nonzero = torch.nonzero(unknowns[: len(terms)]).flatten().tolist()
+        return build_forcing([terms[j] for j in nonzero], unknowns[None, nonzero])
 
     def sources(self, unknowns: Tensor) -> list[tuple[Term, ...]]:
-        """Return the derivative of the tendency by each unknown, as terms."""
+        """Return the derivative of the tendency with respect to each unknown, as terms."""
         found = [candidate.terms for candidate in self.terms(unknowns)]
         if self.windowed is None:
             return found
@@ -113,8 +113,8 @@ class LawBlock:
         ]
 
 
-def localised(candidates: Sequence[Candidate], window: Window) -> list[Candidate]:
-    """Return candidates that act within a window alone: ``χ θ`` is a term like any other."""
+def restrict_to_window(candidates: Sequence[Candidate], window: Window) -> list[Candidate]:
+    """Return candidates with the terms ``χ θ``, which act within a window only."""
     chi = window.expression
     return [
         replace(

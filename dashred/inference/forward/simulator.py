@@ -5,7 +5,7 @@ Every array has an episode axis; a single recording is one episode::
     times     (time, episode)
     states    (batch, time, episode, field, *grid)
 
-After its last sample an episode's clock stands still, and so does its state.
+After the last sample of an episode its time and its state are repeated.
 """
 
 from __future__ import annotations
@@ -17,29 +17,29 @@ from torch import Tensor
 
 from dashred.inference.forward.candidate_simulator import CandidateSimulator
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.forward.episodes import until_end
+from dashred.inference.forward.episodes import without_padding
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import Term
 from dashred.physics.window import Window
 
-# Numbers of derivatives that make a block: calls for few would cost more than their sums.
-AT_ONCE = 2**16
+# Number of derivatives in a block: smaller blocks cost more in calls than in arithmetic.
+BLOCK_SIZE = 2**16
 Samples = Iterator[tuple[Tensor, Tensor]]
 
 
 class Simulator:
-    """One :class:`CandidateSimulator` for each episode.
+    """The simulators of all episodes, each a :class:`CandidateSimulator`.
 
-    Episodes without inputs share one. Episodes that share a simulator and a clock are integrated
-    as members of one batch.
+    Episodes without inputs share one simulator. Episodes with the same simulator and the same times
+    are integrated in one batch.
 
     Attributes:
         parts: the simulator of each episode.
-        system: that of the first episode; the others differ in their inputs only.
+        system: the system of the first episode; the others differ only in their inputs.
         tangent: the same system with the time step of the derivative.
         shapes: shapes of the windows in which candidates may act.
-        has_tangents: whether tangent-linear equations exist for all of them.
+        has_tangents: whether tangent-linear equations exist for all episodes.
     """
 
     def __init__(self, parts: Sequence[CandidateSimulator]) -> None:
@@ -48,16 +48,16 @@ class Simulator:
         self.has_tangents = all(part.has_tangents for part in parts)
 
     def coarse(self) -> Simulator:
-        """Return the simulators that take the derivative's time steps themselves."""
+        """Return the simulators with the time step of the derivative for trajectories, too."""
         return self._each(CandidateSimulator.coarse)
 
     def finer(self) -> Simulator:
-        """Return the simulators whose derivatives take the system's own time steps."""
+        """Return the simulators with the time step of the system for derivatives, too."""
         return self._each(CandidateSimulator.finer)
 
-    def of(self, candidates: Sequence[Candidate]) -> Simulator:
-        """Return the same systems with other candidates, without windows."""
-        return self._each(lambda part: part.of(candidates))
+    def with_candidates(self, candidates: Sequence[Candidate]) -> Simulator:
+        """Return the simulators with other candidates, without windows."""
+        return self._each(lambda part: part.with_candidates(candidates))
 
     def weights(
         self,
@@ -66,7 +66,7 @@ class Simulator:
         windowed: Tensor | None = None,
         windows: Sequence[Window] = (),
     ) -> Tensor:
-        """Return the weights of trajectories, as :meth:`CandidateSimulator.weights` has them."""
+        """Return the weights of trajectories; see :meth:`CandidateSimulator.weights`."""
         return self.parts[0].weights(candidates, xi, windowed, windows)
 
     def run(
@@ -78,11 +78,11 @@ class Simulator:
             start: ``(batch, episode, field, *grid)``.
             times: ``(time, episode)``.
             weights: ``(batch, weight)``, the same in all episodes.
-            forcing: a forcing of each row of the batch, the same in all episodes.
+            forcing: forcing of each row of the batch, the same in all episodes; None without one.
         """
         states = start.new_empty((len(start), len(times), *start.shape[1:]))
         for group in self._groups(times):
-            clock, count = until_end(times[:, group[0]]), len(group)
+            clock, count = without_padding(times[:, group[0]]), len(group)
             rows = weights.repeat_interleave(count, dim=0)
             force = forcing and SampledForcing(
                 forcing.knots, forcing.values.repeat_interleave(count, dim=0)
@@ -104,27 +104,29 @@ class Simulator:
         sampled_forcing: SampledForcing | None,
         forcing_basis: ForcingBasis | None,
     ) -> Samples:
-        """Yield states and their derivatives, a block of samples at a time.
+        """Yield states and their derivatives in blocks of samples.
 
-        States ``(sample, episode, field, *grid)``, derivatives ``(sample, column, episode, …)``.
-        Directions that do not move an episode's start are not integrated there.
+        States are ``(sample, episode, field, *grid)``, and derivatives are
+        ``(sample, column, episode, field, *grid)``.
+        Directions that are zero in an episode are not integrated there.
 
         Args:
             start: ``(episode, field, *grid)``.
             directions: derivatives of the start, ``(direction, episode, field, *grid)``.
             times: ``(time, episode)``.
             forcing: the law, one row.
-            sources: the terms whose coefficients the columns are derivatives by.
-            sampled_forcing: the forcing, one row.
-            forcing_basis: the forcing whose amplitudes the last columns are derivatives by.
+            sources: terms; a column is the derivative by the coefficient of one entry.
+            sampled_forcing: the free forcing, one row; None without one.
+            forcing_basis: basis of the free forcing; the last columns are derivatives by its
+                amplitudes.
         """
         moving = directions.flatten(2).any(dim=2)
         shared = forcing, sources, sampled_forcing, forcing_basis
         each = []
         for e, part in enumerate(self.parts):
-            own, moved = until_end(times[:, e]), moving[:, e]
+            own, moved = without_padding(times[:, e]), moving[:, e]
             samples = part.tangents(start[e], directions[moved, e], own, *shared)
-            each.append(_blocks(_held(samples, len(times) - len(own)), moved))
+            each.append(_blocks(_pad_samples(samples, len(times) - len(own)), moved))
         for blocks in zip(*each, strict=True):
             states, columns = zip(*blocks, strict=True)
             yield torch.stack(states, dim=1), torch.stack(columns, dim=2)
@@ -134,15 +136,15 @@ class Simulator:
         return Simulator([changed[part] for part in self.parts])
 
     def _groups(self, times: Tensor) -> list[list[int]]:
-        """Return the episodes that share a simulator and a clock."""
+        """Return groups of episodes with the same simulator and the same times."""
         found: dict[tuple[CandidateSimulator, tuple[float, ...]], list[int]] = {}
         for e, (part, clock) in enumerate(zip(self.parts, times.T.tolist(), strict=True)):
             found.setdefault((part, tuple(clock)), []).append(e)
         return list(found.values())
 
 
-def _held(samples: Samples, further: int) -> Samples:
-    """Yield an episode's samples, and the last state as often as its clock stands still."""
+def _pad_samples(samples: Samples, further: int) -> Samples:
+    """Yield the samples of an episode, then its last state with zero columns as padding."""
     for state, columns in samples:
         yield state, columns
     for _ in range(further):
@@ -150,11 +152,11 @@ def _held(samples: Samples, further: int) -> Samples:
 
 
 def _blocks(samples: Samples, moved: Tensor) -> Samples:
-    """Yield samples by blocks, with columns of zeros for directions that were not integrated.
+    """Yield samples in blocks, with zero columns for directions that were not integrated.
 
     Args:
-        samples: states, and columns of the directions that were, then of everything else.
-        moved: which directions these are, ``(direction,)``.
+        samples: states and columns: the integrated directions, then all other columns.
+        moved: whether a direction was integrated, ``(direction,)``.
     """
     states: list[Tensor] = []
     tangents: list[Tensor] = []
@@ -162,18 +164,18 @@ def _blocks(samples: Samples, moved: Tensor) -> Samples:
     for state, columns in samples:
         states.append(state)
         tangents.append(columns.double())
-        # Blocks are as long in every episode, however many directions are integrated there.
-        if len(states) * (len(columns) + still) * state.numel() >= AT_ONCE:
-            yield torch.stack(states), _whole(torch.stack(tangents), moved)
+        # All episodes have blocks of the same length, whatever directions are integrated there.
+        if len(states) * (len(columns) + still) * state.numel() >= BLOCK_SIZE:
+            yield torch.stack(states), _with_zero_columns(torch.stack(tangents), moved)
             states, tangents = [], []
     if states:
-        yield torch.stack(states), _whole(torch.stack(tangents), moved)
+        yield torch.stack(states), _with_zero_columns(torch.stack(tangents), moved)
 
 
-def _whole(columns: Tensor, moved: Tensor) -> Tensor:
+def _with_zero_columns(columns: Tensor, moved: Tensor) -> Tensor:
     if bool(moved.all()):
         return columns
-    kept = torch.cat([moved, moved.new_ones(columns.shape[1] - int(moved.sum()))])
-    whole = columns.new_zeros((len(columns), len(kept), *columns.shape[2:]))
-    whole[:, kept] = columns
+    is_given = torch.cat([moved, moved.new_ones(columns.shape[1] - int(moved.sum()))])
+    whole = columns.new_zeros((len(columns), len(is_given), *columns.shape[2:]))
+    whole[:, is_given] = columns
     return whole

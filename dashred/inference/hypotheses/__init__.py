@@ -1,1 +1,1 @@
-"""Hypotheses about the mismatch, each fitted to the recording."""
+"""Hypotheses about the model error, each fitted to the recording."""

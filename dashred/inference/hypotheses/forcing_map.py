@@ -1,4 +1,4 @@
-"""The map of a free forcing: what would have to be added where and when, and how sure that is."""
+"""The map of a free forcing in space and time, with standard deviations."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class ForcingMap:
     """A forcing in cells of space and at knots in time, in units of each equation's tendency.
 
     Attributes:
-        places: middle of each cell along every axis, ``(cell, axis)``.
+        places: centre of each cell along every axis, ``(cell, axis)``.
         times: of the knots, ``(knot,)``.
         amplitudes: ``(equation, cell, knot)``.
         stds: posterior standard deviations, ``(equation, cell, knot)``.
-        gain: evidence for it, on top of the simulator as it is.
+        gain: evidence for the forcing on top of the uncorrected simulator.
     """
 
     places: Tensor
@@ -31,35 +31,35 @@ class ForcingMap:
 
     @property
     def peak(self) -> list[float]:
-        """Where it is largest, rms over time and equations: one number along every axis."""
+        """Place of the largest rms over time and equations: one coordinate for each axis."""
         size = self.amplitudes.square().sum(dim=(0, 2))
         return [float(x) for x in self.places[int(size.argmax())]]
 
 
-def map_of(forced: FreeForcing, gain: float) -> ForcingMap | None:
-    """Return the map of a free forcing; None of one that is none."""
-    if not any(forced.levels):
+def build_forcing_map(forcing: FreeForcing, gain: float) -> ForcingMap | None:
+    """Return the map of a free forcing; None if all its amplitudes are zero."""
+    if not any(forcing.levels):
         return None
-    basis, size = forced.block.basis, forced.block.size[:, None, None]
-    variance = forced.normal.covariance(range(len(forced.phi))).diagonal()[-basis.count :]
+    basis, size = forcing.block.basis, forcing.block.size[:, None, None]
+    variance = forcing.normal.covariance(range(len(forcing.phi))).diagonal()[-basis.count :]
     stds = variance.clamp(min=0).sqrt().reshape(basis.shape)
-    system = forced.objective.forward_model.simulator.system
+    system = forcing.objective.forward_model.simulator.system
     return ForcingMap(
-        _places(system, len(basis.bumps)),
+        _cell_centres(system, len(basis.bumps)),
         basis.knots,
-        forced.amplitudes / size,
+        forcing.amplitudes / size,
         stds / size,
         gain,
     )
 
 
-def _places(system: System, cells: int) -> Tensor:
-    """Return the middles of the cells, in the order in which the pulses have them."""
+def _cell_centres(system: System, cells: int) -> Tensor:
+    """Return the centres of the cells in the order of the basis, ``(cell, axis)``."""
     if not system.axes:
         return torch.zeros((1, 0), dtype=torch.float64)
-    along = round(cells ** (1 / len(system.axes)))
-    middles = [
-        (torch.arange(along, dtype=torch.float64) + 0.5) * axis.length / along
+    cells_along = round(cells ** (1 / len(system.axes)))
+    centres = [
+        (torch.arange(cells_along, dtype=torch.float64) + 0.5) * axis.length / cells_along
         for axis in system.axes
     ]
-    return torch.stack(torch.meshgrid(*middles, indexing="ij"), dim=-1).flatten(0, -2)
+    return torch.stack(torch.meshgrid(*centres, indexing="ij"), dim=-1).flatten(0, -2)

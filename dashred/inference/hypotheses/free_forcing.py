@@ -1,7 +1,7 @@
-"""What a law leaves unexplained: a free forcing, as large as the evidence allows.
+"""A free forcing: an arbitrary force on the equations, with amplitudes chosen by the evidence.
 
-Of all models it can imitate any other, and so it says two things: how good a law could be at
-best, and near which trajectory to look for one (docs/method.md#free-forcing).
+A free forcing can imitate any law. It therefore shows how well a law could fit at best, and near
+which trajectory to search for one (docs/method.md#free-forcing).
 """
 
 from __future__ import annotations
@@ -14,49 +14,50 @@ from itertools import product
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
-from dashred.inference.fit.levenberg_marquardt import grow, minimise
+from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
+from dashred.inference.fit.levenberg_marquardt import minimise, minimise_growing_horizon
 from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.physics.forcing_basis import ForcingBasis
 
-# Of a forcing: along each axis, by how many there are, for every cell is a column of the Jacobian;
-# and in time.
+# Number of cells along each axis, by the number of axes, and of knots in time. Every cell and knot
+# is a column of the Jacobian.
 CELLS, KNOTS = (1, 12, 4), 13
-# Prior std of an amplitude, as shares of the equation's own tendency; none at all first.
+# Choices of the prior std of an amplitude, as shares of the equation's tendency; 0: no forcing.
 LEVELS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0)
-# Stands for none: an amplitude of this share is too small for anything.
-NONE = 1e-6
+# Used in place of 0 to keep the prior regular.
+ZERO_LEVEL = 1e-6
 ROUNDS, STEPS, TOLERANCE = 3, 2, 0.01
-# A forcing that leaves so many times the noise has lost the trajectory.
-LOST = 2.0
-# Then it grows anew from the mean of the start: from a few samples, by small steps, under so many
-# times the noise, for between its cells and knots a forcing is not that of the truth.
-BEGIN, GROWTH, GROWING_STEPS, COARSE = 6, 1.15, 5, 3.0
-# The smallest forcing that follows the recording does: a large one may carry the trajectory away.
-GROWN = (0.03, 0.3)
-# Of the largest entry of a matrix, what rounding may make of its smallest eigenvalue.
+# A forcing with larger residuals, as a multiple of the noise, has lost the recording.
+MAX_NOISE_RATIO = 2.0
+# It is then refitted over a growing horizon from the mean of the initial state. The noise is
+# multiplied by NOISE_FACTOR, because a forcing is coarse in space and time.
+FIRST_SAMPLES, GROWTH, GROWING_STEPS, NOISE_FACTOR = 6, 1.15, 5, 3.0
+# Levels of such a refit. The smallest that follows the recording is used: a large forcing may drive
+# the trajectory away.
+GROWING_LEVELS = (0.03, 0.3)
+# Possible rounding error of a smallest eigenvalue, as a share of the largest matrix entry.
 ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
 class FreeForcing:
-    """A forcing that was fitted together with the start.
+    """A forcing that was fitted together with the initial state and the law.
 
     Attributes:
-        objective: F, in the start, the law and the amplitudes.
-        block: the forcing, with its place among the unknowns.
-        phi: its minimum, ``(unknown,)``.
-        cost: F there.
-        normal: F linearised there: several questions are put to it, and it is dear.
+        objective: F of the initial state, the law and the amplitudes.
+        block: the forcing as a block of unknowns.
+        phi: the minimum of F, ``(unknown,)``.
+        cost: F at the minimum.
+        normal: F linearised at the minimum; kept because it is expensive and used several times.
         levels: chosen prior std of each equation's amplitudes, as a share of its tendency.
-        equations: those that may be forced.
+        equations: indices of the equations that may be forced.
     """
 
     objective: LeastSquaresProblem
     block: ForcingBlock
     phi: Tensor
     cost: float
-    normal: Normal
+    normal: NormalEquations
     levels: tuple[float, ...]
     equations: tuple[int, ...]
 
@@ -64,105 +65,108 @@ class FreeForcing:
     def evidence(self) -> float:
         """``-2 ln`` of the probability of the recording, up to a constant.
 
-        Over all levels, none preferred: the best of many would be found evident by chance.
+        It is averaged over all levels, because the best of many does well by chance.
         """
-        choices = _choices(self.equations, len(self.block.size))
-        found = [_with_levels(self.normal, self.block, levels) for levels in choices]
-        least = min(found)
-        return least - 2 * math.log(sum(math.exp((least - v) / 2) for v in found) / len(found))
+        choices = _level_combinations(self.equations, len(self.block.size))
+        values = [_evidence_of_levels(self.normal, self.block, levels) for levels in choices]
+        least = min(values)
+        return least - 2 * math.log(sum(math.exp((least - v) / 2) for v in values) / len(values))
 
     @property
     def amplitudes(self) -> Tensor:
-        """Return a, ``(equation, cell, knot)``."""
+        """The amplitudes of the forcing, ``(equation, cell, knot)``."""
         return self.block.amplitudes(self.phi[-self.block.count :])[0]
 
 
-def evidence(normal: Normal, index: Sequence[int]) -> float:
-    """Return ``-2 ln p(y)`` of a linearised model with some unknowns, up to a constant.
+def evidence(normal: NormalEquations, index: Sequence[int]) -> float:
+    """Return ``-2 ln p(y)`` of a linearised model with some of its unknowns, up to a constant.
 
-    ``min F + ln det(JᵀJ + P) - ln det P`` (Laplace).
+    ``min F + ln det(JᵀJ + P) - ln det P`` (Laplace's approximation).
     """
     chosen = list(index)
     hessian = normal.hessian[chosen][:, chosen]
     precision = normal.precision[chosen]
-    goal = normal.jacobian[:, chosen].T @ normal.target
+    right_side = normal.jacobian[:, chosen].T @ normal.target
     size = precision.sqrt()
     scaled = hessian / size[:, None] / size
     factor, failed = torch.linalg.cholesky_ex(scaled)
     if failed:
-        # Where a trajectory is about to blow up, the rounding of its columns drowns the prior.
-        room = ROUNDING * scaled.diagonal().max() * torch.eye(len(scaled), dtype=scaled.dtype)
-        factor = torch.linalg.cholesky(scaled + room)
-    solved = torch.linalg.solve_triangular(factor, (goal / size)[:, None], upper=False)
-    least = float(normal.target.square().sum() - solved.square().sum())
+        # If a trajectory is about to blow up, rounding errors of its columns exceed the prior.
+        jitter = ROUNDING * scaled.diagonal().max() * torch.eye(len(scaled), dtype=scaled.dtype)
+        factor = torch.linalg.cholesky(scaled + jitter)
+    whitened = torch.linalg.solve_triangular(factor, (right_side / size)[:, None], upper=False)
+    least = float(normal.target.square().sum() - whitened.square().sum())
     return least + 2 * float(factor.diagonal().log().sum())
 
 
-def fit_free_forcing(
+def fit_forcing_block(
     objective: LeastSquaresProblem,
     phi: Tensor,
     block: ForcingBlock,
     equations: Sequence[int],
 ) -> tuple[FreeForcing, float]:
-    """Fit a forcing of some equations, its size in each by the evidence.
+    """Fit a forcing of some equations; the evidence chooses its level in each.
 
     Args:
-        objective: F of a law, or of none, over the whole record.
-        phi: a fit of start and law, ``(unknown,)``.
+        objective: F of the initial state and a law, if any, over the whole record.
+        phi: a fit of these, ``(unknown,)``.
         block: the forcing.
-        equations: those that are forced; of the others the forcing is none.
+        equations: indices of the equations that are forced.
 
     Returns:
-        the forcing, and the evidence without one.
+        The forcing, and the evidence without a forcing.
     """
-    driven = replace(objective.forward_model, forcing=block)
-    whole = objective.extended(driven, _stds(block, LEVELS[-1:] * len(block.size)))
+    forced_model = replace(objective.forward_model, forcing=block)
+    whole = objective.with_unknowns(forced_model, _prior_stds(block, LEVELS[-1:] * len(block.size)))
     begin = torch.cat([phi, torch.zeros(block.count, dtype=torch.float64)])
     first = whole.linearise(begin)
     without = evidence(first, range(len(phi)))
-    found = _forced(whole, block, begin, equations, first)
-    return (found if not _lost(found) else _grown(whole, begin, found)), without
+    forcing = _fit_levels(whole, block, begin, equations, first)
+    if _has_lost_recording(forcing):
+        forcing = _refit_growing_horizon(whole, begin, forcing)
+    return forcing, without
 
 
-def _grown(whole: LeastSquaresProblem, begin: Tensor, lost: FreeForcing) -> FreeForcing:
-    """Return a forcing that was fitted anew from the first samples, if that leaves less."""
-    block, found = lost.block, lost
+def _refit_growing_horizon(
+    whole: LeastSquaresProblem, begin: Tensor, previous: FreeForcing
+) -> FreeForcing:
+    """Refit a forcing over a growing horizon; return it if F decreases, else the previous one."""
+    block, best = previous.block, previous
     begin = begin.clone()
     begin[: whole.modes] = 0.0
-    for level in GROWN:
-        loose = replace(
-            _as_large(whole, block, (level,) * len(block.size)), noise=whole.noise.scaled(COARSE)
-        )
-        phi = grow(loose, begin, BEGIN, GROWTH, GROWING_STEPS)
-        grown = _forced(whole, block, phi, lost.equations, whole.linearise(phi))
-        found = min(found, grown, key=lambda forced: forced.cost)
-        if not _lost(found):
+    for level in GROWING_LEVELS:
+        problem = _with_levels(whole, block, (level,) * len(block.size))
+        noisier = replace(problem, noise=whole.noise.scaled(NOISE_FACTOR))
+        phi = minimise_growing_horizon(noisier, begin, FIRST_SAMPLES, GROWTH, GROWING_STEPS)
+        grown = _fit_levels(whole, block, phi, previous.equations, whole.linearise(phi))
+        best = min(best, grown, key=lambda forcing: forcing.cost)
+        if not _has_lost_recording(best):
             break
-    return found
+    return best
 
 
-def _forced(
+def _fit_levels(
     objective: LeastSquaresProblem,
     block: ForcingBlock,
     phi: Tensor,
     equations: Sequence[int],
-    normal: Normal,
+    normal: NormalEquations,
 ) -> FreeForcing:
-    """Fit start, law and forcing from where they are, the forcing's size by the evidence.
+    """Fit initial state, law and forcing; the evidence chooses the levels of the forcing.
 
-    Its Jacobian is the dearest of all: none is made twice.
+    The Jacobian is expensive, so it is never computed twice at the same point.
 
     Args:
-        objective: F, in all of them.
+        objective: F of all unknowns.
         block: the forcing.
-        phi: where they are.
-        equations: those that are forced.
-        normal: F linearised there.
+        phi: unknowns at which the fit begins.
+        equations: indices of the equations that are forced.
+        normal: F linearised at ``phi``.
     """
     levels: tuple[float, ...] = ()
     for _ in range(ROUNDS):
         before, levels = levels, _best_levels(normal, block, equations)
-        objective = _as_large(objective, block, levels)
+        objective = _with_levels(objective, block, levels)
         if not any(levels):
             break
         fitted = minimise(objective, phi, STEPS, TOLERANCE, normal)
@@ -175,64 +179,68 @@ def _forced(
     return FreeForcing(objective, block, phi, float(cost), normal, levels, tuple(equations))
 
 
-def _lost(forced: FreeForcing) -> bool:
-    """Tell whether a forcing, as large as it may be, leaves far more than noise at the sensors.
+def _has_lost_recording(forcing: FreeForcing) -> bool:
+    """Tell whether a forcing leaves far more than noise at the sensors.
 
-    At all but one: that may be at fault.
+    The worst sensor is not counted, because it may be faulty.
     """
-    objective, normal = forced.objective, forced.normal
-    left = normal.residuals.reshape(objective.recorded.shape).square().sum(dim=0)
-    seen = objective.noise.seen.sum(dim=0)
-    others = torch.ones(len(left), dtype=torch.bool)
-    others[(left / seen.clamp(min=1)).argmax()] = len(left) == 1
-    ratio = (left[others].sum() / seen[others].sum().clamp(min=1)).sqrt()
-    # Of a trajectory that blows up the residuals say nothing.
-    return not normal.finite or float(ratio) > LOST
+    objective, normal = forcing.objective, forcing.normal
+    squares = normal.residuals.reshape(objective.recorded.shape).square().sum(dim=0)
+    seen = objective.noise.available.sum(dim=0)
+    is_other = torch.ones(len(squares), dtype=torch.bool)
+    is_other[(squares / seen.clamp(min=1)).argmax()] = len(squares) == 1
+    ratio = (squares[is_other].sum() / seen[is_other].sum().clamp(min=1)).sqrt()
+    # The residuals of a trajectory that blows up mean nothing.
+    return not normal.is_finite or float(ratio) > MAX_NOISE_RATIO
 
 
-def force(objective: LeastSquaresProblem, phi: Tensor, size: Tensor) -> tuple[FreeForcing, float]:
-    """Return a free forcing on top of a law, and by how much the evidence is for it.
+def fit_free_forcing(
+    objective: LeastSquaresProblem, phi: Tensor, tendency_rms: Tensor
+) -> tuple[FreeForcing, float]:
+    """Fit a free forcing on top of a law, and return it with the evidence that it gains.
 
     Args:
-        objective: F of a law, or of none.
-        phi: its minimum.
-        size: rms of each equation's own tendency, ``(equation,)``.
+        objective: F of the initial state and a law, if any.
+        phi: its minimum, ``(unknown,)``.
+        tendency_rms: rms of each equation's own tendency, ``(equation,)``.
     """
     forward_model = objective.forward_model
     system = forward_model.simulator.system
     basis = ForcingBasis.over(system, forward_model.times, CELLS[len(system.axes)], KNOTS)
-    block = ForcingBlock(basis, size)
-    forced, without = fit_free_forcing(objective, phi, block, range(len(size)))
-    return forced, without - forced.evidence
+    block = ForcingBlock(basis, tendency_rms)
+    forcing, without = fit_forcing_block(objective, phi, block, range(len(tendency_rms)))
+    return forcing, without - forcing.evidence
 
 
 def _best_levels(
-    normal: Normal, block: ForcingBlock, equations: Sequence[int]
+    normal: NormalEquations, block: ForcingBlock, equations: Sequence[int]
 ) -> tuple[float, ...]:
-    """Return the levels with the best evidence."""
-    choices = _choices(equations, len(block.size))
-    return min(choices, key=lambda levels: _with_levels(normal, block, levels))
+    """Return the level of each equation with the best evidence."""
+    choices = _level_combinations(equations, len(block.size))
+    return min(choices, key=lambda levels: _evidence_of_levels(normal, block, levels))
 
 
-def _choices(equations: Sequence[int], fields: int) -> list[tuple[float, ...]]:
-    """Return all levels that the equations may have."""
+def _level_combinations(equations: Sequence[int], fields: int) -> list[tuple[float, ...]]:
+    """Return all combinations of levels of the equations."""
     return list(product(*(LEVELS if e in equations else LEVELS[:1] for e in range(fields))))
 
 
-def _with_levels(normal: Normal, block: ForcingBlock, levels: tuple[float, ...]) -> float:
-    """Return the evidence of a forcing of some levels."""
-    precision = torch.cat([normal.precision[: -block.count], _stds(block, levels) ** -2])
+def _evidence_of_levels(
+    normal: NormalEquations, block: ForcingBlock, levels: tuple[float, ...]
+) -> float:
+    """Return the evidence of a forcing with these levels."""
+    precision = torch.cat([normal.precision[: -block.count], _prior_stds(block, levels) ** -2])
     return evidence(replace(normal, precision=precision), range(len(precision)))
 
 
-def _as_large(
+def _with_levels(
     objective: LeastSquaresProblem, block: ForcingBlock, levels: tuple[float, ...]
 ) -> LeastSquaresProblem:
-    """Return F of a forcing of some levels."""
-    stds = torch.cat([objective.prior_std[: -block.count], _stds(block, levels)])
+    """Return F of a forcing with these levels."""
+    stds = torch.cat([objective.prior_std[: -block.count], _prior_stds(block, levels)])
     return replace(objective, prior_std=stds)
 
 
-def _stds(block: ForcingBlock, levels: Sequence[float]) -> Tensor:
-    shares = torch.tensor([max(level, NONE) for level in levels], dtype=torch.float64)
+def _prior_stds(block: ForcingBlock, levels: Sequence[float]) -> Tensor:
+    shares = torch.tensor([max(level, ZERO_LEVEL) for level in levels], dtype=torch.float64)
     return block.by_amplitude(shares * block.size)

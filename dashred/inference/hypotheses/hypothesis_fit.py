@@ -1,4 +1,4 @@
-"""An explanation with the fit that gave it, to be fitted again: under other noise, or anew."""
+"""A fitted hypothesis, and refits of it: under another noise, or from several starting points."""
 
 from __future__ import annotations
 
@@ -7,103 +7,120 @@ from functools import cached_property
 
 from torch import Tensor
 
-from dashred.inference.fit.law import Law, law_of
-from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
-from dashred.inference.fit.levenberg_marquardt import Fitted, grow, minimise, minimise_on
+from dashred.inference.fit.law import Law, build_law
+from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
+from dashred.inference.fit.levenberg_marquardt import (
+    FitResult,
+    minimise,
+    minimise_growing_horizon,
+    minimise_in_rounds,
+)
 
 STEPS, TOLERANCE = 10, 1e-4
-# A score this much worse than the best is out of the question.
-HOPELESS = 60.0
-# What is settled is fitted on until a step, or a round of them, gains next to nothing: also from so
-# much of the record, and from under so many times the noise.
-SETTLING_STEPS, SETTLED, WORTH, SHARES, LOOSER = 20, 1e-5, 1.0, (0.17, 0.25, 0.5), (2.0, 4.0)
-# What leaves so many times the noise's squares has lost the recording: no minimum nearby is right.
-LOST = 30.0
-# And what still leaves so many after the first round.
-FAR = 3.0
+# A hypothesis whose score exceeds the best by this much is rejected.
+REJECTION_MARGIN = 60.0
+# Limits of one round of `refine`, and the smallest gain of F for which another round is run.
+REFINE_STEPS, REFINE_TOLERANCE, MIN_GAIN = 20, 1e-5, 1.0
+# Further starting points of `refine`: fits to these first shares of the record, and fits under this
+# many times the noise.
+HORIZON_SHARES, NOISE_FACTORS = (0.17, 0.25, 0.5), (2.0, 4.0)
+# A fit with a larger χ²/n has lost the recording: no minimum nearby is right.
+LOST_CHI2 = 30.0
+# A fit that still has a larger χ²/n after the first round is not refined further.
+POOR_CHI2 = 3.0
 
 
 @dataclass(frozen=True)
-class LeftOut:
-    """A sensor that had no part in a fit, because it may be at fault.
+class ExcludedSensor:
+    """A sensor that was excluded from a fit because it may be faulty.
 
     Attributes:
-        bare: the explanation without what is wrong with the sensor.
-        sensor: its index.
-        gain: by how much F is lower with the fault than without, penalty and all, were the model
-            linear: a fit to all samples may get stuck, and its F is no match for a linear one.
+        without_fault: the hypothesis before the fault was added.
+        sensor: index of the sensor.
+        gain: decrease of F due to the fault, less its penalty, on the linearised problem. F of a
+            nonlinear fit to all samples would not be comparable, because such a fit may get stuck.
     """
 
-    bare: HypothesisFit
+    without_fault: HypothesisFit
     sensor: int
     gain: float
 
 
 @dataclass(frozen=True)
 class HypothesisFit:
-    """An explanation, and where it was fitted.
+    """A hypothesis and its fit.
 
     Attributes:
-        law: the explanation.
+        law: the law and sensor fault that were fitted.
         objective: F, in its own unknowns.
-        phi: its minimum.
-        left_out: the sensor that the fit was made without; None where it was made with all.
+        phi: its minimum, ``(unknown,)``.
+        excluded_sensor: the sensor that was excluded from the fit; None if all were used.
     """
 
     law: Law
     objective: LeastSquaresProblem
     phi: Tensor
-    left_out: LeftOut | None = None
+    excluded_sensor: ExcludedSensor | None = None
 
     @cached_property
-    def normal(self) -> Normal:
-        """F linearised about its minimum: several questions are put to it, and it is dear."""
+    def normal(self) -> NormalEquations:
+        """F linearised about its minimum; cached because it is expensive and used several times."""
         return self.objective.linearise(self.phi)
 
 
-def by_score(cause: HypothesisFit) -> float:
-    """Return what explanations are ranked by: the lowest is the best."""
-    return cause.law.score
+def by_score(fit: HypothesisFit) -> float:
+    """Return the score of a hypothesis: a sort key, lower is better."""
+    return fit.law.score
 
 
-def refitted(cause: HypothesisFit, objective: LeastSquaresProblem) -> HypothesisFit:
-    """Return an explanation under another noise, or of other samples; its score moves with F.
+def refit(fit: HypothesisFit, objective: LeastSquaresProblem) -> HypothesisFit:
+    """Refit a hypothesis under another noise or to other samples; its score changes as F does.
 
     Args:
-        cause: the explanation.
+        fit: the hypothesis.
         objective: F in the same unknowns.
     """
-    return ended(cause, objective, minimise(objective, cause.phi, STEPS, TOLERANCE))
+    return replace_minimum(fit, objective, minimise(objective, fit.phi, STEPS, TOLERANCE))
 
 
-def settled(cause: HypothesisFit) -> HypothesisFit:
-    """Return an explanation fitted until nothing is gained, from several beginnings.
+def refine(fit: HypothesisFit) -> HypothesisFit:
+    """Refit a hypothesis from several starting points and continue from the best until convergence.
 
-    Over a long record of chaos the lowest minimum has many others around it. Some are none under
-    larger noise, others over a shorter stretch. A round of steps from each tells which is the
-    lowest, and that one alone is fitted on. What has lost the recording stays as it is, and what is
-    far from it after a round ends there: so many fits of such laws took most of a run that had too
-    few sensors to find one.
+    In chaos the lowest minimum over a long record has many others around it. Some of them vanish
+    under larger noise, others over a shorter record. One round of steps is run from each starting
+    point, and only the lowest fit is continued. A hypothesis that has lost the recording is
+    returned unchanged. One that is still far from it after the first round is not continued: with
+    too few sensors such fits would take most of the time of a run.
     """
-    if cause.law.chi2 > LOST:
-        return cause
-    objective, total = cause.objective, len(cause.objective.recorded)
-    grown = [grow(objective, cause.phi, round(share * total)) for share in SHARES]
-    loose = [replace(objective, noise=objective.noise.scaled(factor)) for factor in LOOSER]
-    freed = [minimise(wide, cause.phi, SETTLING_STEPS, SETTLED).phi for wide in loose]
-    begun = (cause.phi, *grown, *freed)
-    fits = [minimise(objective, phi, SETTLING_STEPS, SETTLED) for phi in begun]
+    if fit.law.chi2 > LOST_CHI2:
+        return fit
+    objective, total = fit.objective, len(fit.objective.recorded)
+    from_growing_horizons = [
+        minimise_growing_horizon(objective, fit.phi, round(share * total))
+        for share in HORIZON_SHARES
+    ]
+    noisier_problems = [
+        replace(objective, noise=objective.noise.scaled(factor)) for factor in NOISE_FACTORS
+    ]
+    from_larger_noise = [
+        minimise(noisier, fit.phi, REFINE_STEPS, REFINE_TOLERANCE).phi
+        for noisier in noisier_problems
+    ]
+    starts = (fit.phi, *from_growing_horizons, *from_larger_noise)
+    fits = [minimise(objective, phi, REFINE_STEPS, REFINE_TOLERANCE) for phi in starts]
     lowest = min(fits, key=lambda fitted: fitted.cost)
-    if not lowest.converged and lowest.chi2 < FAR * objective.noise.count:
-        lowest = minimise_on(objective, lowest.phi, SETTLING_STEPS, SETTLED, WORTH)
-    return ended(cause, objective, lowest)
+    if not lowest.converged and lowest.chi2 < POOR_CHI2 * objective.noise.count:
+        lowest = minimise_in_rounds(objective, lowest.phi, REFINE_STEPS, REFINE_TOLERANCE, MIN_GAIN)
+    return replace_minimum(fit, objective, lowest)
 
 
-def ended(cause: HypothesisFit, objective: LeastSquaresProblem, fitted: Fitted) -> HypothesisFit:
-    """Return an explanation where another fit of it has ended; its score moves with F."""
-    law = cause.law
-    [before], _ = cause.objective.values(cause.phi[None])
+def replace_minimum(
+    fit: HypothesisFit, objective: LeastSquaresProblem, fitted: FitResult
+) -> HypothesisFit:
+    """Return a hypothesis at another minimum; its score changes as F does."""
+    law = fit.law
+    [before], _ = fit.objective.values(fit.phi[None])
     score = law.score - float(before) + fitted.cost
-    found = law_of(objective, fitted, score)
-    again = replace(found, fault=law.fault, widened=law.widened)
-    return HypothesisFit(again, objective, fitted.phi)
+    new_law = build_law(objective, fitted, score)
+    new_law = replace(new_law, fault=law.fault, start_prior_factor=law.start_prior_factor)
+    return HypothesisFit(new_law, objective, fitted.phi)

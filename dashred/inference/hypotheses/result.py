@@ -1,4 +1,4 @@
-"""What discovery found: the law, its rivals, and how sure."""
+"""The result of the discovery: the law, its rivals, and the evidence."""
 
 from __future__ import annotations
 
@@ -11,20 +11,21 @@ from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.forcing_map import ForcingMap
 
-# Evidence that a free forcing has to gain for something to be missing
+# If a free forcing gains more evidence than this, something is missing
 # (docs/method.md#repeated-screening).
-MISSING = 4.0
-# A rival within this of the best is as good as the best (docs/method.md#ambiguity-and-convergence).
-AMBIGUOUS = 6.0
+MIN_FORCING_GAIN = 4.0
+# A rival within this score difference is as good as the best law
+# (docs/method.md#ambiguity-and-convergence).
+AMBIGUITY_MARGIN = 6.0
 
 
 @dataclass(frozen=True)
 class BestOfSize:
-    """The best law of so many candidates, everywhere.
+    """The best law with a given number of candidates that act everywhere.
 
     Attributes:
-        candidates: these.
-        coefficients: of each.
+        candidates: the candidates of the law.
+        coefficients: their coefficients.
         score: lower is better.
         rmse: root of F per reading, in σ.
     """
@@ -37,38 +38,39 @@ class BestOfSize:
 
 @dataclass(frozen=True)
 class Discovery:
-    """The findings of the refinement, before anything held out was looked at.
+    """The result of the discovery. It uses no held-out data.
 
     Attributes:
-        laws: the best law and its rivals, the best first; each fitted to the end.
-        nothing: the simulator as it is, with its own best start.
-        noise: what the best law's residuals speak for.
+        laws: the best law and its rivals, the best first; each fitted until convergence.
+        uncorrected: the uncorrected simulator with its own best initial state.
+        noise: the noise estimated from the residuals of the best law.
         first_guesses: RMSE on the validation sensors in σ after the first window, by first guess
-            of the start.
-        first_guess: the one that was used.
+            of the initial state.
+        first_guess: the first guess that was used.
         levels: ``(samples, χ²/n)`` along the growing horizon.
-        reached: whether the horizon grew to the whole fit window.
+        is_horizon_complete: whether the horizon grew to the whole fit window.
         free_chi2: χ²/n of the fit of all candidates together, under the same noise.
-        exhausted: whether the swap search ran to its end.
+        is_search_complete: whether the swap search ended by itself.
         path: the best law of each size, the smallest first.
-        tried: how many sets were refitted.
+        refit_count: number of candidate sets that were refitted.
         forcing_gain: evidence for a free forcing on top of the best law.
-        forcing: the map of a free forcing on top of the simulator as it is, where one was needed.
+        forcing_map: the map of a free forcing on top of the uncorrected simulator; None if none was
+            needed.
     """
 
     laws: list[Law]
-    nothing: Law
+    uncorrected: Law
     noise: NoiseModel
     first_guesses: dict[str, float]
     first_guess: str
     levels: list[tuple[int, float]]
-    reached: bool
+    is_horizon_complete: bool
     free_chi2: float
-    exhausted: bool
+    is_search_complete: bool
     path: list[BestOfSize]
-    tried: int
+    refit_count: int
     forcing_gain: float = 0.0
-    forcing: ForcingMap | None = None
+    forcing_map: ForcingMap | None = None
 
     @property
     def best(self) -> Law:
@@ -76,11 +78,10 @@ class Discovery:
         return self.laws[0]
 
     @property
-    def on_path(self) -> int | None:
-        """Which law of the path has the terms that are reported; None where none has.
+    def path_index(self) -> int | None:
+        """Index of the reported law in the path; None if it is not in the path.
 
-        Another cause may have been weighed against the path's laws, and a law in a window is none
-        of them.
+        Another hypothesis may have won, and a law in a window is never in the path.
         """
         reported = self.best.keys
         sets = [frozenset(each.key for each in of_size.candidates) for of_size in self.path]
@@ -88,30 +89,31 @@ class Discovery:
 
     @property
     def rivals(self) -> list[Law]:
-        """The laws within ΔBIC 6 of the best that it does not contain, nor they it.
+        """The laws within ΔBIC 6 of the best that are neither subsets nor supersets of it.
 
-        A superset counts, too, unless the search ran to its end.
+        A superset counts as a rival if the search is not complete.
         """
-        mine = self.best.parts
-        found = []
+        best_parts = self.best.parts
+        rivals = []
         for law in self.laws[1:]:
-            theirs = law.parts
-            # Of one cause in two sizes, as of a start, neither is a rival of the other.
-            nested = theirs <= mine or (self.exhausted and theirs > mine)
-            if law.score < self.best.score + AMBIGUOUS and not nested:
-                found.append(law)
-        return found
+            parts = law.parts
+            # One hypothesis with two values, such as two factors of a prior, is no rival of itself.
+            is_nested = parts <= best_parts or (self.is_search_complete and parts > best_parts)
+            if law.score < self.best.score + AMBIGUITY_MARGIN and not is_nested:
+                rivals.append(law)
+        return rivals
 
 
 @dataclass(frozen=True)
 class Trajectories:
-    """Free runs over the recording's clock and beyond: of three starts and two laws.
+    """Free runs over the time of the recording and beyond.
 
     Attributes:
-        times: the recording's samples, ``(time,)``; then half as many again.
-        same_start: the uncorrected simulator from the best law's start, ``(time, field, *grid)``.
-        refit: the uncorrected simulator from its own best start.
-        corrected: the best law from its start.
+        times: the sample times of the recording, then half as many again, ``(time,)``.
+        same_start: the uncorrected simulator from the initial state of the best law,
+            ``(time, field, *grid)``.
+        refit: the uncorrected simulator from its own best initial state.
+        corrected: the best law from its own initial state.
     """
 
     times: Tensor

@@ -1,7 +1,7 @@
-"""Simulated states whose continuation reads most like the beginning of a recording.
+"""Analogs: simulated states whose readings are nearest to the first samples of a recording.
 
-The climatology is every state of the ensemble and, where the equations do not know where they
-are, every such state moved along the axes: a solution that is moved remains one.
+The climatology contains every state of the ensemble. If the equations do not depend on position, it
+also contains every such state shifted along the axes, because a shifted solution is a solution.
 """
 
 from __future__ import annotations
@@ -22,17 +22,18 @@ from dashred.physics.library import resolve
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.system import System, Term
 
-MOVES = 64
+# Largest number of shifts of a state, over all axes.
+SHIFTS = 64
 
 
 @dataclass(frozen=True)
 class Analogs:
-    """States whose readings over the next samples are known, the likest first.
+    """Analogs, the nearest first.
 
     Attributes:
         states: ``(analog, field, *grid)``.
-        readings: over the window, without noise, ``(analog, time, sensor)``.
-        coefficients: of the library terms that drive each, ``(analog, term)``.
+        readings: readings over the window, without noise, ``(analog, time, sensor)``.
+        coefficients: coefficients of the library terms in each run, ``(analog, term)``.
         misfit: mean squared misfit to the recording, in units of σ², ``(analog,)``.
     """
 
@@ -52,52 +53,52 @@ def nearest_analogs(
     noise: Float[Tensor, " sensor"],
     count: int,
 ) -> Analogs:
-    """Return the ``count`` analogs with the least misfit to a recording's first samples.
+    """Return the ``count`` analogs with the least misfit to the first samples of a recording.
 
-    As few per member as make up the count: neighbouring times and places of one member are
-    nearly one state, and the spread of such twins says nothing about what is not measured.
+    Each member contributes as few analogs as possible: states of one member at neighbouring times
+    and shifts are nearly equal, and their spread does not represent the unmeasured part of a state.
 
     Args:
         system: the simulator.
-        ensemble: on the recording's clock.
-        terms: what the ensemble's coefficients belong to.
-        sensors: those of the recording.
-        values: their first samples, the window; NaN is missing.
+        ensemble: simulations at the times of the recording.
+        terms: the terms of the ensemble's coefficients.
+        sensors: the sensors of the recording.
+        values: the first samples of the sensors, which form the window; NaN where missing.
         noise: σ of each sensor.
-        count: how many analogs, at most one for each member and instant.
+        count: number of analogs, at most one for each member and time.
     """
     window = len(values)
-    known = _names(system, terms, sensors)
-    moves = _moves(system, known)
-    moved = [_moved(sensor, system, move) for move in moves for sensor in sensors]
-    # Where equations know the time, a later state has another continuation than the recording's.
-    states = ensemble.states[:, :window] if system.clock & known else ensemble.states
-    read = ObservationOperator(moved, system)(states)
-    read = read.unflatten(-1, (len(moves), len(sensors)))
+    dependencies = _names(system, terms, sensors)
+    shifts = _state_shifts(system, dependencies)
+    shifted = [_shifted_sensor(sensor, system, shift) for shift in shifts for sensor in sensors]
+    # If the equations depend on time, an analog must have the time of the first sample.
+    states = ensemble.states[:, :window] if system.clock & dependencies else ensemble.states
+    read = ObservationOperator(shifted, system)(states)
+    read = read.unflatten(-1, (len(shifts), len(sensors)))
     misfit = window_misfits(read, values, noise)
     best, where = misfit.min(dim=2)
     chosen = _spread_over_members(best, min(count, best.numel()))
     member, time = chosen // best.shape[1], chosen % best.shape[1]
-    move = where[member, time]
-    readings = torch.stack([read[member, time + k, move] for k in range(window)], dim=1)
-    shifts = torch.tensor(moves, dtype=torch.long).reshape(len(moves), len(system.axes))[move]
+    shift = where[member, time]
+    readings = torch.stack([read[member, time + k, shift] for k in range(window)], dim=1)
+    rolls = torch.tensor(shifts, dtype=torch.long).reshape(len(shifts), len(system.axes))[shift]
     rolled = [
         torch.roll(state, shift, system.grid.dims) if shift else state
-        for state, shift in zip(states[member, time], shifts.tolist(), strict=True)
+        for state, shift in zip(states[member, time], rolls.tolist(), strict=True)
     ]
     coefficients = ensemble.coefficients[member]
     return Analogs(torch.stack(rolled), readings, coefficients, best[member, time])
 
 
 def window_misfits(
-    read: Float[Tensor, "member time move sensor"],
+    read: Float[Tensor, "member time shift sensor"],
     values: Float[Tensor, "window sensor"],
     noise: Float[Tensor, " sensor"],
-) -> Float[Tensor, "member begin move"]:
-    """Return ``mean ((Hv − y)/σ)²`` over the known readings of each window."""
+) -> Float[Tensor, "member begin shift"]:
+    """Return ``mean ((Hv − y)/σ)²`` over the available readings of each window."""
     begins = read.shape[1] - len(values) + 1
-    known = ~values.isnan()
-    weights = known / noise.square() / known.sum().clamp(min=1)
+    available = ~values.isnan()
+    weights = available / noise.square() / available.sum().clamp(min=1)
     total = read.new_zeros((len(read), begins, read.shape[2]))
     for k, (now, weight) in enumerate(zip(values.nan_to_num(), weights, strict=True)):
         total += (read[:, k : k + begins] - now).square() @ weight
@@ -105,38 +106,38 @@ def window_misfits(
 
 
 def _spread_over_members(best: Float[Tensor, "member begin"], count: int) -> Tensor:
-    """Return flat indices of the ``count`` least, by rank within their member, then by value."""
+    """Return flat indices of ``count`` small values, by rank within their member, then by value."""
     each = -(-count // len(best))
     values, begins = best.topk(each, dim=1, largest=False)
     flat = begins + torch.arange(len(best))[:, None] * best.shape[1]
-    # All members' first choices stand before any second one, which only fills up the count.
+    # The best of every member comes before the second best of any.
     order = [flat[values[:, rank].argsort(stable=True), rank] for rank in range(each)]
     chosen = torch.cat(order)[:count]
     return chosen[best.flatten()[chosen].argsort(stable=True)]
 
 
 def _names(system: System, terms: Sequence[Term], sensors: Sequence[Sensor]) -> frozenset[str]:
-    """Return what the equations, the terms and the sensors' quantities read."""
+    """Return the names in the equations, in the terms and in the quantities of the sensors."""
     quantities = dict.fromkeys(sensor.reads for sensor in sensors)
     read = [system.resolve(system.parse(name, name), name) for name in quantities]
     every = [*system.resolved.values(), *(t.expression for t in resolve(system, terms)), *read]
     return frozenset[str]().union(*map(names, every))
 
 
-def _moves(system: System, known: frozenset[str]) -> list[tuple[int, ...]]:
-    """Return shifts in grid points; none but the origin where the equations know places."""
-    if not system.axes or any(axis.name in known for axis in system.axes):
+def _state_shifts(system: System, dependencies: frozenset[str]) -> list[tuple[int, ...]]:
+    """Return shifts in grid points; only zero if the equations depend on position."""
+    if not system.axes or any(axis.name in dependencies for axis in system.axes):
         return [(0,) * len(system.axes)]
-    along = round(MOVES ** (1 / len(system.axes)))
-    return list(product(*(_shifts(axis, along) for axis in system.axes)))
+    along = round(SHIFTS ** (1 / len(system.axes)))
+    return list(product(*(_axis_shifts(axis, along) for axis in system.axes)))
 
 
-def _shifts(axis: Axis, count: int) -> range:
-    """Return shifts along an axis; what has ends cannot be moved."""
+def _axis_shifts(axis: Axis, count: int) -> range:
+    """Return shifts along an axis; only zero if the axis is not periodic."""
     return range(0, axis.points, max(1, axis.points // count)) if axis.periodic else range(1)
 
 
-def _moved(sensor: Sensor, system: System, move: tuple[int, ...]) -> Sensor:
-    """Return the sensor that reads of a state what ``sensor`` reads of the moved state."""
-    places = zip(sensor.position, system.axes, move, strict=True)
+def _shifted_sensor(sensor: Sensor, system: System, shift: tuple[int, ...]) -> Sensor:
+    """Return the sensor that reads from a state what ``sensor`` reads from the shifted state."""
+    places = zip(sensor.position, system.axes, shift, strict=True)
     return replace(sensor, position=tuple((x - n * a.spacing) % a.length for x, a, n in places))

@@ -1,4 +1,4 @@
-"""Where an observation may act: tapers that cut an ensemble's spurious far correlations."""
+"""Covariance localisation: tapers that remove spurious long-range correlations."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def gaspari_cohn(distance: Tensor, radius: float) -> Tensor:
 
 
 def distances(grid: Grid, positions: Float[Tensor, "sensor axis"]) -> Float[Tensor, "sensor ..."]:
-    """Return the distance of every grid point from every sensor; an image is where it is seen."""
+    """Return the distance of every grid point from every sensor, around the periodic axes."""
     squared = torch.zeros(len(positions), *(1 for _ in grid.shape), dtype=torch.float64)
     for index, (axis, points) in enumerate(zip(grid.axes, grid.coordinates.values(), strict=True)):
         place = positions[:, index].reshape(-1, *(1 for _ in grid.shape))

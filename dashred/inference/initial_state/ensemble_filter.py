@@ -1,9 +1,9 @@
-"""A deterministic ensemble filter that also smooths the start and learns the model error.
+"""A deterministic ensemble filter that also estimates the start and the model error.
 
-The ensemble square-root filter of Whitaker & Hamill (Mon. Weather Rev. 130, 2002), which takes
-uncorrelated observations one by one. What it updates is the state now, and with it through their
-sample covariances the state at the record's first sample (a fixed-point smoother) and each
-member's coefficients of model-error terms.
+This is the ensemble square-root filter of Whitaker & Hamill (Mon. Weather Rev. 130, 2002), with
+serial processing of uncorrelated observations. It updates the present state. Through the sample
+covariances it also updates the state at the first sample (a fixed-point smoother) and the
+coefficients of model-error terms (state augmentation).
 """
 
 from __future__ import annotations
@@ -23,31 +23,33 @@ from dashred.inference.initial_state.covariance_tapers import (
     sensor_distances,
 )
 from dashred.physics.library import resolve
-from dashred.physics.solvers.compiled_simulator import compiled_if_long
+from dashred.physics.solvers.compiled_simulator import compile_if_worthwhile
 from dashred.physics.system import System, Term
 
-FEWEST_LEFT = 0.5
-# A member so many times larger than half of the others is blowing up: finite yet, but the sample's
-# covariances would be its own alone, or overflow.
+# The filter diverges if a smaller share of the members remains.
+SMALLEST_SHARE = 0.5
+# A member that exceeds the median size by this factor is blowing up. It may still be finite, but it
+# would dominate the sample covariances, or they would overflow.
 LARGEST = 1e3
 
 
 class FilterLostError(Exception):
-    """So many members have blown up that the others say nothing."""
+    """The filter has diverged: too many members have blown up."""
 
 
 @dataclass(frozen=True)
 class FilterSettings:
-    """How far the filter trusts its own sample covariances.
+    """Localisation, inflation and damping of the filter.
 
-    With the defaults it is the exact Kalman filter of a linear system.
+    With the defaults, and for a linear system, the filter is the Kalman filter with the sample
+    covariances.
 
     Attributes:
-        radius: Gaspari-Cohn radius around a sensor for the present state, in the axes' unit;
-            infinite for none.
-        start_radius: the same for the start, which a moving front asks to be wider.
-        inflation: factor on the state's forecast anomalies before each analysis.
-        damping: fraction of the gain that reaches the coefficients.
+        radius: Gaspari–Cohn radius around a sensor for the present state, in the unit of the axes;
+            infinite for no localisation.
+        start_radius: radius for the start; a moving front needs a larger one.
+        inflation: factor on the forecast anomalies of the state before each analysis.
+        damping: factor on the gain of the coefficients.
     """
 
     radius: float = math.inf
@@ -57,21 +59,21 @@ class FilterSettings:
 
 
 @dataclass(frozen=True)
-class Filtered:
-    """What the filter knows after the last sample.
+class FilterResult:
+    """The analysis after the last sample.
 
-    Anomalies are deviations from the mean: the covariance is ``AᵀA/(member − 1)``.
+    Anomalies are deviations from the mean. The covariance is ``AᵀA/(member − 1)``.
 
     Attributes:
-        start_mean: of the state at the first sample, given all observations, ``(field, *grid)``.
-        start_anomalies: ``(member, field, *grid)``.
-        mean: of the state at the last sample, ``(field, *grid)``.
-        anomalies: ``(member, field, *grid)``.
-        coefficients_mean: ``(term,)``.
-        coefficients_anomalies: ``(member, term)``.
+        start_mean: mean state at the first sample, given all observations, ``(field, *grid)``.
+        start_anomalies: anomalies of that state, ``(member, field, *grid)``.
+        mean: mean state at the last sample, ``(field, *grid)``.
+        anomalies: anomalies of that state, ``(member, field, *grid)``.
+        coefficients_mean: mean coefficients, ``(term,)``.
+        coefficients_anomalies: their anomalies, ``(member, term)``.
         innovations: observation minus forecast, ``(time, sensor)``; NaN where missing.
-        innovation_std: what the filter expected of them, ``(time, sensor)``.
-        means: of the state at every sample, given the observations so far,
+        innovation_std: expected std of the innovations, ``(time, sensor)``.
+        means: mean state at every sample, given the observations up to it,
             ``(time, field, *grid)``.
     """
 
@@ -97,26 +99,28 @@ def ensemble_filter(
     operator: ObservationOperator,
     noise: Float[Tensor, " sensor"],
     settings: FilterSettings,
-) -> Filtered:
-    """Assimilate a record, sample by sample.
+) -> FilterResult:
+    """Assimilate a recording, sample by sample.
 
     Args:
         system: the simulator.
         members: states at ``times[0]``, before any observation.
-        coefficients: of ``terms`` in each member; None: the simulator alone.
+        coefficients: coefficients of ``terms`` in each member; None without terms.
         terms: model-error terms.
-        times: of the observations.
-        values: observations; NaN is missing.
+        times: times of the observations.
+        values: observations; NaN where missing.
         operator: H of the sensors.
         noise: σ of each sensor.
-        settings: localisation and inflation.
+        settings: localisation, inflation and damping.
 
     Raises:
         FilterLostError: more than half of the members blow up.
     """
     if coefficients is None:
         terms, coefficients = (), members.new_zeros((len(members), 0))
-    run = compiled_if_long(system, resolve(system, terms), members, float(times[-1] - times[0]))
+    run = compile_if_worthwhile(
+        system, resolve(system, terms), members, float(times[-1] - times[0])
+    )
     tapers = _Tapers(system, operator, settings, coefficients.shape[1])
     states, starts = members, members
     innovations, stds = torch.full_like(values, torch.nan), torch.full_like(values, torch.nan)
@@ -124,9 +128,9 @@ def ensemble_filter(
     for i in range(len(times)):
         if i:
             states = run(states, times[i - 1 : i + 1], coefficients)[:, -1]
-            whole = _whole(states)
-            _check_left(whole, len(members), float(times[i]))
-            states, starts, coefficients = states[whole], starts[whole], coefficients[whole]
+            bounded = _bounded_members(states)
+            _check_divergence(bounded, len(members), float(times[i]))
+            states, starts, coefficients = states[bounded], starts[bounded], coefficients[bounded]
         centre = states.mean(dim=0)
         states = centre + settings.inflation * (states - centre)
         readings = operator(states, float(times[i]))
@@ -135,14 +139,14 @@ def ensemble_filter(
         states, starts, coefficients = tapers.split(joint)
         means[i] = states.mean(dim=0)
     parts = [_mean_and_anomalies(part) for part in (starts, states, coefficients)]
-    return Filtered(*parts[0], *parts[1], *parts[2], innovations, stds, means)
+    return FilterResult(*parts[0], *parts[1], *parts[2], innovations, stds, means)
 
 
 class _Tapers:
-    """The joint vector of one analysis: readings | state | start | coefficients.
+    """Tapers of the augmented vector of an analysis: readings, state, start, coefficients.
 
     Attributes:
-        weights: how much of the gain of each sensor reaches each entry, ``(sensor, entry)``.
+        weights: factor on the gain of each sensor for each entry, ``(sensor, entry)``.
     """
 
     def __init__(
@@ -153,8 +157,8 @@ class _Tapers:
         state = self.fields * math.prod(self.shape)
         self.sizes = [sensors, state, state, terms]
         self.weights = torch.ones((sensors, sum(self.sizes)), dtype=torch.float64)
-        between, now, start, learnt = self.weights.split(self.sizes, dim=1)
-        learnt *= settings.damping
+        between, now, start, parameters = self.weights.split(self.sizes, dim=1)
+        parameters *= settings.damping
         if not system.axes:
             return
         places = torch.tensor([s.position for s in operator.sensors], dtype=torch.float64)
@@ -166,7 +170,7 @@ class _Tapers:
             start *= gaspari_cohn(apart, settings.start_radius).repeat(1, self.fields)
 
     def split(self, joint: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Return states, starts and coefficients of all members."""
+        """Return the states, starts and coefficients of all members."""
         _, states, starts, coefficients = joint.split(self.sizes, dim=1)
         shape = (len(joint), self.fields, *self.shape)
         return states.reshape(shape), starts.reshape(shape), coefficients
@@ -178,15 +182,16 @@ def _analyse(
     noise: Float[Tensor, " sensor"],
     weights: Float[Tensor, "sensor entry"],
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Take the observations of one time, one after the other.
+    """Assimilate the observations of one time, one after the other.
 
-    With h the reading's anomalies, ``k = ρ ∘ cov(x, h) / (var h + σ²)``, the mean moves by
-    ``k (y − h̄)`` and the anomalies by ``−α k h``, ``α = 1/(1 + √(σ²/(var h + σ²)))``
-    (Whitaker & Hamill 2002, eqs. 2 and 13): without localisation the exact posterior covariance.
+    h are the anomalies of the reading, and the gain is ``k = ρ ∘ cov(x, h) / (var h + σ²)``. The
+    mean changes by ``k (y − h̄)`` and the anomalies by ``−α k h`` with
+    ``α = 1/(1 + √(σ²/(var h + σ²)))`` (Whitaker & Hamill 2002, eqs. 2 and 13). Without localisation
+    this gives the exact posterior covariance.
 
     Returns:
-        the joint vectors, the innovations ``y − h̄`` and their expected std, both as they were
-        before this time's first observation.
+        the augmented vectors, and the innovations ``y − h̄`` and their expected std before the first
+        observation of this time.
     """
     mean, anomalies = _mean_and_anomalies(joint)
     freedom, sensors = len(joint) - 1, len(values)
@@ -207,15 +212,15 @@ def _mean_and_anomalies(members: Tensor) -> tuple[Tensor, Tensor]:
     return mean, members - mean
 
 
-def _whole(states: Float[Tensor, "member field ..."]) -> Tensor:
-    """Return which members have not blown up, and are not about to."""
+def _bounded_members(states: Float[Tensor, "member field ..."]) -> Tensor:
+    """Return which members have not blown up and are not blowing up."""
     size = states.abs().flatten(1).amax(dim=1)
     half = size.nan_to_num(nan=torch.inf).median()
     return torch.isfinite(size) & ((size <= LARGEST * half) | (half == 0))
 
 
-def _check_left(whole: Tensor, members: int, time: float) -> None:
-    if int(whole.sum()) < max(2, FEWEST_LEFT * members):
+def _check_divergence(bounded: Tensor, members: int, time: float) -> None:
+    if int(bounded.sum()) < max(2, SMALLEST_SHARE * members):
         raise FilterLostError(
-            f"of {members} members only {int(whole.sum())} are still whole at t = {time:g}"
+            f"only {int(bounded.sum())} of {members} members have not blown up at t = {time:g}"
         )

@@ -1,9 +1,8 @@
-"""First guesses of the start: the state at a recording's first sample, from several sources.
+"""First guesses of the start, the state at the first sample of a recording, from several sources.
 
-A fit begins from each and the validation sensors choose
-(docs/method.md#first-guesses). ``prior`` is right
-where the recording begins as the simulator would; where a front stands at a phase that nobody
-knows, only the others are: ``blue``, ``filter`` and ``dashred``.
+A fit starts from each of them, and the validation sensors rank the fits
+(docs/method.md#first-guesses). ``prior`` is suitable if the recording begins as the simulator does.
+If a front has an unknown phase, only ``blue``, ``filter`` and ``dashred`` are suitable.
 """
 
 from __future__ import annotations
@@ -31,16 +30,16 @@ from dashred.physics.system import System, Term
 
 @dataclass(frozen=True)
 class FirstGuessSettings:
-    """How first guesses are made; defaults from trials on the rotating detonation engine.
+    """Settings of the first guesses; the defaults are from trials on ``rde``.
 
     Attributes:
-        analogs: simulated states that the estimates are made of.
-        window: samples that choose the analogs and make the linear estimate.
-        filtered: samples that the filter assimilates.
-        modes: of each first guess, at most.
-        inflation: of the modes. The first samples, which made the estimate, are fitted once more:
-            an estimate that is believed too much would leave its errors to the law.
-        filter: localisation and inflation of the filter.
+        analogs: number of analogs.
+        window: number of samples that select the analogs and give the linear estimate.
+        filtered: number of samples that the filter assimilates.
+        modes: largest number of modes of a first guess.
+        inflation: factor on the modes. The fit uses the first samples a second time. An
+            overconfident estimate would force its errors into the law.
+        filter: settings of the filter.
     """
 
     analogs: int = 192
@@ -53,12 +52,12 @@ class FirstGuessSettings:
 
 @dataclass(frozen=True)
 class Readings:
-    """The fitted part of a recording.
+    """The readings of the fitted part of a recording.
 
     Attributes:
         times: ``(time,)``.
-        values: ``(time, sensor)``; NaN is missing.
-        operator: H of its sensors.
+        values: ``(time, sensor)``; NaN where missing.
+        operator: H of the sensors.
         noise: σ of each sensor, ``(sensor,)``.
     """
 
@@ -70,12 +69,12 @@ class Readings:
 
 @dataclass(frozen=True)
 class NetworkEstimate:
-    """DA-SHRED's field at the first sample.
+    """The field that DA-SHRED reconstructs at the first sample.
 
     Attributes:
         state: ``(field, *grid)``.
-        error: its RMSE by field, in the fields' units, ``(field,)``; on simulations that it was
-            not trained on, for want of better.
+        error: RMSE of each field, in the unit of the field, ``(field,)``, on simulations that were
+            not used for training.
     """
 
     state: Tensor
@@ -93,17 +92,16 @@ def first_guesses(
 ) -> dict[str, StartModel]:
     """Return the first guesses by name: ``prior``, ``blue``, ``filter`` and ``dashred``.
 
-    ``dashred`` is left out if it is not known, and a filter whose members blow up under their
-    random laws.
+    ``dashred`` is left out without an estimate of the network, and ``filter`` if it diverges.
 
     Args:
-        system: the simulator, with the step that is good enough for an ensemble.
-        prior: of the simulator's start.
-        ensemble: randomised simulations on the recording's clock.
-        terms: the library that the ensemble's coefficients belong to.
-        readings: of the fit sensors.
-        network: DA-SHRED's estimate.
-        settings: how.
+        system: the simulator, with the time step of the ensemble.
+        prior: prior of the simulator's start.
+        ensemble: randomised simulations at the times of the recording.
+        terms: the library; the coefficients of the ensemble belong to it.
+        readings: readings of the fit sensors.
+        network: estimate of DA-SHRED; None if there is none.
+        settings: settings of the first guesses.
     """
     begin = Readings(
         readings.times[: settings.window],
@@ -138,7 +136,7 @@ def linear_guess(
     scale: Float[Tensor, " field"],
     settings: FirstGuessSettings,
 ) -> LinearStart:
-    """Return the linear estimate among the analogs from the window that chose them."""
+    """Return the linear estimate from the analogs and the window that selected them."""
     estimate = linear_estimate(analogs.states, analogs.readings, begin.values, begin.noise)
     return leading_modes(estimate, scale, settings.modes, settings.inflation)
 
@@ -151,13 +149,13 @@ def filter_guess(
     scale: Float[Tensor, " field"],
     settings: FirstGuessSettings,
 ) -> LinearStart:
-    """Return the start as the filter, begun from the analogs, smooths it.
+    """Return the smoothed start of the filter, whose initial members are the analogs.
 
-    The window is used twice, to choose the analogs and in the filter: the choice is among many
-    more states than there are analogs, and its tolerance is far wider than the noise.
+    The window is used twice, to select the analogs and in the filter. This is acceptable: the
+    analogs are few of many states, and their misfit is far larger than the noise.
 
     Raises:
-        FilterLostError: its members blow up.
+        FilterLostError: more than half of the members blow up.
     """
     samples = slice(min(settings.filtered, len(readings.times)))
     found = ensemble_filter(
@@ -178,7 +176,7 @@ def filter_guess(
 def network_guess(
     network: NetworkEstimate, analogs: Analogs, settings: FirstGuessSettings
 ) -> LinearStart:
-    """Return DA-SHRED's state with the analogs' modes, each field's as large as its error."""
+    """Return the state of DA-SHRED with modes of the analogs, scaled to the error of each field."""
     anomalies = analogs.states - analogs.states.mean(dim=0)
     spread = field_rms(anomalies)
     modes = leading_modes(Estimate(network.state, anomalies), spread, settings.modes, 1.0).modes

@@ -1,4 +1,4 @@
-"""The best linear unbiased estimate of a state from a sample of states and their readings."""
+"""The best linear unbiased estimate of a state, from a sample of states and readings."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from torch import Tensor
 
 from dashred.inference.initial_state.start_models import LinearStart
 
-# Modes this far below the strongest are rounding: centred anomalies are linearly dependent.
+# Modes below this share of the strongest are rounding errors: centred anomalies are dependent.
 SMALLEST = 1e-6
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A state estimate as a mean and a sample of what is left unknown.
+    """A state estimate: a mean, and a sample of its error.
 
     Attributes:
         mean: ``(field, *grid)``.
@@ -35,30 +35,30 @@ def linear_estimate(
 ) -> Estimate:
     """Return ``E[u|y] = ū + C_uy (C_yy + R)⁻¹ (y − ȳ)`` with the sample's covariances.
 
-    In the space of the members, with ``S = Y'ᵀR^{-1/2}/√(n−1)``, ``(member, reading)``: the
-    weights are ``(I + SSᵀ)⁻¹ S R^{-1/2}(y − ȳ)`` and the anomalies ``(I + SSᵀ)^{-1/2} X'``, the
-    symmetric square root, which alone keeps their sum zero (the ensemble transform; Hunt et al.,
-    Physica D 230, 2007). Other than the filter it takes a window's readings at once, from
-    continuations that are simulated already.
+    It is computed in the space of the members, with ``S = Y'ᵀR^{-1/2}/√(n−1)``,
+    ``(member, reading)``. The weights are ``(I + SSᵀ)⁻¹ S R^{-1/2}(y − ȳ)`` and the anomalies are
+    ``(I + SSᵀ)^{-1/2} X'``. Only the symmetric square root keeps the sum of the anomalies zero (the
+    ensemble transform; Hunt et al., Physica D 230, 2007). Unlike the filter, the estimate uses all
+    readings of the window at once and needs no further simulation.
 
     Args:
         states: the sample.
-        readings: of its members over the window, without noise.
-        values: the recording's; NaN is missing.
+        readings: readings of the sample over the window, without noise.
+        values: readings of the recording; NaN where missing.
         noise: σ of each sensor.
     """
-    known = ~values.isnan()
-    std = noise.expand_as(values)[known]
-    read = readings[:, known]
-    departure = (values[known] - read.mean(dim=0)) / std
+    available = ~values.isnan()
+    std = noise.expand_as(values)[available]
+    read = readings[:, available]
+    innovation = (values[available] - read.mean(dim=0)) / std
     root = (len(states) - 1) ** 0.5
     scaled = (read - read.mean(dim=0)) / std / root
     mean = states.mean(dim=0)
     anomalies = states - mean
-    # Eigenvalues of a Gram matrix may come out below zero by rounding.
+    # Rounding may make eigenvalues of a Gram matrix negative.
     power, vectors = torch.linalg.eigh(scaled @ scaled.T)
     power = 1 + power.clamp(min=0)
-    weights = (vectors / power) @ (vectors.T @ (scaled @ departure)) / root
+    weights = (vectors / power) @ (vectors.T @ (scaled @ innovation)) / root
     transform = (vectors / power.sqrt()) @ vectors.T
     return Estimate(
         mean + torch.tensordot(weights, anomalies, dims=1),
@@ -75,14 +75,14 @@ def leading_modes(
 
     Args:
         estimate: mean and anomalies.
-        scale: a typical size of each field, so that none leads by its unit.
-        count: how many modes at most; those of no variance are left out.
-        inflation: factor on the modes: the estimate's own error bar is a little too small.
+        scale: typical size of each field, which makes fields with different units comparable.
+        count: largest number of modes; modes without variance are left out.
+        inflation: factor on the modes; the estimate itself is slightly overconfident.
     """
     size = scale.reshape(-1, *(1,) * (estimate.mean.dim() - 1))
     scaled = (estimate.anomalies / size).flatten(1) / (len(estimate.anomalies) - 1) ** 0.5
     _, strengths, components = torch.linalg.svd(scaled, full_matrices=False)
-    kept = int((strengths > SMALLEST * strengths[0]).sum())
-    leading = slice(min(count, kept))
+    significant = int((strengths > SMALLEST * strengths[0]).sum())
+    leading = slice(min(count, significant))
     modes = (strengths[leading, None] * components[leading]).reshape(-1, *estimate.mean.shape)
     return LinearStart(estimate.mean, inflation * modes * size)

@@ -1,4 +1,4 @@
-"""What is known of the state at a recording's first sample, as a map of standard normals z."""
+"""Prior distributions of the start, as maps from standard normal variables z."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-PROJECTIONS, DIFFERENCE = 4, 1e-5
+# Gauss–Newton steps of a projection, and the step of its finite differences.
+PROJECTION_STEPS, DIFFERENCE = 4, 1e-5
 
 
 class StartModel(Protocol):
@@ -18,8 +19,8 @@ class StartModel(Protocol):
 
     See docs/method.md#fit-through-the-simulator.
 
-    A fit looks for z, so the model is both the first guess (z = 0) and its scale.
-    :class:`dashred.physics.runs.initial_state_prior.StartPrior` is one, and it is not affine.
+    A fit determines z. The model therefore gives both the first guess (z = 0) and its scale.
+    An example is :class:`dashred.physics.runs.initial_state_prior.StartPrior`, which is not affine.
     """
 
     @property
@@ -27,12 +28,12 @@ class StartModel(Protocol):
         """Number of independent standard normals z."""
 
     def start(self, z: Tensor) -> Tensor:
-        """Return the starts ``(batch, field, *grid)`` of ``z``, ``(batch, size)``."""
+        """Return the starts ``(batch, field, *grid)`` for ``z``, ``(batch, size)``."""
 
 
 @dataclass(frozen=True)
 class LinearStart:
-    """``u₀ = m + B z``: the mean and the modes of an estimate, the modes prior-scaled.
+    """The start ``u₀ = m + B z`` of an estimate with mean m and modes B.
 
     Attributes:
         mean: m, ``(field, *grid)``.
@@ -43,7 +44,7 @@ class LinearStart:
     modes: Float[Tensor, "mode field ..."]
 
     def __post_init__(self) -> None:
-        """Hold modes and mean to one state's shape."""
+        """Check that the modes and the mean have the same state shape."""
         if self.modes.shape[1:] != self.mean.shape:
             shapes = f"{tuple(self.modes.shape)} do not fit the mean {tuple(self.mean.shape)}"
             raise ValueError(f"modes {shapes}")
@@ -54,17 +55,17 @@ class LinearStart:
         return len(self.modes)
 
     def start(self, z: Tensor) -> Tensor:
-        """Return the starts ``(batch, field, *grid)`` of ``z``, ``(batch, size)``."""
+        """Return the starts ``(batch, field, *grid)`` for ``z``, ``(batch, size)``."""
         return self.mean + torch.tensordot(z, self.modes, dims=1)
 
 
 @dataclass(frozen=True)
 class ScaledStart:
-    """Another model with ``factor`` times its spread: ``u₀ = start(factor·z)``.
+    """A start model with its spread multiplied: ``u₀ = start(factor·z)``.
 
     Attributes:
-        model: what is scaled.
-        factor: above 1 a start farther off than its prior says, below 1 one better known.
+        model: the original model.
+        factor: factor on the spread.
     """
 
     model: StartModel
@@ -76,7 +77,7 @@ class ScaledStart:
         return self.model.size
 
     def start(self, z: Tensor) -> Tensor:
-        """Return the starts ``(batch, field, *grid)`` of ``z``, ``(batch, size)``."""
+        """Return the starts ``(batch, field, *grid)`` for ``z``, ``(batch, size)``."""
         return self.model.start(self.factor * z)
 
     def draw(self, count: int, rng: np.random.Generator) -> Tensor:
@@ -84,16 +85,16 @@ class ScaledStart:
         return self.start(torch.from_numpy(rng.standard_normal((count, self.size))))
 
 
-def nearest(model: StartModel, state: Tensor) -> Tensor:
-    """Return the z whose start is nearest to a state, ``(mode,)``.
+def project_state(model: StartModel, state: Tensor) -> Tensor:
+    """Return the z whose start is nearest to a state, ``(mode,)``, by Gauss–Newton steps.
 
     Args:
-        model: u₀(z); where it is not linear, a few steps find it.
+        model: u₀(z).
         state: ``(field, *grid)``.
     """
     z = torch.zeros(model.size, dtype=torch.float64)
     eye = DIFFERENCE * torch.eye(model.size, dtype=torch.float64)
-    for _ in range(PROJECTIONS):
+    for _ in range(PROJECTION_STEPS):
         base = model.start(z[None])
         slope = ((model.start(z + eye) - base) / DIFFERENCE).flatten(1).T
         rest = (state - base[0]).flatten()[:, None]

@@ -1,4 +1,4 @@
-"""The paper's two regressions for missing physics in latent space."""
+"""The two regressions of the paper for missing physics in latent space."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def compressed_search(
     columns: Sequence[Tensor],
     scales: Float[Tensor, " term"],
 ) -> Blocks:
-    """Algorithm 1: explain what the simulator's forecast of each step misses, in the latent.
+    """Algorithm 1: regress the latent error of the simulator's forecasts on the candidates.
 
     ``E(û_t) - E(ũ⁰_t) ≈ Σ_j ξ_j ∂E(ũ_t)/∂ξ_j`` with ``ũ⁰_t = Φ_Δt(û_{t-Δt})``
     (Bao & Kutz 2025, Algorithm 1; docs/method.md#latent-sindy).
@@ -32,7 +32,7 @@ def compressed_search(
         fields: û, ``(time, field, *grid)``.
         steps: the simulator's forecasts, one entry a step length.
         columns: derivatives of each forecast by the coefficients, ``(begin, term, field, *grid)``.
-        scales: a natural size of each coefficient, for the finite difference.
+        scales: natural scale of each coefficient, for the finite differences.
     """
     targets, designs = [], []
     size = RELATIVE_STEP * scales
@@ -54,22 +54,22 @@ def compressed_advancing(
     duration: Float[Tensor, " step"],
     scales: Float[Tensor, " term"],
 ) -> Blocks:
-    """Algorithm 2: explain the measured latent's own increment beyond the simulator's.
+    """Algorithm 2: regress the latent increment that the simulator does not explain.
 
     ``G_R(s'_{t+Δt}) - G_R(s'_t) - [E(Φ_Δt(û_t)) - E(û_t)] ≈ Σ_j ξ_j [E(û_t + θ_j Δt) - E(û_t)]``,
-    the perturbation being there only where sensors are (Bao & Kutz 2025, Algorithm 2, whose
-    increment is printed with a plus). E reads nothing but sensors, so the limit of narrow
-    neighbourhoods is taken: each reading is moved by ``Δt`` times its derivative along θ_j.
+    where the perturbation acts only at the sensors (Bao & Kutz 2025, Algorithm 2; the paper prints
+    a plus inside the increment). E reads only the sensors, so the limit of small neighbourhoods is
+    taken: each reading changes by ``Δt`` times its derivative along θ_j.
 
     Args:
         encoder: E, with the history of ``fields``.
-        measured: ``G_R(s')`` of the recording's own windows, ``(time, latent)``.
+        measured: ``G_R(s')`` of the windows of the recording, ``(time, latent)``.
         system: the simulator.
         library: the candidates.
         fields: û, ``(time, field, *grid)``.
         steps: the simulator's forecasts, one entry a step length.
         duration: Δt of each entry of ``steps``, in units of time.
-        scales: a natural size of each coefficient.
+        scales: natural scale of each coefficient, for the finite differences.
     """
     targets, designs = [], []
     for step, dt in zip(steps, duration.tolist(), strict=True):
@@ -89,16 +89,16 @@ def compressed_advancing(
 
 
 def _differences(moved: list[Tensor], base: Tensor, size: Tensor) -> Tensor:
-    """Return ``(begin, term, latent)``, per unit of each coefficient."""
+    """Return finite differences per unit of each coefficient, ``(begin, term, latent)``."""
     return (torch.stack(moved, dim=1) - base[:, None]) / size[:, None]
 
 
 def _blocks(targets: list[Tensor], designs: list[Tensor]) -> Blocks:
-    """Stack all step lengths, each in units of its target; a block is one begin.
+    """Stack all step lengths, each in units of the rms of its target.
 
-    Steps from one begin overlap, so they are left out and redrawn together.
+    The steps from one begin overlap. They form one block, which is left out and redrawn as a whole.
     """
     weights = [1.0 / target.square().mean().sqrt().clamp(min=1e-300) for target in targets]
     target = torch.cat([t * w for t, w in zip(targets, weights, strict=True)], dim=-1)
     design = torch.cat([d * w for d, w in zip(designs, weights, strict=True)], dim=-1)
-    return Blocks.of(target.numpy(), design.numpy())
+    return Blocks.from_arrays(target.numpy(), design.numpy())

@@ -1,4 +1,4 @@
-"""A regression problem in normal equations, block by block."""
+"""A regression problem as normal equations of its blocks."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Blocks:
-    """A regression problem, summed up block by block: ``A ξ ≈ b`` in normal equations.
+    """The normal equations of each block of a regression problem ``A ξ ≈ b``.
 
     Attributes:
         gram: ``AᵀA`` of each block, ``(block, term, term)``.
         moment: ``Aᵀb``, ``(block, term)``.
         power: ``bᵀb``, ``(block,)``.
-        rows: rows in each block, ``(block,)``.
+        rows: number of rows of each block, ``(block,)``.
     """
 
     gram: Array
@@ -27,8 +27,8 @@ class Blocks:
     rows: Array
 
     @classmethod
-    def of(cls, target: Array, columns: Array) -> Blocks:
-        """Sum up targets ``(block, row)`` and columns ``(block, term, row)``."""
+    def from_arrays(cls, target: Array, columns: Array) -> Blocks:
+        """Build from targets ``(block, row)`` and columns ``(block, term, row)``."""
         return cls(
             np.einsum("bir,bjr->bij", columns, columns),
             np.einsum("bir,br->bi", columns, target),
@@ -37,18 +37,18 @@ class Blocks:
         )
 
     def columns(self, index: NDArray[np.intp], factors: Array) -> Blocks:
-        """Return the problem of some columns alone, each multiplied by a factor."""
+        """Return the problem with some of the columns, each multiplied by a factor."""
         gram = self.gram[:, index[:, None], index] * factors * factors[:, None]
         return Blocks(gram, self.moment[:, index] * factors, self.power, self.rows)
 
     def weighted(self, weights: Array) -> Blocks:
-        """Return the same problem with each block counted ``weights`` times, ``(block,)``."""
+        """Return the problem with a weight on each block, ``(block,)``."""
         w = weights[:, None]
         return Blocks(
             self.gram * w[:, None], self.moment * w, self.power * weights, self.rows * weights
         )
 
-    def pooled(self, kept: NDArray[np.bool_]) -> Blocks:
-        """Return the problem of some blocks, summed up into one."""
+    def pooled(self, included: NDArray[np.bool_]) -> Blocks:
+        """Return the problem with some of the blocks, summed into one block."""
         parts = (self.gram, self.moment, self.power, self.rows)
-        return Blocks(*(part[kept].sum(axis=0, keepdims=True) for part in parts))
+        return Blocks(*(part[included].sum(axis=0, keepdims=True) for part in parts))

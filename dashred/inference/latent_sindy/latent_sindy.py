@@ -1,4 +1,4 @@
-"""Latent SINDy: from one assimilated state to the proposals of Algorithms 1 and 2."""
+"""Latent SINDy: proposals of Algorithms 1 and 2 from one assimilated state."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from dashred.physics.system import System, Term
 
 @dataclass(frozen=True)
 class LatentProblem:
-    """What latent SINDy needs beside the networks.
+    """The input of latent SINDy, without the networks.
 
     Attributes:
         system: the simulator.
         library: candidate terms.
-        scales: coefficient at which each term would equal the whole tendency, ``(term,)``.
+        scales: coefficients at which each term would be as large as the tendency, ``(term,)``.
         operator: H of SHRED's input sensors.
-        times: clock, ``(time,)``, uniform, within the fit window.
-        windows: the recording's own histories, ``(time, lag, sensor)``.
+        times: uniform times within the fit window, ``(time,)``.
+        windows: sensor histories of the recording, ``(time, lag, sensor)``.
         settings: config section ``latent_sindy``.
-        seed: of the bootstrap.
-        steps: what a step of the simulator does; None runs the system's own equations.
+        seed: seed of the bootstrap.
+        steps: the steps of the simulator; None integrates the equations of the system.
     """
 
     system: System
@@ -49,15 +49,15 @@ class LatentProblem:
 
     @property
     def lags(self) -> int:
-        """Samples of history behind the present one."""
+        """Number of earlier samples in a history."""
         return self.windows.shape[1] - 1
 
     @property
     def strides(self) -> list[int]:
-        """Step lengths, in samples, that fit into the record.
+        """The configured step lengths, in samples, that are shorter than the record.
 
         Raises:
-            InputError: none of those asked for does.
+            InputError: no configured step is short enough.
         """
         fitting = [n for n in self.settings.steps if n < len(self.times) - 1]
         if not fitting:
@@ -69,7 +69,7 @@ class LatentProblem:
         return fitting
 
     def begins(self, count: int) -> Tensor:
-        """Return time indices to step from: spread over the record, full histories first."""
+        """Return time indices where steps begin, spread over the record, after a full history."""
         last = len(self.times) - 1 - max(self.strides)
         first = min(self.lags, last)
         spread = torch.linspace(first, last, min(count, last - first + 1))
@@ -79,9 +79,9 @@ class LatentProblem:
 class LatentSindy:
     """Algorithms 1 and 2 on the current assimilated state.
 
-    The columns ``∂Φ/∂ξ`` cost a simulation for every term, and move little while the latent
-    transform is fitted: they are computed once, on the field SHRED starts from, and once more
-    when the state is final. Forecasts and encodings are always those of the current state.
+    The columns ``∂Φ/∂ξ`` cost a simulation for every term, and they change little while the latent
+    transform is fitted. They are computed once for the initial field of SHRED, and again for the
+    final state. Forecasts and encodings always belong to the current state.
     """
 
     def __init__(self, problem: LatentProblem, fields: Tensor, count: int) -> None:
@@ -93,14 +93,14 @@ class LatentSindy:
         self.columns = self.steps.columns(fields, problem.times, self.forecasts(fields))
 
     def forecasts(self, fields: Tensor) -> list[Step]:
-        """Return the simulator's steps from the reconstructed field, one entry a length."""
+        """Return the simulator's steps from the reconstructed field, one entry for each length."""
         problem = self.problem
         return self.steps.forecasts(fields, problem.times, self.begins, problem.strides)
 
     def propose(
         self, encoder: AssimilatedEncoder, fields: Tensor, bootstraps: int
     ) -> dict[str, SparseFit]:
-        """Return the proposals of both algorithms for û = ``fields``, ``(time, field, *grid)``."""
+        """Return the proposals of both algorithms for the field û, ``(time, field, *grid)``."""
         problem = self.problem
         exact = copy.deepcopy(encoder).cpu().double().requires_grad_(False)
         steps = self.forecasts(fields)

@@ -1,4 +1,4 @@
-"""A simulator's steps, learnt from its snapshots: what latent SINDy needs where none can be run."""
+"""Operator inference: simulator steps fitted to snapshots, for simulators that cannot be run."""
 
 from __future__ import annotations
 
@@ -15,20 +15,21 @@ from dashred.models.pod import POD
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 
-# What is tried: POD modes whose products are features, and ridge penalties as shares of the
-# features' mean square.
+# The settings tried: numbers of POD modes whose products are features, and ridge penalties as
+# shares of the mean square of the features.
 SIZES, RIDGES = (3, 6, 10, 16), (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
 
 
 @dataclass(frozen=True)
 class QuadraticStep:
-    """``a_{t+n} = a_t + W φ(a_t)``, φ = 1, a and the products of the leading coefficients a.
+    """A step ``a_{t+n} = a_t + W φ(a_t)`` of POD coefficients a.
 
-    Operator inference (Peherstorfer & Willcox 2016) in its discrete form: exact for linear and
-    quadratic equations as far as the modes reach, an approximation for others.
+    The features φ are 1, a, and the products of the leading coefficients. This is the discrete form
+    of operator inference (Peherstorfer & Willcox 2016). It is exact for linear and quadratic
+    equations, up to the truncation of the modes, and an approximation for others.
 
     Attributes:
-        size: leading coefficients whose products are features.
+        size: number of leading coefficients whose products are features.
         weights: ``(feature, mode)``, for coefficients in units of ``spread``.
         spread: std of each coefficient, ``(mode,)``.
     """
@@ -45,15 +46,15 @@ class QuadraticStep:
 
 @dataclass(frozen=True)
 class SnapshotSteps:
-    """Steps of a simulator that is known by its snapshots alone.
+    """Steps of a simulator that is known only from snapshots.
 
     Attributes:
         system: its fields and grid.
         library: the candidates.
         pod: basis of the snapshots.
-        by_stride: what was learnt, by length of the step in samples.
-        errors: of each on runs that it was not learnt from: RMSE of the increment, as a share of
-            the increment's own size.
+        by_stride: the fitted step for each step length, in samples.
+        errors: RMSE of the increment of each step on held-out runs, as a share of the rms of the
+            increment.
     """
 
     system: System
@@ -63,7 +64,7 @@ class SnapshotSteps:
     errors: dict[int, float]
 
     @classmethod
-    def learn(
+    def fit(
         cls,
         system: System,
         library: Sequence[Term],
@@ -72,20 +73,20 @@ class SnapshotSteps:
         held_out: int,
         strides: Sequence[int],
     ) -> SnapshotSteps:
-        """Learn the steps of some lengths; what is tried is chosen on the last members.
+        """Fit steps of several lengths; held-out members select the settings.
 
         Args:
             system: fields and grid.
             library: the candidates.
-            pod: basis, of the training members.
-            states: runs at the clock's step.
-            held_out: how many of the last members are not learnt from; half of them choose, the
-                others measure.
+            pod: basis of the training members.
+            states: runs at uniform times.
+            held_out: number of last members that are not used in the fit; half of them select the
+                settings, and the others measure the error.
             strides: lengths of the steps, in samples.
         """
         coefficients = pod.encode(states)
         spread = coefficients[:-held_out].flatten(0, 1).std(dim=0).clamp(min=1e-300)
-        learnt, errors = {}, {}
+        fitted, errors = {}, {}
         for stride in strides:
             before, after = coefficients[:, :-stride], coefficients[:, stride:]
             train, choose, measure = (
@@ -96,37 +97,37 @@ class SnapshotSteps:
                     slice(-(held_out // 2), None),
                 )
             )
-            tried = [
+            candidates = [
                 _fit(*train, spread, size, ridge)
                 for size, ridge in product(SIZES, RIDGES)
                 if size <= len(spread) or size == SIZES[0]
             ]
-            best = min(tried, key=lambda step: _error(step, *choose))
-            learnt[stride], errors[stride] = best, _error(best, *measure)
-        return cls(system, library, pod, learnt, errors)
+            best = min(candidates, key=lambda step: _error(step, *choose))
+            fitted[stride], errors[stride] = best, _error(best, *measure)
+        return cls(system, library, pod, fitted, errors)
 
     def forecasts(
         self, fields: Tensor, times: Tensor, begins: Tensor, strides: Sequence[int]
     ) -> list[Step]:
-        """Return what the snapshots' increments make of each reconstructed field."""
+        """Return forecasts from the reconstructed fields; see :meth:`Steps.forecasts`."""
         start = fields[begins]
         steps = []
         for stride in strides:
-            path = torch.stack([start, self.moved(start, stride)], dim=1)
+            path = torch.stack([start, self.advance(start, stride)], dim=1)
             steps.append(Step(begins, begins + stride, float(times[begins[0]]), path))
         return steps
 
-    def moved(self, states: Float[Tensor, "*dims"], stride: int) -> Float[Tensor, "*dims"]:
-        """Return states ``(*batch, field, *grid)`` a step on.
+    def advance(self, states: Float[Tensor, "*dims"], stride: int) -> Float[Tensor, "*dims"]:
+        """Return states ``(*batch, field, *grid)`` after one step.
 
-        The increment is added to the field, so that what no mode expresses stays as it is.
+        The increment is added to the field, so that the part outside the POD basis stays.
         """
         coefficients = self.pod.encode(states)
         after = self.by_stride[stride](coefficients)
         return states + self.pod.decode(after) - self.pod.decode(coefficients)
 
     def columns(self, fields: Tensor, times: Tensor, steps: Sequence[Step]) -> list[Tensor]:
-        """Return ``θ_j(û) Δt``, the paper's own columns: no simulator carries a term along."""
+        """Return the columns of the paper, ``θ_j(û) Δt``: no simulator can propagate a term."""
         found = []
         for step in steps:
             theta = evaluate_terms(self.system, self.library, fields[step.begins], step.time)
@@ -151,11 +152,11 @@ def _fit(before: Tensor, after: Tensor, spread: Tensor, size: int, ridge: float)
     features = _features(before / spread, size)
     gram = features.T @ features
     penalty = ridge * gram.diagonal().mean() * torch.eye(len(gram), dtype=gram.dtype)
-    wanted = features.T @ ((after - before) / spread)
-    return QuadraticStep(size, torch.linalg.solve(gram + penalty, wanted), spread)
+    right = features.T @ ((after - before) / spread)
+    return QuadraticStep(size, torch.linalg.solve(gram + penalty, right), spread)
 
 
 def _error(step: QuadraticStep, before: Tensor, after: Tensor) -> float:
-    """Return the RMSE of the increment, as a share of its size; in POD coefficients."""
-    missed = (step(before) - after).square().mean()
-    return float((missed / (after - before).square().mean().clamp(min=1e-300)).sqrt())
+    """Return the RMSE of the increment in POD coefficients, as a share of its rms."""
+    error = (step(before) - after).square().mean()
+    return float((error / (after - before).square().mean().clamp(min=1e-300)).sqrt())

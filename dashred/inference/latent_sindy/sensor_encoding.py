@@ -1,4 +1,4 @@
-"""Encode fields through their sensor histories, as Algorithms 1 and 2 need it."""
+"""Encoding of fields through their sensor histories, for Algorithms 1 and 2."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ Encode = Callable[[Float[Tensor, "batch lag sensor"]], Float[Tensor, "batch late
 
 
 class HistoryEncoder:
-    """``E(v_t)``: the latent of a reconstructed field's history with ``v_t`` as its last sample.
+    """``E(v_t)``: the latent of the history of a reconstructed field, with ``v_t`` as last sample.
 
     See docs/method.md#latent-sindy.
 
     Args:
-        encode: G or G_R, from windows to the latent, in float64.
+        encode: G or G_R, from windows to the latent state, in float64.
         operator: H of SHRED's input sensors.
         fields: the reconstructed field û, ``(time, field, *grid)``, whose sensor trace is the
             history.
-        lags: samples of history behind the present one.
+        lags: number of earlier samples in a history.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class HistoryEncoder:
     def __call__(
         self, times: Float[Tensor, " sample"], fields: Float[Tensor, "sample ..."]
     ) -> Float[Tensor, "sample latent"]:
-        """Return E of fields ``(sample, field, *grid)`` that stand at time indices ``times``."""
+        """Return E of fields ``(sample, field, *grid)`` at time indices ``times``."""
         return self.with_last(times, self.operator(fields))
 
     @torch.no_grad()

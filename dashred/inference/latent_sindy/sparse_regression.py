@@ -23,16 +23,15 @@ Support = tuple[int, ...]
 
 @dataclass(frozen=True)
 class SparseFit:
-    """What the regression proposes.
+    """The proposal of a sparse regression.
 
     Attributes:
-        coefficients: in the terms' own units, ``(term,)``; zero outside the proposed set.
-        contribution: size of each term's column times its coefficient, as a share of the target.
-        inclusion: share of block-bootstrap draws in which STLSQ keeps the term.
-        path: (number of terms, RMSE as a share of the target's rms) along the sparsity path.
-        ranking: term indices, the proposed ones first, each group in the order of forward
-            selection.
-        blocks: how many were left out and redrawn as a whole.
+        coefficients: in the units of the terms, ``(term,)``; zero outside the proposed set.
+        contribution: norm of coefficient times column, as a share of the norm of the target.
+        inclusion: share of block-bootstrap draws in which STLSQ includes the term.
+        path: (number of terms, RMSE as a share of the rms of the target) of the best sets.
+        ranking: term indices, proposed terms first; each group in the order of forward selection.
+        blocks: number of blocks.
     """
 
     coefficients: Array
@@ -48,40 +47,41 @@ def sparse_fit(
 ) -> SparseFit:
     """Propose a sparse set of terms.
 
-    Candidates are PySINDy's STLSQ, the sets along its SSR path, those along the L1 (LARS) path,
-    those of forward selection and the best pair. The proposal is the smallest candidate, the
-    empty set included, whose block-cross-validated error is close to the best: within
-    √(1 + 2 ln terms) standard errors of their log ratio (one, for a single term: Hastie,
-    Tibshirani & Friedman, *Elements*, §7.10; Donoho & Johnstone's allowance for many), or within
-    what one term at the threshold would explain. The second rule is for errors that repeat in
-    every block, the simulator's numerical ones and those of linearising, which cross-validation
-    takes for physics.
+    The candidate sets are the empty set, the sets of PySINDy's STLSQ and SSR, the sets along the L1
+    path (LARS), the sets of forward selection, and the best pair. The proposal is the smallest
+    candidate set whose error in block cross-validation is close to the lowest error. It is close if
+    one of two rules holds:
+
+    - The mean log ratio of the errors is within √(1 + 2 ln terms) standard errors. This is the
+      one-standard-error rule (Hastie, Tibshirani & Friedman, *Elements*, §7.10), with the allowance
+      of Donoho & Johnstone for many terms.
+    - The difference is less than one term at the threshold would explain. This rule is for errors
+      that repeat in every block, such as numerical errors and errors of the linearisation.
+      Cross-validation alone would attribute them to terms.
 
     Args:
-        blocks: the problem; blocks are what is left out and redrawn as a whole.
-        threshold: on a term's share of the target, of STLSQ and of the choice.
-        bootstraps: block-bootstrap draws; without any, inclusion stays zero.
-        rng: of the draws.
+        blocks: the problem; cross-validation and bootstrap leave out and redraw whole blocks.
+        threshold: smallest contribution of a term, as a share of the target.
+        bootstraps: number of block-bootstrap draws; without draws, inclusion is zero.
+        rng: random generator of the draws.
     """
     norms = np.sqrt(np.einsum("bii->i", blocks.gram))
     target = np.sqrt(blocks.power.sum())
-    # A term that moves no sensor has an empty column: nothing can be said of it.
-    seen = np.flatnonzero(norms > 1e-12 * max(norms.max(), 1e-300))
-    if not len(seen) or not target:
-        nothing = np.zeros(len(norms))
-        return SparseFit(
-            nothing, nothing, nothing, [(0, 1.0)], list(range(len(norms))), len(blocks.power)
-        )
-    factors = target / norms[seen]
-    scaled = blocks.columns(seen, factors)
+    # A term without effect on the sensors has a zero column and cannot be determined.
+    determined = np.flatnonzero(norms > 1e-12 * max(norms.max(), 1e-300))
+    if not len(determined) or not target:
+        zero = np.zeros(len(norms))
+        return SparseFit(zero, zero, zero, [(0, 1.0)], list(range(len(norms))), len(blocks.power))
+    factors = target / norms[determined]
+    scaled = blocks.columns(determined, factors)
     order = _forward_order(scaled)
     candidates = _candidates(scaled, threshold, order)
-    chosen = _refit(scaled, _smallest_sufficient(scaled, candidates, threshold))
+    chosen = _refit(scaled, _choose_support(scaled, candidates, threshold))
     share, coefficients, inclusion = (np.zeros(len(norms)) for _ in range(3))
-    share[seen], coefficients[seen] = np.abs(chosen), chosen * factors
-    inclusion[seen] = _inclusion(scaled, threshold, bootstraps, rng)
+    share[determined], coefficients[determined] = np.abs(chosen), chosen * factors
+    inclusion[determined] = _inclusion(scaled, threshold, bootstraps, rng)
     place = np.full(len(norms), len(norms))
-    place[seen[order]] = np.arange(len(seen))
+    place[determined[order]] = np.arange(len(determined))
     ranking = [int(j) for j in np.lexsort((place, share == 0))]
     path = _path(scaled, candidates)
     return SparseFit(coefficients, share, inclusion, path, ranking, len(blocks.power))
@@ -97,22 +97,22 @@ def _candidates(blocks: Blocks, threshold: float, order: list[int]) -> list[Supp
 
 
 def _forward_order(blocks: Blocks) -> list[int]:
-    """Order all terms by what each adds to those before it (orthogonal least squares).
+    """Order all terms by forward selection (orthogonal least squares).
 
-    Chen, Billings & Luo (1989). PySINDy's FROLS is the same in loops over columns, which a full
-    order of forty terms makes the dearest part of an epoch.
+    Chen, Billings & Luo (1989). FROLS of PySINDy is the same method with loops over the columns. To
+    order forty terms, it would be the most expensive part of an epoch.
     """
     gram, moment = blocks.gram.sum(axis=0), blocks.moment.sum(axis=0)
     least = RANK_TOLERANCE * gram.diagonal().copy()
     order: list[int] = []
-    left = list(range(len(moment)))
-    while left:
+    remaining = list(range(len(moment)))
+    while remaining:
         power = gram.diagonal()
-        # What is left of a column that earlier ones span is rounding error: it adds nothing.
+        # If earlier columns span a column, its remainder is a rounding error and has no gain.
         gain = np.where(power > least, moment**2 / np.maximum(power, least), -1.0)
-        j = max(left, key=gain.__getitem__)
+        j = max(remaining, key=gain.__getitem__)
         order.append(j)
-        left.remove(j)
+        remaining.remove(j)
         if gain[j] >= 0:
             share = gram[:, j] / gram[j, j]
             moment = moment - share * moment[j]
@@ -121,7 +121,7 @@ def _forward_order(blocks: Blocks) -> list[int]:
 
 
 def _best_pair(blocks: Blocks) -> Support:
-    """Return the two terms that explain most; forward selection misses two that nearly cancel."""
+    """Return the best set of two terms; forward selection misses two that nearly cancel."""
     gram, m = blocks.gram.sum(axis=0), blocks.moment.sum(axis=0)
     power = np.outer(gram.diagonal(), gram.diagonal())
     determinant = power - gram**2
@@ -136,7 +136,7 @@ def _best_pair(blocks: Blocks) -> Support:
 def _stlsq(blocks: Blocks, threshold: float) -> Array:
     matrix, target = _square_root(blocks)
     with warnings.catch_warnings():
-        # PySINDy warns when every term falls below the threshold: for a null, that is the answer.
+        # PySINDy warns if no term exceeds the threshold; the empty set is a valid result.
         warnings.simplefilter("ignore")
         return STLSQ(threshold=threshold, alpha=1e-8).fit(matrix, target).coef_[0]
 
@@ -152,7 +152,7 @@ def _ssr_path(blocks: Blocks) -> Iterable[Support]:
 def _l1_path(blocks: Blocks) -> Iterable[Support]:
     gram, moment = blocks.gram.sum(axis=0), blocks.moment.sum(axis=0)
     with warnings.catch_warnings():
-        # Near-collinear columns end the path early; what was found until then stands.
+        # Nearly collinear columns end the path early; its first sets are still valid.
         warnings.simplefilter("ignore")
         rows = int(blocks.rows.sum())
         _, _, path = lars_path_gram(moment, gram, n_samples=rows, method="lasso", max_iter=40)
@@ -160,7 +160,7 @@ def _l1_path(blocks: Blocks) -> Iterable[Support]:
 
 
 def _square_root(blocks: Blocks) -> tuple[Array, Array]:
-    """Return the small problem with the same normal equations: ``R ξ ≈ z``, R square."""
+    """Return a problem ``R ξ ≈ z`` with square R and the same normal equations."""
     values, vectors = np.linalg.eigh(blocks.gram.sum(axis=0))
     root = np.sqrt(np.clip(values, RANK_TOLERANCE * values[-1], None))
     matrix = root[:, None] * vectors.T
@@ -189,10 +189,10 @@ def _errors(blocks: Blocks, coefficients: Array) -> Array:
     return blocks.power - 2 * blocks.moment @ coefficients + fitted
 
 
-def _smallest_sufficient(blocks: Blocks, candidates: list[Support], threshold: float) -> Support:
+def _choose_support(blocks: Blocks, candidates: list[Support], threshold: float) -> Support:
     count = len(blocks.power)
     if count == 1:
-        # Nothing is left out to learn from: no set is worth a term more.
+        # One block allows no cross-validation; the candidates begin with the empty set.
         return candidates[0]
     fold = np.arange(count) * FOLDS // count
     errors = np.zeros((len(candidates), count))
@@ -203,26 +203,30 @@ def _smallest_sufficient(blocks: Blocks, candidates: list[Support], threshold: f
             errors[i, fold == k] = left_out[fold == k]
     means = errors.mean(axis=1)
     best = int(means.argmin())
-    # A front passes in some blocks and not in others: differences would be those few blocks',
-    # so ratios are compared, down to what counts as an error at all.
+    # A front passes in some blocks only, and these would dominate the differences of errors.
+    # Therefore ratios are compared, with a floor under the errors.
     floor = threshold**2 * blocks.power + ROUNDING * blocks.power.mean()
     ratios = np.log((np.maximum(errors, 0) + floor) / (np.maximum(errors[best], 0) + floor))
-    # The best of many sets beats the truth by chance, by more the more terms there are.
-    luck = np.sqrt(1 + 2 * np.log(blocks.moment.shape[1]))
-    by_chance = ratios.mean(axis=1) <= luck * ratios.std(axis=1, ddof=1) / np.sqrt(count)
-    slight = means - means[best] <= threshold**2 * blocks.power.mean()
-    return next(s for s, enough in zip(candidates, by_chance | slight, strict=True) if enough)
+    # The best of many sets has a lower error than the true set by chance; more so with more terms.
+    tolerance = np.sqrt(1 + 2 * np.log(blocks.moment.shape[1]))
+    is_within_error = ratios.mean(axis=1) <= tolerance * ratios.std(axis=1, ddof=1) / np.sqrt(count)
+    is_negligible = means - means[best] <= threshold**2 * blocks.power.mean()
+    return next(
+        s
+        for s, is_close in zip(candidates, is_within_error | is_negligible, strict=True)
+        if is_close
+    )
 
 
 def _inclusion(
     blocks: Blocks, threshold: float, bootstraps: int, rng: np.random.Generator
 ) -> Array:
-    kept = np.zeros(blocks.moment.shape[1])
+    included = np.zeros(blocks.moment.shape[1])
     count = len(blocks.power)
     for _ in range(bootstraps):
         drawn = np.bincount(rng.integers(count, size=count), minlength=count).astype(float)
-        kept += _stlsq(blocks.weighted(drawn), threshold) != 0
-    return kept / max(1, bootstraps)
+        included += _stlsq(blocks.weighted(drawn), threshold) != 0
+    return included / max(1, bootstraps)
 
 
 def _path(blocks: Blocks, candidates: list[Support]) -> list[tuple[int, float]]:

@@ -1,4 +1,4 @@
-"""What the simulator forecasts over a step, and what each candidate term would change in it."""
+"""Forecasts of the simulator over a step, and their derivatives by the candidate terms."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class Step:
 
     Attributes:
         begins, ends: time indices, ``(begin,)``.
-        time: clock time of the first begin.
-        path: the simulator's run from each ``û_begin``, sample by sample,
+        time: time of the first begin.
+        path: run of the simulator from each ``û_begin``, sample by sample,
             ``(begin, sample, field, *grid)``.
     """
 
@@ -41,25 +41,25 @@ class Step:
 
 
 class Steps(Protocol):
-    """What the simulator forecasts over steps, and what each candidate would change in that."""
+    """Forecasts over steps, and their derivatives by the candidate coefficients."""
 
     def forecasts(
         self, fields: Tensor, times: Tensor, begins: Tensor, strides: Sequence[int]
     ) -> list[Step]:
-        """Return forecasts from the begins, one entry a step length; see :func:`forecast_steps`."""
+        """Return one forecast for each step length; see :func:`forecast_steps`."""
 
     def columns(self, fields: Tensor, times: Tensor, steps: Sequence[Step]) -> list[Tensor]:
-        """Return what each term adds, ``(begin, term, field, *grid)`` by step length."""
+        """Return derivatives ``(begin, term, field, *grid)``, one entry for each step length."""
 
 
 @dataclass(frozen=True)
 class SimulatorSteps:
-    """Steps of a simulator that can be run.
+    """Steps of a simulator with equations.
 
     Attributes:
         system: the simulator.
         library: the candidates.
-        scales: coefficient of each at which it would equal the whole tendency, ``(term,)``.
+        scales: coefficients at which each term would be as large as the tendency, ``(term,)``.
     """
 
     system: System
@@ -73,7 +73,7 @@ class SimulatorSteps:
         return forecast_steps(self.system, fields, times, begins, strides)
 
     def columns(self, fields: Tensor, times: Tensor, steps: Sequence[Step]) -> list[Tensor]:
-        """Carry each term along with the simulator; see :func:`tangents`."""
+        """Propagate each term with the simulator; see :func:`tangents`."""
         return tangents(self.system, self.library, self.scales, fields, times, steps)
 
 
@@ -81,13 +81,13 @@ class SimulatorSteps:
 def forecast_steps(
     system: System, fields: Tensor, times: Tensor, begins: Tensor, strides: Sequence[int]
 ) -> list[Step]:
-    """Run the simulator from each reconstructed field; one entry a step length.
+    """Run the simulator from each reconstructed field; one entry for each step length.
 
     Args:
         system: the simulator.
         fields: û, ``(time, field, *grid)``, float64.
-        times: clock, ``(time,)``, uniform.
-        begins: time indices to start from, ``(begin,)``; all lengths share them and one run.
+        times: uniform times, ``(time,)``.
+        begins: time indices of the initial fields, ``(begin,)``; all lengths share one run.
         strides: lengths of the steps, in samples.
     """
     longest = max(strides)
@@ -110,20 +110,21 @@ def tangents(
     times: Tensor,
     steps: Sequence[Step],
 ) -> list[Tensor]:
-    """Return what each term would add to each forecast, ``(begin, term, field, *grid)``, by step.
+    """Return the derivatives of each forecast by each coefficient, one entry for each step length.
 
-    The paper perturbs by ``θ_j Δt`` at one instant. A front moves several grid cells within a
-    sample, so the term is carried along by the simulator instead: ``w' = N'(m)w + θ_j(m)``,
-    which has the paper's column as its limit for ``Δt → 0``. At every sample the tangent is taken
-    anew about ``m = (û + forecast)/2``: ``N(û) - N(forecast) = N'(m)(û - forecast)`` holds to
-    third order, and a front's response is far from linear after a few samples.
+    Each entry is ``(begin, term, field, *grid)``. The paper perturbs by ``θ_j Δt`` at one time. But
+    a front moves several grid cells within a sample. The term is therefore propagated with the
+    simulator, ``w' = N'(m)w + θ_j(m)``; the column of the paper is the limit ``Δt → 0``. At every
+    sample the tangent is linearised again at ``m = (û + forecast)/2``, because
+    ``N(û) - N(forecast) = N'(m)(û - forecast)`` holds to third order there, and the response of a
+    front is far from linear after a few samples.
 
     Args:
         system: the simulator.
         library: the candidates.
-        scales: coefficient of each at which it would equal the whole tendency, ``(term,)``.
+        scales: coefficients at which each term would be as large as the tendency, ``(term,)``.
         fields: û, ``(time, field, *grid)``, float64.
-        times: clock, ``(time,)``, uniform.
+        times: uniform times, ``(time,)``.
         steps: forecasts of all lengths, from the same begins.
     """
     terms = resolve(system, library)
@@ -168,6 +169,6 @@ def _march(
 
 
 def _groups(read: Sequence[Expr], clock: frozenset[str], values: Tensor) -> tuple[Tensor, ...]:
-    """Split by begin what may not share a clock: everything, if an expression reads the time."""
+    """Split values by begin if an expression depends on time; otherwise return one group."""
     reads_time = any(clock & names(expression) for expression in read)
     return values.split(1 if reads_time else len(values))

@@ -1,4 +1,4 @@
-"""The simulator with a law put in: missing terms as text, mis-stated parameters as new values."""
+"""The corrected system: the simulator with the terms and parameter values of a law."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from dashred.physics.parameter_sensitivity import parameter_slopes
 from dashred.physics.system import System, Term
 
 
-def correct(system: System, law: Law) -> System:
+def build_corrected_system(system: System, law: Law) -> System:
     """Return the corrected system, whose tendency is exactly ``N + Σ ξ θ``.
 
-    A parameter gets the value that has the same effect as its term, if there is one
-    (:mod:`dashred.inference.results.parameter_change`). For others (``alpha`` in ``exp(u/alpha)``)
-    the tangent is added as a term.
+    A parameter gets the value with the same effect as its tangent, if there is one
+    (:mod:`dashred.inference.results.parameter_change`). For other parameters, such as ``alpha`` in
+    ``exp(u/alpha)``, the tangent is added as a term.
     """
     changed: dict[str, float] = {}
     terms: list[tuple[Term, float]] = []
@@ -38,7 +38,7 @@ def correct(system: System, law: Law) -> System:
 
 
 def _tangents(system: System, parameter: str) -> Iterator[Term]:
-    """Yield ``∂N/∂p`` of every equation, at the values of all parameters that the law is about."""
+    """Yield ``∂N/∂p`` of every equation, at the parameter values of the system."""
     for equation, slope in parameter_slopes(system, parameter).items():
         tangent = system.resolve(slope, f"system.equations.{equation}")
         if tangent != ZERO:

@@ -1,4 +1,4 @@
-"""The law as data: its terms with error bars and probabilities, and the alternatives."""
+"""A law as findings: its terms with error bars and probabilities, and the alternatives."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from collections.abc import Callable, Sequence
 
 from dashred.core.findings.law_schema import (
     Alternative,
+    AlternativeTerm,
+    MissingTerm,
     ParameterChange,
     Region,
     SmallerLaw,
-    TermFound,
-    TermTried,
 )
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.hypotheses.result import AMBIGUOUS, Discovery
+from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN, Discovery
 from dashred.inference.results.parameter_change import exact_change, is_exact, parameter_change
 from dashred.inference.results.posterior_probabilities import inclusion
 from dashred.physics.system import System
@@ -23,26 +23,26 @@ from dashred.physics.term_units import coefficient_unit
 from dashred.physics.window import Window
 
 MOST_ALTERNATIVES = 3
-# A law that is worse by less than this in BIC is listed before the best law of one term.
+# Alternatives within this ΔBIC are listed before the best law of one term.
 NEAR = 12.0
 
 
-def explain(system: System, discovered: Discovery) -> list[TermFound | ParameterChange]:
+def terms_of_discovery(system: System, discovery: Discovery) -> list[MissingTerm | ParameterChange]:
     """Return ``findings["terms"]``: one entry for each candidate of the best law."""
-    return terms_of(system, discovered.best, lambda candidate: inclusion(discovered, candidate))
+    return terms_of_law(system, discovery.best, lambda candidate: inclusion(discovery, candidate))
 
 
-def terms_of(
+def terms_of_law(
     system: System, law: Law, probability: Callable[[Candidate], float] = lambda _: 1.0
-) -> list[TermFound | ParameterChange]:
+) -> list[MissingTerm | ParameterChange]:
     """Return one entry for each candidate of a law.
 
     Args:
         system: the simulator.
         law: the law.
-        probability: that a candidate belongs to the law; 1 where the law is given.
+        probability: probability that a candidate belongs to the law; 1 for a given law.
     """
-    found: list[TermFound | ParameterChange] = []
+    found: list[MissingTerm | ParameterChange] = []
     for index, candidate in enumerate(law.candidates):
         included = probability(candidate)
         if candidate.equation is None:
@@ -52,57 +52,58 @@ def terms_of(
     return found
 
 
-def alternatives(discovered: Discovery, system: System) -> list[Alternative]:
+def alternatives(discovery: Discovery, system: System) -> list[Alternative]:
     """Return at most three other laws: rivals first, then by score.
 
-    Of a law of several terms the best one-term law is among them, for comparison.
+    If the best law has several terms, the best law of one term is among them for comparison.
     """
-    best, rivals = discovered.best, discovered.rivals
-    # Laws hold tensors, which do not compare to one truth: identity decides.
-    decided = {id(law) for law in rivals}
-    others = [law for law in discovered.laws[1:] if id(law) not in decided]
+    best, rivals = discovery.best, discovery.rivals
+    # By identity, because laws contain tensors, whose comparison is elementwise.
+    rival_ids = {id(law) for law in rivals}
+    others = [law for law in discovery.laws[1:] if id(law) not in rival_ids]
     chosen = [*rivals, *others][:MOST_ALTERNATIVES]
-    single = [law for law in discovered.laws[1:] if len(law.candidates) == 1]
-    listed = {id(law) for law in chosen}
-    if single and len(best.candidates) > 1 and id(single[0]) not in listed:
-        # A law that is nearly as good is more informative.
+    single = [law for law in discovery.laws[1:] if len(law.candidates) == 1]
+    chosen_ids = {id(law) for law in chosen}
+    if single and len(best.candidates) > 1 and id(single[0]) not in chosen_ids:
+        # It replaces an alternative that is not nearly as good as the best law.
         near = [law for law in chosen if law.score < best.score + NEAR]
         chosen = [*near, single[0]] if len(near) < MOST_ALTERNATIVES else chosen
     return [
         Alternative(
-            terms=_tried(system, law.candidates, law.coefficients.tolist()),
+            terms=_terms_tried(system, law.candidates, law.coefficients.tolist()),
             delta_bic=law.score - best.score,
-            rival=id(law) in decided,
-            same_as_best=_reads_the_same(discovered, law),
+            rival=id(law) in rival_ids,
+            same_as_best=_has_same_readings(discovery, law),
         )
         for law in chosen
     ]
 
 
-def smaller(discovered: Discovery, system: System) -> list[SmallerLaw]:
-    """Return the best laws of fewer terms than the best law has, where that acts everywhere.
+def smaller_laws(discovery: Discovery, system: System) -> list[SmallerLaw]:
+    """Return the best laws with fewer terms than the best law; none if it has a window.
 
-    What one explains is ``(F₀ - F_k) / (F₀ - F)``: F of no law, of k terms, and of all.
+    A law of k terms explains the share ``(F₀ - F_k) / (F₀ - F)``, with F₀ of the empty law, F_k of
+    k terms and F of the best law.
     """
-    count = len(discovered.best.candidates)
-    misfits = {len(law.candidates): law.rmse**2 for law in discovered.path}
-    if discovered.best.window is not None or not {0, count} <= misfits.keys() or not count:
+    count = len(discovery.best.candidates)
+    misfits = {len(law.candidates): law.rmse**2 for law in discovery.path}
+    if discovery.best.window is not None or not {0, count} <= misfits.keys() or not count:
         return []
     explained = misfits[0] - misfits[count]
     return [
         SmallerLaw(
-            terms=_tried(system, law.candidates, law.coefficients),
+            terms=_terms_tried(system, law.candidates, law.coefficients),
             explained=(misfits[0] - law.rmse**2) / explained,
         )
-        for law in discovered.path
+        for law in discovery.path
         if 0 < len(law.candidates) < count
     ]
 
 
-def _term(system: System, law: Law, index: int, included: float) -> TermFound:
+def _term(system: System, law: Law, index: int, included: float) -> MissingTerm:
     candidate = law.candidates[index]
     assert candidate.equation is not None
-    found = TermFound(
+    found = MissingTerm(
         equation=candidate.equation,
         term=candidate.name,
         coefficient=float(law.coefficients[index]),
@@ -120,9 +121,9 @@ def _term(system: System, law: Law, index: int, included: float) -> TermFound:
 
 
 def region_of(law: Law) -> list[Region] | None:
-    """Return where the law acts with the edges' standard deviations; None if everywhere.
+    """Return the region where the law acts, with the std of its edges; None for everywhere.
 
-    The ``std`` of a box's edges combines those of its centre and its half width.
+    The ``std`` of the edges of a box combines those of its centre and its half width.
     """
     window = law.window
     if window is None:
@@ -159,7 +160,7 @@ def _parameter(system: System, law: Law, index: int, included: float) -> Paramet
         "to": old + change,
         "coefficient": change,
         "std": std,
-        "ci95": [old + change + end for end in _ends(system, law, index)],
+        "ci95": [old + change + end for end in _interval_ends(system, law, index)],
         "aliases": list(candidate.aliases),
         "inclusion": included,
         "region": None,
@@ -171,29 +172,29 @@ def _parameter(system: System, law: Law, index: int, included: float) -> Paramet
 
 
 def _change(system: System, law: Law, index: int) -> tuple[float, float]:
-    """Return by how much a parameter is other than believed, and the standard deviation of that."""
+    """Return the change of a parameter and its standard deviation."""
     name, xi = law.candidates[index].name, float(law.coefficients[index])
     std = float(law.std[index])
     ahead, behind = (parameter_change(system, name, xi + step) for step in (std / 2, -std / 2))
     return parameter_change(system, name, xi), abs(ahead - behind)
 
 
-def _ends(system: System, law: Law, index: int) -> list[float]:
-    """Return the ends of a parameter's 95 % interval, relative to the change that was found."""
+def _interval_ends(system: System, law: Law, index: int) -> list[float]:
+    """Return the ends of the 95 % interval of a parameter, relative to its change."""
     name, xi = law.candidates[index].name, float(law.coefficients[index])
     change = exact_change(system, name, xi)
     found = []
     for end in law.interval(index):
-        there = exact_change(system, name, end)
-        found.append(end - xi if change is None or there is None else there - change)
+        end_change = exact_change(system, name, end)
+        found.append(end - xi if change is None or end_change is None else end_change - change)
     return sorted(found)
 
 
-def _tried(
+def _terms_tried(
     system: System, candidates: Sequence[Candidate], coefficients: Sequence[float]
-) -> list[TermTried]:
+) -> list[AlternativeTerm]:
     return [
-        TermTried(
+        AlternativeTerm(
             equation=candidate.equation,
             term=candidate.name,
             coefficient=value
@@ -205,7 +206,7 @@ def _tried(
     ]
 
 
-def _reads_the_same(discovered: Discovery, law: Law) -> bool:
-    """Whether the two laws' readings differ by less, in χ², than what tells rivals apart."""
-    difference = discovered.noise.whiten(law.residuals - discovered.best.residuals)
-    return float(difference.square().sum()) < AMBIGUOUS
+def _has_same_readings(discovery: Discovery, law: Law) -> bool:
+    """Return whether the readings of a law and the best law differ by less than rivals do."""
+    difference = discovery.noise.whiten(law.residuals - discovery.best.residuals)
+    return float(difference.square().sum()) < AMBIGUITY_MARGIN

@@ -1,4 +1,4 @@
-"""Where the law acts: in which equation, in which states, when, and at which sensors."""
+"""Location of the law: its equations, its states, its times and its sensors."""
 
 from __future__ import annotations
 
@@ -19,37 +19,37 @@ from dashred.physics.expressions import algebra
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 
-# A long recording's profile is binned to so many points.
+# Largest number of points of the profile in time.
 LONGEST_PROFILE = 200
 
 
 def locate(
     system: System,
-    discovered: Discovery,
+    discovery: Discovery,
     states: Tensor,
     times: Tensor,
     sensors: Sequence[str],
 ) -> Where:
-    """Return ``findings["where"]``; everything in it is of the fit window.
+    """Return ``findings["where"]``, for the fit window.
 
     Args:
         system: the simulator as it is.
-        discovered: the best law and the simulator without it, both with their own starts.
-        states: the best law's trajectory, ``(time, field, *grid)``; of several episodes, that of
-            the longest, whose clock is used for the residuals of the others, too.
-        times: its clock, ``(time,)``.
+        discovery: the best law and the empty law, each with its own start.
+        states: trajectory of the best law, ``(time, field, *grid)``; for several episodes, the
+            trajectory of the longest, whose times are used for the residuals of the others, too.
+        times: times of the trajectory, ``(time,)``.
         sensors: names of the fit sensors, in the order of the residuals.
     """
-    law = discovered.best
+    law = discovery.best
     ratios = law_tendency(system, law, states, times)
     shares = ratios.transpose(0, 1).flatten(1).square().mean(dim=1).sqrt()
     total = float(shares.sum())
     power = ratios.square().sum(dim=1)
-    # A sample that either leaves out, as a spike, cannot compare the two.
-    left_out = law.residuals.isnan() | discovered.nothing.residuals.isnan()
-    noise = replace(discovered.noise, seen=discovered.noise.seen & ~left_out)
-    before, after = noise.whiten(discovered.nothing.residuals), noise.whiten(law.residuals)
-    seen = noise.seen
+    # Samples that either law leaves out, such as spikes, are not compared.
+    left_out = law.residuals.isnan() | discovery.uncorrected.residuals.isnan()
+    noise = replace(discovery.noise, available=discovery.noise.available & ~left_out)
+    before, after = noise.whiten(discovery.uncorrected.residuals), noise.whiten(law.residuals)
+    available = noise.available
     return Where(
         equation={
             field: float(share) / total if total else 0.0
@@ -58,10 +58,10 @@ def locate(
         region=region_of(law),
         time=[float(times[0]), float(times[-1])],
         states=active_states(system, states, power, _reads(system, law)) if total else None,
-        sensors=_sensors(sensors, before, after, seen, len(law.candidates)),
-        significance=_significance(before, after, len(law.candidates), discovered.tried),
-        profile=_profile(times, before, after, seen),
-        forcing=_forcing(system, discovered.forcing),
+        sensors=_sensors(sensors, before, after, available, len(law.candidates)),
+        significance=_significance(before, after, len(law.candidates), discovery.refit_count),
+        profile=_profile(times, before, after, available),
+        forcing=_forcing(system, discovery.forcing_map),
     )
 
 
@@ -79,10 +79,10 @@ def _forcing(system: System, found: ForcingMap | None) -> Forcing | None:
 
 
 def law_tendency(system: System, law: Law, states: Tensor, times: Tensor) -> Tensor:
-    """Return ``Σ ξ θ / rms(N)`` of every equation over a trajectory: ``(time, field, *grid)``.
+    """Return ``Σ ξ θ / rms(N)`` of every equation over a trajectory, ``(time, field, *grid)``.
 
-    Each equation's part is in units of the rms, over the trajectory, of that equation's own
-    tendency N: so equations with different units compare.
+    The part of each equation is in units of the rms of its tendency N over the trajectory, which
+    makes equations with different units comparable.
     """
     own = [Term(field, system.equations[field]) for field in system.fields]
     rms = evaluate_terms(system, own, states, times).flatten(1).square().mean(dim=1).sqrt()
@@ -101,18 +101,18 @@ def _reads(system: System, law: Law) -> set[str]:
 
 
 def _sensors(
-    names: Sequence[str], before: Tensor, after: Tensor, seen: Tensor, freedoms: int
+    names: Sequence[str], before: Tensor, after: Tensor, available: Tensor, degrees_of_freedom: int
 ) -> list[SensorGain]:
-    """Return what the law gains at each sensor.
+    """Return the gain of the law at each sensor.
 
-    p is the chance that noise alone lets χ² of this sensor fall so far under as many free
-    coefficients; the search is not held against it: `significance` asks whether there is a law,
-    this only where it shows.
+    p is the probability that noise alone lowers χ² of this sensor as much, with the same number of
+    coefficients. It is not corrected for the search: ``significance`` tests whether there is a law,
+    and p tests only at which sensors it has an effect.
     """
     found = []
-    before, after, seen = (part.reshape(-1, len(names)) for part in (before, after, seen))
+    before, after, available = (part.reshape(-1, len(names)) for part in (before, after, available))
     for column, name in enumerate(names):
-        count = int(seen[:, column].sum())
+        count = int(available[:, column].sum())
         if not count:
             found.append(SensorGain(name=name, before=None, after=None, gain=None, p=None))
             continue
@@ -123,35 +123,39 @@ def _sensors(
                 before=old / count,
                 after=new / count,
                 gain=(old - new) / count,
-                p=float(chi2.sf(max(old - new, 0.0), freedoms)) if freedoms else None,
+                p=float(chi2.sf(max(old - new, 0.0), degrees_of_freedom))
+                if degrees_of_freedom
+                else None,
             )
         )
     return found
 
 
-def _significance(before: Tensor, after: Tensor, freedoms: int, tried: int) -> float | None:
-    """Return p of the law against nothing: a likelihood ratio, corrected for the search.
+def _significance(
+    before: Tensor, after: Tensor, degrees_of_freedom: int, tried: int
+) -> float | None:
+    """Return the p-value of the law against the empty law, from a likelihood-ratio test.
 
-    Under noise alone the fall of χ² is χ²-distributed with a degree of freedom for each
-    coefficient; the best of so many tried sets is expected to fall that much farther (Bonferroni).
+    For noise alone, the decrease of χ² is χ²-distributed with one degree of freedom for each
+    coefficient. The p-value is multiplied by the number of sets tried (Bonferroni).
     """
-    if not freedoms:
+    if not degrees_of_freedom:
         return None
-    fall = float(before.square().sum() - after.square().sum())
-    return min(1.0, float(chi2.sf(max(fall, 0.0), freedoms)) * max(1, tried))
+    decrease = float(before.square().sum() - after.square().sum())
+    return min(1.0, float(chi2.sf(max(decrease, 0.0), degrees_of_freedom)) * max(1, tried))
 
 
-def _profile(times: Tensor, before: Tensor, after: Tensor, seen: Tensor) -> Profile:
-    """Return the rms whitened residual at each time, or of each of 200 stretches of time."""
+def _profile(times: Tensor, before: Tensor, after: Tensor, available: Tensor) -> Profile:
+    """Return the rms whitened residual at each time, or in each of 200 bins of time."""
     bins = min(len(times), LONGEST_PROFILE)
     groups = torch.tensor_split(torch.arange(len(times)), bins)
     return Profile(
         times=[float(times[group].mean()) for group in groups],
-        before=[_rms(before[group], seen[group]) for group in groups],
-        after=[_rms(after[group], seen[group]) for group in groups],
+        before=[_rms(before[group], available[group]) for group in groups],
+        after=[_rms(after[group], available[group]) for group in groups],
     )
 
 
-def _rms(whitened: Tensor, seen: Tensor) -> float | None:
-    count = int(seen.sum())
+def _rms(whitened: Tensor, available: Tensor) -> float | None:
+    count = int(available.sum())
     return float((whitened.square().sum() / count).sqrt()) if count else None

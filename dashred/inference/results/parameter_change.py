@@ -1,9 +1,9 @@
 """The change of a parameter that corresponds to the coefficient of its tangent.
 
-A law adds ``ξ ∂N/∂p`` to the tendency N, taken at the believed value p₀. Where that only grows or
-shrinks with p, by a factor r(p), one other value does exactly the same: ``N(p) − N(p₀)`` is
-``ξ ∂N/∂p`` with ``ξ = ∫ r dp``. What enters linearly has r = 1, a mass or another divisor
-``r = p₀²/p²``. Of all others the change is ξ to first order.
+A law adds ``ξ ∂N/∂p`` to the tendency N, with the tangent at the configured value p₀. If ∂N/∂p
+changes with p only by a factor r(p), one other value has exactly the same effect:
+``N(p) − N(p₀) = ξ ∂N/∂p`` with ``ξ = ∫ r dp``. A parameter that enters linearly has r = 1. A mass
+or another divisor has ``r = p₀²/p²``. For all other parameters the change is ξ to first order.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from dashred.physics.parameter_sensitivity import parameter_slopes
 from dashred.physics.runge_kutta import CLASSICAL, advance
 from dashred.physics.system import System
 
-# Of Runge and Kutta's method, from the old value to the new.
+# Steps of the Runge–Kutta method from the old value to the new one.
 STEPS = 32
-# Another value, at which a parameter's effect is compared.
-ELSEWHERE = 1.25
-CLOSE, RETURNED = 1e-9, 1e-3
+# Factor to another value of a parameter, where its tangent is compared.
+OTHER_VALUE = 1.25
+CLOSE, REVERSIBLE = 1e-9, 1e-3
 
 
 def parameter_change(system: System, parameter: str, xi: float) -> float:
-    """Return by how much a parameter is other than believed: ξ itself, where that is not exact.
+    """Return the change of a parameter; ξ itself if there is no exact change.
 
     Args:
         system: the simulator.
@@ -41,71 +41,73 @@ def parameter_change(system: System, parameter: str, xi: float) -> float:
 
 
 def is_exact(system: System, parameter: str, xi: float) -> bool:
-    """Return whether another value of a parameter has exactly the effect of the law."""
+    """Return whether another value of the parameter has exactly the effect of the law."""
     return exact_change(system, parameter, xi) is not None
 
 
 def exact_change(system: System, parameter: str, xi: float) -> float | None:
-    """Return the change with exactly the effect of the law; None where there is none.
+    """Return the change with exactly the effect of the law; None if there is none.
 
-    Arguments as :func:`parameter_change` has them.
+    See :func:`parameter_change` for the arguments.
     """
     tangent = _Tangent(system, parameter)
     if tangent.is_constant:
         return xi
-    if not tangent.keeps_its_shape:
+    if not tangent.is_proportional:
         return None
-    value = tangent.followed(tangent.believed, xi)
-    back = tangent.followed(value, -xi)
-    # Beyond a pole, as of a divisor that becomes infinite, there is no way back.
-    returned = abs(back - tangent.believed) <= RETURNED * abs(value - tangent.believed)
-    return value - tangent.believed if returned else None
+    value = tangent.integrate(tangent.old_value, xi)
+    returned_value = tangent.integrate(value, -xi)
+    # Beyond a pole, such as an infinite divisor, the integration does not return to p₀.
+    is_reversible = abs(returned_value - tangent.old_value) <= REVERSIBLE * abs(
+        value - tangent.old_value
+    )
+    return value - tangent.old_value if is_reversible else None
 
 
 class _Tangent:
     """``∂N/∂p`` as a function of p."""
 
     def __init__(self, system: System, parameter: str) -> None:
-        self.parameter, self.believed = parameter, system.config.parameters[parameter]
+        self.parameter, self.old_value = parameter, system.config.parameters[parameter]
         self._slopes = parameter_slopes(system, parameter)
         self._others = {name: Number(float(v)) for name, v in system.config.parameters.items()}
-        self._here = self._at(self.believed)
-        elsewhere = ELSEWHERE * self.believed if self.believed else 1.0
-        self._elsewhere = self._ratio(elsewhere)
+        self._old_coefficients = self._coefficients_at(self.old_value)
+        other_value = OTHER_VALUE * self.old_value if self.old_value else 1.0
+        self._other_ratio = self._ratio(other_value)
 
     @property
-    def keeps_its_shape(self) -> bool:
-        """Whether it is the same but for a factor, at another value."""
-        return self._elsewhere is not None
+    def is_proportional(self) -> bool:
+        """Whether it is the same at another value except for a factor."""
+        return self._other_ratio is not None
 
     @property
     def is_constant(self) -> bool:
         """Whether it is the same at another value."""
-        return self._elsewhere is not None and abs(self._elsewhere - 1.0) < CLOSE
+        return self._other_ratio is not None and abs(self._other_ratio - 1.0) < CLOSE
 
-    def followed(self, value: float, xi: float) -> float:
-        """Return p where ξ has grown by so much; not a number where there is none."""
+    def integrate(self, value: float, xi: float) -> float:
+        """Return the value of p after a change of ξ from ``value``; NaN if there is none."""
         step = xi / STEPS
         for _ in range(STEPS):
             value = advance(CLASSICAL, lambda p, _: self._slope(p), value, 0.0, step)
         return value
 
     def _slope(self, value: float) -> float:
-        """Return ``dp/dξ = 1/r(p)``; not a number where p cannot have that value."""
+        """Return ``dp/dξ = 1/r(p)``; NaN if p cannot have that value."""
         ratio = self._ratio(value)
         return 1.0 / ratio if ratio else math.nan
 
     def _ratio(self, value: float) -> float | None:
-        """Return r; None where there is none."""
-        there = self._at(value) if math.isfinite(value) else {}
-        if not there or there.keys() != self._here.keys():
+        """Return r(p); None if the tangents differ by more than a factor."""
+        coefficients = self._coefficients_at(value) if math.isfinite(value) else {}
+        if not coefficients or coefficients.keys() != self._old_coefficients.keys():
             return None
-        ratios = [there[part] / number for part, number in self._here.items()]
-        alike = max(ratios) - min(ratios) <= CLOSE * max(map(abs, ratios))
-        return ratios[0] if alike else None
+        ratios = [coefficients[part] / number for part, number in self._old_coefficients.items()]
+        are_equal = max(ratios) - min(ratios) <= CLOSE * max(map(abs, ratios))
+        return ratios[0] if are_equal else None
 
-    def _at(self, value: float) -> dict[tuple[str, Expr], float]:
-        """Return the numbers of its summands, by equation and what they multiply."""
+    def _coefficients_at(self, value: float) -> dict[tuple[str, Expr], float]:
+        """Return the coefficient of each summand, by equation and remaining factor."""
         values = self._others | {self.parameter: Number(value)}
         found: dict[tuple[str, Expr], float] = {}
         for equation, slope in self._slopes.items():

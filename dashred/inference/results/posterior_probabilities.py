@@ -9,23 +9,23 @@ from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.result import Discovery
 
 
-def posterior_probabilities(discovered: Discovery) -> list[tuple[Law, float]]:
-    """Return each law with its probability among all tried; the simulator as it is is one."""
-    laws = list(discovered.laws)
+def posterior_probabilities(discovery: Discovery) -> list[tuple[Law, float]]:
+    """Return each law with its probability among all laws, including the empty law."""
+    laws = list(discovery.laws)
     if all(law.candidates for law in laws):
-        laws.append(discovered.nothing)
+        laws.append(discovery.uncorrected)
     lowest = min(law.score for law in laws)
     weights = [math.exp((lowest - law.score) / 2) for law in laws]
     total = math.fsum(weights)
     return [(law, weight / total) for law, weight in zip(laws, weights, strict=True)]
 
 
-def inclusion(discovered: Discovery, candidate: Candidate) -> float:
-    """Return the probability that a candidate belongs to the law, with whatever others."""
+def inclusion(discovery: Discovery, candidate: Candidate) -> float:
+    """Return the total probability of the laws that contain a candidate."""
     name = str(candidate)
     found = (
         p
-        for law, p in posterior_probabilities(discovered)
+        for law, p in posterior_probabilities(discovery)
         if name in {str(c) for c in law.candidates}
     )
     return min(1.0, math.fsum(found))

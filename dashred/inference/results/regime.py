@@ -1,4 +1,4 @@
-"""The states in which a law acts: beyond the threshold of a field that bounds most of its power."""
+"""The states in which a law acts, as a threshold on a field that bounds most of its power."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from torch import Tensor
 from dashred.core.findings.law_schema import ActiveStates
 from dashred.physics.system import System
 
+# Share of the power within the threshold.
 CARRIED = 0.8
-# A law whose power needs more than this of the domain acts everywhere.
+# A law acts everywhere if that share of its power takes more than this share of the points.
 EVERYWHERE = 0.5
-# A field must be on its minority side so often before its size |u| is a regime of its own.
+# A field must have its rarer sign at this share of the points before thresholds on |u| are tried.
 EITHER_SIGN = 0.1
 # The precision of a threshold, as a share of the field's standard deviation.
 PRECISION = 0.1
@@ -22,16 +23,16 @@ PRECISION = 0.1
 def active_states(
     system: System, states: Tensor, power: Tensor, read: Collection[str]
 ) -> ActiveStates | None:
-    """Return the states that carry most of a law's power; None if it acts everywhere.
+    """Return the states with most of the power of a law; None if it acts everywhere.
 
-    Of all thresholds ``u > c``, ``u < c`` (and ``|u| > c``, ``|u| < c`` of fields with either
-    sign) that bound points with 80 % of the power, the one with the fewest points is taken.
+    The thresholds are ``u > c`` and ``u < c``, and ``|u| > c`` and ``|u| < c`` for fields with both
+    signs. Of all thresholds that contain 80 % of the power, the result has the fewest points.
 
     Args:
-        system: names the fields.
+        system: the system with these fields.
         states: a trajectory, ``(time, field, *grid)``.
-        power: squared tendency of the law at its points, ``(time, *grid)``.
-        read: the fields that the law reads, whose thresholds are tried; all, if it reads none.
+        power: squared tendency of the law, ``(time, *grid)``.
+        read: the fields that the law depends on, which are tried; all fields if it is empty.
     """
     weights = power.flatten()
     if not weights.any():
@@ -58,7 +59,7 @@ def active_states(
 def _quantities(
     system: System, states: Tensor, read: Collection[str]
 ) -> Iterator[tuple[str, bool, Tensor]]:
-    """Yield field, whether it is its magnitude, and the values at all points."""
+    """Yield a field name, whether the values are magnitudes, and the values at all points."""
     for index, field in enumerate(system.fields):
         if field not in read:
             continue
@@ -70,7 +71,7 @@ def _quantities(
 
 
 def _smallest(values: Tensor, weights: Tensor, above: bool) -> tuple[float, float]:
-    """Return the smallest share of points on one side of a threshold with 80 %, and it."""
+    """Return the smallest share of points beyond a threshold with 80 % of the power, and it."""
     order = values.argsort(descending=above, stable=True)
     carried = weights[order].cumsum(dim=0)
     index = int(torch.searchsorted(carried, CARRIED * carried[-1]))

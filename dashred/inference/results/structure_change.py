@@ -1,9 +1,9 @@
-"""Which part of a port-Hamiltonian system a law changes, and whether it remains one.
+"""The part of a port-Hamiltonian system that a law changes, and whether the structure remains.
 
-What a law adds to ``∂x/∂t = (J − R) e + G u``, ``e = δH/δx``, follows from its power ``∫ e θ``:
-a further R dissipates energy, a further J conserves it, at any state. The corrected system as a
-whole is port-Hamiltonian if only its ports add energy to its H, which may be changed, too: any
-tendency a with ``∫ e a ≤ 0`` is ``(J − R) e`` of a skew J and an R ⪰ 0.
+The simulator is ``∂x/∂t = (J − R) e + G u`` with ``e = δH/δx``. The power ``∫ e θ`` of a term shows
+its part: a change of R dissipates energy and a change of J conserves it, at any state. The
+corrected system is port-Hamiltonian if only its ports add energy to its H, which the law may
+change, too: any tendency a with ``∫ e a ≤ 0`` is ``(J − R) e`` with a skew J and an R ⪰ 0.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from dashred.physics.port_hamiltonian import Part, PortHamiltonian, close_fields
 from dashred.physics.sampled_states import SampledStates, evaluate, random_waves, without_sides
 from dashred.physics.system import Term
 
-# Of the energy that is moved: less is the grid's own error.
-CONSERVED = 1e-4
-# Standard deviations up to which coefficients may be those of a system that gives no energy.
-SURE = 2.0
+# Smallest relevant power, as a share of the gross power: less is the error of the grid.
+TOLERANCE = 1e-4
+# Number of standard deviations within which coefficients may belong to a passive system.
+CONFIDENCE = 2.0
 
 
 @dataclass(frozen=True)
 class StructureChange:
-    """What one candidate of a law changes.
+    """The change of the structure by one candidate of a law.
 
     Attributes:
-        candidate: which.
-        part: H, the energy; J, its exchange; R, its dissipation; G, the input; None where it is no
-            single part.
-        passive: whether a change of R takes energy away, by itself; None for other parts.
+        candidate: key of the candidate.
+        part: H, the energy; J, its exchange; R, its dissipation; G, the input; None for no single
+            part.
+        passive: whether a change of R alone removes energy; None for other parts.
     """
 
     candidate: str
@@ -49,33 +49,33 @@ class StructureChange:
 def structure_changes(
     form: PortHamiltonian, law: Law, states: SampledStates
 ) -> list[StructureChange]:
-    """Return what each candidate of a law changes.
+    """Return the change of the structure by each candidate of a law.
 
     Args:
-        form: the simulator's structure.
-        law: what it leaves out.
-        states: that the fields visit, each at its own time.
+        form: structure of the simulator.
+        law: the law.
+        states: sampled states of the fields, each with its time.
     """
     at = form.defined(states.with_waves(form.system))
     found = []
     for index, candidate in enumerate(law.candidates):
         if candidate.equation is None:
-            found.append(_of_parameter(form, candidate, float(law.coefficients[index]), at))
+            found.append(_classify_parameter(form, candidate, float(law.coefficients[index]), at))
         else:
-            found.append(_of_term(form, law, index, at))
+            found.append(_classify_term(form, law, index, at))
     return found
 
 
 def stays_port_hamiltonian(
     form: PortHamiltonian, law: Law, changes: Sequence[StructureChange], states: SampledStates
 ) -> bool:
-    """Tell whether the corrected system, as a whole, is port-Hamiltonian: J skew, and R ⪰ 0 in sum.
+    """Return whether the corrected system is port-Hamiltonian: J skew, and R ⪰ 0 in total.
 
     Args:
-        form: the simulator's structure.
-        law: what it leaves out.
-        changes: of each of its candidates.
-        states: that the fields visit, each at its own time.
+        form: structure of the simulator.
+        law: the law.
+        changes: the change by each candidate of the law.
+        states: sampled states of the fields, each with its time.
     """
     values = law.coefficients.tolist()
     moved = {
@@ -94,16 +94,16 @@ def stays_port_hamiltonian(
         slope, size = torch.zeros_like(power), torch.zeros_like(power)
         if change.part not in ("H", "G"):
             for term in candidate.terms:
-                given, turned_over = _power(form, term, efforts, at)
-                slope, size = slope + given, size + turned_over
+                given, gross_power = _power(form, term, efforts, at)
+                slope, size = slope + given, size + gross_power
         slopes.append(slope)
         if candidate.equation is not None:
             power, gross = power + xi * slope, gross + abs(xi) * size
     std = torch.einsum("is,ij,js->s", torch.stack(slopes), law.covariance, torch.stack(slopes))
-    return bool((power <= SURE * std.clamp(min=0).sqrt() + CONSERVED * gross).all())
+    return bool((power <= CONFIDENCE * std.clamp(min=0).sqrt() + TOLERANCE * gross).all())
 
 
-def _of_parameter(
+def _classify_parameter(
     form: PortHamiltonian, candidate: Candidate, xi: float, at: SampledStates
 ) -> StructureChange:
     [part, *_] = [*form.parts_with_parameter(candidate.name), None]
@@ -116,21 +116,23 @@ def _of_parameter(
     return StructureChange(candidate.key, "R", bool((after >= before).all()))
 
 
-def _of_term(form: PortHamiltonian, law: Law, index: int, at: SampledStates) -> StructureChange:
+def _classify_term(
+    form: PortHamiltonian, law: Law, index: int, at: SampledStates
+) -> StructureChange:
     candidate = law.candidates[index]
     [term] = candidate.terms
-    if _is_let_in(form, term):
+    if _is_input_term(form, term):
         return StructureChange(candidate.key, "G")
     power, size = _power(form, term, _efforts(form, at), at)
     gained = float(law.coefficients[index]) * power
-    slight = abs(float(law.coefficients[index])) * CONSERVED * size
-    takes, gives = bool((gained < -slight).any()), bool((gained > slight).any())
-    if takes != gives:
+    threshold = abs(float(law.coefficients[index])) * TOLERANCE * size
+    removes, adds = bool((gained < -threshold).any()), bool((gained > threshold).any())
+    if removes != adds:
         # (J − R) δH/δx with a further R of one sign.
-        return StructureChange(candidate.key, "R", takes)
-    if (not takes and bool(size.any())) or _has_counterpart(form, law, index, at):
+        return StructureChange(candidate.key, "R", removes)
+    if (not removes and bool(size.any())) or _has_counterpart(form, law, index, at):
         return StructureChange(candidate.key, "J")
-    if _is_of_an_energy(form, term, at):
+    if _is_energy_term(form, term, at):
         return StructureChange(candidate.key, "H")
     return StructureChange(candidate.key, None)
 
@@ -143,7 +145,7 @@ def _efforts(form: PortHamiltonian, at: SampledStates) -> dict[str, Tensor]:
 def _changed_efforts(
     changed: PortHamiltonian, law: Law, changes: Sequence[StructureChange], at: SampledStates
 ) -> dict[str, Tensor]:
-    """Return ``δH/δx`` of the corrected system's H: parameters changed, and terms of a new one."""
+    """Return ``δH/δx`` for H of the corrected system, with its parameters and further terms."""
     efforts = _efforts(changed, at)
     values = law.coefficients.tolist()
     for candidate, xi, change in zip(law.candidates, values, changes, strict=True):
@@ -158,7 +160,7 @@ def _changed_efforts(
 def _power(
     form: PortHamiltonian, term: Term, efforts: dict[str, Tensor], at: SampledStates
 ) -> tuple[Tensor, Tensor]:
-    """Return ``∫ e θ`` and ``∫ |e θ|``, ``(state,)``; 0 where a term is not finite."""
+    """Return ``∫ e θ`` and ``∫ |e θ|``, ``(state,)``; a value that is not finite counts as 0."""
     given = efforts[term.equation] * evaluate(form.system, term.expression, at)
     given = torch.nan_to_num(given, nan=0.0, posinf=0.0, neginf=0.0)
     grid = form.system.grid
@@ -166,8 +168,8 @@ def _power(
     return integral(grid, given), own * math.prod(axis.spacing for axis in grid.axes)
 
 
-def _is_let_in(form: PortHamiltonian, term: Term) -> bool:
-    """Tell whether a term is an input times what reads none."""
+def _is_input_term(form: PortHamiltonian, term: Term) -> bool:
+    """Return whether a term is an input times a factor without inputs."""
     expr = term.expression
     factors = expr.factors if isinstance(expr, Product) else (expr,)
     inputs = frozenset(form.system.config.inputs)
@@ -176,9 +178,9 @@ def _is_let_in(form: PortHamiltonian, term: Term) -> bool:
 
 
 def _has_counterpart(form: PortHamiltonian, law: Law, index: int, at: SampledStates) -> bool:
-    """Tell whether another term of the law takes from its field what this one gives: J stays skew.
+    """Return whether another term of the law removes the power that this one adds: J stays skew.
 
-    Their powers, coefficients included, cancel at every state to within their error.
+    Their powers, including the coefficients, cancel at every state within their error.
     """
     efforts, xi, covariance = _efforts(form, at), law.coefficients, law.covariance
     [term] = law.candidates[index].terms
@@ -191,15 +193,15 @@ def _has_counterpart(form: PortHamiltonian, law: Law, index: int, at: SampledSta
         pair = torch.zeros_like(xi)
         pair[index], pair[other] = ratio, 1.0
         left, variance = float(pair @ xi), float(pair @ covariance @ pair)
-        if close_fields(given, ratio * taken) and abs(left) < SURE * variance**0.5:
+        if close_fields(given, ratio * taken) and abs(left) < CONFIDENCE * variance**0.5:
             return True
     return False
 
 
 def _driven_by(form: PortHamiltonian, equation: str) -> tuple[str, float]:
-    """Return the field whose effort alone drives an equation and nothing else, and J's entry.
+    """Return the field whose effort alone drives an equation, and drives no other, and J's entry.
 
-    ``("", 0)`` where there is none.
+    The result is ``("", 0)`` if there is none.
     """
     row = form.interconnection.get(equation, {})
     entries = [*form.interconnection.values(), *form.dissipation.values()]
@@ -210,8 +212,8 @@ def _driven_by(form: PortHamiltonian, equation: str) -> tuple[str, float]:
     return "", 0.0
 
 
-def _is_of_an_energy(form: PortHamiltonian, term: Term, at: SampledStates) -> bool:
-    """Tell whether a term is what a further energy of one field drives an equation with.
+def _is_energy_term(form: PortHamiltonian, term: Term, at: SampledStates) -> bool:
+    """Return whether a term comes from a further energy of the field that drives its equation.
 
     ``θ(f)`` is the variation of an energy of f if its derivative is self-adjoint:
     ``∫ b θ'a = ∫ a θ'b`` for any a and b.
@@ -239,4 +241,4 @@ def _is_of_an_energy(form: PortHamiltonian, term: Term, at: SampledStates) -> bo
         for [slope], along in ((along_b, a), (along_a, b))
     )
     size = float(left.abs().sum())
-    return abs(float(left.sum() - right.sum())) <= CONSERVED * size
+    return abs(float(left.sum() - right.sum())) <= TOLERANCE * size

@@ -1,4 +1,4 @@
-"""The verdict: the kind of explanation that the recording supports, and its causes."""
+"""The verdict: the kind of cause that the recording supports, and the probable causes."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from typing import cast
 
 from torch import Tensor
 
-from dashred.core.findings.cause_schema import Cause, SensorFaultFound, Verdict
+from dashred.core.findings.cause_schema import Cause, FaultySensor, Verdict
 from dashred.inference.fit.law import Law, SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
-from dashred.inference.hypotheses.result import MISSING, Discovery
+from dashred.inference.hypotheses.result import MIN_FORCING_GAIN, Discovery
 from dashred.inference.results.posterior_probabilities import posterior_probabilities
 
-# Share of the misfit that is not noise, beyond which no start alone explains a recording: residuals
-# of twice the noise. Of 267 compared runs, all that exceed it were wrong by their hidden truth.
+# If a larger share of the misfit is not noise, no start alone explains the recording: the residuals
+# are then twice the noise. Of 267 compared runs, all above this limit were wrong.
 UNEXPLAINED = 0.75
-# Misfit, relative to the fit of all candidates, at which a law has not been fitted to the end.
+# The fit of a law is incomplete if its misfit exceeds that of all candidates by this factor.
 STUCK = 1.5
 
 
-def fault_found(fault: SensorFault) -> SensorFaultFound:
-    """Return a fault as data, without what its sensor reads and where it stands."""
+def describe_fault(fault: SensorFault) -> FaultySensor:
+    """Return a fault as data, without the quantity and the position of its sensor."""
     return {
         "sensor": fault.sensor,
         "fault": fault.kind,
@@ -35,74 +35,81 @@ def fault_found(fault: SensorFault) -> SensorFaultFound:
     }
 
 
-FaultDetails = Callable[[SensorFault], SensorFaultFound]
+FaultDetails = Callable[[SensorFault], FaultySensor]
 
 
 def verdict(
-    discovered: Discovery, left: float | None = None, details: FaultDetails = fault_found
+    discovery: Discovery, unexplained: float | None = None, details: FaultDetails = describe_fault
 ) -> tuple[Verdict, list[Cause]]:
-    """Return the verdict, and its causes by falling probability.
+    """Return the verdict and its causes, the most probable first.
 
-    A cause holds the kind of a class of laws, its share of ``Σ exp(-score/2)``, and of its best law
-    the equations and what it changes. A search that did not converge has one cause, the reason.
+    A cause contains the kind of a class of laws, its share of ``Σ exp(-score/2)``, and the
+    equations and changes of its best law. If the search did not converge, the reason is the only
+    cause.
 
     Args:
-        discovered: the laws.
-        left: the share of the best law's misfit that is not noise (:func:`unexplained`), if known.
+        discovery: the laws.
+        unexplained: share of the misfit of the best law that is not noise, if known
+            (:func:`unexplained_share`).
         details: describes a fault of a sensor as data.
     """
-    if reason := _not_converged(discovered, left):
+    if reason := _not_converged(discovery, unexplained):
         return "not-converged", [reason]
-    causes = _causes(discovered, details)
-    if discovered.forcing_gain > MISSING:
-        return "outside-library", [_outside(discovered), *causes]
-    kinds = {_kind(law) for law in (discovered.best, *discovered.rivals)}
-    # Which law of the extended library is right may be open, even if no law of the library is.
-    clear = not discovered.rivals or kinds == {"outside-library"}
-    return (_kind(discovered.best) if clear else "ambiguous"), causes
+    causes = _causes(discovery, details)
+    if discovery.forcing_gain > MIN_FORCING_GAIN:
+        return "outside-library", [_outside(discovery), *causes]
+    kinds = {_kind(law) for law in (discovery.best, *discovery.rivals)}
+    # Rivals do not make the verdict ambiguous if all are laws of the extended library.
+    is_clear = not discovery.rivals or kinds == {"outside-library"}
+    return (_kind(discovery.best) if is_clear else "ambiguous"), causes
 
 
-def unexplained(stated: Tensor | None, found: NoiseModel) -> float | None:
-    """Return the share of the best law's misfit that is not the recording's own noise.
+def unexplained_share(stated: Tensor | None, found: NoiseModel) -> float | None:
+    """Return the share of the misfit of the best law that is not noise; None without stated σ.
 
-    ``max(0, 1 - n / Σ (σ_found/σ_stated)²)`` over the n samples there are: 0 if the residuals are
-    as small as the noise, 0.75 if they are twice as large. Null where no σ is known.
+    ``max(0, 1 - n / Σ (σ_found/σ_stated)²)`` over the n available samples. It is 0 if the residuals
+    are as small as the noise, and 0.75 if they are twice as large.
 
     Args:
-        stated: σ of each fit sensor, stated by the user or estimated from the traces alone.
-        found: the noise that the best law's residuals speak for.
+        stated: σ of each fit sensor, given by the user or estimated from the traces.
+        found: noise model estimated from the residuals of the best law.
     """
     if stated is None:
         return None
-    seen = found.seen.sum(dim=0)
-    excess = float(((found.std / stated).square() * seen).sum() / seen.sum())
+    available = found.available.sum(dim=0)
+    excess = float(((found.std / stated).square() * available).sum() / available.sum())
     return max(0.0, 1.0 - 1.0 / excess) if excess > 0 else 0.0
 
 
-def _not_converged(discovered: Discovery, left: float | None) -> Cause | None:
-    """Return why the search did not converge; None where it did."""
+def _not_converged(discovery: Discovery, unexplained: float | None) -> Cause | None:
+    """Return the reason why the search did not converge; None if it converged."""
     cause: Cause = {"kind": "not-converged", "probability": 1.0, "where": None}
-    if not discovered.reached:
-        samples, level = discovered.levels[-1] if discovered.levels else (0, float("nan"))
+    if not discovery.is_horizon_complete:
+        samples, level = discovery.levels[-1] if discovery.levels else (0, float("nan"))
         cause["reason"], cause["misfit"] = "window-not-reached", level
-        cause["samples"], cause["samples_in_all"] = samples, len(discovered.noise.seen)
+        cause["samples"], cause["samples_in_all"] = samples, len(discovery.noise.available)
         return cause
-    if discovered.best.chi2 > STUCK * discovered.free_chi2:
+    if discovery.best.chi2 > STUCK * discovery.free_chi2:
         cause["reason"] = "law-not-fitted"
-        cause["misfit"], cause["misfit_of_all"] = discovered.best.chi2, discovered.free_chi2
+        cause["misfit"], cause["misfit_of_all"] = discovery.best.chi2, discovery.free_chi2
         return cause
-    lawless = not discovered.best.candidates and discovered.best.fault is None
-    if lawless and left is not None and left > UNEXPLAINED and discovered.forcing_gain <= MISSING:
-        cause["reason"], cause["unexplained"] = "misfit-unexplained", left
+    is_empty = not discovery.best.candidates and discovery.best.fault is None
+    if (
+        is_empty
+        and unexplained is not None
+        and unexplained > UNEXPLAINED
+        and discovery.forcing_gain <= MIN_FORCING_GAIN
+    ):
+        cause["reason"], cause["unexplained"] = "misfit-unexplained", unexplained
         return cause
     return None
 
 
-def _causes(discovered: Discovery, details: FaultDetails) -> list[Cause]:
+def _causes(discovery: Discovery, details: FaultDetails) -> list[Cause]:
     probabilities: dict[Verdict, float] = {}
     best: dict[Verdict, Law] = {}
-    plausible = posterior_probabilities(discovered)
-    for law, p in sorted(plausible, key=lambda pair: pair[0].score):
+    probable = posterior_probabilities(discovery)
+    for law, p in sorted(probable, key=lambda pair: pair[0].score):
         kind = _kind(law)
         best.setdefault(kind, law)
         probabilities[kind] = probabilities.get(kind, 0.0) + p
@@ -110,41 +117,41 @@ def _causes(discovered: Discovery, details: FaultDetails) -> list[Cause]:
     for kind in sorted(probabilities, key=lambda kind: -probabilities[kind]):
         law, probability = best[kind], min(1.0, probabilities[kind])
         causes.append(_cause(kind, probability, law, details))
-        # More than one cause may be true: of a law and a fault the law stands first.
+        # A law and a fault may both be true; the law comes first.
         if law.fault is not None and law.candidates:
-            probability = _probability_of_fault(law.fault, plausible)
+            probability = _probability_of_fault(law.fault, probable)
             causes.append(_sensor_fault(probability, details(law.fault)))
     return causes
 
 
-def _probability_of_fault(fault: SensorFault, plausible: Sequence[tuple[Law, float]]) -> float:
-    """Return the share of the laws with a fault of this kind and sensor."""
+def _probability_of_fault(fault: SensorFault, probable: Sequence[tuple[Law, float]]) -> float:
+    """Return the total probability of the laws with a fault of this kind and sensor."""
     found = [
         p
-        for law, p in plausible
+        for law, p in probable
         if law.fault and (law.fault.kind, law.fault.sensor) == (fault.kind, fault.sensor)
     ]
     return min(1.0, math.fsum(found))
 
 
-def _outside(discovered: Discovery) -> Cause:
-    """Return the cause of a missing effect that a free forcing shows, and no law expresses."""
+def _outside(discovery: Discovery) -> Cause:
+    """Return the cause for an effect that a free forcing shows and no law expresses."""
     return {
         "kind": "outside-library",
-        "probability": 1 / (1 + math.exp(-discovered.forcing_gain / 2)),
+        "probability": 1 / (1 + math.exp(-discovery.forcing_gain / 2)),
         "where": None,
-        "gain": discovered.forcing_gain,
+        "gain": discovery.forcing_gain,
     }
 
 
 def _kind(law: Law) -> Verdict:
     if law.fault is not None and not law.candidates:
         return "sensor-fault"
-    if law.widened > 1:
+    if law.start_prior_factor > 1:
         return "initial-condition"
     if not law.candidates:
         return "nothing-missing"
-    if law.extended:
+    if law.is_extended:
         return "outside-library"
     if all(candidate.equation is None for candidate in law.candidates):
         return "parameter"
@@ -152,13 +159,13 @@ def _kind(law: Law) -> Verdict:
 
 
 def _cause(kind: Verdict, probability: float, law: Law, details: FaultDetails) -> Cause:
-    """Return the cause that the best law of its kind stands for."""
+    """Return the cause for the best law of a kind."""
     if law.fault is not None and not law.candidates:
         return _sensor_fault(probability, details(law.fault))
     touched = {term.equation for candidate in law.candidates for term in candidate.terms}
     cause: Cause = {"kind": kind, "probability": probability, "where": None}
-    if law.widened > 1:
-        cause["start"] = law.widened
+    if law.start_prior_factor > 1:
+        cause["start"] = law.start_prior_factor
         return cause
     cause["where"] = {"equations": sorted(touched)} if touched else None
     if kind == "parameter":
@@ -170,7 +177,7 @@ def _cause(kind: Verdict, probability: float, law: Law, details: FaultDetails) -
     return cause
 
 
-def _sensor_fault(probability: float, fault: SensorFaultFound) -> Cause:
+def _sensor_fault(probability: float, fault: FaultySensor) -> Cause:
     cause: Cause = {"kind": "sensor-fault", "probability": probability, "where": None}
     cause.update(cast(Cause, fault))
     return cause

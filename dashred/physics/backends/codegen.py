@@ -1,7 +1,7 @@
-"""Pointwise expressions written as statements of Python, of one number each.
+"""Python source code of pointwise expressions, one scalar per statement.
 
-They are written from checked expression trees alone; no text of the user's gets into them. Here,
-and nowhere else, what was written is run.
+The code is generated from checked expression trees only and contains no text from the user. This
+is the only module that executes generated code.
 """
 
 from __future__ import annotations
@@ -13,8 +13,12 @@ from dashred.physics.expressions.algebra import Call, Expr, Name, Number, Power,
 from dashred.physics.expressions.functions import FUNCTIONS
 
 
-class Writer:
-    """Writes expressions as statements, each common part once."""
+class CodeWriter:
+    """Writes expressions as statements; common subexpressions are computed once.
+
+    Args:
+        known: Python expression of each name.
+    """
 
     def __init__(self, known: Mapping[str, str]) -> None:
         self.known = known
@@ -22,7 +26,7 @@ class Writer:
         self.seen: dict[Expr, str] = {}
 
     def write(self, expr: Expr) -> str:
-        """Return the code of the expression's value, its parts written before it."""
+        """Append the statements of an expression and return the code of its value."""
         if isinstance(expr, Number):
             return f"({expr.value!r})"
         if expr not in self.seen:
@@ -59,7 +63,7 @@ def define(source: str, scope: dict[str, Any]) -> None:
     """Define functions in a scope.
 
     Args:
-        source: what a :class:`Writer` has written, with a frame about it.
-        scope: what it may use, and where its functions are put.
+        source: function definitions whose bodies are written by :class:`CodeWriter`.
+        scope: names that the code uses; the functions are added to it.
     """
     exec(source, scope)

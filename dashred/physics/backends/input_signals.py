@@ -1,4 +1,7 @@
-"""Inputs of a system as they were measured: straight lines between samples, held at both ends."""
+"""Measured inputs of a system, interpolated linearly between samples.
+
+The first and the last sample are held outside of the recording.
+"""
 
 from __future__ import annotations
 
@@ -13,26 +16,26 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
-    """``u(t)`` of every input.
+class InputSignals:
+    """Measured input signals ``u(t)``.
 
     Attributes:
-        times: of the samples, on the recording's clock, increasing, ``(sample,)``.
-        values: by the input's name in the equations, ``(sample,)``.
+        times: sample times on the recording's clock, increasing, ``(sample,)``.
+        values: samples by name of the input in the equations, ``(sample,)`` each.
     """
 
     times: Array
     values: Mapping[str, Array]
 
     def at(self, t: float | Array) -> dict[str, Array]:
-        """Return every input at some times, in the shape of ``t``."""
-        found = {name: np.interp(t, self.times, values) for name, values in self.values.items()}
-        return {name: np.asarray(values) for name, values in found.items()}
+        """Return every input at times ``t``, with the shape of ``t``."""
+        result = {name: np.interp(t, self.times, values) for name, values in self.values.items()}
+        return {name: np.asarray(values) for name, values in result.items()}
 
     @cached_property
     def table(self) -> Array:
-        """Times and values one below the other, ``(1 + input, sample)``."""
+        """Times in the first row, then the values of each input, ``(1 + input, sample)``."""
         return np.ascontiguousarray([self.times, *self.values.values()])
 
 
-NOTHING = Measured(np.zeros(1), {})
+NO_INPUTS = InputSignals(np.zeros(1), {})

@@ -1,4 +1,4 @@
-"""Pointwise functions of many summands, evaluated fast on few points."""
+"""Pointwise functions evaluated by NumPy, fast for many summands on few points."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ Step = Callable[[list[Points], Mapping[str, Array]], Points]
 
 
 class Pointwise:
-    """``G_m = Σ_j w_mj b_j``: each summand b_j once for all functions, then one matrix product.
+    """Evaluates functions ``G_m = Σ_j w_mj b_j`` together.
 
-    In NumPy, since the state of one trajectory has few points: there an operation costs what
-    its call costs, and NumPy's calls cost a fifth of torch's.
+    Each different summand b_j is evaluated once; a matrix product gives all sums. One trajectory
+    has few points, so call overhead dominates the cost. NumPy's overhead is a fifth of torch's.
 
     Args:
         functions: expressions without spatial operators.
@@ -52,7 +52,7 @@ class Pointwise:
             for value, rest in split[m]:
                 weights[column[rest]] = value
         self._rows = [self._compile(expr) for expr in basis]
-        # A matrix product would cost a function of one summand as much as one of all.
+        # In the matrix product, one summand would cost as much as all of them.
         self._single = [
             (m, terms[0][0], self._compile(terms[0][1]))
             for m, terms in enumerate(split)
@@ -63,19 +63,19 @@ class Pointwise:
         """Return the functions, ``(function, *shape)``; ``values`` broadcast to ``shape``."""
         memory: list[Points] = []
         rows = np.empty((len(self._rows), *shape))
-        found = np.empty((self._count, *shape))
-        # A trajectory that blows up is told by its values, as torch does.
+        result = np.empty((self._count, *shape))
+        # A blow-up shows as non-finite values, as in torch, and not as a warning.
         with np.errstate(all="ignore"):
             for step in self._steps:
                 memory.append(step(memory, values))
             for row, slot in zip(rows, self._rows, strict=True):
                 row[...] = memory[slot]
             for m, value, slot in self._single:
-                np.multiply(memory[slot], value, out=found[m])
+                np.multiply(memory[slot], value, out=result[m])
             if self._sums:
                 flat = rows.reshape(len(rows), math.prod(shape))
-                found[self._sums] = (self._weights @ flat).reshape(-1, *shape)
-        return found
+                result[self._sums] = (self._weights @ flat).reshape(-1, *shape)
+        return result
 
     def _compile(self, expr: Expr) -> int:
         if expr not in self._slots:
@@ -116,4 +116,4 @@ PRODUCTS: dict[float, Callable[[Points], Points]] = {
     3.0: lambda x: x * x * x,
     4.0: lambda x: (x * x) * (x * x),
 }
-"""Powers that need no logarithm."""
+"""Powers that are computed without ``np.power``."""

@@ -1,4 +1,4 @@
-"""Pointwise functions of one state, compiled to Python."""
+"""Pointwise functions of one state, as generated Python functions of floats."""
 
 from __future__ import annotations
 
@@ -7,38 +7,38 @@ from collections.abc import Callable, Sequence
 from types import SimpleNamespace
 from typing import Any
 
-from dashred.physics.backends.codegen import Writer, define
+from dashred.physics.backends.codegen import CodeWriter, define
 from dashred.physics.expressions.algebra import Expr
 
-Scalars = Callable[..., tuple[float, ...]]
-# What Python raises where an array would hold an infinity or no number (a fractional power of a
-# negative number is complex, and no sine takes that).
-NO_NUMBER = (ArithmeticError, ValueError, TypeError)
+ScalarProgram = Callable[..., tuple[float, ...]]
+# Errors that Python raises where an array would contain an infinity or NaN. A TypeError comes from
+# functions of the complex number that a fractional power of a negative number returns.
+NON_FINITE_ERRORS = (ArithmeticError, ValueError, TypeError)
 
 
-def scalar_program(expressions: Sequence[Expr], names: Sequence[str]) -> Scalars:
-    """Return ``program(*values)``, which evaluates expressions of a few plain numbers.
+def scalar_program(expressions: Sequence[Expr], names: Sequence[str]) -> ScalarProgram:
+    """Return ``program(*values)``, which evaluates expressions of floats.
 
-    A call costs a tenth of what NumPy's cost of arrays of one element. It may raise one of
-    ``NO_NUMBER`` where arrays would hold what is not finite.
+    A call costs a tenth of NumPy operations on arrays of one element. It may raise one of
+    ``NON_FINITE_ERRORS`` where an array would contain a non-finite value.
 
     Args:
-        expressions: without spatial operators.
-        names: what they may read, in the order of the values.
+        expressions: expressions without spatial operators.
+        names: names in the expressions, in the order of the values.
     """
     known = {name: f"n{i}" for i, name in enumerate(names)}
-    writer = Writer(known)
-    found = "".join(f"{writer.write(expr)}, " for expr in expressions)
-    lines = [*writer.lines, f"return ({found})"]
+    writer = CodeWriter(known)
+    result = "".join(f"{writer.write(expr)}, " for expr in expressions)
+    lines = [*writer.lines, f"return ({result})"]
     source = "\n    ".join([f"def program({', '.join(known.values())}):", *lines])
-    scope: dict[str, Any] = {"math": MATHEMATICS, "inf": math.inf, "nan": math.nan}
+    scope: dict[str, Any] = {"math": MATH, "inf": math.inf, "nan": math.nan}
     define(source, scope)
-    program: Scalars = scope["program"]
+    program: ScalarProgram = scope["program"]
     return program
 
 
-def _unbounded(function: Callable[[float], float]) -> Callable[[float], float]:
-    """Return a function that grows to infinity, as it does in arrays."""
+def _infinite_on_overflow(function: Callable[[float], float]) -> Callable[[float], float]:
+    """Return a function that returns infinity on overflow, as NumPy does."""
 
     def compute(x: float) -> float:
         try:
@@ -49,6 +49,6 @@ def _unbounded(function: Callable[[float], float]) -> Callable[[float], float]:
     return compute
 
 
-# Far from its middle a window's cosh is too large for a number, and what is divided by it is 0.
-GROWING = {"exp": _unbounded(math.exp), "cosh": _unbounded(math.cosh)}
-MATHEMATICS = SimpleNamespace(**{**vars(math), **GROWING})
+# Far from the centre of a window its cosh overflows; 1/cosh must then be 0.
+OVERFLOWING = {"exp": _infinite_on_overflow(math.exp), "cosh": _infinite_on_overflow(math.cosh)}
+MATH = SimpleNamespace(**{**vars(math), **OVERFLOWING})

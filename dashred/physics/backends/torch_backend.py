@@ -1,4 +1,4 @@
-"""Expressions compiled to a list of batched torch operations, each common part computed once."""
+"""Expressions compiled to batched torch operations; common subexpressions are computed once."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Program:
     """Evaluates several expressions together: ``program(values of names, operators)``.
 
     Attributes:
-        names: what the expressions read.
+        names: names in the expressions.
     """
 
     def __init__(self, expressions: Sequence[Expr]) -> None:
@@ -43,7 +43,7 @@ class Program:
         self._outputs = [self._compile(expression) for expression in expressions]
 
     def __call__(self, values: Mapping[str, Value], operators: Operators) -> list[Value]:
-        """Return one :class:`Value` an expression; names are looked up in ``values``."""
+        """Return a :class:`Value` for each expression, given the values of all names."""
         memory: list[Value] = []
         for step in self._steps:
             memory.append(step(memory, values, operators))
@@ -52,13 +52,13 @@ class Program:
     def _compile(self, expr: Expr) -> int:
         if expr not in self._slots:
             slots = [self._compile(child) for child in _operands(expr)]
-            step = _transported(self, expr, slots) if isinstance(expr, Flux) else _step(expr, slots)
+            step = _flux(self, expr, slots) if isinstance(expr, Flux) else _step(expr, slots)
             self._slots[expr] = len(self._steps)
             self._steps.append(step)
         return self._slots[expr]
 
 
-def _transported(program: Program, expr: Flux, slots: list[int]) -> Step:
+def _flux(program: Program, expr: Flux, slots: list[int]) -> Step:
     field = program._compile(Name(expr.transported))
     return lambda m, v, ops: ops.flux(m[slots[0]], expr.axis, m[field])
 

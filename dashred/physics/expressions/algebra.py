@@ -1,7 +1,7 @@
-"""Expressions in one normal form.
+"""Algebra of expressions in normal form.
 
-Two expressions that differ only in the order of factors or summands, or in how a
-number is written, are equal as Python objects, so a term can be a dictionary key.
+Two expressions that differ only in the order of factors or summands, or in the notation of a
+number, are equal as Python objects. An expression can be a dictionary key.
 """
 
 from __future__ import annotations
@@ -65,10 +65,12 @@ def add(terms: Iterable[Expr]) -> Expr:
         for summand in summands(term):
             value, rest = split_coefficient(summand)
             coefficients[rest] = coefficients.get(rest, 0.0) + value
-    kept = [scale(value, rest) for rest, value in coefficients.items() if value != 0.0]
-    if not kept:
+    terms_left = [scale(value, rest) for rest, value in coefficients.items() if value != 0.0]
+    if not terms_left:
         return ZERO
-    return kept[0] if len(kept) == 1 else Sum(tuple(sorted(kept, key=_sort_key)))
+    if len(terms_left) == 1:
+        return terms_left[0]
+    return Sum(tuple(sorted(terms_left, key=_sort_key)))
 
 
 def multiply(factors: Iterable[Expr]) -> Expr:
@@ -94,7 +96,7 @@ def multiply(factors: Iterable[Expr]) -> Expr:
 
 
 def power(base: Expr, exponent: Expr) -> Expr:
-    """Return ``base**exponent``: constants folded, whole powers of a product taken apart.
+    """Return ``base**exponent``: constants folded, integer powers of products expanded.
 
     Raises:
         ArithmeticError: the constant is not a finite real number (``0**-1``, ``(-1)**0.5``).
@@ -139,7 +141,7 @@ def split_coefficient(expr: Expr) -> tuple[float, Expr]:
 
 
 def summands(expr: Expr) -> tuple[Expr, ...]:
-    """Return the terms of a sum, a number in front multiplied in; or the expression itself."""
+    """Return the summands of a sum, with its coefficient distributed, or the expression itself."""
     value, rest = split_coefficient(expr)
     if isinstance(rest, Sum):
         return tuple(scale(value, term) for term in rest.terms)
@@ -147,9 +149,10 @@ def summands(expr: Expr) -> tuple[Expr, ...]:
 
 
 def call(function: str, operand: Expr) -> Expr:
-    """Return ``function(operand)``, a constant where the operand is one.
+    """Return ``function(operand)``; a constant if the operand is constant.
 
-    Of spatial operators, the number is taken outside: ``grad2(2*u)`` → ``4*grad2(u)``.
+    The coefficient of an operand of a spatial operator moves to the front:
+    ``grad2(2*u)`` → ``4*grad2(u)``.
 
     Raises:
         ArithmeticError, ValueError: the constant is not a finite real number.
@@ -165,7 +168,7 @@ def call(function: str, operand: Expr) -> Expr:
 
 
 def derivative(operand: Expr, axis: str, order: int) -> Expr:
-    """Return ``∂ⁿf/∂xⁿ``: the number outside, nested derivatives merged and sorted by axis."""
+    """Return ``∂ⁿf/∂xⁿ``: coefficient in front, nested derivatives merged and sorted by axis."""
     value, inner = split_coefficient(operand)
     if inner == ONE:
         return ZERO

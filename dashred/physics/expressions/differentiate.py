@@ -1,4 +1,4 @@
-"""Partial derivatives of an expression's tree, in normal form."""
+"""Symbolic partial derivatives of expressions, in normal form."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from dashred.physics.expressions.functions import FUNCTIONS
 from dashred.physics.expressions.parser import Vocabulary, parse
 
 ARGUMENT = "x"
-"""The argument's name in the table's derivatives."""
+"""Name of the argument in the derivatives of :data:`FUNCTIONS`."""
 
 
 class NotDifferentiableError(Exception):
@@ -38,8 +38,8 @@ class NotDifferentiableError(Exception):
 def differentiate(expr: Expr, name: str) -> Expr:
     """Return ``∂expr/∂name``.
 
-    Spatial operators are passed as if the name were the same everywhere, as a parameter is:
-    ``∂/∂c lap(c*u) = lap(u)``. A jump's derivative is zero: ``sign`` and ``step`` are flat.
+    The derivative commutes with spatial operators, as for a parameter that is constant in space:
+    ``∂/∂c lap(c*u) = lap(u)``. The derivatives of ``sign`` and ``step`` are zero.
 
     Raises:
         NotDifferentiableError: the name is the field that a flux transports.
@@ -51,15 +51,15 @@ def differentiate(expr: Expr, name: str) -> Expr:
         case Sum(terms):
             return add(differentiate(term, name) for term in terms)
         case Product(factors):
-            return _of_product(factors, name)
+            return _product_rule(factors, name)
         case Power(base, exponent):
-            return _of_power(base, exponent, name)
+            return _power_rule(base, exponent, name)
         case Call("lap" | "inv_lap" as operator, operand):
             return call(operator, differentiate(operand, name))
         case Call("grad2", operand):
-            return _of_squared_gradient(operand, differentiate(operand, name))
+            return _squared_gradient_rule(operand, differentiate(operand, name))
         case Call(function, operand):
-            return multiply((_of_function(function, operand), differentiate(operand, name)))
+            return multiply((_outer_derivative(function, operand), differentiate(operand, name)))
         case Derivative(operand, axis, order):
             return derivative(differentiate(operand, name), axis, order)
         case Flux(operand, axis, transported):
@@ -73,35 +73,35 @@ def differentiate(expr: Expr, name: str) -> Expr:
             return ZERO
 
 
-def _of_product(factors: tuple[Expr, ...], name: str) -> Expr:
+def _product_rule(factors: tuple[Expr, ...], name: str) -> Expr:
     slopes = ((i, differentiate(factor, name)) for i, factor in enumerate(factors))
     return add(multiply((*factors[:i], s, *factors[i + 1 :])) for i, s in slopes if s != ZERO)
 
 
-def _of_power(base: Expr, exponent: Expr, name: str) -> Expr:
+def _power_rule(base: Expr, exponent: Expr, name: str) -> Expr:
     of_base, of_exponent = differentiate(base, name), differentiate(exponent, name)
-    found = []
-    # The logarithm of a negative base must not enter where the exponent is constant.
+    result = []
+    # For a constant exponent, log(base) must not appear: the base may be negative.
     if of_base != ZERO:
         lowered = power(base, add((exponent, Number(-1.0))))
-        found.append(multiply((exponent, lowered, of_base)))
+        result.append(multiply((exponent, lowered, of_base)))
     if of_exponent != ZERO:
-        found.append(multiply((power(base, exponent), call("log", base), of_exponent)))
-    return add(found)
+        result.append(multiply((power(base, exponent), call("log", base), of_exponent)))
+    return add(result)
 
 
-def _of_function(function: str, operand: Expr) -> Expr:
+def _outer_derivative(function: str, operand: Expr) -> Expr:
     """Return ``f'(operand)``."""
-    return substitute(_slope(function), {ARGUMENT: operand})
+    return substitute(_table_derivative(function), {ARGUMENT: operand})
 
 
 @cache
-def _slope(function: str) -> Expr:
+def _table_derivative(function: str) -> Expr:
     text = FUNCTIONS[function].derivative
     return parse(text, Vocabulary(frozenset({ARGUMENT})), where=f"derivative of {function}")
 
 
-def _of_squared_gradient(operand: Expr, slope: Expr) -> Expr:
+def _squared_gradient_rule(operand: Expr, slope: Expr) -> Expr:
     """Return ``2∇f·∇g`` by polarisation: the language has no product of gradients."""
     ahead, behind = add((operand, slope)), add((operand, scale(-1.0, slope)))
     halves = (scale(0.5, call("grad2", ahead)), scale(-0.5, call("grad2", behind)))

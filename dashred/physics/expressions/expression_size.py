@@ -1,4 +1,7 @@
-"""How large an expression gets when its lets are put in: a few lines of them can make billions."""
+"""Size of an expression after substitution of its lets, computed without substituting.
+
+A few nested lets can expand to billions of nodes.
+"""
 
 from __future__ import annotations
 
@@ -7,27 +10,27 @@ from dataclasses import dataclass
 
 from dashred.physics.expressions.nodes import Expr, Name, children
 
-MOST_PARTS, DEEPEST = 5000, 100
+MAX_NODES, MAX_DEPTH = 5000, 100
 
 
 @dataclass(frozen=True)
 class Size:
-    """Parts of an expression's tree, and levels."""
+    """Number of nodes and levels of an expression tree."""
 
-    parts: int = 1
+    nodes: int = 1
     depth: int = 1
 
     @property
-    def too_large(self) -> bool:
-        """Whether this is more than anybody writes, and more than the analysis can take."""
-        return self.parts > MOST_PARTS or self.depth > DEEPEST
+    def is_too_large(self) -> bool:
+        """Whether the expression exceeds the limits of the analysis."""
+        return self.nodes > MAX_NODES or self.depth > MAX_DEPTH
 
 
 def size_of(expr: Expr, named: Mapping[str, Size]) -> Size:
-    """Return the size of an expression with others, of known sizes, put in for names."""
+    """Return the size of an expression after substituting names by expressions of known size."""
     if isinstance(expr, Name):
         return named.get(expr.id, Size())
     below = [size_of(child, named) for child in children(expr)]
     if not below:
         return Size()
-    return Size(1 + sum(size.parts for size in below), 1 + max(size.depth for size in below))
+    return Size(1 + sum(size.nodes for size in below), 1 + max(size.depth for size in below))

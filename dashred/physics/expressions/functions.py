@@ -1,7 +1,7 @@
-"""The functions of the equation language: everything that is known of each, in one table.
+"""The functions of the equation language, in one table.
 
-Whatever reads, differentiates, evaluates or documents expressions looks up its functions here, so
-that a new function is one new entry of :data:`FUNCTIONS`.
+The parser, the derivatives, the backends and the documentation all use this table. To add a
+function, add one entry to the table.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ class Function:
     """A function of one real number.
 
     Attributes:
-        name: what equations call it.
-        scalar: its value at a Python float; raises ``ArithmeticError`` or ``ValueError`` where
-            there is none.
-        code: its value as Python source over ``math``, with ``{0}`` for the argument. numba
-            compiles it.
-        arrays: returns it as a function of arrays, given the array library: ``numpy`` or
-            ``torch``. The table imports neither.
+        name: name in equations.
+        scalar: value at a Python float; raises ``ArithmeticError`` or ``ValueError`` outside its
+            domain.
+        code: Python source of the value, with ``{0}`` for the argument; it may use ``math``.
+            Numba compiles it.
+        arrays: takes an array library, ``numpy`` or ``torch``, and returns the function of
+            arrays. This module imports neither library.
         derivative: f'(x), in the equation language.
-        parity: its symmetry.
-        unit_power: n, where the unit of its value is its argument's to the power n; 0 of those
-            that are pure numbers of pure numbers.
+        parity: symmetry about 0.
+        unit_power: n, if the unit of f(x) is the unit of x to the power n; 0 for functions of
+            dimensionless arguments.
     """
 
     name: str
@@ -53,7 +53,7 @@ class Function:
 def _common(
     name: str, derivative: str, parity: Parity = Parity.NEITHER, unit_power: float = 0.0
 ) -> Function:
-    """Return a function that ``math``, NumPy and torch all have under the same name."""
+    """Return a function that has the same name in ``math``, NumPy and torch."""
     scalar, code, arrays = getattr(math, name), f"math.{name}({{0}})", attrgetter(name)
     return Function(name, scalar, code, arrays, derivative, parity, unit_power)
 
@@ -101,4 +101,4 @@ _TABLE = (
 )
 
 FUNCTIONS: Mapping[str, Function] = MappingProxyType({f.name: f for f in _TABLE})
-"""Every function by its name, in the order in which documents list them."""
+"""All functions by name, in the order of the documentation."""

@@ -1,4 +1,4 @@
-"""The linear, constant-coefficient part of an equation in its own field, found symbolically."""
+"""Split an equation into its linear constant-coefficient part and the rest."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""The nodes of an expression's tree, and how a tree is read and written.
+"""Node types of the expression tree.
 
-Build trees with :mod:`dashred.physics.expressions.algebra`, which keeps them in normal form.
+Use :mod:`dashred.physics.expressions.algebra` to build trees: it returns the normal form.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""The equation language: text → expression tree, by a whitelist of syntax and no evaluation.
+"""Parser of the equation language: text → expression tree.
 
-Allowed: numbers, known names, ``+ - * / **``, and the functions of :data:`FUNCTIONS` and
-:data:`OPERATORS`. Everything else (attributes, subscripts, calls of other names, keywords,
-strings, comparisons) is refused with a pointer at the column.
+The parser accepts a whitelist of syntax and evaluates nothing. Allowed are numbers, known names,
+``+ - * / **``, and the functions of :data:`FUNCTIONS` and :data:`OPERATORS`. Everything else
+(attributes, subscripts, calls of other names, keywords, strings, comparisons) is an error, and
+its message points at the column.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from dashred.physics.expressions.functions import FUNCTIONS
 OPERATORS = frozenset({"d", "lap", "inv_lap", "grad2", "flux"})
 KNOWN = FUNCTIONS.keys() | OPERATORS
 RESERVED = KNOWN | {"pi", "t"}
-LONGEST = 2000
-DEEPEST = 60
-HIGHEST_ORDER = 8
+MAX_LENGTH = 2000
+MAX_DEPTH = 60
+MAX_ORDER = 8
 
 
 @dataclass(frozen=True)
 class Vocabulary:
-    """What an expression may read: names, spatial axes, and the field that its equation moves."""
+    """What an expression may use: names, spatial axes, and the field that its fluxes transport."""
 
     names: frozenset[str]
     axes: tuple[str, ...] = ()
@@ -43,7 +44,7 @@ def parse(text: str, vocabulary: Vocabulary, *, where: str) -> Expr:
     Raises:
         InputError: the text is not in the language; the message points at the column.
     """
-    _refuse_foreign_text(text, where)
+    _check_text(text, where)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
@@ -69,11 +70,11 @@ def number(text: str, *, where: str) -> float:
     return expr.value
 
 
-def _refuse_foreign_text(text: str, where: str) -> None:
+def _check_text(text: str, where: str) -> None:
     if not text.strip():
         raise InputError("the expression is empty", where=where)
-    if len(text) > LONGEST:
-        raise InputError(f"the expression is longer than {LONGEST} characters", where=where)
+    if len(text) > MAX_LENGTH:
+        raise InputError(f"the expression is longer than {MAX_LENGTH} characters", where=where)
     stripped = text.strip()
     if "\n" in stripped or "#" in stripped:
         raise InputError("an expression is one line without comments", where=where)
@@ -97,7 +98,7 @@ def _error(text: str, column: int, message: str, where: str, hint: str | None = 
 
 
 class _Reader:
-    """Turns the whitelisted part of Python's syntax tree into the normal form."""
+    """Converts the allowed part of Python's syntax tree to the normal form."""
 
     def __init__(self, text: str, vocabulary: Vocabulary, where: str) -> None:
         self.text, self.vocabulary, self.where = text, vocabulary, where
@@ -107,8 +108,8 @@ class _Reader:
         return _error(self.text, column, message, self.where, hint)
 
     def read(self, node: ast.AST, depth: int = 0) -> Expr:
-        if depth > DEEPEST:
-            raise self.fail(node, f"the expression is nested deeper than {DEEPEST} levels")
+        if depth > MAX_DEPTH:
+            raise self.fail(node, f"the expression is nested deeper than {MAX_DEPTH} levels")
         try:
             expr = self.read_node(node, depth + 1)
         except (ArithmeticError, ValueError):
@@ -173,8 +174,8 @@ class _Reader:
         if not self.vocabulary.axes:
             raise self.fail(node, f"{function}() needs a spatial axis, and the system has none")
         expr = self.read_operator(function, operand, arguments[1:])
-        if (order := _order(expr)) > HIGHEST_ORDER:
-            raise self.fail(node, f"a derivative of order {order} is above {HIGHEST_ORDER}")
+        if (order := _order(expr)) > MAX_ORDER:
+            raise self.fail(node, f"a derivative of order {order} is above {MAX_ORDER}")
         return expr
 
     def read_operator(self, function: str, operand: Expr, rest: list[ast.expr]) -> Expr:
@@ -204,9 +205,9 @@ class _Reader:
                 return 1
             case [ast.Constant(value=bool())]:
                 pass
-            case [ast.Constant(value=int() as order)] if 1 <= order <= HIGHEST_ORDER:
+            case [ast.Constant(value=int() as order)] if 1 <= order <= MAX_ORDER:
                 return order
-        message = f"the order of a derivative is a whole number from 1 to {HIGHEST_ORDER}"
+        message = f"the order of a derivative is a whole number from 1 to {MAX_ORDER}"
         raise self.fail(rest[0], message)
 
     def unknown(self, node: ast.AST, message: str, id: str, known: Collection[str]) -> InputError:

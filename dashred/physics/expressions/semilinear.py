@@ -1,10 +1,10 @@
-"""Equations taken apart so that their derivative is cheap: pointwise inside, linear outside.
+"""Semilinear form of equations: linear operators applied to pointwise functions.
 
-Every equation is written as ``∂u/∂t = Lu + Σ_f C_f f + Σ_m D_m[G_m(v)]``: L and C_f are
-constant-coefficient operators on one field, the D_m too, and the G_m are pointwise functions of
-inputs ``v = V f``, each a constant-coefficient operator on one field. Then
-``δN = Lδu + Σ C_f δf + Σ_m D_m[Σ_i ∂G_m/∂v_i · V_i δf_i]``: a library of pointwise terms only
-changes the functions ∂G_m/∂v_i, never the number of transforms.
+Every equation is written as ``∂u/∂t = Lu + Σ_f C_f f + Σ_m D_m[G_m(v)]``. L, C_f and D_m are
+constant-coefficient linear operators. The G_m are pointwise functions of inputs ``v = V f``, where
+V is a constant-coefficient linear operator on one field. The derivative is then
+``δN = Lδu + Σ C_f δf + Σ_m D_m[Σ_i ∂G_m/∂v_i · V_i δf_i]``. Pointwise library terms change the
+functions ∂G_m/∂v_i only, not the number of Fourier transforms.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ from dashred.physics.expressions.differentiate import differentiate
 from dashred.physics.expressions.linear import split_linear
 
 OPERAND = Name("·")
-"""Stands for what an operator acts on: no name of the language looks like it."""
+"""Placeholder for the operand of an operator; it is not a valid name of the equation language."""
 
 
-class NotSeparableError(Exception):
-    """A spatial operator acts on a product inside a product: ``u*lap(u**2)``."""
+class NotSemilinearError(Exception):
+    """An equation has no semilinear form, for example ``u*lap(u**2)``."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +49,9 @@ class Channel:
     """One ``D[G(v)]`` of an equation.
 
     Attributes:
-        equation: the field whose tendency it is part of.
+        equation: the field whose tendency it contributes to.
         operator: D, an expression of :data:`OPERAND`.
-        body: G, reading inputs, coordinates and ``t``.
+        body: G, a function of inputs, coordinates and ``t``.
     """
 
     equation: str
@@ -68,14 +68,14 @@ class Input:
 
 
 @dataclass(frozen=True)
-class Separated:
-    """The parts of all equations, by field; see the module.
+class SemilinearForm:
+    """Semilinear form of a system of equations; see the module.
 
     Attributes:
-        linear: L's terms, treated exactly by the integrator.
-        couplings: ``C_f`` by f, expressions of :data:`OPERAND`.
-        channels: the first of every equation, in the order of the fields, then the others.
-        inputs: by the name that bodies read; a field itself by its own.
+        linear: terms of L by equation; the integrator treats them exactly.
+        couplings: ``C_f`` by equation and field f, expressions of :data:`OPERAND`.
+        channels: the first channel of each equation, in the order of the fields, then the others.
+        inputs: inputs by name; the input of a field itself has the name of the field.
     """
 
     linear: dict[str, list[Expr]]
@@ -84,7 +84,7 @@ class Separated:
     inputs: dict[str, Input]
 
     def slopes(self, channel: Channel) -> dict[str, Expr]:
-        """Return ``∂G/∂v`` by the input's name, zeros left out.
+        """Return the nonzero ``∂G/∂v`` by name of the input.
 
         Raises:
             ArithmeticError: a constant in a derivative is not a finite real number.
@@ -94,34 +94,34 @@ class Separated:
         return {name: slope for name, slope in slopes.items() if slope != ZERO}
 
 
-def separate(equations: Mapping[str, Expr], axes: Sequence[str]) -> Separated:
-    """Take equations apart.
+def semilinear_form(equations: Mapping[str, Expr], axes: Sequence[str]) -> SemilinearForm:
+    """Return the semilinear form of equations.
 
     Args:
-        equations: tendency of each field, lets and parameters put in.
+        equations: tendency of each field, with lets and parameters substituted.
         axes: names of the spatial axes.
 
     Raises:
-        NotSeparableError: an equation does not have the form.
+        NotSemilinearError: an equation has no semilinear form.
         ArithmeticError: a constant is not a finite real number.
     """
-    separator = Separator(frozenset(equations), tuple(axes))
+    builder = SemilinearBuilder(frozenset(equations), tuple(axes))
     split = {field: split_linear(expr, field) for field, expr in equations.items()}
-    parts = {field: separator.equation(field, rest) for field, (_, rest) in split.items()}
-    channels = [found for _, found in parts.values()]
-    return Separated(
+    parts = {field: builder.equation(field, rest) for field, (_, rest) in split.items()}
+    channels = [result for _, result in parts.values()]
+    return SemilinearForm(
         linear={field: linear for field, (linear, _) in split.items()},
         couplings={field: couplings for field, (couplings, _) in parts.items()},
         channels=(*(first for first, *_ in channels), *(c for _, *rest in channels for c in rest)),
-        inputs=separator.inputs,
+        inputs=builder.inputs,
     )
 
 
-class Separator:
-    """Collects the inputs of all equations as it takes them apart.
+class SemilinearBuilder:
+    """Builds the semilinear form and collects the inputs of all equations.
 
     Attributes:
-        inputs: by the name that bodies read.
+        inputs: inputs by name.
     """
 
     def __init__(self, fields: frozenset[str], axes: tuple[str, ...]) -> None:
@@ -132,7 +132,7 @@ class Separator:
         """Return the couplings and channels of an equation without its linear part."""
         couplings: dict[str, list[Expr]] = {}
         bodies: dict[Expr, list[Expr]] = {}
-        for operator, body in self.outside_in(rest):
+        for operator, body in self.split_operators(rest):
             value, inner = split_coefficient(body)
             if isinstance(inner, Name) and inner.id in self.fields:
                 couplings.setdefault(inner.id, []).append(scale(value, operator))
@@ -142,8 +142,8 @@ class Separator:
         summed = {operator: add(parts) for operator, parts in bodies.items()} or {OPERAND: ZERO}
         return added, [Channel(field, operator, body) for operator, body in summed.items()]
 
-    def outside_in(self, expr: Expr) -> Iterator[tuple[Expr, Expr]]:
-        """Yield ``(D, G)`` with ``Σ D[G]`` the expression, operators taken outside of sums."""
+    def split_operators(self, expr: Expr) -> Iterator[tuple[Expr, Expr]]:
+        """Yield ``(D, G)`` with ``Σ D[G]`` the expression, with operators distributed over sums."""
         for summand in summands(expr):
             value, rest = split_coefficient(summand)
             match rest:
@@ -156,14 +156,14 @@ class Separator:
                 case _:
                     yield OPERAND, summand
                     continue
-            for inner, body in self.outside_in(operand):
-                yield applied(outer, inner), scale(value, body)
+            for inner, body in self.split_operators(operand):
+                yield apply_operator(outer, inner), scale(value, body)
 
     def pointwise(self, expr: Expr) -> Expr:
-        """Return the expression with an input's name for every linear operator in it."""
+        """Return the expression with each linear operator on a field replaced by an input."""
         match expr:
             case Name(id) if id in self.fields:
-                return self.input(id, OPERAND)
+                return self.add_input(id, OPERAND)
             case Sum(terms):
                 return add(map(self.pointwise, terms))
             case Product(factors):
@@ -174,33 +174,33 @@ class Separator:
                 slopes = (Derivative(operand, axis, 1) for axis in self.axes)
                 return add(power(self.pointwise(slope), Number(2.0)) for slope in slopes)
             case Derivative() | Flux() | Call("lap" | "inv_lap", _):
-                return add(map(self.from_field, self.outside_in(expr)))
+                return add(map(self.linear_input, self.split_operators(expr)))
             case Call(function, operand):
                 return call(function, self.pointwise(operand))
             case Number() | Name():
                 return expr
 
-    def from_field(self, part: tuple[Expr, Expr]) -> Expr:
-        """Return the name of ``D[f]`` times its number."""
+    def linear_input(self, part: tuple[Expr, Expr]) -> Expr:
+        """Return the input ``D[f]`` times its coefficient."""
         operator, body = part
         value, inner = split_coefficient(body)
         if not isinstance(inner, Name) or inner.id not in self.fields:
-            raise NotSeparableError(to_text(applied(operator, body)))
-        return scale(value, self.input(inner.id, operator))
+            raise NotSemilinearError(to_text(apply_operator(operator, body)))
+        return scale(value, self.add_input(inner.id, operator))
 
-    def input(self, field: str, operator: Expr) -> Name:
-        """Return the name under which bodies read ``V f``."""
-        name = to_text(applied(operator, Name(field)))
+    def add_input(self, field: str, operator: Expr) -> Name:
+        """Register the input ``V f`` and return its name."""
+        name = to_text(apply_operator(operator, Name(field)))
         self.inputs[name] = Input(field, operator)
         return Name(name)
 
 
-def applied(operator: Expr, operand: Expr) -> Expr:
-    """Return an operator of :data:`OPERAND` on an operand."""
-    # Not in normal form: merging derivatives would change what becomes of the Nyquist mode.
+def apply_operator(operator: Expr, operand: Expr) -> Expr:
+    """Apply an operator, given as an expression of :data:`OPERAND`, to an operand."""
+    # The result is not in normal form: merged derivatives treat the Nyquist mode differently.
     match operator:
         case Derivative(inner, axis, order):
-            return Derivative(applied(inner, operand), axis, order)
+            return Derivative(apply_operator(inner, operand), axis, order)
         case Call(function, inner):
-            return Call(function, applied(inner, operand))
+            return Call(function, apply_operator(inner, operand))
     return operand

@@ -1,4 +1,4 @@
-"""ODE systems with steps of adaptive length, by torchdiffeq."""
+"""Integrate ODE systems with adaptive steps, using torchdiffeq."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def integrate_adaptive(
     rtol: float,
     atol: float,
 ) -> Tensor:
-    """Solve with error control ``atol + rtol·|y|`` over the whole batch.
+    """Integrate with error tolerance ``atol + rtol·|y|`` over the whole batch.
 
     Args:
         tendency: ``(state, t)`` → ``(batch, field)``, per unit time.
@@ -30,9 +30,9 @@ def integrate_adaptive(
         ``(time, batch, field)``.
 
     Raises:
-        FloatingPointError: the solution leaves every bound.
+        FloatingPointError: the solution blows up.
     """
-    # Steps end at every output time: an 8th-order method's interpolant is far from its order.
+    # Steps end at output times: the interpolant of an 8th-order method has a much lower order.
     options = {"step_t": times}
     try:
         return odeint(

@@ -1,4 +1,4 @@
-"""March batches of spectral states through time on the CPU, in compiled code."""
+"""Integrate batches of spectral states with ETDRK4 on the CPU, in compiled code."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from torch import Tensor
 from dashred.core.threads import in_threads
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.solvers.compiled_rhs import CompiledTendency
-from dashred.physics.solvers.compiled_step import Modes, Plan, march_row
+from dashred.physics.solvers.compiled_step import Modes, StepArrays, integrate_row
 from dashred.physics.solvers.etdrk4 import coefficients
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.schedule import schedule
@@ -26,18 +26,19 @@ from dashred.physics.window import Shape
 Progress = Callable[[float], None]
 
 
-class CompiledMarch:
-    """Compiled simulation: trajectories as :func:`simulate` returns them, several times as fast.
+class CompiledETDRK4:
+    """A spectral system compiled for many runs.
 
-    Worth its seconds of compilation where many runs are made of one system.
+    It returns the trajectories of :func:`simulate` several times as fast, after some seconds of
+    compilation.
 
     Args:
         system: a spectral system.
-        terms: whatever a trajectory may carry, lets and parameters resolved.
-        shapes: of the windows in which it may carry them.
+        terms: all terms that a trajectory may have, with lets and parameters resolved.
+        shapes: the possible factors of the windows of these terms.
 
     Raises:
-        NotSeparableError, ArithmeticError: the equations cannot be taken apart.
+        NotSemilinearError, ArithmeticError: the equations have no semilinear form.
     """
 
     def __init__(
@@ -46,8 +47,8 @@ class CompiledMarch:
         self.system = system
         self.tendency = CompiledTendency(system, terms, shapes)
 
-    def with_step(self, dt: float) -> CompiledMarch:
-        """Return the same with another time step, nothing compiled again."""
+    def with_step(self, dt: float) -> CompiledETDRK4:
+        """Return a copy with another time step, without recompilation."""
         other = copy.copy(self)
         other.system = self.system.with_step(dt)
         return other
@@ -65,25 +66,25 @@ class CompiledMarch:
         Args:
             start: ``(batch, field, *grid)`` at ``times[0]``.
             times: output times, ``(time,)``.
-            weights: coefficient of every term, ``(batch, term)``; with windows, as
-                :class:`dashred.physics.solvers.batch_coefficients.Columns` lays them out.
-            sampled_forcing: a free forcing of every trajectory.
+            weights: coefficients of the terms, ``(batch, column)``, in the order of
+                :class:`dashred.physics.solvers.batch_coefficients.CoefficientLayout`.
+            sampled_forcing: free forcing of each trajectory.
             progress: called with the fraction done.
         """
-        batch = self.tendency.of(weights.numpy(), sampled_forcing)
-        plan = make_plan(times.tolist(), self.system.dt)
-        factors = _factors(batch.linear, plan.lengths)
+        batch = self.tendency.batch(weights.numpy(), sampled_forcing)
+        steps = step_arrays(times.tolist(), self.system.dt)
+        factors = _factors(batch.linear, steps.lengths)
         fields, shape = start.shape[1], self.system.grid.shape
         states = np.full((len(start), len(times), fields, math.prod(shape)), np.nan)
         states[:, 0] = start.numpy().reshape(len(start), fields, -1)
         axes = tuple(range(1, len(shape) + 1))
 
         def run(row: int) -> None:
-            march_row(
+            integrate_row(
                 self.tendency.kernel,
                 row,
-                batch.parts,
-                plan,
+                batch.arrays,
+                steps,
                 factors,
                 shape,
                 axes,
@@ -92,7 +93,7 @@ class CompiledMarch:
             )
 
         with warnings.catch_warnings():
-            # That a function may be handed to a function is new in numba.
+            # Numba warns that first-class functions are an experimental feature.
             warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
             for done in in_threads(run, len(start)):
                 if progress is not None:
@@ -100,32 +101,32 @@ class CompiledMarch:
         return torch.from_numpy(states.reshape(*states.shape[:3], *shape))
 
 
-def march_compiled(
+def integrate_etdrk4(
     system: System,
     start: Tensor,
     times: Tensor,
     forcing: Forcing | None,
     progress: Progress | None,
 ) -> Tensor:
-    """Return what :func:`dashred.physics.solvers.simulate.simulate` returns, compiled for this run.
+    """Compile the system for one run and return what :func:`.simulate.simulate` returns.
 
     Raises:
-        NotSeparableError, ArithmeticError: the equations cannot be taken apart.
+        NotSemilinearError, ArithmeticError: the equations have no semilinear form.
     """
     if forcing is None:
         forcing = Forcing((), torch.zeros((len(start), 0), dtype=torch.float64))
-    march = CompiledMarch(system, forcing.terms)
-    return march(start, times, forcing.coefficients, progress=progress)
+    compiled = CompiledETDRK4(system, forcing.terms)
+    return compiled(start, times, forcing.coefficients, progress=progress)
 
 
-def make_plan(times: Sequence[float], dt: float) -> Plan:
+def step_arrays(times: Sequence[float], dt: float) -> StepArrays:
     """Return equal steps of at most ``dt`` between output times."""
     steps = list(schedule(times, dt))
     lengths = list(dict.fromkeys(step.h for step in steps))
-    place = {h: i for i, h in enumerate(lengths)}
-    return Plan(
+    index = {h: i for i, h in enumerate(lengths)}
+    return StepArrays(
         t=np.array([step.t for step in steps]),
-        h=np.array([place[step.h] for step in steps], dtype=np.int64),
+        h=np.array([index[step.h] for step in steps], dtype=np.int64),
         lengths=np.array(lengths),
         begins=np.array([step.begins for step in steps]),
         ends=np.array([step.ends for step in steps]),
@@ -133,7 +134,7 @@ def make_plan(times: Sequence[float], dt: float) -> Plan:
 
 
 def _factors(linear: Modes, lengths: NDArray[np.float64]) -> Modes:
-    """Return what ETDRK4 multiplies by, ``(length, 6, row, field, mode)``."""
+    """Return the ETDRK4 coefficients, ``(length, 6, row, field, mode)``."""
     rates = torch.from_numpy(linear)
-    found = [torch.stack(list(coefficients(rates, h))) for h in lengths.tolist()]
-    return torch.stack(found).flatten(4).contiguous().numpy()
+    result = [torch.stack(list(coefficients(rates, h))) for h in lengths.tolist()]
+    return torch.stack(result).flatten(4).contiguous().numpy()

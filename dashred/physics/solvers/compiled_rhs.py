@@ -1,4 +1,4 @@
-"""``N(u, t)`` of a batch of spectral states with terms of its own for each, in compiled code."""
+"""Compiled right-hand side of a batch of spectral states in which each row has its own terms."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from dashred.physics.backends.numba_backend import Array, Body, compile_kernel, read_by
+from dashred.physics.backends.numba_backend import Array, ChannelTerm, compile_kernel, names_used
 from dashred.physics.expressions.algebra import ZERO, Expr
 from dashred.physics.expressions.semilinear import (
     OPERAND,
     Input,
-    NotSeparableError,
-    Separated,
-    Separator,
-    separate,
+    NotSemilinearError,
+    SemilinearBuilder,
+    SemilinearForm,
+    semilinear_form,
 )
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.grids.fourier_symbols import symbols
 from dashred.physics.grids.spectral import Spectral
 from dashred.physics.grids.transforms import to_modes
-from dashred.physics.solvers.batch_coefficients import Columns
-from dashred.physics.solvers.compiled_step import Modes, Parts
-from dashred.physics.solvers.rhs import two_thirds
+from dashred.physics.solvers.batch_coefficients import CoefficientLayout
+from dashred.physics.solvers.compiled_step import Modes, TendencyArrays
+from dashred.physics.solvers.rhs import dealias_mask
 from dashred.physics.system import System, Term
 from dashred.physics.window import Shape
 
@@ -32,146 +32,156 @@ CPU = torch.device("cpu")
 
 
 class CompiledTendency:
-    """``û' = Lû + N(û, t)``, separated and compiled once.
+    """``û' = Lû + N(û, t)`` in semilinear form, compiled once.
 
-    The separation is :mod:`dashred.physics.expressions.semilinear`.
+    The semilinear form is that of :mod:`dashred.physics.expressions.semilinear`.
 
     Args:
         system: a spectral system.
-        terms: whatever a trajectory may carry, lets and parameters resolved.
-        shapes: of the windows in which it may carry them; those that are pointwise alone.
+        terms: all terms that a trajectory may have, with lets and parameters resolved.
+        shapes: the possible factors of the windows; only pointwise terms can have a window.
 
     Raises:
-        NotSeparableError, ArithmeticError: as of :func:`semilinear.separate`.
+        NotSemilinearError, ArithmeticError: see :func:`.semilinear.semilinear_form`.
     """
 
     def __init__(
         self, system: System, terms: Sequence[Term], shapes: tuple[Shape, ...] = ()
     ) -> None:
         assert isinstance(system.operators, Spectral)
-        self.columns = Columns(len(terms), shapes)
+        self.layout = CoefficientLayout(len(terms), shapes)
         self.operators, self.grid = system.operators, system.grid
         self.fields = {field: i for i, field in enumerate(system.fields)}
         axes = [axis.name for axis in system.axes]
-        base = separate(system.resolved, axes)
-        empty = dict.fromkeys(system.fields, ZERO)
-        parts = [separate({**empty, term.equation: term.expression}, axes) for term in terms]
-        self._symbols = self._linear_symbols(parts)
-        self._own = symbols(list(base.linear.values()), self.operators, CPU).numpy()
+        base = semilinear_form(system.resolved, axes)
+        zeros = dict.fromkeys(system.fields, ZERO)
+        forms = [semilinear_form({**zeros, term.equation: term.expression}, axes) for term in terms]
+        self._symbols = self._term_symbols(forms)
+        self._base_symbols = symbols(list(base.linear.values()), self.operators, CPU).numpy()
         self._channels: dict[tuple[str, Expr], int] = {}
-        self.bodies = [*self._bodies(base, None)]
-        for j, part in enumerate(parts):
-            self.bodies += self._bodies(part, j)
-        self._couplings = [*self._coupled(base, None)]
-        for j, part in enumerate(parts):
-            self._couplings += self._coupled(part, j)
+        self.channel_terms = [*self._channel_terms(base, None)]
+        for j, form in enumerate(forms):
+            self.channel_terms += self._channel_terms(form, j)
+        self._couplings = [*self._coupling_symbols(base, None)]
+        for j, form in enumerate(forms):
+            self._couplings += self._coupling_symbols(form, j)
         inputs: dict[str, Input] = dict(base.inputs)
-        for part in parts:
-            inputs |= part.inputs
+        for form in forms:
+            inputs |= form.inputs
         if shapes:
-            inputs |= self._put_inside(terms, axes)
+            inputs |= self._add_windowed(terms, axes)
         derived = {n: v for n, v in inputs.items() if v.operator != OPERAND}
         self._derived = [
             (name, self.fields[v.field], self._symbol(v.operator)) for name, v in derived.items()
         ]
-        self._readers = [[b for b in self.bodies if name in read_by([b])] for name in derived]
+        self._readers = [
+            [f for f in self.channel_terms if name in names_used([f])] for name in derived
+        ]
         self._writers = [
-            [b for b in self.bodies if b.channel == c] for c in range(len(self._channels))
+            [f for f in self.channel_terms if f.channel == c] for c in range(len(self._channels))
         ]
         coordinates = self.grid.places
         read = [*self.fields, *derived]
         self.kernel = compile_kernel(
-            self.bodies, read, list(coordinates), self.columns.factors(), system.measured
+            self.channel_terms, read, list(coordinates), self.layout.factors(), system.input_signals
         )
         shape = self.grid.shape
         points = [np.broadcast_to(x.numpy(), shape).ravel() for x in coordinates.values()]
         self._coordinates = np.array(points)
-        self._place = _indices(self.fields[equation] for equation, _ in self._channels)
-        outside = [self._symbol(operator) for _, operator in self._channels]
-        self._outside = _rows(outside, self._own[0].size)
-        self._mask = two_thirds(system).numpy() if system.config.integrator.dealias else None
+        self._channel_fields = _indices(self.fields[equation] for equation, _ in self._channels)
+        channel_symbols = [self._symbol(operator) for _, operator in self._channels]
+        self._channel_symbols = _rows(channel_symbols, self._base_symbols[0].size)
+        self._mask = dealias_mask(system).numpy() if system.config.integrator.dealias else None
 
-    def of(self, weights: Array, sampled_forcing: SampledForcing | None = None) -> Weighted:
-        """Return N of a batch with weights ``(row, column)`` and a free forcing."""
-        return Weighted(self, np.ascontiguousarray(weights), sampled_forcing)
+    def batch(self, weights: Array, sampled_forcing: SampledForcing | None = None) -> BatchTendency:
+        """Return the right-hand side of a batch.
 
-    def _bodies(self, parts: Separated, weight: int | None) -> list[Body]:
-        found = []
-        for channel in parts.channels:
+        Args:
+            weights: coefficients of the terms, ``(row, column)``.
+            sampled_forcing: free forcing of each row.
+        """
+        return BatchTendency(self, np.ascontiguousarray(weights), sampled_forcing)
+
+    def _channel_terms(self, form: SemilinearForm, weight: int | None) -> list[ChannelTerm]:
+        result = []
+        for channel in form.channels:
             if channel.body != ZERO:
                 key = channel.equation, channel.operator
-                place = self._channels.setdefault(key, len(self._channels))
-                found.append(Body(place, channel.body, weight))
-        return found
+                index = self._channels.setdefault(key, len(self._channels))
+                result.append(ChannelTerm(index, channel.body, weight))
+        return result
 
-    def _put_inside(self, terms: Sequence[Term], axes: list[str]) -> dict[str, Input]:
-        """Let every pointwise term stand within a window, too; return what they read."""
-        separator = Separator(frozenset(self.fields), tuple(axes))
+    def _add_windowed(self, terms: Sequence[Term], axes: list[str]) -> dict[str, Input]:
+        """Add every pointwise term multiplied by the window; return the inputs of these terms."""
+        builder = SemilinearBuilder(frozenset(self.fields), tuple(axes))
         for j, term in enumerate(terms):
             try:
-                body = separator.pointwise(term.expression)
-            except NotSeparableError:
+                body = builder.pointwise(term.expression)
+            except NotSemilinearError:
                 continue
             key = term.equation, OPERAND
-            place = self._channels.setdefault(key, len(self._channels))
-            alike = [b for b in self.bodies if b == Body(place, body, j)]
-            for found in alike:
-                self.bodies.remove(found)
-            weight = j if alike else None
-            self.bodies.append(Body(place, body, weight, self.columns.inside(j)))
-        return separator.inputs
+            channel = self._channels.setdefault(key, len(self._channels))
+            existing = [f for f in self.channel_terms if f == ChannelTerm(channel, body, j)]
+            for result in existing:
+                self.channel_terms.remove(result)
+            weight = j if existing else None
+            window_weight = self.layout.window_column(j)
+            self.channel_terms.append(ChannelTerm(channel, body, weight, window_weight))
+        return builder.inputs
 
-    def _coupled(
-        self, parts: Separated, weight: int | None
+    def _coupling_symbols(
+        self, form: SemilinearForm, weight: int | None
     ) -> list[tuple[int, int, Modes, int | None]]:
         return [
             (self.fields[equation], self.fields[field], self._symbol(operator), weight)
-            for equation, couplings in parts.couplings.items()
+            for equation, couplings in form.couplings.items()
             for field, operator in couplings.items()
         ]
 
-    def _linear_symbols(self, parts: Sequence[Separated]) -> Modes:
-        """Return what each term adds to L, ``(term, field, *modes)``."""
-        found = [symbols(list(p.linear.values()), self.operators, CPU).numpy() for p in parts]
+    def _term_symbols(self, forms: Sequence[SemilinearForm]) -> Modes:
+        """Return the contribution of each term to L, ``(term, field, *modes)``."""
+        result = [
+            symbols(list(form.linear.values()), self.operators, CPU).numpy() for form in forms
+        ]
         *first, last = self.grid.shape
         shape = (len(self.fields), *first, last // 2 + 1)
-        return np.array(found).reshape(-1, *shape)
+        return np.array(result).reshape(-1, *shape)
 
     def _symbol(self, operator: Expr) -> Modes:
-        found: Modes = symbols([[operator]], self.operators, CPU)[0].numpy()
-        return found
+        result: Modes = symbols([[operator]], self.operators, CPU)[0].numpy()
+        return result
 
 
-class Weighted:
-    """N and L of one batch.
+class BatchTendency:
+    """The right-hand side of one batch.
 
     Attributes:
-        linear: L, ``(row, field, *modes)``; of one row, where no trajectory has terms in it.
-        parts: N.
-        counts: inputs and channels of the kernel.
+        linear: L, ``(row, field, *modes)``; one row if L is the same for all trajectories.
+        arrays: N.
+        counts: number of inputs and of channels of the kernel.
     """
 
     def __init__(
         self, compiled: CompiledTendency, weights: Array, sampled_forcing: SampledForcing | None
     ) -> None:
-        terms = weights[:, : compiled.columns.terms]
+        terms = weights[:, : compiled.layout.terms]
         added = np.tensordot(terms, compiled._symbols, axes=1)
-        self.linear = compiled._own + (added if added.any() else np.zeros_like(added[:1]))
-        self.counts = len(compiled.fields) + len(compiled._derived), len(compiled._place)
+        self.linear = compiled._base_symbols + (added if added.any() else np.zeros_like(added[:1]))
+        self.counts = len(compiled.fields) + len(compiled._derived), len(compiled._channel_fields)
         couplings = compiled._couplings
         modes = self.linear[0, 0].size
         mask = np.ones(modes) if compiled._mask is None else compiled._mask.ravel()
-        self.parts = Parts(
-            field=_indices(field for _, field, _ in compiled._derived),
-            symbol=_rows([symbol for _, _, symbol in compiled._derived], modes),
-            active=_active(compiled._readers, weights),
-            filled=_active(compiled._writers, weights),
-            place=compiled._place,
-            outside=compiled._outside,
-            to=_indices(equation for equation, *_ in couplings),
-            source=_indices(field for _, field, *_ in couplings),
-            coupling=_rows([symbol for *_, symbol, _ in couplings], modes),
-            strength=np.stack(
+        self.arrays = TendencyArrays(
+            input_field=_indices(field for _, field, _ in compiled._derived),
+            input_symbol=_rows([symbol for _, _, symbol in compiled._derived], modes),
+            input_active=_active(compiled._readers, weights),
+            channel_active=_active(compiled._writers, weights),
+            channel_field=compiled._channel_fields,
+            channel_symbol=compiled._channel_symbols,
+            coupling_target=_indices(equation for equation, *_ in couplings),
+            coupling_source=_indices(field for _, field, *_ in couplings),
+            coupling_symbol=_rows([symbol for *_, symbol, _ in couplings], modes),
+            coupling_strength=np.stack(
                 [np.ones(len(weights)) if j is None else weights[:, j] for *_, j in couplings]
                 or [np.zeros(0)] * len(weights),
                 axis=int(bool(couplings)),
@@ -180,11 +190,11 @@ class Weighted:
             coordinates=compiled._coordinates,
             weights=weights,
             knots=np.zeros(0) if sampled_forcing is None else sampled_forcing.knots.numpy(),
-            sampled_forcing=_driven(sampled_forcing, modes),
+            sampled_forcing=_forcing_modes(sampled_forcing, modes),
         )
 
 
-def _driven(sampled_forcing: SampledForcing | None, modes: int) -> Modes:
+def _forcing_modes(sampled_forcing: SampledForcing | None, modes: int) -> Modes:
     """Return the forcing in modes, ``(row, knot, field, mode)``."""
     if sampled_forcing is None:
         return np.zeros((0, 0, 0, modes), dtype=np.complex128)
@@ -192,13 +202,13 @@ def _driven(sampled_forcing: SampledForcing | None, modes: int) -> Modes:
     return np.ascontiguousarray(hats.reshape(*hats.shape[:3], modes))
 
 
-def _active(groups: Sequence[Sequence[Body]], weights: Array) -> NDArray[np.bool_]:
-    """Return which trajectories carry a body of each group, ``(row, group)``."""
+def _active(groups: Sequence[Sequence[ChannelTerm]], weights: Array) -> NDArray[np.bool_]:
+    """Return whether each row has a term of each group, ``(row, group)``."""
     active = np.zeros((len(weights), len(groups)), dtype=np.bool_)
-    for place, bodies in enumerate(groups):
-        for body in bodies:
-            columns = [c for c in (body.weight, body.inside) if c is not None]
-            active[:, place] |= (weights[:, columns] != 0).any(axis=1) if columns else True
+    for index, group in enumerate(groups):
+        for term in group:
+            columns = [c for c in (term.weight, term.window_weight) if c is not None]
+            active[:, index] |= (weights[:, columns] != 0).any(axis=1) if columns else True
     return active
 
 

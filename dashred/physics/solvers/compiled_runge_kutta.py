@@ -12,11 +12,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from dashred.physics.backends.numba_backend import KERNEL, REAL, Array, Body, compile_kernel
+from dashred.physics.backends.numba_backend import KERNEL, REAL, Array, ChannelTerm, compile_kernel
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.runge_kutta import Tableau
-from dashred.physics.solvers.batch_coefficients import Columns
-from dashred.physics.solvers.compiled_step import between
+from dashred.physics.solvers.batch_coefficients import CoefficientLayout
+from dashred.physics.solvers.compiled_step import find_interval
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.schedule import schedule
 from dashred.physics.system import System, Term
@@ -25,15 +25,15 @@ from dashred.physics.window import Shape
 Progress = Callable[[float], None]
 
 
-class CompiledOde:
-    """The same trajectories as :func:`dashred.physics.solvers.simulate.simulate` with fixed steps.
+class CompiledRungeKutta:
+    """An ODE system with fixed steps, compiled for many runs.
 
-    Worth its second of compilation where many runs are made of one system.
+    It returns the trajectories of :func:`.simulate.simulate` after about one second of compilation.
 
     Args:
         system: an ODE system whose method has a tableau.
-        terms: whatever a trajectory may carry, lets and parameters resolved.
-        shapes: of the windows in which it may carry them.
+        terms: all terms that a trajectory may have, with lets and parameters resolved.
+        shapes: the possible factors of the windows of these terms.
     """
 
     def __init__(
@@ -41,19 +41,19 @@ class CompiledOde:
     ) -> None:
         assert system.tableau is not None
         self.system, self.tableau = system, system.tableau
-        columns = Columns(len(terms), shapes)
+        layout = CoefficientLayout(len(terms), shapes)
         channel = {field: i for i, field in enumerate(system.fields)}
-        bodies = [Body(channel[f], expr, None) for f, expr in system.resolved.items()]
-        bodies += [
-            Body(channel[term.equation], term.expression, j, columns.inside(j))
+        channel_terms = [ChannelTerm(channel[f], expr, None) for f, expr in system.resolved.items()]
+        channel_terms += [
+            ChannelTerm(channel[term.equation], term.expression, j, layout.window_column(j))
             for j, term in enumerate(terms)
         ]
         self.kernel = compile_kernel(
-            bodies, list(system.fields), [], columns.factors(), system.measured
+            channel_terms, list(system.fields), [], layout.factors(), system.input_signals
         )
 
-    def with_step(self, dt: float) -> CompiledOde:
-        """Return the same with another time step, nothing compiled again."""
+    def with_step(self, dt: float) -> CompiledRungeKutta:
+        """Return a copy with another time step, without recompilation."""
         other = copy.copy(self)
         other.system = self.system.with_step(dt)
         return other
@@ -70,9 +70,9 @@ class CompiledOde:
         Args:
             start: ``(batch, field)`` at ``times[0]``.
             times: output times, ``(time,)``.
-            weights: coefficient of every term, ``(batch, term)``; with windows, as
-                :class:`dashred.physics.solvers.batch_coefficients.Columns` lays them out.
-            sampled_forcing: a free forcing of every trajectory.
+            weights: coefficients of the terms, ``(batch, column)``, in the order of
+                :class:`dashred.physics.solvers.batch_coefficients.CoefficientLayout`.
+            sampled_forcing: free forcing of each trajectory.
         """
         if sampled_forcing is None:
             sampled_forcing = SampledForcing(
@@ -90,50 +90,50 @@ class CompiledOde:
             np.ascontiguousarray(weights.numpy()),
             sampled_forcing.knots.numpy(),
             sampled_forcing.values.permute(1, 2, 0).contiguous().numpy(),
-            _square(self.tableau),
+            _square_matrix(self.tableau),
             np.array(self.tableau.b),
             np.array(self.tableau.c),
         )
         return torch.from_numpy(saved[..., 0]).permute(2, 0, 1).contiguous()
 
 
-def integrate_compiled(
+def integrate_runge_kutta(
     system: System,
     start: Tensor,
     times: Tensor,
     forcing: Forcing | None,
     progress: Progress | None,
 ) -> Tensor:
-    """Return what :func:`.simulate.simulate` returns, compiled for this run."""
+    """Compile the system for one run and return what :func:`.simulate.simulate` returns."""
     if forcing is None:
         forcing = Forcing((), torch.zeros((len(start), 0), dtype=torch.float64))
-    found = CompiledOde(system, forcing.terms)(start, times, forcing.coefficients)
+    result = CompiledRungeKutta(system, forcing.terms)(start, times, forcing.coefficients)
     if progress is not None:
         progress(1.0)
-    return found
+    return result
 
 
 @numba.njit(cache=True)
-def _force(
+def _add_forcing(
     knots: Array, sampled_forcing: NDArray[np.float64], t: float, rates: NDArray[np.float64]
 ) -> None:
     """Add the free forcing at one time to rates ``(field, row, 1)``."""
     if len(knots):
-        k, share = between(knots, t)
+        k, share = find_interval(knots, t)
         rates[:, :, 0] += (1 - share) * sampled_forcing[k] + share * sampled_forcing[k + 1]
 
 
-def _square(tableau: Tableau) -> Array:
-    """Return the shares a of a tableau, ``(stage, stage)``, zeros on and above the diagonal."""
-    found = np.zeros((len(tableau.b), len(tableau.b)))
-    for row, shares in zip(found, tableau.a, strict=True):
+def _square_matrix(tableau: Tableau) -> Array:
+    """Return the coefficients a of a tableau as a lower triangular matrix, ``(stage, stage)``."""
+    result = np.zeros((len(tableau.b), len(tableau.b)))
+    for row, shares in zip(result, tableau.a, strict=True):
         row[: len(shares)] = shares
-    return found
+    return result
 
 
 @numba.njit(cache=True)
-def _move(y: Array, h: float, shares: Array, count: int, rates: Array, out: Array) -> None:
-    """Set ``out`` to ``y + h Σ_j shares_j rates_j`` over the first rates, ``(place,)`` each."""
+def _add_stages(y: Array, h: float, shares: Array, count: int, rates: Array, out: Array) -> None:
+    """Set ``out`` to ``y + h Σ_{j<count} shares_j rates_j``, ``(place,)`` each."""
     for place in range(len(out)):
         out[place] = y[place]
     for j in range(count):
@@ -172,24 +172,24 @@ def _integrate(
     b: Array,
     c: Array,
 ) -> None:
-    """Fill ``saved`` ``(time, field, row, 1)`` by the explicit method with tableau a, b, c.
+    """Integrate with the tableau a, b, c and fill ``saved``, ``(time, field, row, 1)``.
 
     The free forcing is ``(knot, field, row)``.
     """
-    nowhere = np.zeros((0, 1))
+    no_coordinates = np.zeros((0, 1))
     y = saved[0].copy()
     at, rates = np.empty_like(y), np.empty((len(b), *y.shape))
-    # The same memory, one number after the other.
+    # One-dimensional views of the same memory.
     flat_y, flat_at, flat_rates = y.reshape(-1), at.reshape(-1), rates.reshape((len(b), y.size))
     output = 0
     for i in range(len(times)):
         t, h = times[i], steps[i]
         for stage in range(len(b)):
             now = t + c[stage] * h
-            _move(flat_y, h, a[stage], stage, flat_rates, flat_at)
-            kernel(at, nowhere, now, weights, rates[stage])
-            _force(knots, sampled_forcing, now, rates[stage])
-        _move(flat_y, h, b, len(b), flat_rates, flat_y)
+            _add_stages(flat_y, h, a[stage], stage, flat_rates, flat_at)
+            kernel(at, no_coordinates, now, weights, rates[stage])
+            _add_forcing(knots, sampled_forcing, now, rates[stage])
+        _add_stages(flat_y, h, b, len(b), flat_rates, flat_y)
         if ends[i]:
             output += 1
             saved[output] = y

@@ -1,4 +1,4 @@
-"""One system compiled for many runs, whatever kind it is."""
+"""Compile a system for many runs."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import torch
 from torch import Tensor
 
 from dashred.physics.expressions.algebra import multiply
-from dashred.physics.expressions.semilinear import NotSeparableError
+from dashred.physics.expressions.semilinear import NotSemilinearError
 from dashred.physics.forcing_basis import SampledForcing
-from dashred.physics.solvers.batch_coefficients import Columns
-from dashred.physics.solvers.compiled_etdrk4 import CompiledMarch
-from dashred.physics.solvers.compiled_runge_kutta import CompiledOde
+from dashred.physics.solvers.batch_coefficients import CoefficientLayout
+from dashred.physics.solvers.compiled_etdrk4 import CompiledETDRK4
+from dashred.physics.solvers.compiled_runge_kutta import CompiledRungeKutta
 from dashred.physics.solvers.forcing import Forcing
-from dashred.physics.solvers.simulate import is_long, simulate
+from dashred.physics.solvers.simulate import is_compilation_worthwhile, simulate
 from dashred.physics.system import System, Term
 from dashred.physics.window import Shape
 
 
 class CompiledSystem(Protocol):
-    """Many runs of one system with terms of which each trajectory carries its own share."""
+    """A system for many runs, in which each trajectory has its own coefficients of the terms."""
 
     def __call__(
         self,
@@ -31,19 +31,23 @@ class CompiledSystem(Protocol):
         weights: Tensor,
         sampled_forcing: SampledForcing | None = None,
     ) -> Tensor:
-        """Return ``(batch, time, field, *grid)`` for the weights and forcing of each trajectory.
+        """Return trajectories ``(batch, time, field, *grid)``.
 
-        Weights ``(batch, term)``; with windows, as
-        :class:`dashred.physics.solvers.batch_coefficients.Columns` has them.
+        Args:
+            start: ``(batch, field, *grid)`` at ``times[0]``.
+            times: output times, ``(time,)``.
+            weights: coefficients of the terms, ``(batch, column)``, in the order of
+                :class:`dashred.physics.solvers.batch_coefficients.CoefficientLayout`.
+            sampled_forcing: free forcing of each trajectory.
         """
 
     def with_step(self, dt: float) -> Self:
-        """Return the same with another time step."""
+        """Return a copy with another time step."""
 
 
 @dataclass(frozen=True)
 class InterpretedSystem:
-    """What cannot be compiled goes through :func:`simulate` itself."""
+    """A system that is run by :func:`simulate` without compilation."""
 
     system: System
     terms: tuple[Term, ...]
@@ -56,67 +60,70 @@ class InterpretedSystem:
         weights: Tensor,
         sampled_forcing: SampledForcing | None = None,
     ) -> Tensor:
-        """Return ``(batch, time, field, *grid)`` for the weights and forcing of each trajectory."""
-        columns = Columns(len(self.terms), self.shapes)
+        """See :meth:`CompiledSystem.__call__`."""
+        layout = CoefficientLayout(len(self.terms), self.shapes)
         if not self.shapes:
             forcing = Forcing(self.terms, weights)
             return simulate(self.system, start, times, forcing, sampled_forcing=sampled_forcing)
-        alone = [
-            self._one(
-                start[i : i + 1], times, columns, row, sampled_forcing and sampled_forcing.row(i)
+        trajectories = [
+            self._run_one(
+                start[i : i + 1], times, layout, row, sampled_forcing and sampled_forcing.row(i)
             )
             for i, row in enumerate(weights)
         ]
-        return torch.cat(alone)
+        return torch.cat(trajectories)
 
-    def _one(
+    def _run_one(
         self,
         start: Tensor,
         times: Tensor,
-        columns: Columns,
+        layout: CoefficientLayout,
         weights: Tensor,
         sampled_forcing: SampledForcing | None,
     ) -> Tensor:
-        window = columns.window(weights)
+        window = layout.window(weights)
         inside = [Term(t.equation, multiply((t.expression, window))) for t in self.terms]
-        forcing = Forcing((*self.terms, *inside), weights[None, : 2 * columns.terms])
+        forcing = Forcing((*self.terms, *inside), weights[None, : 2 * layout.terms])
         return simulate(self.system, start, times, forcing, sampled_forcing=sampled_forcing)
 
     def with_step(self, dt: float) -> InterpretedSystem:
-        """Return the same with another time step."""
+        """Return a copy with another time step."""
         return replace(self, system=self.system.with_step(dt))
 
 
-def compiled(
+def compile_system(
     system: System, terms: Sequence[Term], shapes: tuple[Shape, ...] = ()
 ) -> CompiledSystem:
-    """Return the system compiled: spectral systems, and ODE systems with fixed steps, on the CPU.
+    """Compile a system: a spectral system, or an ODE system with fixed steps, on the CPU.
+
+    Other systems are returned as :class:`InterpretedSystem`.
 
     Args:
         system: the simulator.
-        terms: whatever a trajectory may carry, lets and parameters resolved.
-        shapes: of the windows in which it may carry them.
+        terms: all terms that a trajectory may have, with lets and parameters resolved.
+        shapes: the possible factors of the windows of these terms.
     """
     if not system.axes and system.tableau is not None:
-        return CompiledOde(system, terms, shapes)
+        return CompiledRungeKutta(system, terms, shapes)
     if system.spectral:
         try:
-            return CompiledMarch(system, terms, shapes)
-        except (NotSeparableError, ArithmeticError):
+            return CompiledETDRK4(system, terms, shapes)
+        except (NotSemilinearError, ArithmeticError):
             pass
     return InterpretedSystem(system, tuple(terms), shapes)
 
 
-def compiled_if_long(
+def compile_if_worthwhile(
     system: System, terms: Sequence[Term], start: Tensor, span: float
 ) -> CompiledSystem:
-    """Return the system compiled where running it so long pays for that, else interpreted.
+    """Compile a system if the runs are long enough to save the compilation time.
 
     Args:
         system: the simulator.
-        terms: whatever a trajectory may carry, lets and parameters resolved.
-        start: ``(batch, field, *grid)``.
-        span: time that is run through, all runs together.
+        terms: all terms that a trajectory may have, with lets and parameters resolved.
+        start: initial states ``(batch, field, *grid)``.
+        span: simulated time of all runs together.
     """
-    pays = is_long(system, start, span, len(terms))
-    return compiled(system, terms) if pays else InterpretedSystem(system, tuple(terms))
+    if is_compilation_worthwhile(system, start, span, len(terms)):
+        return compile_system(system, terms)
+    return InterpretedSystem(system, tuple(terms))

@@ -1,11 +1,11 @@
-"""Steps of ETDRK4 in machine code: one trajectory after another, transforms and all.
+"""ETDRK4 time steps of one trajectory in machine code, including the Fourier transforms.
 
-A few hundred points are so little that calling array operations costs more than they do; here
-nothing is called between two output times. Trajectories are independent, so that several
-threads may share a batch: the code holds no lock.
+On grids of a few hundred points, the overhead of calling array operations exceeds their cost.
+Compiled code avoids these calls. The code releases the GIL, so several threads can integrate
+different rows of one batch.
 """
 
-# ruff: noqa: RUF005 (unpacking into a tuple is not compiled)
+# ruff: noqa: RUF005 (Numba does not compile unpacking into a tuple)
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ Modes = NDArray[np.complex128]
 Indices = NDArray[np.int64]
 
 
-class Plan(NamedTuple):
-    """When to step: of every step its time, its length and whether an output lies at its ends.
+class StepArrays(NamedTuple):
+    """Time steps as arrays.
 
     Attributes:
-        t: begin of each step, ``(step,)``.
-        h: length of each step, as an index into the coefficients, ``(step,)``.
-        lengths: those lengths, ``(length,)``.
-        begins, ends: whether an output time lies at its begin, at its end, ``(step,)``.
+        t: start time of each step, ``(step,)``.
+        h: index of each step's length in ``lengths``, ``(step,)``.
+        lengths: the different step lengths, ``(length,)``.
+        begins, ends: whether the step starts or ends at an output time, ``(step,)``.
     """
 
     t: Array
@@ -39,36 +39,36 @@ class Plan(NamedTuple):
     ends: NDArray[np.bool_]
 
 
-class Parts(NamedTuple):
-    """``û' = Lû + Σ D[G(inputs)] + Σ S û`` of a batch, as arrays.
+class TendencyArrays(NamedTuple):
+    """The nonlinear part ``N = Σ D[G(inputs)] + Σ S û`` of a batch, as arrays.
 
     Attributes:
-        field: field that each derived input is of, ``(derived,)``.
-        symbol: operator that makes it, ``(derived, mode)``.
-        active: which trajectories read it, ``(row, derived)``.
-        filled: which trajectories write each channel, ``(row, channel)``.
-        place: field that each channel's tendency belongs to, ``(channel,)``.
-        outside: operator D of each channel, ``(channel, mode)``.
-        to, source: fields of each linear coupling S between fields, ``(coupling,)``.
-        coupling: its symbol, ``(coupling, mode)``.
-        strength: its coefficient, ``(row, coupling)``.
-        mask: 1 for modes that are kept, ``(mode,)``.
-        coordinates: of the points, ``(coordinate, point)``.
-        weights: of the terms, ``(row, column)``.
-        knots: where the drive's straight lines meet, ``(knot,)``; none without a drive.
-        drive: a forcing of every row, ``(row, knot, field, mode)``.
+        input_field: field of each derived input, ``(derived,)``.
+        input_symbol: Fourier symbol of its operator, ``(derived, mode)``.
+        input_active: whether a row reads it, ``(row, derived)``.
+        channel_active: whether a row writes each channel, ``(row, channel)``.
+        channel_field: field whose tendency the channel belongs to, ``(channel,)``.
+        channel_symbol: Fourier symbol of its operator D, ``(channel, mode)``.
+        coupling_target, coupling_source: fields of each linear coupling S, ``(coupling,)``.
+        coupling_symbol: Fourier symbol of S, ``(coupling, mode)``.
+        coupling_strength: its coefficient, ``(row, coupling)``.
+        mask: 1 for modes that are kept, 0 for modes removed by dealiasing, ``(mode,)``.
+        coordinates: of the grid points, ``(coordinate, point)``.
+        weights: coefficients of the terms, ``(row, column)``.
+        knots: interpolation times of the free forcing, ``(knot,)``; empty without one.
+        sampled_forcing: the free forcing in modes, ``(row, knot, field, mode)``.
     """
 
-    field: Indices
-    symbol: Modes
-    active: NDArray[np.bool_]
-    filled: NDArray[np.bool_]
-    place: Indices
-    outside: Modes
-    to: Indices
-    source: Indices
-    coupling: Modes
-    strength: Array
+    input_field: Indices
+    input_symbol: Modes
+    input_active: NDArray[np.bool_]
+    channel_active: NDArray[np.bool_]
+    channel_field: Indices
+    channel_symbol: Modes
+    coupling_target: Indices
+    coupling_source: Indices
+    coupling_symbol: Modes
+    coupling_strength: Array
     mask: Array
     coordinates: Array
     weights: Array
@@ -77,20 +77,20 @@ class Parts(NamedTuple):
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def between(knots: Array, t: float) -> tuple[int, float]:
-    """Return the knot before a time, and the share of the way from it to the next, 0 to 1."""
+def find_interval(knots: Array, t: float) -> tuple[int, float]:
+    """Return the index of the knot before ``t`` and the relative position to the next, 0 to 1."""
     k = min(max(int(np.searchsorted(knots, t)) - 1, 0), len(knots) - 2)
-    share = (t - knots[k]) / (knots[k + 1] - knots[k])
-    return k, min(max(share, 0.0), 1.0)
+    fraction = (t - knots[k]) / (knots[k + 1] - knots[k])
+    return k, min(max(fraction, 0.0), 1.0)
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def _rate(
+def _evaluate_nonlinear(
     kernel: Kernel,
     modes: Modes,
     t: float,
     row: int,
-    parts: Parts,
+    tendency: TendencyArrays,
     shape: tuple[int, ...],
     axes: tuple[int, ...],
     spectra: Modes,
@@ -102,64 +102,64 @@ def _rate(
     fields, count = modes.shape
     spectra[:fields] = modes
     used = fields
-    for d in range(len(parts.field)):
-        if parts.active[row, d]:
-            spectra[used] = parts.symbol[d] * modes[parts.field[d]]
+    for d in range(len(tendency.input_field)):
+        if tendency.input_active[row, d]:
+            spectra[used] = tendency.input_symbol[d] * modes[tendency.input_field[d]]
             used += 1
-    halved = shape[:-1] + (shape[-1] // 2 + 1,)
-    points = scipy.fft.irfftn(spectra[:used].reshape((used,) + halved), shape, axes)
+    half_shape = shape[:-1] + (shape[-1] // 2 + 1,)
+    points = scipy.fft.irfftn(spectra[:used].reshape((used,) + half_shape), shape, axes)
     flat = points.reshape((used, inputs.shape[2]))
     inputs[:fields, 0] = flat[:fields]
     used = fields
-    for d in range(len(parts.field)):
-        if parts.active[row, d]:
+    for d in range(len(tendency.input_field)):
+        if tendency.input_active[row, d]:
             inputs[fields + d, 0] = flat[used]
             used += 1
-    kernel(inputs, parts.coordinates, t, parts.weights[row : row + 1], channels)
-    chosen = np.nonzero(parts.filled[row])[0]
+    kernel(inputs, tendency.coordinates, t, tendency.weights[row : row + 1], channels)
+    chosen = np.nonzero(tendency.channel_active[row])[0]
     out[:] = 0.0
     if len(chosen):
-        grown = channels[chosen].reshape((len(chosen),) + shape)
-        hats = scipy.fft.rfftn(grown, shape, axes).reshape((len(chosen), count))
+        values = channels[chosen].reshape((len(chosen),) + shape)
+        hats = scipy.fft.rfftn(values, shape, axes).reshape((len(chosen), count))
         for k in range(len(chosen)):
-            out[parts.place[chosen[k]]] += parts.outside[chosen[k]] * hats[k]
-    for k in range(len(parts.to)):
-        if parts.strength[row, k] != 0.0:
-            moved = parts.coupling[k] * modes[parts.source[k]]
-            out[parts.to[k]] += parts.strength[row, k] * moved
-    if len(parts.knots):
-        k, share = between(parts.knots, t)
-        out += (1 - share) * parts.sampled_forcing[row, k] + share * parts.sampled_forcing[
-            row, k + 1
-        ]
-    out *= parts.mask
+            out[tendency.channel_field[chosen[k]]] += tendency.channel_symbol[chosen[k]] * hats[k]
+    for k in range(len(tendency.coupling_target)):
+        if tendency.coupling_strength[row, k] != 0.0:
+            product = tendency.coupling_symbol[k] * modes[tendency.coupling_source[k]]
+            out[tendency.coupling_target[k]] += tendency.coupling_strength[row, k] * product
+    if len(tendency.knots):
+        k, fraction = find_interval(tendency.knots, t)
+        out += (1 - fraction) * tendency.sampled_forcing[
+            row, k
+        ] + fraction * tendency.sampled_forcing[row, k + 1]
+    out *= tendency.mask
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def march_row(
+def integrate_row(
     kernel: Kernel,
     row: int,
-    parts: Parts,
-    plan: Plan,
+    tendency: TendencyArrays,
+    steps: StepArrays,
     factors: Modes,
     shape: tuple[int, ...],
     axes: tuple[int, ...],
     counts: tuple[int, int],
     states: Array,
 ) -> None:
-    """Fill one of the trajectories ``(row, time, field, point)`` from its first state on.
+    """Integrate one row of a batch in place; stop when its state is no longer finite.
 
     Args:
-        kernel: everything pointwise.
-        row: which.
-        parts: the tendency.
-        plan: the steps.
-        factors: of ETDRK4: full, half, q, first, middle, last,
+        kernel: evaluates the pointwise functions G.
+        row: index of the trajectory.
+        tendency: the nonlinear part N.
+        steps: the time steps.
+        factors: ETDRK4 coefficients full, half, q, first, middle, last,
             ``(length, 6, row or 1, field, mode)``.
         shape: of the grid.
-        axes: of the grid in an array with one axis before it.
-        counts: inputs and channels of the kernel.
-        states: all trajectories; NaN in all but the first of each, and from a blow-up on.
+        axes: the grid axes of an array with one leading axis.
+        counts: number of inputs and of channels of the kernel.
+        states: ``(row, time, field, point)``, with the initial states at time 0 and NaN elsewhere.
     """
     fields, points = states.shape[2:]
     count = factors.shape[-1]
@@ -169,28 +169,28 @@ def march_row(
     spectra = np.empty((counts[0], count), np.complex128)
     inputs = np.zeros((counts[0], 1, points))
     channels = np.empty((counts[1], 1, points))
-    halved = shape[:-1] + (shape[-1] // 2 + 1,)
+    half_shape = shape[:-1] + (shape[-1] // 2 + 1,)
     saved = 0
-    for i in range(len(plan.t)):
-        if plan.begins[i]:
-            grown = states[row, saved].copy().reshape((fields,) + shape)
-            modes[:] = scipy.fft.rfftn(grown, shape, axes).reshape((fields, count))
-            modes *= parts.mask
-        t, h, mine = plan.t[i], plan.lengths[plan.h[i]], factors[plan.h[i]]
-        own = row if mine.shape[1] > 1 else 0
-        full, half, q = mine[0, own], mine[1, own], mine[2, own]
-        first, middle, last = mine[3, own], mine[4, own], mine[5, own]
-        rest = row, parts, shape, axes, spectra, inputs, channels
-        _rate(kernel, modes, t, *rest, n_u)
+    for i in range(len(steps.t)):
+        if steps.begins[i]:
+            values = states[row, saved].copy().reshape((fields,) + shape)
+            modes[:] = scipy.fft.rfftn(values, shape, axes).reshape((fields, count))
+            modes *= tendency.mask
+        t, h, row_factors = steps.t[i], steps.lengths[steps.h[i]], factors[steps.h[i]]
+        i_row = row if row_factors.shape[1] > 1 else 0
+        full, half, q = row_factors[0, i_row], row_factors[1, i_row], row_factors[2, i_row]
+        first, middle, last = row_factors[3, i_row], row_factors[4, i_row], row_factors[5, i_row]
+        arguments = row, tendency, shape, axes, spectra, inputs, channels
+        _evaluate_nonlinear(kernel, modes, t, *arguments, n_u)
         linear = half * modes
         a = linear + q * n_u
-        _rate(kernel, a, t + h / 2, *rest, n_a)
-        _rate(kernel, linear + q * n_a, t + h / 2, *rest, n_b)
-        _rate(kernel, half * a + q * (2 * n_b - n_u), t + h, *rest, n_c)
+        _evaluate_nonlinear(kernel, a, t + h / 2, *arguments, n_a)
+        _evaluate_nonlinear(kernel, linear + q * n_a, t + h / 2, *arguments, n_b)
+        _evaluate_nonlinear(kernel, half * a + q * (2 * n_b - n_u), t + h, *arguments, n_c)
         modes[:] = full * modes + first * n_u + middle * (n_a + n_b) + last * n_c
-        if plan.ends[i]:
+        if steps.ends[i]:
             saved += 1
-            grown = scipy.fft.irfftn(modes.reshape((fields,) + halved), shape, axes)
-            states[row, saved] = grown.reshape((fields, points))
+            values = scipy.fft.irfftn(modes.reshape((fields,) + half_shape), shape, axes)
+            states[row, saved] = values.reshape((fields, points))
             if not np.isfinite(states[row, saved]).all():
                 return

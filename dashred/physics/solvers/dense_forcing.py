@@ -1,4 +1,4 @@
-"""A forcing of which most trajectories carry most terms: every term once, on all of them."""
+"""Evaluate a forcing in which most trajectories have most terms."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from dashred.physics.grids.grid_value import Value
 from dashred.physics.grids.operators import Operators
 from dashred.physics.solvers.forcing import Forcing, RowwiseForcing
 
-# Measured on 192 trajectories of 256 points with 48 terms: gathering and scattering the carriers
-# of a term costs about four times its evaluation on every trajectory.
-WORTH_FROM = 0.25
+# Measured on 192 trajectories of 256 points with 48 terms: to gather and scatter the trajectories
+# that have a term costs about four times its evaluation on every trajectory.
+DENSE_FRACTION = 0.25
 
 
 class DenseForcing:
-    """Evaluates all terms together on all trajectories, common parts once.
+    """Evaluates every term on all trajectories, with common subexpressions computed once.
 
-    Same values as :class:`RowwiseForcing`, up to rounding.
+    It returns the values of :class:`RowwiseForcing`, up to rounding.
     """
 
     def __init__(self, forcing: Forcing, fields: tuple[str, ...], operators: Operators) -> None:
@@ -32,24 +32,24 @@ class DenseForcing:
         self.zero = forcing.coefficients.new_zeros(())
 
     def __call__(self, values: Mapping[str, Value]) -> list[Value]:
-        """Return the forcing of every field; ``values`` as :meth:`System.values` gives them."""
+        """Return the forcing of each field, given the values of :meth:`System.values`."""
         sums: list[Tensor] = [self.zero for _ in self.fields]
-        found = self.program(values, self.operators)
-        for equation, weight, value in zip(self.equations, self.weights, found, strict=True):
+        result = self.program(values, self.operators)
+        for equation, weight, value in zip(self.equations, self.weights, result, strict=True):
             points = torch.as_tensor(self.operators.on_grid(value)).to(weight)
             sums[equation] = torch.addcmul(sums[equation], weight, points)
         shape = (len(self.weights[0]), *self.operators.grid.shape)
         return [Value(each.expand(shape)) for each in sums]
 
 
-TermwiseForcing = RowwiseForcing | DenseForcing
+ForcingEvaluator = RowwiseForcing | DenseForcing
 
 
 def forcing_evaluator(
     forcing: Forcing, fields: tuple[str, ...], operators: Operators
-) -> TermwiseForcing:
-    """Return whichever of the two is cheaper for these coefficients."""
-    carried = (forcing.coefficients != 0).double()
-    if len(forcing.terms) and float(carried.mean()) >= WORTH_FROM:
+) -> ForcingEvaluator:
+    """Return the cheaper evaluator for these coefficients."""
+    nonzero = (forcing.coefficients != 0).double()
+    if len(forcing.terms) and float(nonzero.mean()) >= DENSE_FRACTION:
         return DenseForcing(forcing, fields, operators)
     return RowwiseForcing(forcing, fields, operators)

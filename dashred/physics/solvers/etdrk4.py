@@ -1,4 +1,4 @@
-"""Exponential time differencing, fourth order: the linear part of an equation is exact."""
+"""Fourth-order exponential time differencing (ETDRK4), exact for the linear part."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import torch
 from torch import Tensor
 
 CONTOUR_POINTS = 32
-STEPPERS_KEPT = 8
+CACHE_SIZE = 8
 
 
 class Coefficients(NamedTuple):
-    """What a step multiplies by: ``full = exp(hL)``, ``half = exp(hL/2)``; q and on multiply N."""
+    """Coefficients of a step: ``full = exp(hL)``, ``half = exp(hL/2)``; the others multiply N."""
 
     full: Tensor
     half: Tensor
@@ -28,8 +28,9 @@ class Coefficients(NamedTuple):
 class ETDRK4:
     """Advance ``û' = Lû + N(û, t)`` with L diagonal in Fourier space.
 
-    Cox & Matthews (J. Comput. Phys. 176, 2002), with the coefficients by contour integrals of
-    Kassam & Trefethen (SIAM J. Sci. Comput. 26, 2005) so that small ``hL`` loses no digits.
+    The method of Cox & Matthews (J. Comput. Phys. 176, 2002). The coefficients are the contour
+    integrals of Kassam & Trefethen (SIAM J. Sci. Comput. 26, 2005), which avoid cancellation for
+    small ``hL``.
 
     Args:
         linear: L, ``(1 | batch, field, *modes)``, per unit time.
@@ -41,9 +42,9 @@ class ETDRK4:
         self, linear: Tensor, nonlinear: Callable[[Tensor, float], Tensor], h: float
     ) -> None:
         self.nonlinear, self.h = nonlinear, h
-        found = coefficients(linear, h)
-        self.full, self.half, self.q = found.full, found.half, found.q
-        self.first, self.middle, self.last = found.first, found.middle, found.last
+        result = coefficients(linear, h)
+        self.full, self.half, self.q = result.full, result.half, result.q
+        self.first, self.middle, self.last = result.first, result.middle, result.last
 
     def step(self, modes: Tensor, t: float) -> Tensor:
         """Return the modes at ``t + h``."""
@@ -56,50 +57,50 @@ class ETDRK4:
         n_b = nonlinear(b, t + h / 2)
         c = torch.addcmul(self.half * a, q, torch.sub(2 * n_b, n_u))
         n_c = nonlinear(c, t + h)
-        found = torch.addcmul(self.full * modes, self.first, n_u)
-        found = torch.addcmul(found, self.middle, n_a + n_b)
-        return torch.addcmul(found, self.last, n_c)
+        result = torch.addcmul(self.full * modes, self.first, n_u)
+        result = torch.addcmul(result, self.middle, n_a + n_b)
+        return torch.addcmul(result, self.last, n_c)
 
 
-class Steppers:
-    """The steps of one tendency by their length; the latest few are kept."""
+class StepperCache:
+    """Caches the steppers of one equation by step length."""
 
     def __init__(self, linear: Tensor, nonlinear: Callable[[Tensor, float], Tensor]) -> None:
         self.linear, self.nonlinear = linear, nonlinear
-        self._kept: dict[float, ETDRK4] = {}
+        self._steppers: dict[float, ETDRK4] = {}
 
     def __getitem__(self, h: float) -> ETDRK4:
-        """Return the step of length ``h``."""
-        if h not in self._kept:
-            if len(self._kept) == STEPPERS_KEPT:
-                del self._kept[next(iter(self._kept))]
-            self._kept[h] = ETDRK4(self.linear, self.nonlinear, h)
-        return self._kept[h]
+        """Return the stepper of step length ``h``."""
+        if h not in self._steppers:
+            if len(self._steppers) == CACHE_SIZE:
+                del self._steppers[next(iter(self._steppers))]
+            self._steppers[h] = ETDRK4(self.linear, self.nonlinear, h)
+        return self._steppers[h]
 
 
 def coefficients(linear: Tensor, h: float) -> Coefficients:
-    """Return the coefficients of a step of length ``h``, complex, shaped as L is."""
-    # Complex even where L is real: a real factor of the modes is converted at every use.
+    """Return the coefficients of a step of length ``h``, complex, in the shape of L."""
+    # Complex even if L is real: a real factor of the modes would be converted at every use.
     z = (h * linear).to(torch.complex128)
     return Coefficients(torch.exp(z), torch.exp(z / 2), *_contour_integrals(z, h))
 
 
-def coefficient_slopes(linear: Tensor, h: float) -> Coefficients:
-    """Return the derivative of every coefficient with respect to L, shaped as L is."""
+def coefficient_derivatives(linear: Tensor, h: float) -> Coefficients:
+    """Return the derivative of each coefficient with respect to L, in the shape of L."""
     z = (h * linear).to(torch.complex128)
     full, half = h * torch.exp(z), h / 2 * torch.exp(z / 2)
-    return Coefficients(full, half, *(h * found for found in _contour_integrals(z, h, order=1)))
+    return Coefficients(full, half, *(h * result for result in _contour_integrals(z, h, order=1)))
 
 
 def _contour_integrals(z: Tensor, h: float, order: int = 0) -> tuple[Tensor, ...]:
-    """Return the integrals, each different z's once: of a batch's rows and waves most are alike."""
+    """Return the contour integrals, computed once for each distinct z."""
     if z.requires_grad:
-        # A derivative goes through every z of its own.
+        # The selection of distinct values is not differentiable.
         return _integrals_around(z, h, order)
     different, places = np.unique(z.cpu().numpy(), return_inverse=True)
-    found = _integrals_around(torch.from_numpy(different).to(z.device), h, order)
+    result = _integrals_around(torch.from_numpy(different).to(z.device), h, order)
     at = torch.from_numpy(places).to(z.device).reshape(z.shape)
-    return tuple(each[at] for each in found)
+    return tuple(each[at] for each in result)
 
 
 def _integrals_around(z: Tensor, h: float, order: int) -> tuple[Tensor, ...]:
@@ -111,7 +112,7 @@ def _integrals_around(z: Tensor, h: float, order: int) -> tuple[Tensor, ...]:
         r = z + root
         e_half = half * torch.exp(root / 2)
         e = e_half**2
-        # Cauchy: the same integral with one more root below is the derivative.
+        # Cauchy's formula: each further factor 1/root gives the next derivative.
         weight = root**-order
         sums[0] = sums[0] + weight * (e_half - 1) / r
         sums[1] = sums[1] + weight * (-4 - r + e * (4 - 3 * r + r**2)) / r**3

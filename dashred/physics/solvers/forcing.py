@@ -1,4 +1,4 @@
-"""Extra terms added to a simulator, with coefficients of their own for each trajectory."""
+"""Terms added to a simulator, with separate coefficients for each trajectory."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Forcing:
 
     Attributes:
         terms: the terms θ, lets and parameters resolved.
-        coefficients: ξ, ``(batch, term)``, in the terms' own units.
+        coefficients: ξ, ``(batch, term)``, in the units of the terms.
     """
 
     terms: tuple[Term, ...]
@@ -29,48 +29,48 @@ class Forcing:
 
 
 class RowwiseForcing:
-    """Evaluates each term on those trajectories alone that carry it.
+    """Evaluates each term only on the trajectories with a nonzero coefficient.
 
-    A randomised ensemble gives a member two or three terms out of forty. One gather lays the
-    carriers of each term side by side, each term works on its slice, one scatter adds up: the
-    cost is that of the (trajectory, term) pairs, not of the library times the batch.
+    A member of a randomised ensemble has two or three terms out of forty. One gather operation
+    collects the trajectories of each term, each term is evaluated on its slice, and one scatter
+    operation adds the results. The cost is proportional to the number of (trajectory, term) pairs.
     """
 
     def __init__(self, forcing: Forcing, fields: tuple[str, ...], operators: Operators) -> None:
         self.fields, self.operators = fields, operators
         self.batch = len(forcing.coefficients)
-        carriers: dict[Expr, list[tuple[int, int]]] = {}
-        carried = forcing.coefficients != 0
+        pairs_of_term: dict[Expr, list[tuple[int, int]]] = {}
+        is_needed = forcing.coefficients != 0
         if forcing.coefficients.requires_grad:
-            # At zero, too, the trajectory depends on its coefficient.
-            carried = torch.ones_like(carried)
-        for row, j in torch.nonzero(carried).tolist():
-            carriers.setdefault(forcing.terms[j].expression, []).append((row, j))
-        self.programs = [Program([expr]) for expr in carriers]
-        self.sizes = [len(pairs) for pairs in carriers.values()]
-        every = [pair for pairs in carriers.values() for pair in pairs]
+            # The gradient is also needed where a coefficient is zero.
+            is_needed = torch.ones_like(is_needed)
+        for row, j in torch.nonzero(is_needed).tolist():
+            pairs_of_term.setdefault(forcing.terms[j].expression, []).append((row, j))
+        self.programs = [Program([expr]) for expr in pairs_of_term]
+        self.sizes = [len(pairs) for pairs in pairs_of_term.values()]
+        all_pairs = [pair for pairs in pairs_of_term.values() for pair in pairs]
         device = forcing.coefficients.device
-        self.rows = torch.tensor([row for row, _ in every], device=device, dtype=torch.long)
-        equations = [fields.index(forcing.terms[j].equation) for _, j in every]
-        slots = [f * self.batch + row for f, (row, _) in zip(equations, every, strict=True)]
+        self.rows = torch.tensor([row for row, _ in all_pairs], device=device, dtype=torch.long)
+        equations = [fields.index(forcing.terms[j].equation) for _, j in all_pairs]
+        slots = [f * self.batch + row for f, (row, _) in zip(equations, all_pairs, strict=True)]
         self.slots = torch.tensor(slots, device=device, dtype=torch.long)
-        columns = torch.tensor([j for _, j in every], device=device, dtype=torch.long)
+        columns = torch.tensor([j for _, j in all_pairs], device=device, dtype=torch.long)
         weights = forcing.coefficients[self.rows, columns]
         self.weights = weights.reshape(-1, *(1,) * len(operators.grid.shape))
 
     def __call__(self, values: Mapping[str, Value]) -> list[Value]:
-        """Return the forcing of every field; ``values`` as :meth:`System.values` gives them."""
+        """Return the forcing of each field, given the values of :meth:`System.values`."""
         if not self.programs:
             return [Value(0.0) for _ in self.fields]
-        carried = [_split(values[name], self.rows, self.sizes) for name in self.fields]
+        gathered = [_split(values[name], self.rows, self.sizes) for name in self.fields]
         on_grid: list[Tensor] = []
         for slices, program, size in zip(
-            zip(*carried, strict=True), self.programs, self.sizes, strict=True
+            zip(*gathered, strict=True), self.programs, self.sizes, strict=True
         ):
-            mine = dict(zip(self.fields, slices, strict=True))
-            [value] = program({**values, **mine}, self.operators)
-            found = torch.as_tensor(self.operators.on_grid(value), dtype=torch.float64)
-            on_grid.append(found.expand(size, *self.operators.grid.shape))
+            rows = dict(zip(self.fields, slices, strict=True))
+            [value] = program({**values, **rows}, self.operators)
+            result = torch.as_tensor(self.operators.on_grid(value), dtype=torch.float64)
+            on_grid.append(result.expand(size, *self.operators.grid.shape))
         added = torch.cat(on_grid) * self.weights
         sums = added.new_zeros((len(self.fields) * self.batch, *added.shape[1:]))
         summed = sums.index_add(0, self.slots, added)

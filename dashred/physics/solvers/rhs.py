@@ -12,7 +12,7 @@ from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.grids.fourier_symbols import symbols
 from dashred.physics.grids.grid_value import Value, total
 from dashred.physics.grids.spectral import Spectral
-from dashred.physics.solvers.dense_forcing import TermwiseForcing, forcing_evaluator
+from dashred.physics.solvers.dense_forcing import ForcingEvaluator, forcing_evaluator
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
 
@@ -26,11 +26,8 @@ class GridTendency:
         forcing: Forcing | None = None,
         sampled_forcing: SampledForcing | None = None,
     ) -> None:
-        self.system, self.operators, self.sampled_forcing = (
-            system,
-            system.operators,
-            sampled_forcing,
-        )
+        self.system, self.operators = system, system.operators
+        self.sampled_forcing = sampled_forcing
         self.program = Program(list(system.resolved.values()))
         self.forcing = None
         if forcing is not None:
@@ -41,10 +38,10 @@ class GridTendency:
         values = self.system.values(state, t)
         tendencies = self.program(values, self.operators)
         if self.forcing is not None:
-            tendencies = _summed(tendencies, self.forcing(values))
-        found = [torch.as_tensor(self.operators.on_grid(value)) for value in tendencies]
+            tendencies = _add(tendencies, self.forcing(values))
+        result = [torch.as_tensor(self.operators.on_grid(value)) for value in tendencies]
         shape = (len(state), *self.system.grid.shape)
-        rates = torch.stack([f.to(state).expand(shape) for f in found], dim=1)
+        rates = torch.stack([f.to(state).expand(shape) for f in result], dim=1)
         return rates if self.sampled_forcing is None else rates + self.sampled_forcing.at(t)
 
 
@@ -52,8 +49,8 @@ class SpectralTendency:
     """``û' = Lû + N(û, t)``: the linear symbol L and the rest N, in Fourier modes.
 
     Attributes:
-        linear: L, ``(1 | batch, field, *modes)``: the constant-coefficient part of each
-            equation in its own field, the forcing's own such terms included.
+        linear: L, ``(1 | batch, field, *modes)``: the linear constant-coefficient part of each
+            equation in its own field, including the linear terms of the forcing.
     """
 
     def __init__(
@@ -71,9 +68,9 @@ class SpectralTendency:
         self.linear = symbols([linear for linear, _ in parts], operators, device)[None]
         self.forcing = None
         if forcing is not None:
-            self.forcing = self._take_linear(forcing, device)
-        self.reads_surroundings = not self._names(forcing) <= set(system.fields)
-        self.mask = two_thirds(system).to(device) if system.config.integrator.dealias else None
+            self.forcing = self._split_forcing(forcing, device)
+        self.needs_coordinates = not self._names(forcing) <= set(system.fields)
+        self.mask = dealias_mask(system).to(device) if system.config.integrator.dealias else None
 
     def __call__(self, modes: Tensor, t: float) -> Tensor:
         """Return N in modes, ``(batch, field, *modes)``."""
@@ -81,25 +78,25 @@ class SpectralTendency:
         whole = torch.fft.irfftn(modes, s=grid.shape, dim=grid.dims)
         fields = map(Value, whole.unbind(1), modes.unbind(1))
         values = dict(zip(self.system.fields, fields, strict=True))
-        if self.reads_surroundings:
+        if self.needs_coordinates:
             values |= self.system.coordinates_and_inputs(t, modes.device)
         tendencies = self.program(values, self.operators)
         if self.forcing is not None:
-            tendencies = _summed(tendencies, self.forcing(values))
+            tendencies = _add(tendencies, self.forcing(values))
         rates = self.operators.stacked_modes(tendencies, like=modes[:, 0])
         if self.sampled_forcing is not None:
             rates = rates + torch.fft.rfftn(self.sampled_forcing.at(t), dim=grid.dims)
-        return self.kept(rates)
+        return self.dealias(rates)
 
-    def kept(self, modes: Tensor) -> Tensor:
-        """Return the modes that the 2/3 rule keeps: all of them unless it was asked for."""
+    def dealias(self, modes: Tensor) -> Tensor:
+        """Apply the 2/3 rule if the integrator asks for it."""
         return modes if self.mask is None else modes * self.mask
 
     def _names(self, forcing: Forcing | None) -> frozenset[str]:
         terms = forcing.terms if forcing is not None else ()
         return self.program.names.union(*(names(term.expression) for term in terms))
 
-    def _take_linear(self, forcing: Forcing, device: torch.device) -> TermwiseForcing:
+    def _split_forcing(self, forcing: Forcing, device: torch.device) -> ForcingEvaluator:
         space = (1,) * len(self.system.grid.shape)
         split = [split_linear(term.expression, term.equation) for term in forcing.terms]
         for term, column, (taken, _) in zip(
@@ -113,18 +110,21 @@ class SpectralTendency:
             one_field = torch.zeros(len(self.system.fields), dtype=torch.float64, device=device)
             one_field[field] = 1.0
             self.linear = self.linear + added[:, None] * one_field.reshape(1, -1, *space)
-        left = [j for j, (_, rest) in enumerate(split) if rest != ZERO]
-        rest = tuple(Term(forcing.terms[j].equation, split[j][1]) for j in left)
-        kept = Forcing(rest, forcing.coefficients[:, left])
-        return forcing_evaluator(kept, self.system.fields, self.operators)
+        nonlinear = [j for j, (_, rest) in enumerate(split) if rest != ZERO]
+        rest = tuple(Term(forcing.terms[j].equation, split[j][1]) for j in nonlinear)
+        remaining = Forcing(rest, forcing.coefficients[:, nonlinear])
+        return forcing_evaluator(remaining, self.system.fields, self.operators)
 
 
-def _summed(left: list[Value], right: list[Value]) -> list[Value]:
+def _add(left: list[Value], right: list[Value]) -> list[Value]:
     return [total([a, b]) for a, b in zip(left, right, strict=True)]
 
 
-def two_thirds(system: System) -> Tensor:
-    """Return 1 for the modes below two thirds of the highest wavenumber on every axis, else 0."""
+def dealias_mask(system: System) -> Tensor:
+    """Return the mask of the 2/3 rule.
+
+    It is 1 for modes below two thirds of the highest wavenumber on every axis, and 0 for others.
+    """
     mask = torch.ones((), dtype=torch.float64)
     for k in system.grid.wavenumbers:
         limit = k.abs().max() * 2 / 3

@@ -1,4 +1,4 @@
-"""Which steps lead from one output time to the next."""
+"""Time steps between output times."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class Step(NamedTuple):
     """One step from ``t`` to ``t + h``.
 
     Attributes:
-        begins, ends: whether an output time lies at its begin, at its end.
+        begins, ends: whether the step starts or ends at an output time.
     """
 
     t: float
@@ -24,12 +24,12 @@ def schedule(times: Sequence[float], dt: float) -> Iterator[Step]:
     """Yield equal steps of at most ``dt`` between output times."""
     for begin, end in pairwise(times):
         count = max(1, round_up((end - begin) / dt))
-        # Intervals that differ by rounding alone share their step's coefficients.
+        # Rounded, so that intervals equal up to rounding errors share the coefficients of a step.
         h = float(f"{(end - begin) / count:.12g}")
         for i in range(count):
             yield Step(begin + i * h, h, i == 0, i == count - 1)
 
 
 def round_up(ratio: float) -> int:
-    """Return the smallest whole number of steps, forgiving rounding: 15.0000001 → 15."""
+    """Round up to a whole number of steps, tolerating rounding errors: 15.0000001 → 15."""
     return int(-(-(ratio - 1e-6) // 1))

@@ -1,4 +1,4 @@
-"""Run a simulator: a batch of starts → trajectories at the output times."""
+"""Run a simulator: initial states → trajectories at output times."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ from dashred.core.errors import InputError
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.runge_kutta import THREE_EIGHTHS, Tableau, advance
 from dashred.physics.solvers.adaptive import integrate_adaptive
-from dashred.physics.solvers.etdrk4 import Steppers
+from dashred.physics.solvers.etdrk4 import StepperCache
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.rhs import GridTendency, SpectralTendency
 from dashred.physics.solvers.schedule import schedule
 from dashred.physics.system import System
 
-# Of so few trajectories a step costs its calls: compiling wins from so many steps on.
+# With few trajectories, call overhead dominates: compilation saves time above MANY_STEPS steps.
 FEW, MANY_STEPS = 8, 500
-# Else it wins from so many (point, step) pairs on for every second that it takes; measured.
-WORK_A_SECOND, SECONDS, SECONDS_A_TERM = 3e6, 1.5, 0.08
+# Otherwise it saves time above this number of (point, step) pairs per second of compilation; the
+# compilation takes SECONDS and SECONDS_PER_TERM for each term. All numbers are measured.
+WORK_PER_SECOND, SECONDS, SECONDS_PER_TERM = 3e6, 1.5, 0.08
 Progress = Callable[[float], None]
 OVERRUN_STEPS = 200
 
@@ -36,30 +37,30 @@ def simulate(
     """Integrate ``∂u/∂t = N(u, t) + Σ ξ θ(u) + f(x, t)`` from ``times[0]`` on.
 
     Args:
-        system: the equations, their grid and integrator.
+        system: equations, grid and integrator.
         start: ``(batch, field, *grid)`` at ``times[0]``, float64.
         times: output times ``(time,)``, increasing, on the recording's clock.
-        forcing: further terms with coefficients per trajectory.
-        progress: called with the fraction done after every output time.
-        sampled_forcing: a free forcing f of every trajectory.
+        forcing: additional terms θ with coefficients ξ for each trajectory.
+        progress: called with the fraction done after each output time.
+        sampled_forcing: free forcing f of each trajectory.
 
     Returns:
-        ``(batch, time, field, *grid)``. A trajectory that blows up is not finite from then on.
-        Trajectories do not touch each other, up to rounding; adaptive methods (ODEs) choose
-        their steps for the whole batch, so there up to the tolerance.
+        ``(batch, time, field, *grid)``. After a blow-up, the values of a trajectory are not finite.
+        A trajectory does not depend on the others in its batch, up to rounding errors. Adaptive
+        methods (ODEs) choose their steps for the whole batch, so there it does up to the tolerance.
     """
-    if sampled_forcing is None and _long(system, start, times, forcing):
-        from dashred.physics.solvers.compiled_etdrk4 import march_compiled
-        from dashred.physics.solvers.compiled_runge_kutta import integrate_compiled
+    if sampled_forcing is None and _should_compile(system, start, times, forcing):
+        from dashred.physics.solvers.compiled_etdrk4 import integrate_etdrk4
+        from dashred.physics.solvers.compiled_runge_kutta import integrate_runge_kutta
 
-        run = march_compiled if system.axes else integrate_compiled
+        run = integrate_etdrk4 if system.axes else integrate_runge_kutta
         return run(system, start, times, forcing, progress)
     if system.spectral:
         tendency = SpectralTendency(system, forcing, start.device, sampled_forcing)
-        states = _spectral_march(tendency, start, times.tolist())
+        states = _integrate_spectral(tendency, start, times.tolist())
     elif system.tableau is not None:
         explicit = GridTendency(system, forcing, sampled_forcing)
-        states = _march(explicit, system.tableau, start, times.tolist(), system.dt)
+        states = _integrate_fixed(explicit, system.tableau, start, times.tolist(), system.dt)
     else:
         return _integrate_adaptive(system, start, times, forcing, sampled_forcing)
     saved = []
@@ -70,22 +71,22 @@ def simulate(
     return torch.stack(saved, dim=1)
 
 
-def _long(system: System, start: Tensor, times: Tensor, forcing: Forcing | None) -> bool:
-    """Tell whether a run is so long that compiling it pays."""
+def _should_compile(system: System, start: Tensor, times: Tensor, forcing: Forcing | None) -> bool:
     if forcing is not None and forcing.coefficients.requires_grad:
         return False
     span = float(times[-1] - times[0])
-    return is_long(system, start, span, 0 if forcing is None else len(forcing.terms))
+    terms = 0 if forcing is None else len(forcing.terms)
+    return is_compilation_worthwhile(system, start, span, terms)
 
 
-def is_long(system: System, start: Tensor, span: float, terms: int) -> bool:
-    """Tell whether runs are so long, all together, that compiling the system pays.
+def is_compilation_worthwhile(system: System, start: Tensor, span: float, terms: int) -> bool:
+    """Return whether the runs are long enough to save the compilation time.
 
     Args:
         system: the simulator.
-        start: ``(batch, field, *grid)``.
-        span: time that is run through.
-        terms: how many further terms trajectories may carry.
+        start: initial states ``(batch, field, *grid)``.
+        span: simulated time of all runs together.
+        terms: number of additional terms that trajectories may have.
     """
     if start.device.type != "cpu" or start.requires_grad:
         return False
@@ -95,15 +96,15 @@ def is_long(system: System, start: Tensor, span: float, terms: int) -> bool:
     if not system.axes:
         return steps > MANY_STEPS
     if len(start) <= FEW and terms <= FEW:
-        return steps > MANY_STEPS and start.numel() * steps > WORK_A_SECOND / 8
-    return start.numel() * steps > WORK_A_SECOND * (SECONDS + SECONDS_A_TERM * terms)
+        return steps > MANY_STEPS and start.numel() * steps > WORK_PER_SECOND / 8
+    return start.numel() * steps > WORK_PER_SECOND * (SECONDS + SECONDS_PER_TERM * terms)
 
 
 def check_finite(trajectories: Tensor, times: Tensor, system: System) -> None:
-    """Refuse a simulator that blows up.
+    """Check that trajectories are finite.
 
     Raises:
-        InputError: says when, and in which field first.
+        InputError: a trajectory blows up; the message names the time and the first fields.
     """
     finite = torch.isfinite(trajectories)
     if system.axes:
@@ -121,25 +122,25 @@ def check_finite(trajectories: Tensor, times: Tensor, system: System) -> None:
     )
 
 
-def _spectral_march(
+def _integrate_spectral(
     tendency: SpectralTendency, start: Tensor, times: list[float]
 ) -> Iterator[Tensor]:
     grid = tendency.system.grid
-    steppers = Steppers(tendency.linear, tendency)
+    steppers = StepperCache(tendency.linear, tendency)
     state, modes = start, start
     yield state
     for step in schedule(times, tendency.system.dt):
         if step.begins:
-            # Every interval starts from the grid: rounding makes modes that are no real field's,
-            # which the equations cannot see and a linear instability would amplify without end.
-            modes = tendency.kept(torch.fft.rfftn(state, dim=grid.dims))
+            # Every interval starts from grid values. Rounding errors create modes that belong to no
+            # real field. The equations do not see them, and a linear instability amplifies them.
+            modes = tendency.dealias(torch.fft.rfftn(state, dim=grid.dims))
         modes = steppers[step.h].step(modes, step.t)
         if step.ends:
             state = torch.fft.irfftn(modes, s=grid.shape, dim=grid.dims)
             yield state
 
 
-def _march(
+def _integrate_fixed(
     tendency: GridTendency, tableau: Tableau, start: Tensor, times: list[float], dt: float
 ) -> Iterator[Tensor]:
     state = start
@@ -163,14 +164,13 @@ def _integrate_adaptive(
     try:
         return _adaptive(tendency, start, times)
     except FloatingPointError:
-        # One member that leaves every bound must not take the others with it.
-        alone = []
+        # One trajectory blows up: integrate each on its own, so that the others are not lost.
+        trajectories = []
         for i in range(len(start)):
-            mine = GridTendency(
-                system, _row(forcing, i), sampled_forcing and sampled_forcing.row(i)
-            )
-            alone.append(_until_blow_up(mine, start[i : i + 1], times))
-        return torch.cat(alone)
+            row_forcing = sampled_forcing and sampled_forcing.row(i)
+            row_tendency = GridTendency(system, _row(forcing, i), row_forcing)
+            trajectories.append(_until_blow_up(row_tendency, start[i : i + 1], times))
+        return torch.cat(trajectories)
 
 
 def _adaptive(tendency: GridTendency, start: Tensor, times: Tensor) -> Tensor:
@@ -183,21 +183,21 @@ def _adaptive(tendency: GridTendency, start: Tensor, times: Tensor) -> Tensor:
 
 def _until_blow_up(tendency: GridTendency, start: Tensor, times: Tensor) -> Tensor:
     path = [start]
-    for window in times.unfold(0, 2, 1):
+    for interval in times.unfold(0, 2, 1):
         try:
-            path.append(_adaptive(tendency, path[-1], window)[:, -1])
+            path.append(_adaptive(tendency, path[-1], interval)[:, -1])
         except FloatingPointError:
-            path.append(_overrun(tendency, path[-1], window))
+            path.append(_integrate_past_blow_up(tendency, path[-1], interval))
             break
     lost = torch.full_like(start, torch.nan)
     return torch.stack(path + [lost] * (len(times) - len(path)), dim=1)
 
 
-def _overrun(tendency: GridTendency, state: Tensor, window: Tensor) -> Tensor:
-    """Run into the infinity that adaptive steps stop short of, to see whose field it is."""
-    begin, end_time = window.tolist()
+def _integrate_past_blow_up(tendency: GridTendency, state: Tensor, interval: Tensor) -> Tensor:
+    """Integrate past a blow-up with fixed steps, to find the field that becomes infinite."""
+    begin, end_time = interval.tolist()
     dt = (end_time - begin) / OVERRUN_STEPS
-    *_, end = _march(tendency, THREE_EIGHTHS, state, [begin, end_time], dt)
+    *_, end = _integrate_fixed(tendency, THREE_EIGHTHS, state, [begin, end_time], dt)
     return torch.full_like(end, torch.nan) if torch.isfinite(end).all() else end
 
 

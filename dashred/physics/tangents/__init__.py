@@ -1,1 +1,1 @@
-"""Derivatives of runs with respect to start, law and forcing."""
+"""Derivatives of trajectories with respect to initial state, coefficients and forcing."""

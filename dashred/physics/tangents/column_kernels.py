@@ -1,6 +1,6 @@
-"""Passes over the columns of a sensitivity, compiled: each touches a row while it is in the cache.
+"""Compiled loops over the columns of a sensitivity; each loop works on rows that fit in the cache.
 
-Columns are ``(field, column, mode)`` with all axes of a mode flattened; complex64 or complex128.
+Columns are ``(field, column, mode)``, complex64 or complex128. The axes of a mode are flattened.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ Real = NDArray[Any]
 Modes = NDArray[Any]
 Places = NDArray[np.int64]
 
-# Sums may be fused and reordered, but values that are not finite stay what they are.
-compiled = numba.njit(
+# Sums may be fused and reordered; NaN and infinity keep their meaning.
+jit = numba.njit(
     nogil=True, cache=True, fastmath={"contract", "reassoc", "nsz"}, error_model="numpy"
 )
 
 
-@compiled
+@jit
 def apply_slopes(inputs: Real, slopes: Real, reads: Places, writes: Places, out: Real) -> None:
     """Set ``δG_m = Σ_i ∂G_m/∂v_i δv_i``.
 
     Args:
         inputs: δv, ``(input, column, point)``.
         slopes: ∂G/∂v, ``(slope, point)``.
-        reads: input of every slope.
-        writes: channel of every slope, in order.
+        reads: index of the input of each slope.
+        writes: index of the channel of each slope, sorted.
         out: δG, ``(channel, column, point)``.
     """
     for column in range(out.shape[1]):
@@ -43,9 +43,9 @@ def apply_slopes(inputs: Real, slopes: Real, reads: Places, writes: Places, out:
                     g[i] += slope[i] * v[i]
 
 
-@compiled
+@jit
 def add_products(factors: Modes, terms: Modes, reads: Places, writes: Places, out: Modes) -> None:
-    """Add ``factors[s] terms[reads[s]]`` to ``out[writes[s]]``, for every s and column."""
+    """Add ``factors[s] terms[reads[s]]`` to ``out[writes[s]]``, for each s and column."""
     for column in range(out.shape[1]):
         for s in range(len(reads)):
             factor, term, total = factors[s], terms[reads[s], column], out[writes[s], column]
@@ -53,28 +53,28 @@ def add_products(factors: Modes, terms: Modes, reads: Places, writes: Places, ou
                 total[k] += factor[k] * term[k]
 
 
-@compiled
-def spread(modes: Modes, factors: Modes, reads: Places, out: Modes) -> None:
-    """Set ``out[s] = factors[s] modes[reads[s]]``, for every s and column."""
+@jit
+def gather_products(modes: Modes, factors: Modes, reads: Places, out: Modes) -> None:
+    """Set ``out[s] = factors[s] modes[reads[s]]``, for each s and column."""
     for s in range(len(reads)):
         for column in range(out.shape[1]):
-            factor, mode, found = factors[s], modes[reads[s], column], out[s, column]
-            for k in range(len(found)):
-                found[k] = factor[k] * mode[k]
+            factor, mode, result = factors[s], modes[reads[s], column], out[s, column]
+            for k in range(len(result)):
+                result[k] = factor[k] * mode[k]
 
 
-@compiled
+@jit
 def add_rows(rows: Modes, places: Places, out: Modes) -> None:
-    """Add ``rows[row]`` to ``out[equation, column]`` for every ``(equation, column, row)``."""
+    """Add ``rows[r]`` to ``out[e, c]`` for each place ``(e, c, r)``."""
     for p in range(len(places)):
         row, total = rows[places[p, 2]], out[places[p, 0], places[p, 1]]
         for k in range(len(total)):
             total[k] += row[k]
 
 
-@compiled
+@jit
 def add_shifts(symbols: Modes, shift: Modes, places: Places, out: Modes) -> None:
-    """Add ``symbols[p] shift[equation]`` to ``out[equation, column]`` for every place p."""
+    """Add ``symbols[p] shift[equation]`` to ``out[equation, column]`` for each place p."""
     for p in range(len(places)):
         equation = places[p, 0]
         factor, change, total = symbols[p], shift[equation], out[equation, places[p, 1]]
@@ -82,20 +82,20 @@ def add_shifts(symbols: Modes, shift: Modes, places: Places, out: Modes) -> None
             total[k] += factor[k] * change[k]
 
 
-@compiled
+@jit
 def first_stage(
     u: Modes, n: Modes, step: Modes, linear: Modes, rest: Modes, end: Modes, a: Modes
 ) -> None:
-    """Begin a step: set a, and what the later stages add their own N to.
+    """Compute stage a and the contributions of u and N(u) to the later stages.
 
     Args:
-        u: at the begin of the step.
+        u: state at the start of the step.
         n: N(u).
-        step: the coefficients in their order, ``(coefficient, field, mode)``.
-        linear: ``exp(hL/2) u``, for b.
-        rest: ``exp(hL/2) a - q N(u)``, for c.
-        end: ``exp(hL) u + first N(u)``, for the end of the step.
-        a: the next stage.
+        step: coefficients of the step, ``(coefficient, field, mode)``.
+        linear: set to ``exp(hL/2) u``, for stage b.
+        rest: set to ``exp(hL/2) a - q N(u)``, for stage c.
+        end: set to ``exp(hL) u + first N(u)``, for the end of the step.
+        a: set to the next stage.
     """
     for field in range(u.shape[0]):
         full, half, q, first = step[0, field], step[1, field], step[2, field], step[3, field]
@@ -112,25 +112,25 @@ def first_stage(
                 to_end[k] = full[k] * at[k] + first[k] * rate[k]
 
 
-@compiled
-def middle_stage(base: Modes, n: Modes, q: Modes, middle: Modes, end: Modes, found: Modes) -> None:
-    """Set ``found = base + q n`` and add ``middle n`` to the end of the step."""
+@jit
+def middle_stage(base: Modes, n: Modes, q: Modes, middle: Modes, end: Modes, result: Modes) -> None:
+    """Set ``result = base + q n`` and add ``middle n`` to the end of the step."""
     for field in range(base.shape[0]):
         factor, weight = q[field], middle[field]
         for column in range(base.shape[1]):
             known, rate = base[field, column], n[field, column]
-            total, out = end[field, column], found[field, column]
+            total, out = end[field, column], result[field, column]
             for k in range(len(out)):
                 out[k] = known[k] + factor[k] * rate[k]
                 total[k] += weight[k] * rate[k]
 
 
-@compiled
-def last_stage(end: Modes, n: Modes, last: Modes, found: Modes) -> None:
-    """Set ``found = end + last n``."""
+@jit
+def last_stage(end: Modes, n: Modes, last: Modes, result: Modes) -> None:
+    """Set ``result = end + last n``."""
     for field in range(end.shape[0]):
         weight = last[field]
         for column in range(end.shape[1]):
-            total, rate, out = end[field, column], n[field, column], found[field, column]
+            total, rate, out = end[field, column], n[field, column], result[field, column]
             for k in range(len(out)):
                 out[k] = total[k] + weight[k] * rate[k]

@@ -1,7 +1,7 @@
-"""Tangents of an ODE system: what small changes of start and forcing do, beside the trajectory.
+"""Tangents of an ODE system: derivatives of a trajectory by initial state, terms and forcing.
 
-A system without axes has few unknowns and short steps: the trajectory is marched first, then its
-slopes and all sources are evaluated at every stage at once, and the columns are marched with them.
+A system without axes has few unknowns and short steps. The trajectory is integrated first. Then
+the Jacobians and all sources are evaluated at all stages at once, and the tangents are integrated.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from dashred.physics.system import System, Term
 from dashred.physics.tangents.ode_trajectory import trajectory
 
 
-def supports_ode(system: System, terms: Sequence[Term]) -> bool:
-    """Tell whether :func:`tangent_ode` can carry these equations, with such a forcing.
+def has_ode_tangents(system: System, terms: Sequence[Term]) -> bool:
+    """Return whether :func:`tangent_ode` supports these equations and terms.
 
     Args:
         system: any system.
-        terms: what the forcing may hold, lets and parameters resolved. Sources are free.
+        terms: terms of the forcing, with lets and parameters resolved. Sources may be any terms.
     """
     if system.axes or system.tableau is None:
         return False
     try:
         for expr in (*system.resolved.values(), *(term.expression for term in terms)):
-            _slopes(system, expr)
+            _derivatives_by_field(system, expr)
     except (NotDifferentiableError, ArithmeticError):
         return False
     return True
@@ -53,45 +53,46 @@ def tangent_ode(
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Yield state and tangents at every output time: ``δ' = N'(u) δ + s(u, t)``.
 
-    The same as :func:`dashred.physics.tangents.tangent_linear.tangent_linear`, for systems
+    The counterpart of :func:`dashred.physics.tangents.tangent_linear.tangent_linear` for systems
     without axes.
 
     Args:
-        system: one that :func:`supports_ode` tells yes of.
+        system: a system for which :func:`has_ode_tangents` is true.
         start: ``(field,)`` at ``times[0]``, float64.
         directions: ``∂u(0)/∂z``, ``(direction, field)``.
         times: output times ``(time,)``.
-        forcing: one row of further terms, part of the base trajectory and of N'.
+        forcing: one row of additional terms, part of the reference trajectory and of N'.
         sources: column k is ``∂u(t)/∂ξ`` for ``∂u/∂t = … + ξ Σ_{θ in sources[k]} θ(u)`` at 0.
-        sampled_forcing: a free forcing of the base trajectory, of one row.
-        forcing_basis: a column for each: ``∂u(t)/∂a``.
+        sampled_forcing: free forcing of the reference trajectory, one row.
+        forcing_basis: basis of a free forcing; one column ``∂u(t)/∂a`` for each coefficient a.
 
     Yields:
         The state ``(field,)`` and the tangents ``(column, field)``, float64: directions first,
-        then sources, then pulses.
+        then sources, then basis functions.
     """
     assert system.tableau is not None
     tableau, steps = system.tableau, list(schedule(times.tolist(), system.dt))
-    # A trajectory that blows up is told by its values.
+    # A blow-up shows as non-finite values, not as a warning.
     with np.errstate(all="ignore"):
         equations = _equations(system, forcing)
-        clock = _clock(tableau, steps)
-        around = _surroundings(system, clock)
-        forced = _driven(system, clock, sampled_forcing)
-        base = tableau, steps, start.numpy(), system.fields
-        stages, states = trajectory(*base, equations, around, forced)
-        slopes, source = _along(system, stages, around, equations, sources)
-        still = np.zeros((*source.shape[:2], *directions.shape))
-        pulsed = [] if forcing_basis is None else [_pulsed(forcing_basis, clock)]
-        source = np.concatenate([still, source, *pulsed], axis=2)
+        stage_times = _stage_times(tableau, steps)
+        inputs = _time_and_inputs(system, stage_times)
+        forced = _forcing_at_stages(system, stage_times, sampled_forcing)
+        stages, states = trajectory(
+            tableau, steps, start.numpy(), system.fields, equations, inputs, forced
+        )
+        jacobians, source = _jacobians_and_sources(system, stages, inputs, equations, sources)
+        no_source = np.zeros((*source.shape[:2], *directions.shape))
+        basis_source = [] if forcing_basis is None else [_basis_sources(forcing_basis, stage_times)]
+        source = np.concatenate([no_source, source, *basis_source], axis=2)
         begin = directions.double().numpy()
-        found = _columns(tableau, steps, begin, slopes, source)
-    for state, columns in zip(states, found, strict=True):
+        result = _integrate_columns(tableau, steps, begin, jacobians, source)
+    for state, columns in zip(states, result, strict=True):
         yield torch.from_numpy(state), torch.from_numpy(columns)
 
 
-def _clock(tableau: Tableau, steps: Sequence[Step]) -> Array:
-    """Return the time of every stage, ``(step, stage)``."""
+def _stage_times(tableau: Tableau, steps: Sequence[Step]) -> Array:
+    """Return the time of each stage, ``(step, stage)``."""
     return np.array([[step.t + node * step.h for node in tableau.c] for step in steps])
 
 
@@ -105,98 +106,102 @@ def _equations(system: System, forcing: Forcing | None) -> list[Expr]:
     return [add(added[field]) for field in system.fields]
 
 
-def _slopes(system: System, expr: Expr) -> list[Expr]:
+def _derivatives_by_field(system: System, expr: Expr) -> list[Expr]:
     return [differentiate(expr, field) for field in system.fields]
 
 
-def _surroundings(system: System, t: Array) -> dict[str, Array]:
-    """Return the time and the inputs."""
-    return {"t": t, **system.measured.at(t)}
+def _time_and_inputs(system: System, t: Array) -> dict[str, Array]:
+    return {"t": t, **system.input_signals.at(t)}
 
 
-def _driven(system: System, clock: Array, sampled_forcing: SampledForcing | None) -> Array:
-    """Return the free forcing at every stage, ``(step, stage, field)``."""
+def _forcing_at_stages(
+    system: System, stage_times: Array, sampled_forcing: SampledForcing | None
+) -> Array:
+    """Return the free forcing at each stage, ``(step, stage, field)``."""
     if sampled_forcing is None:
-        return np.zeros((*clock.shape, len(system.fields)))
+        return np.zeros((*stage_times.shape, len(system.fields)))
     [values] = sampled_forcing.values.numpy()
     knots = sampled_forcing.knots.numpy()
-    return np.stack([np.interp(clock, knots, along) for along in values.T], axis=-1)
+    return np.stack([np.interp(stage_times, knots, signal) for signal in values.T], axis=-1)
 
 
-def _along(
+def _jacobians_and_sources(
     system: System,
     stages: Array,
-    around: Mapping[str, Array],
+    inputs: Mapping[str, Array],
     equations: Sequence[Expr],
     sources: Sequence[tuple[Term, ...]],
 ) -> tuple[Array, Array]:
-    """Evaluate N' and the sources at every stage at once.
+    """Evaluate N' and the sources at all stages.
 
     Returns:
         ``(step, stage, equation, field)`` and ``(step, stage, column, equation)``.
     """
     fields = len(system.fields)
-    slopes = [slope for expr in equations for slope in _slopes(system, expr)]
+    derivatives = [slope for expr in equations for slope in _derivatives_by_field(system, expr)]
     rows: dict[tuple[int, int], list[Expr]] = {}
     for column, terms in enumerate(sources):
         for term in terms:
             place = column, system.fields.index(term.equation)
             rows.setdefault(place, []).append(term.expression)
     shape = stages.shape[:2]
-    values = {**around, **dict(zip(system.fields, np.moveaxis(stages, -1, 0), strict=True))}
-    found = Pointwise([*slopes, *map(add, rows.values())])(values, shape)
-    jacobian = np.moveaxis(found[: fields**2], 0, -1).reshape(*shape, fields, fields)
-    driven = np.zeros((*shape, len(sources), fields))
-    for (column, equation), body in zip(rows, found[fields**2 :], strict=True):
-        driven[:, :, column, equation] = body
-    return np.ascontiguousarray(jacobian), driven
+    values = {**inputs, **dict(zip(system.fields, np.moveaxis(stages, -1, 0), strict=True))}
+    result = Pointwise([*derivatives, *map(add, rows.values())])(values, shape)
+    jacobian = np.moveaxis(result[: fields**2], 0, -1).reshape(*shape, fields, fields)
+    source = np.zeros((*shape, len(sources), fields))
+    for (column, equation), body in zip(rows, result[fields**2 :], strict=True):
+        source[:, :, column, equation] = body
+    return np.ascontiguousarray(jacobian), source
 
 
-def _pulsed(forcing_basis: ForcingBasis, clock: Array) -> Array:
-    """Return what every pulse adds to the rates, ``(step, stage, column, equation)``."""
-    hats = forcing_basis.hats(clock.ravel()).reshape(*clock.shape, -1)
+def _basis_sources(forcing_basis: ForcingBasis, stage_times: Array) -> Array:
+    """Return the source of each basis function, ``(step, stage, column, equation)``."""
+    hats = forcing_basis.hats(stage_times.ravel()).reshape(*stage_times.shape, -1)
     cells = forcing_basis.bumps.numpy().ravel()
     equations = np.eye(forcing_basis.fields)
-    found: Array = np.einsum("ef,c,stk->steckf", equations, cells, hats)
-    return found.reshape(*clock.shape, forcing_basis.count, forcing_basis.fields)
+    result: Array = np.einsum("ef,c,stk->steckf", equations, cells, hats)
+    return result.reshape(*stage_times.shape, forcing_basis.count, forcing_basis.fields)
 
 
-def _columns(
-    tableau: Tableau, steps: Sequence[Step], begin: Array, slopes: Array, source: Array
+def _integrate_columns(
+    tableau: Tableau, steps: Sequence[Step], begin: Array, jacobians: Array, source: Array
 ) -> list[Array]:
-    """Return the columns at every output time, each ``(column, field)``."""
+    """Return the columns at each output time, each ``(column, field)``."""
     lengths = np.array([step.h for step in steps])
-    turns, pushes = _propagators(tableau, lengths, slopes, source)
+    matrices, offsets = _propagators(tableau, lengths, jacobians, source)
     columns = np.zeros(source.shape[2:])
     columns[: len(begin)] = begin
     saved = [columns]
-    for step, turn, push in zip(steps, turns, pushes, strict=True):
-        columns = columns @ turn + push
+    for step, matrix, offset in zip(steps, matrices, offsets, strict=True):
+        columns = columns @ matrix + offset
         if step.ends:
             saved.append(columns)
     return saved
 
 
-def _propagators(tableau: Tableau, h: Array, slopes: Array, source: Array) -> tuple[Array, Array]:
-    """Return what a step does to columns, ``c → c A + b``: it is linear in them.
+def _propagators(
+    tableau: Tableau, h: Array, jacobians: Array, source: Array
+) -> tuple[Array, Array]:
+    """Return A and b of a step of the columns c, ``c → c A + b``.
 
-    The columns are stepped by the method that steps the trajectory itself: then they are its exact
-    derivatives.
+    The same method steps the trajectory and the columns, so the columns are the exact derivatives
+    of the discrete trajectory.
 
     Returns:
         A, ``(step, field, field)``, and b, ``(step, column, field)``.
     """
-    along = h[:, None, None]
-    still = np.broadcast_to(np.eye(slopes.shape[-1]), slopes[:, 0].shape)
-    turned: list[Array] = []
-    pushed: list[Array] = []
+    h = h[:, None, None]
+    identity = np.broadcast_to(np.eye(jacobians.shape[-1]), jacobians[:, 0].shape)
+    matrix_rates: list[Array] = []
+    offset_rates: list[Array] = []
     for stage, shares in enumerate(tableau.a):
-        jacobian = slopes[:, stage].swapaxes(1, 2)
-        turned.append((still + along * _combined(shares, turned)) @ jacobian)
-        at = np.zeros_like(source[:, 0]) + along * _combined(shares, pushed)
-        pushed.append(at @ jacobian + source[:, stage])
-    return still + along * _combined(tableau.b, turned), along * _combined(tableau.b, pushed)
+        jacobian = jacobians[:, stage].swapaxes(1, 2)
+        matrix_rates.append((identity + h * _weighted_sum(shares, matrix_rates)) @ jacobian)
+        offset = np.zeros_like(source[:, 0]) + h * _weighted_sum(shares, offset_rates)
+        offset_rates.append(offset @ jacobian + source[:, stage])
+    matrix = identity + h * _weighted_sum(tableau.b, matrix_rates)
+    return matrix, h * _weighted_sum(tableau.b, offset_rates)
 
 
-def _combined(shares: Sequence[float], rates: Sequence[Array]) -> Array | float:
+def _weighted_sum(shares: Sequence[float], rates: Sequence[Array]) -> Array | float:
     return sum((share * rate for share, rate in zip(shares, rates, strict=True)), 0.0)

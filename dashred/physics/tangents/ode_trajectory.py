@@ -1,6 +1,6 @@
-"""The base trajectory of an ODE system, stepped in plain numbers, with the state at every stage.
+"""Integrate an ODE system in Python floats and save the state at each Runge-Kutta stage.
 
-Of few unknowns an array operation costs what calling it costs: plain numbers take a tenth.
+With few unknowns, call overhead dominates array operations. Floats take a tenth of the time.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ import numpy as np
 
 from dashred.physics.backends.codegen import define
 from dashred.physics.backends.numpy_backend import Array, Pointwise
-from dashred.physics.backends.scalar_backend import NO_NUMBER, scalar_program
+from dashred.physics.backends.scalar_backend import NON_FINITE_ERRORS, scalar_program
 from dashred.physics.expressions.algebra import Expr
 from dashred.physics.runge_kutta import Tableau
 from dashred.physics.solvers.schedule import Step
 
-# ``(state, step, stage)`` to the rates of the fields.
+# ``(state, step, stage)`` → rates of the fields.
 Rates = Callable[[list[float], int, int], list[float]]
-# ``(state, h, step, rates)`` to the states of the stages, and the next state.
+# ``(state, h, step, rates)`` → states of the stages, and the next state.
 Stepper = Callable[[list[float], float, int, Rates], tuple[list[list[float]], list[float]]]
 
 
@@ -30,51 +30,51 @@ def trajectory(
     start: Array,
     fields: Sequence[str],
     equations: Sequence[Expr],
-    around: Mapping[str, Array],
+    inputs: Mapping[str, Array],
     forced: Array,
 ) -> tuple[Array, Array]:
-    """Return the states at every stage ``(step, stage, field)``, and at the output times.
+    """Return the states at the stages, ``(step, stage, field)``, and at the output times.
 
     Args:
         tableau: the method.
-        steps: its steps.
-        start: ``(field,)``.
-        fields: their names.
+        steps: the time steps.
+        start: initial state ``(field,)``.
+        fields: names of the fields.
         equations: right-hand side of each field.
-        around: time and inputs at every stage, ``(step, stage)``.
-        forced: free forcing at every stage, ``(step, stage, field)``.
+        inputs: time and inputs at each stage by name, ``(step, stage)`` each.
+        forced: free forcing at each stage, ``(step, stage, field)``.
     """
-    pushes = forced.tolist()
-    now = np.stack(list(around.values()), axis=-1).tolist()
-    names = [*fields, *around]
+    forcing = forced.tolist()
+    input_values = np.stack(list(inputs.values()), axis=-1).tolist()
+    names = [*fields, *inputs]
     program = scalar_program(equations, names)
 
-    def by_numbers(state: list[float], i: int, stage: int) -> list[float]:
-        found = program(*state, *now[i][stage])
-        return [rate + push for rate, push in zip(found, pushes[i][stage], strict=True)]
+    def scalar_rates(state: list[float], i: int, stage: int) -> list[float]:
+        result = program(*state, *input_values[i][stage])
+        return [rate + f for rate, f in zip(result, forcing[i][stage], strict=True)]
 
     try:
-        return _march(tableau, steps, start, by_numbers)
-    except NO_NUMBER:
+        return _integrate(tableau, steps, start, scalar_rates)
+    except NON_FINITE_ERRORS:
         arrays = Pointwise(equations)
 
-    def by_arrays(state: list[float], i: int, stage: int) -> list[float]:
-        values = np.array([*state, *now[i][stage]])[:, None]
-        found = arrays(dict(zip(names, values, strict=True)), (1,))[:, 0].tolist()
-        return [rate + push for rate, push in zip(found, pushes[i][stage], strict=True)]
+    def array_rates(state: list[float], i: int, stage: int) -> list[float]:
+        values = np.array([*state, *input_values[i][stage]])[:, None]
+        result = arrays(dict(zip(names, values, strict=True)), (1,))[:, 0].tolist()
+        return [rate + f for rate, f in zip(result, forcing[i][stage], strict=True)]
 
-    return _march(tableau, steps, start, by_arrays)
+    return _integrate(tableau, steps, start, array_rates)
 
 
-def _march(
+def _integrate(
     tableau: Tableau, steps: Sequence[Step], start: Array, rates: Rates
 ) -> tuple[Array, Array]:
     advance = _stepper(tableau)
     y: list[float] = start.tolist()
     stages, saved = [], [y]
     for i, step in enumerate(steps):
-        passed, y = advance(y, step.h, i, rates)
-        stages.append(passed)
+        stage_states, y = advance(y, step.h, i, rates)
+        stages.append(stage_states)
         if step.ends:
             saved.append(y)
     return np.array(stages).reshape(len(steps), len(tableau.b), len(start)), np.array(saved)
@@ -82,19 +82,19 @@ def _march(
 
 @cache
 def _stepper(tableau: Tableau) -> Stepper:
-    """Return a step of the method, written out: loops over its stages would cost a third more."""
+    """Return a step of the method as generated code; loops over its stages cost a third more."""
     lines = ["def step(y, h, i, rates):"]
     for stage, shares in enumerate(tableau.a):
-        lines += [f"y{stage} = {_moved(shares)}", f"k{stage} = rates(y{stage}, i, {stage})"]
-    passed = ", ".join(f"y{stage}" for stage in range(len(tableau.a)))
-    lines.append(f"return [{passed}], {_moved(tableau.b)}")
+        lines += [f"y{stage} = {_stage_code(shares)}", f"k{stage} = rates(y{stage}, i, {stage})"]
+    states = ", ".join(f"y{stage}" for stage in range(len(tableau.a)))
+    lines.append(f"return [{states}], {_stage_code(tableau.b)}")
     scope: dict[str, Any] = {}
     define("\n    ".join(lines), scope)
     step: Stepper = scope["step"]
     return step
 
 
-def _moved(shares: Sequence[float]) -> str:
+def _stage_code(shares: Sequence[float]) -> str:
     """Return the code of ``y + h Σ_j shares_j k_j``."""
     read = {j: share for j, share in enumerate(shares) if share}
     if not read:

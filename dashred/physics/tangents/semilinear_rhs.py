@@ -1,7 +1,7 @@
-"""``N(u, t)`` of separated equations in Fourier modes, at few states side by side, in NumPy.
+"""``N(u, t)`` of equations in semilinear form, in Fourier modes, evaluated by NumPy.
 
-A few hundred points are so little that an operation costs what its call costs: NumPy's calls
-cost a fifth of torch's, and one FFT serves all inputs, one all channels.
+On a few hundred points, call overhead dominates. NumPy's overhead is a fifth of torch's. One FFT
+transforms all inputs, and one transforms all channels.
 """
 
 from __future__ import annotations
@@ -15,27 +15,25 @@ from numpy.typing import NDArray
 
 from dashred.physics.backends.numpy_backend import Array, Pointwise
 from dashred.physics.expressions.algebra import Expr, add, scale
-from dashred.physics.expressions.semilinear import Input, Separated, separate
+from dashred.physics.expressions.semilinear import Input, SemilinearForm, semilinear_form
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.grids.fourier_symbols import symbols
 from dashred.physics.grids.spectral import Spectral
 from dashred.physics.grids.transforms import from_modes, to_modes
-from dashred.physics.solvers.compiled_step import between
+from dashred.physics.solvers.compiled_step import find_interval
 from dashred.physics.solvers.forcing import Forcing
-from dashred.physics.solvers.rhs import two_thirds
+from dashred.physics.solvers.rhs import dealias_mask
 from dashred.physics.system import System
 
 Modes = NDArray[Any]
-"""Of the fields, ``(field, state, *modes)``, if nothing else is said."""
+"""Modes of the fields, ``(field, state, *modes)`` unless stated otherwise."""
 
 
-def separated(system: System, forcing: Forcing | None) -> Separated:
-    """Return the separated equations with the forcing of one trajectory added.
-
-    What the equations and the forcing's terms share is computed once.
+def forced_semilinear_form(system: System, forcing: Forcing | None) -> SemilinearForm:
+    """Return the semilinear form of the equations with the forcing of one trajectory.
 
     Raises:
-        NotSeparableError, ArithmeticError: as of :func:`semilinear.separate`.
+        NotSemilinearError, ArithmeticError: see :func:`.semilinear.semilinear_form`.
     """
     added = {field: [expr] for field, expr in system.resolved.items()}
     if forcing is not None:
@@ -43,37 +41,37 @@ def separated(system: System, forcing: Forcing | None) -> Separated:
         for term, coefficient in zip(forcing.terms, coefficients, strict=True):
             added[term.equation].append(scale(coefficient, term.expression))
     equations = {field: add(terms) for field, terms in added.items()}
-    return separate(equations, [axis.name for axis in system.axes])
+    return semilinear_form(equations, [axis.name for axis in system.axes])
 
 
-def symbol_of(system: System, operator: Expr) -> Modes:
+def operator_symbol(system: System, operator: Expr) -> Modes:
     """Return the Fourier symbol of an operator on one field, ``(*modes)``."""
     assert isinstance(system.operators, Spectral)
-    found: Modes = symbols([[operator]], system.operators, torch.device("cpu"))[0].numpy()
-    return found
+    result: Modes = symbols([[operator]], system.operators, torch.device("cpu"))[0].numpy()
+    return result
 
 
-def mask_of(system: System) -> Modes:
-    """Return 1 for the modes that the 2/3 rule keeps, ``(*modes)``: all unless it was asked for."""
+def mode_mask(system: System) -> Modes:
+    """Return the mask of the 2/3 rule, ``(*modes)``; all ones if the integrator does not use it."""
     *first, last = system.grid.shape
     if system.config.integrator.dealias:
-        return two_thirds(system).numpy()
+        return dealias_mask(system).numpy()
     return np.ones((*first, last // 2 + 1))
 
 
 class Inputs:
-    """What pointwise functions read: ``v = V f`` on the grid.
+    """Inputs ``v = V f`` of the pointwise functions, on the grid.
 
     Attributes:
-        fields: the field of every input.
+        fields: index of the field of each input.
         multipliers: V, ``(input, 1, *modes)``.
     """
 
     def __init__(self, system: System, inputs: Mapping[str, Input]) -> None:
         self.names, self.shape = tuple(inputs), system.grid.shape
         self.fields = np.array([system.fields.index(v.field) for v in inputs.values()], dtype=int)
-        found = [symbol_of(system, v.operator)[None] for v in inputs.values()]
-        self.multipliers = np.array(found)
+        result = [operator_symbol(system, v.operator)[None] for v in inputs.values()]
+        self.multipliers = np.array(result)
 
     def __call__(self, modes: Modes) -> Array:
         """Return the inputs, ``(input, state, *grid)``."""
@@ -82,65 +80,69 @@ class Inputs:
         return from_modes(modes[self.fields] * self.multipliers, self.shape)
 
     def named(self, points: Array) -> dict[str, Array]:
-        """Return the inputs by their names."""
+        """Return the inputs by name."""
         return dict(zip(self.names, points, strict=True))
 
 
-class SeparatedTendency:
-    """``û' = Lû + N(û, t)`` of a system with one forcing and one drive.
+class SemilinearTendency:
+    """``û' = Lû + N(û, t)`` of a system with one forcing and one free forcing.
 
     Attributes:
-        parts: the equations taken apart.
+        form: the semilinear form of the equations.
         linear: L, ``(field, 1, *modes)``.
-        outside: D, ``(channel, 1, *modes)``; the modes dropped by the 2/3 rule are zero.
-        places: the equation of every channel.
-        couplings: ``(equation, field, C)``, likewise.
+        channel_symbols: D, ``(channel, 1, *modes)``; zero for modes removed by the 2/3 rule.
+        channel_equations: index of the equation of each channel.
+        couplings: ``(equation, field, C)``; C is zero for modes removed by the 2/3 rule.
     """
 
     def __init__(
         self, system: System, forcing: Forcing | None, sampled_forcing: SampledForcing | None = None
     ) -> None:
         assert isinstance(system.operators, Spectral)
-        self.parts = separated(system, forcing)
+        self.form = forced_semilinear_form(system, forcing)
         index = {field: i for i, field in enumerate(system.fields)}
-        linear = list(self.parts.linear.values())
+        linear = list(self.form.linear.values())
         self.linear = symbols(linear, system.operators, torch.device("cpu"))[:, None]
-        self.inputs = Inputs(system, self.parts.inputs)
-        self.rank, self.mask = len(system.grid.shape), mask_of(system)
-        outside = [self.mask * symbol_of(system, c.operator) for c in self.parts.channels]
-        self.outside = np.array(outside)[:, None]
-        self.places = [index[channel.equation] for channel in self.parts.channels]
+        self.inputs = Inputs(system, self.form.inputs)
+        self.rank, self.mask = len(system.grid.shape), mode_mask(system)
+        result = [self.mask * operator_symbol(system, c.operator) for c in self.form.channels]
+        self.channel_symbols = np.array(result)[:, None]
+        self.channel_equations = [index[channel.equation] for channel in self.form.channels]
         self.couplings = [
-            (index[equation], index[field], self.mask * symbol_of(system, operator))
-            for equation, couplings in self.parts.couplings.items()
+            (index[equation], index[field], self.mask * operator_symbol(system, operator))
+            for equation, couplings in self.form.couplings.items()
             for field, operator in couplings.items()
         ]
-        self._bodies = Pointwise([channel.body for channel in self.parts.channels])
+        self._channel_bodies = Pointwise([channel.body for channel in self.form.channels])
         self._coordinates = {k: v.numpy() for k, v in system.grid.places.items()}
-        self._measured = system.measured
+        self._input_signals = system.input_signals
         self._knots: Array = (
             np.zeros(0) if sampled_forcing is None else sampled_forcing.knots.numpy()
         )
         if sampled_forcing is not None:
             hats = to_modes(sampled_forcing.values[0].numpy(), self.rank)
-            self._drive: Modes = self.mask * hats[:, :, None]
+            self._forcing_modes: Modes = self.mask * hats[:, :, None]
 
     def coordinates_and_inputs(self, t: Array) -> dict[str, Array]:
-        """Return coordinates, time and measured inputs, at some times."""
-        return {**self._coordinates, "t": t, **self._measured.at(t)}
+        """Return coordinates, time and measured inputs at times ``t``."""
+        return {**self._coordinates, "t": t, **self._input_signals.at(t)}
 
     def __call__(self, modes: Modes, points: Array, t: float) -> Modes:
-        """Return N of states in modes; ``points`` are their inputs."""
+        """Return N in modes, given the modes of the states and their inputs on the grid."""
         values = {**self.coordinates_and_inputs(np.array(t)), **self.inputs.named(points)}
-        channels = self._bodies(values, (modes.shape[1], *self.inputs.shape))
+        channels = self._channel_bodies(values, (modes.shape[1], *self.inputs.shape))
         hats = to_modes(channels, self.rank)
-        hats *= self.outside
-        found: Modes = hats[: len(modes)]
-        for place, hat in zip(self.places[len(modes) :], hats[len(modes) :], strict=True):
-            found[place] += hat
+        hats *= self.channel_symbols
+        result: Modes = hats[: len(modes)]
+        for equation, hat in zip(
+            self.channel_equations[len(modes) :], hats[len(modes) :], strict=True
+        ):
+            result[equation] += hat
         for equation, field, symbol in self.couplings:
-            found[equation] += symbol * modes[field]
+            result[equation] += symbol * modes[field]
         if len(self._knots):
-            k, share = between(self._knots, t)
-            found += (1 - share) * self._drive[k] + share * self._drive[k + 1]
-        return found
+            k, fraction = find_interval(self._knots, t)
+            result += (1 - fraction) * self._forcing_modes[k] + fraction * self._forcing_modes[
+                k + 1
+            ]
+        return result

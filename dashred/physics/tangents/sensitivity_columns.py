@@ -1,4 +1,4 @@
-"""The columns of a sensitivity, many side by side, through the steps of their base trajectory."""
+"""Integrate the columns of a sensitivity along a reference trajectory."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from dashred.physics.expressions.algebra import Expr
 from dashred.physics.grids.transforms import from_modes, to_modes
 from dashred.physics.solvers.schedule import Step
 from dashred.physics.tangents import column_kernels as kernels
-from dashred.physics.tangents.reference_trajectory import STAGES, BaseMarch
+from dashred.physics.tangents.reference_trajectory import STAGES, ReferenceTrajectory
 from dashred.physics.tangents.semilinear_rhs import Modes
 from dashred.physics.tangents.sources import Sources
 
 Real = NDArray[Any]
 
 
-class Block(NamedTuple):
-    """What the columns need of the stages of some steps; all axes of a grid flattened.
+class StageBlock(NamedTuple):
+    """Data of the reference trajectory at the stages of some steps; grid axes are flattened.
 
     Attributes:
         slopes: ∂G/∂v, ``(stage, slope, point)``.
-        rows: what drives N, ``(stage, row, mode)``.
-        shifts: what drives the next stage with L, ``(stage, field, mode)``.
+        rows: source terms of N, ``(stage, row, mode)``.
+        shifts: derivatives of the next stage with respect to L, ``(stage, field, mode)``.
     """
 
     slopes: Real
@@ -34,57 +34,59 @@ class Block(NamedTuple):
     shifts: Modes
 
 
-class ColumnMarch:
-    """Steps ``δu' = Lδu + N'(u)δu + θ``. ETDRK4 is linear in its stages: so is its derivative.
+class SensitivityIntegrator:
+    """Integrates ``δu' = Lδu + N'(u)δu + θ`` with ETDRK4.
 
     Attributes:
-        slopes: the ∂G/∂v that a block must hold, in its order.
+        slopes: the expressions ∂G/∂v, in the order of ``StageBlock.slopes``.
 
     Args:
-        base: what is differentiated.
-        sources: θ.
+        reference: the trajectory u.
+        sources: the sources θ.
         dtype: precision, float32 or float64.
     """
 
-    def __init__(self, base: BaseMarch, sources: Sources, dtype: type[np.floating[Any]]) -> None:
-        tendency = base.tendency
-        self.base, self.sources = base, sources
+    def __init__(
+        self, reference: ReferenceTrajectory, sources: Sources, dtype: type[np.floating[Any]]
+    ) -> None:
+        tendency = reference.tendency
+        self.reference, self.sources = reference, sources
         self.dtype = np.result_type(dtype, np.complex64)
         self.shape = tendency.inputs.shape
-        found = [
+        result = [
             (channel, tendency.inputs.names.index(name), slope)
-            for channel, part in enumerate(tendency.parts.channels)
-            for name, slope in tendency.parts.slopes(part).items()
+            for channel, part in enumerate(tendency.form.channels)
+            for name, slope in tendency.form.slopes(part).items()
         ]
-        self.slopes: list[Expr] = [slope for _, _, slope in found]
-        # Neither FFTs of inputs without a slope nor of channels without one.
-        channels, self._writes = _numbered([channel for channel, _, _ in found])
-        inputs, self._reads = _numbered([place for _, place, _ in found])
+        self.slopes: list[Expr] = [slope for _, _, slope in result]
+        # Inputs and channels without a slope need no FFT.
+        channels, self._writes = _renumber([channel for channel, _, _ in result])
+        inputs, self._reads = _renumber([place for _, place, _ in result])
         self._fields = tendency.inputs.fields[inputs]
         self._multipliers = self._flat(tendency.inputs.multipliers[inputs])
-        self._outside = self._flat(tendency.outside[channels])
-        self._places = np.array(tendency.places, dtype=int)[channels]
+        self._channel_symbols = self._flat(tendency.channel_symbols[channels])
+        self._channel_equations = np.array(tendency.channel_equations, dtype=int)[channels]
         couplings = [symbol for _, _, symbol in tendency.couplings]
         self._couplings = self._flat(np.array(couplings).reshape(-1, *tendency.mask.shape))
         pairs = [(equation, field) for equation, field, _ in tendency.couplings]
         self._coupled = np.array(pairs, dtype=int).reshape(-1, 2).T.copy()
         self._coefficients = cache(
-            lambda h: np.array([self._flat(c) for c in base.coefficients(h)])
+            lambda h: np.array([self._flat(c) for c in reference.coefficients(h)])
         )
 
-    def carry(
-        self, steps: Sequence[Step], modes: Modes, chunk: range, block: Block
+    def advance(
+        self, steps: Sequence[Step], modes: Modes, chunk: range, block: StageBlock
     ) -> tuple[Modes, list[Real]]:
-        """Step some columns.
+        """Integrate some columns over a block of steps.
 
         Args:
-            steps: the steps of the block.
-            modes: ``(field, column, *modes)``.
-            chunk: which columns these are.
-            block: of the base trajectory.
+            steps: the time steps.
+            modes: modes of the columns, ``(field, column, *modes)``.
+            chunk: indices of the columns.
+            block: data of the reference trajectory.
 
         Returns:
-            The last modes and the columns at output times, ``(field, column, *grid)``.
+            The final modes and the columns at output times, ``(field, column, *grid)``.
         """
         work = _Chunk(self, modes.shape, chunk)
         outputs = []
@@ -98,35 +100,39 @@ class ColumnMarch:
 
     def in_modes(self, points: Real) -> Modes:
         """Return the modes of columns ``(field, column, *grid)``."""
-        mask = self.base.tendency.mask.astype(points.dtype)
-        found: Modes = to_modes(points, len(self.shape)) * mask
-        return found
+        mask = self.reference.tendency.mask.astype(points.dtype)
+        result: Modes = to_modes(points, len(self.shape)) * mask
+        return result
 
     def _flat(self, symbols: Modes) -> Modes:
-        """Return symbols ``(…, *modes)`` of one thing each as ``(thing, mode)``."""
-        return symbols.reshape(len(symbols), self.base.tendency.mask.size).astype(self.dtype)
+        """Flatten symbols ``(item, …, *modes)`` to ``(item, mode)``."""
+        return symbols.reshape(len(symbols), self.reference.tendency.mask.size).astype(self.dtype)
 
 
 class _Chunk:
-    """Columns that are stepped together, and the memory that this takes."""
+    """Columns that are integrated together, with their work arrays."""
 
-    def __init__(self, march: ColumnMarch, shape: tuple[int, ...], chunk: range) -> None:
-        self.march, self.shape = march, shape
-        sources = march.sources
-        symbols = sources.symbols.reshape(len(sources.symbols), march.base.tendency.mask.size)
-        self.shifts = _within(sources.shifts, chunk)
-        self.symbols = symbols[self.shifts[:, 2]].astype(march.dtype)
-        self.drives = _within(sources.drives, chunk)
-        fields, columns, size = shape[0], shape[1], march.base.tendency.mask.size
-        memory = np.empty((5, fields, columns, size), dtype=march.dtype)
+    def __init__(
+        self, integrator: SensitivityIntegrator, shape: tuple[int, ...], chunk: range
+    ) -> None:
+        self.integrator, self.shape = integrator, shape
+        sources = integrator.sources
+        symbols = sources.symbols.reshape(
+            len(sources.symbols), integrator.reference.tendency.mask.size
+        )
+        self.shifts = _select_columns(sources.shifts, chunk)
+        self.symbols = symbols[self.shifts[:, 2]].astype(integrator.dtype)
+        self.drives = _select_columns(sources.drives, chunk)
+        fields, columns, size = shape[0], shape[1], integrator.reference.tendency.mask.size
+        memory = np.empty((5, fields, columns, size), dtype=integrator.dtype)
         self.n, self.linear, self.rest, self.end, self.stage = memory
-        self.spectra = np.empty((len(march._fields), columns, size), dtype=march.dtype)
-        real = np.empty(0, dtype=march.dtype).real.dtype
-        points = int(np.prod(march.shape))
-        self.channels = np.empty((len(march._places), columns, points), dtype=real)
+        self.spectra = np.empty((len(integrator._fields), columns, size), dtype=integrator.dtype)
+        real = np.empty(0, dtype=integrator.dtype).real.dtype
+        points = int(np.prod(integrator.shape))
+        self.channels = np.empty((len(integrator._channel_equations), columns, points), dtype=real)
 
-    def step(self, modes: Modes, step: Modes, block: Block, at: int) -> Modes:
-        """Return the columns after a step whose first stage is the block's stage ``at``."""
+    def step(self, modes: Modes, step: Modes, block: StageBlock, at: int) -> Modes:
+        """Return the columns after the step whose first stage has index ``at`` in the block."""
         u = np.ascontiguousarray(modes).reshape(self.n.shape)
         _, _, q, _, middle, last = step
         self._tendency(u, block, at)
@@ -139,45 +145,47 @@ class _Chunk:
         kernels.middle_stage(self.rest, self.n, 2 * q, middle, self.end, self.stage)
         self._shift(self.stage, block, at + 2)
         self._tendency(self.stage, block, at + 3)
-        found = np.empty_like(u)
-        kernels.last_stage(self.end, self.n, last, found)
-        self._shift(found, block, at + 3)
-        return found.reshape(self.shape)
+        result = np.empty_like(u)
+        kernels.last_stage(self.end, self.n, last, result)
+        self._shift(result, block, at + 3)
+        return result.reshape(self.shape)
 
-    def _shift(self, modes: Modes, block: Block, at: int) -> None:
+    def _shift(self, modes: Modes, block: StageBlock, at: int) -> None:
         kernels.add_shifts(self.symbols, block.shifts[at], self.shifts, modes)
 
-    def _tendency(self, modes: Modes, block: Block, at: int) -> None:
+    def _tendency(self, modes: Modes, block: StageBlock, at: int) -> None:
         """Set ``n`` to ``N'δu + θ``."""
-        march = self.march
+        integrator = self.integrator
         self.n[...] = 0
-        if len(march.slopes):
+        if len(integrator.slopes):
             hats = self._channels(modes, block.slopes[at])
             order = np.arange(len(hats))
-            kernels.add_products(march._outside, hats, order, march._places, self.n)
-        equations, fields = march._coupled
-        kernels.add_products(march._couplings, modes, fields, equations, self.n)
+            kernels.add_products(
+                integrator._channel_symbols, hats, order, integrator._channel_equations, self.n
+            )
+        equations, fields = integrator._coupled
+        kernels.add_products(integrator._couplings, modes, fields, equations, self.n)
         kernels.add_rows(block.rows[at], self.drives, self.n)
 
     def _channels(self, modes: Modes, slopes: Real) -> Modes:
         """Return δG in modes, ``(channel, column, mode)``."""
-        march = self.march
-        kernels.spread(modes, march._multipliers, march._fields, self.spectra)
-        inputs = from_modes(self.spectra.reshape(-1, *self.shape[1:]), march.shape)
+        integrator = self.integrator
+        kernels.gather_products(modes, integrator._multipliers, integrator._fields, self.spectra)
+        inputs = from_modes(self.spectra.reshape(-1, *self.shape[1:]), integrator.shape)
         flat = inputs.reshape(*inputs.shape[:2], -1)
-        kernels.apply_slopes(flat, slopes, march._reads, march._writes, self.channels)
-        channels = self.channels.reshape(*self.channels.shape[:2], *march.shape)
-        hats = to_modes(channels, len(march.shape))
+        kernels.apply_slopes(flat, slopes, integrator._reads, integrator._writes, self.channels)
+        channels = self.channels.reshape(*self.channels.shape[:2], *integrator.shape)
+        hats = to_modes(channels, len(integrator.shape))
         return hats.reshape(*hats.shape[:2], -1)
 
 
-def _numbered(places: list[int]) -> tuple[list[int], NDArray[np.int64]]:
-    """Return the different places, in order, and the number among them of each."""
+def _renumber(places: list[int]) -> tuple[list[int], NDArray[np.int64]]:
+    """Return the sorted distinct places, and the index of each place among them."""
     different = sorted(set(places))
     return different, np.array([different.index(place) for place in places], dtype=np.int64)
 
 
-def _within(places: Sequence[tuple[int, int, int]], chunk: range) -> NDArray[np.int64]:
-    """Return the places in some columns, counted from the first of these."""
-    found = [(e, column - chunk.start, i) for e, column, i in places if column in chunk]
-    return np.array(found, dtype=np.int64).reshape(-1, 3)
+def _select_columns(places: Sequence[tuple[int, int, int]], chunk: range) -> NDArray[np.int64]:
+    """Return the places in a chunk of columns, with column indices relative to the chunk."""
+    result = [(e, column - chunk.start, i) for e, column, i in places if column in chunk]
+    return np.array(result, dtype=np.int64).reshape(-1, 3)

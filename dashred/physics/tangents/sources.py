@@ -1,4 +1,4 @@
-"""What drives the columns of a sensitivity: terms along a trajectory, many instants at once."""
+"""Sources of the columns of a sensitivity: terms evaluated along a trajectory."""
 
 from __future__ import annotations
 
@@ -13,34 +13,34 @@ from dashred.physics.backends.numpy_backend import Array
 from dashred.physics.backends.torch_backend import Program
 from dashred.physics.expressions.algebra import ZERO, Expr, add
 from dashred.physics.expressions.linear import split_linear
-from dashred.physics.expressions.semilinear import NotSeparableError, Separator
+from dashred.physics.expressions.semilinear import NotSemilinearError, SemilinearBuilder
 from dashred.physics.forcing_basis import ForcingBasis
 from dashred.physics.grids.grid_value import Value, on_whole_grid
 from dashred.physics.grids.transforms import to_modes
 from dashred.physics.system import System, Term
-from dashred.physics.tangents.semilinear_rhs import Inputs, Modes, mask_of, symbol_of
+from dashred.physics.tangents.semilinear_rhs import Inputs, Modes, mode_mask, operator_symbol
 
 Places = list[tuple[int, int, int]]
 
 
 class Sources:
-    """``Σ_{θ in sources[k]} θ(u)`` of every equation.
+    """Sources ``Σ_{θ in sources[k]} θ(u)`` of each equation.
 
-    A term linear in its own field shifts L, as it does where it is part of the equations. The
-    others drive N, and a term that drives several equations is evaluated once.
+    A term that is linear in the field of its equation changes L, as it does in the equations. The
+    other terms are sources of N. A term in several equations is evaluated once.
 
     Attributes:
-        shifts: ``(equation, column, i)`` for the i-th of the symbols.
-        symbols: of the linear terms, ``(shift, *modes)``.
-        drives: ``(equation, column, row)`` for a row of what is called.
-        bodies: the pointwise functions of the rows, to be evaluated by the caller.
-        inputs: what the bodies read.
+        shifts: ``(equation, column, i)`` for linear term i.
+        symbols: Fourier symbols of the linear terms, ``(i, *modes)``.
+        drives: ``(equation, column, row)`` for each row of the result of a call.
+        bodies: the pointwise functions of the rows; the caller evaluates them.
+        inputs: the inputs of the bodies.
 
     Args:
-        system: names the fields.
-        sources: terms of each driven column, lets and parameters resolved.
-        first: the first driven column.
-        pulses: each a column of its own after these.
+        system: the simulator.
+        sources: terms of each column, with lets and parameters resolved.
+        first: index of the first of these columns.
+        forcing_basis: basis of a free forcing; one further column for each coefficient.
     """
 
     def __init__(
@@ -60,19 +60,19 @@ class Sources:
             linear, rest = split_linear(expr, equation)
             if linear:
                 self.shifts.append((*place, len(symbols)))
-                symbols.append(symbol_of(system, add(linear)))
+                symbols.append(operator_symbol(system, add(linear)))
             if rest != ZERO:
                 self.drives.append((*place, rows.setdefault(rest, len(rows))))
-        mask = mask_of(system)
+        mask = mode_mask(system)
         self.symbols = np.array(symbols).reshape(-1, *mask.shape)
         self.rows, self._mask = len(rows), mask
-        self._take_apart(rows)
-        self._pulses = forcing_basis
+        self._separate(rows)
+        self._forcing_basis = forcing_basis
         if forcing_basis is not None:
-            self._place_pulses(forcing_basis, first + len(sources))
+            self._add_forcing_basis(forcing_basis, first + len(sources))
 
-    def _place_pulses(self, forcing_basis: ForcingBasis, first: int) -> None:
-        """Let the pulses of all equations share a row for every cell and knot."""
+    def _add_forcing_basis(self, forcing_basis: ForcingBasis, first: int) -> None:
+        """Add the columns of the basis; all equations share one row for each cell and knot."""
         fields, cells, knots = forcing_basis.shape
         places = product(range(fields), range(cells * knots))
         self.drives += [(e, column, self.rows + i) for column, (e, i) in enumerate(places, first)]
@@ -81,46 +81,46 @@ class Sources:
     def __call__(
         self, values: Array, modes: Modes, times: Array, dtype: type[np.floating[Any]]
     ) -> Modes:
-        """Return the rows in modes, ``(row, instant, *modes)``.
+        """Return the rows in modes, ``(row, time, *modes)``.
 
         Args:
-            values: of the bodies on the grid, ``(body, instant, *grid)``.
-            modes: of the fields, ``(field, instant, *modes)``.
-            times: ``(instant, 1, …)`` with a 1 for every axis.
+            values: values of the bodies on the grid, ``(body, time, *grid)``.
+            modes: modes of the fields, ``(field, time, *modes)``.
+            times: ``(time, 1, …)`` with a 1 for each axis of the grid.
             dtype: precision of the result.
         """
-        hats = self._transformed(values, modes, times, dtype)
+        hats = self._to_modes(values, modes, times, dtype)
         modes = modes.astype(np.result_type(dtype, np.complex64))
-        found = np.zeros((self.rows, *modes.shape[1:]), dtype=modes.dtype)
+        result = np.zeros((self.rows, *modes.shape[1:]), dtype=modes.dtype)
         for row, body, symbol in self._channels:
-            found[row] += hats[body] * symbol.astype(modes.dtype)
+            result[row] += hats[body] * symbol.astype(modes.dtype)
         for row, field, symbol in self._couplings:
-            found[row] += modes[field] * symbol.astype(modes.dtype)
-        if self._pulses is None:
-            return found
-        hats = self._pulses.hats(times.ravel())
-        forcing_basis = np.einsum("tk,c...->ckt...", hats, self.bumps).astype(found.dtype)
-        return np.concatenate((found, forcing_basis.reshape(-1, *found.shape[1:])))
+            result[row] += modes[field] * symbol.astype(modes.dtype)
+        if self._forcing_basis is None:
+            return result
+        hats = self._forcing_basis.hats(times.ravel())
+        basis_rows = np.einsum("tk,c...->ckt...", hats, self.bumps).astype(result.dtype)
+        return np.concatenate((result, basis_rows.reshape(-1, *result.shape[1:])))
 
-    def _transformed(
+    def _to_modes(
         self, values: Array, modes: Modes, times: Array, dtype: type[np.floating[Any]]
     ) -> Modes:
         points = values.astype(dtype)
         if self._others:
-            points = np.concatenate((points, self._evaluated(modes, times).astype(dtype)))
+            points = np.concatenate((points, self._evaluate_others(modes, times).astype(dtype)))
         return to_modes(points, len(self.system.grid.shape)) if len(points) else points
 
-    def _take_apart(self, rows: Mapping[Expr, int]) -> None:
+    def _separate(self, rows: Mapping[Expr, int]) -> None:
         fields, axes = self.system.fields, [axis.name for axis in self.system.axes]
-        separator = Separator(frozenset(fields), tuple(axes))
+        builder = SemilinearBuilder(frozenset(fields), tuple(axes))
         bodies: dict[Expr, int] = {}
         others: dict[Expr, int] = {}
         self._channels: list[tuple[int, int, Modes]] = []
         self._couplings: list[tuple[int, int, Modes]] = []
         for expr, row in rows.items():
             try:
-                couplings, channels = separator.equation("", expr)
-            except NotSeparableError:
+                couplings, channels = builder.equation("", expr)
+            except NotSemilinearError:
                 others[expr] = row
                 continue
             for field, operator in couplings.items():
@@ -131,30 +131,30 @@ class Sources:
                     self._channels.append((row, body, self._symbol(channel.operator)))
         for body, row in enumerate(others.values(), len(bodies)):
             self._channels.append((row, body, self._mask.astype(complex)))
-        self.bodies, self.inputs = list(bodies), Inputs(self.system, separator.inputs)
+        self.bodies, self.inputs = list(bodies), Inputs(self.system, builder.inputs)
         self._others = Program(list(others)) if others else None
 
     def _symbol(self, operator: Expr) -> Modes:
-        found: Modes = self._mask * symbol_of(self.system, operator)
-        return found
+        result: Modes = self._mask * operator_symbol(self.system, operator)
+        return result
 
-    def _evaluated(self, modes: Modes, times: Array) -> Array:
-        """Return terms that are no pointwise functions of inputs, ``(term, instant, *grid)``."""
+    def _evaluate_others(self, modes: Modes, times: Array) -> Array:
+        """Return the terms without a semilinear form, ``(term, time, *grid)``."""
         assert self._others is not None
         system = self.system
         hats = torch.from_numpy(modes)
         points = torch.fft.irfftn(hats, s=system.grid.shape, dim=system.grid.dims)
         values = system.coordinates_and_inputs(times, hats.device)
         values |= dict(zip(system.fields, map(Value, points, hats), strict=True))
-        found = (system.operators.on_grid(v) for v in self._others(values, system.operators))
+        result = (system.operators.on_grid(v) for v in self._others(values, system.operators))
         shape = (modes.shape[1], *system.grid.shape)
-        rows = [on_whole_grid(f, system.grid).expand(shape) for f in found]
+        rows = [on_whole_grid(f, system.grid).expand(shape) for f in result]
         return torch.stack(rows).numpy()
 
 
 def _by_place(sources: Sequence[tuple[Term, ...]], first: int) -> dict[tuple[str, int], Expr]:
-    found: dict[tuple[str, int], list[Expr]] = {}
+    result: dict[tuple[str, int], list[Expr]] = {}
     for column, terms in enumerate(sources, first):
         for term in terms:
-            found.setdefault((term.equation, column), []).append(term.expression)
-    return {place: add(terms) for place, terms in found.items()}
+            result.setdefault((term.equation, column), []).append(term.expression)
+    return {place: add(terms) for place, terms in result.items()}

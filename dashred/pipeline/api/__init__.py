@@ -1,1 +1,1 @@
-"""The Python API: the stages of a run without MLflow and without files."""
+"""The Python API: the stages of an analysis without MLflow and without files."""

@@ -1,4 +1,4 @@
-"""What a check of a problem has found, as an object that prints."""
+"""Result of the check of a problem."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from dashred.pipeline.check.page import Page
 
 @dataclass(frozen=True, repr=False)
 class Check:
-    """What is wrong or doubtful about a problem; printing it shows all of it.
+    """Errors and warnings about a problem; printing the object shows all of them.
 
     Attributes:
-        text: every remark, by section.
-        errors: count of remarks on what a run would refuse.
-        left_to_do: count of lines that are still to be filled in.
-        warnings: count of remarks to look at before a run is trusted.
+        text: all remarks, by section.
+        errors: number of errors, which a run would refuse.
+        left_to_do: number of lines of the configuration that are not filled in yet.
+        warnings: number of warnings, which should be examined before a run is trusted.
     """
 
     text: str
@@ -26,12 +26,12 @@ class Check:
 
     @classmethod
     def of(cls, page: Page) -> Check:
-        """Take it from what a check has shown."""
+        """Return the result that a check has written to its page."""
         count = page.count
         return cls("\n".join(page.lines), count["error"], count["to do"], count["warning"])
 
     def __str__(self) -> str:
-        """Every remark, by section."""
+        """All remarks, by section."""
         return self.text
 
     __repr__ = __str__

@@ -1,4 +1,4 @@
-"""A system as Python code names it: a bundled name, a YAML file, or a dict; with overrides."""
+"""Definition of a system in Python: a bundled name, a YAML file or a dict, with overrides."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ from typing import Any
 
 from dashred.config import Config, Source, build_config, read_file
 from dashred.config.commandline import find_system
-from dashred.config.source_dict import overrides_of, source_of
-from dashred.core.arguments import PLACE
+from dashred.config.source_dict import overrides_from_dict, source_from_dict
+from dashred.core.arguments import COMMAND_LINE
 from dashred.core.errors import InputError
 
 OVERRIDES, DICT, NAME = "overrides", "dict", "system"
-# The recording is an argument of its own, and results go where Result.save is told.
-NOT_HERE = {
+# Keys of the configuration that have no effect in this API, with a hint.
+UNSUPPORTED = {
     "output": "Result.save(folder) writes the files",
-    "tracking": "this API keeps nothing in MLflow",
+    "tracking": "this API does not use MLflow",
 }
 
 
 @dataclass(frozen=True)
 class Definition:
-    """A system, and what lies over its values.
+    """A system and the values that override its configuration.
 
     Attributes:
-        written: its values, as they were written.
-        name: of the system.
-        source: its file; None for a dict.
-        overrides: values over it, by dotted or nested keys.
-        places: what messages call an override that was an argument of its own.
+        written: values of the configuration, as they were written.
+        name: name of the system.
+        source: file of the configuration; None for a dict.
+        overrides: values that override the configuration, by dotted or nested keys.
+        places: names that error messages use for overrides that were arguments, by key.
         trust: ``MODULE.CLASS`` of a simulator in Python whose code may run.
     """
 
@@ -46,20 +46,20 @@ class Definition:
         """Return the checked configuration.
 
         Raises:
-            InputError: anything wrong in the values.
+            InputError: a value is invalid.
         """
         values = dict(self.overrides) if seed is None else {**self.overrides, "seed": seed}
-        overrides = overrides_of(values, OVERRIDES)
-        for key, advice in NOT_HERE.items():
+        overrides = overrides_from_dict(values, OVERRIDES)
+        for key, hint in UNSUPPORTED.items():
             if key in overrides.values:
-                raise InputError(f"{key} cannot be set here", where=OVERRIDES, hint=advice)
+                raise InputError(f"{key} cannot be set here", where=OVERRIDES, hint=hint)
         overrides.lines.update(self.places)
         try:
             return build_config(
                 self.written, overrides, name=self.name, source=self.source, trust=self.trust
             )
         except InputError as error:
-            raise _placed(error, OVERRIDES) from None
+            raise _with_place(error, OVERRIDES) from None
 
 
 def from_file(
@@ -68,22 +68,22 @@ def from_file(
     places: Mapping[str, str],
     trust: str | None,
 ) -> Definition:
-    """Return a bundled system by name, or one from a YAML file.
+    """Return a bundled system by name, or a system from a YAML file.
 
     Raises:
-        InputError: there is no such system, or its file cannot be read.
+        InputError: the system does not exist, or its file cannot be read.
     """
     try:
         path, label = find_system(os.fspath(system))
     except InputError as error:
-        raise _placed(error, "from_yaml") from None
+        raise _with_place(error, "from_yaml") from None
     written = read_file(path, label=label)
     return Definition(written, path.stem, path.resolve(), overrides, places, trust)
 
 
-def _placed(error: InputError, place: str) -> InputError:
-    """Return the error with the place of Python's arguments for that of a command line's words."""
-    if error.where != PLACE:
+def _with_place(error: InputError, place: str) -> InputError:
+    """Return an error of the command line as an error of the named Python argument."""
+    if error.where != COMMAND_LINE:
         return error
     return InputError(error.what, where=place, hint=error.hint)
 
@@ -95,9 +95,9 @@ def from_values(
     places: Mapping[str, str],
     trust: str | None,
 ) -> Definition:
-    """Return a system that is a dict.
+    """Return a system that is given as a dict.
 
     Raises:
-        InputError: it holds what YAML could not.
+        InputError: the dict contains a value that YAML cannot represent.
     """
-    return Definition(source_of(values, DICT), name, None, overrides, places, trust)
+    return Definition(source_from_dict(values, DICT), name, None, overrides, places, trust)

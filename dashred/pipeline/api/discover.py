@@ -1,4 +1,4 @@
-"""The stages of a run, from a recording in memory to a result in memory."""
+"""Run all stages of an analysis on a recording in memory and return the result."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dashred.core.findings.schema import Findings
 from dashred.core.progress import Silent, shown_on
 from dashred.core.tracking import NullTracker
 from dashred.data.episodes import Episodes
-from dashred.inference.results.corrected_system import correct
+from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.pipeline import equations
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.api.result import Result
@@ -38,44 +38,45 @@ def discover(config: Config, recorded: Episodes) -> Result:
         InputError: the input is wrong.
     """
     clock = time.perf_counter()
-    posed = build_problem(config, recorded)
-    # With no store there is nowhere to log a model to.
-    posed = replace(posed, config=_untracked(config))
+    problem = build_problem(config, recorded)
+    problem = replace(problem, config=_without_model_log(config))
     seconds: dict[str, float] = {}
-    found = _of_snapshots if posed.snapshots is not None else _of_equations
-    result = found(posed, seconds)
+    if problem.snapshots is not None:
+        result = _discover_with_snapshots(problem, seconds)
+    else:
+        result = _discover_with_equations(problem, seconds)
     seconds["in all"] = time.perf_counter() - clock
     return result
 
 
-def _of_equations(posed: Problem, seconds: dict[str, float]) -> Result:
-    simulated = equations.simulate(posed, seconds)
-    posed = simulated.problem
+def _discover_with_equations(problem: Problem, seconds: dict[str, float]) -> Result:
+    simulated = equations.simulate(problem, seconds)
+    problem = simulated.problem
     if simulated.ensemble is None:
-        return _unresolved(
-            posed, verification.unresolved_findings(posed, simulated.resolution), seconds
+        return _unresolved_result(
+            problem, verification.unresolved_findings(problem, simulated.resolution), seconds
         )
     analysis = equations.discover(
         simulated, simulated.ensemble, NullTracker(), NoCheckpoints(), seconds
     )
-    findings = verification.verify(posed, analysis)
+    findings = verification.verify(problem, analysis)
 
     def write(folder: Path) -> None:
-        verification.write_findings(posed, analysis, findings, folder)
-        report.report(posed, analysis, findings, folder, {})
+        verification.write_findings(problem, analysis, findings, folder)
+        report.report(problem, analysis, findings, folder, {})
 
     return Result(
         findings=canonical(findings),
-        estimates=verification.estimates_dataset(posed, analysis),
-        forecast=verification.forecast_dataset(posed, analysis),
-        find_corrected=partial(_corrected, posed, analysis, findings),
-        figures=figures_of(posed, analysis, findings),
-        mostly=report.mostly_words(posed, findings),
-        write=partial(_save, posed.config, findings, seconds, write),
+        estimates=verification.estimates_dataset(problem, analysis),
+        forecast=verification.forecast_dataset(problem, analysis),
+        build_corrected=partial(_corrected_simulator, problem, analysis, findings),
+        figures=figures_of(problem, analysis, findings),
+        main_effects=report.main_effects(problem, findings),
+        write=partial(_save, problem.config, findings, seconds, write),
     )
 
 
-def _unresolved(posed: Problem, findings: Findings, seconds: dict[str, float]) -> Result:
+def _unresolved_result(problem: Problem, findings: Findings, seconds: dict[str, float]) -> Result:
     def write(folder: Path) -> None:
         verification.freeze_findings(folder, findings, [])
         report.report_unresolved(findings, folder)
@@ -84,49 +85,52 @@ def _unresolved(posed: Problem, findings: Findings, seconds: dict[str, float]) -
         findings=canonical(findings),
         estimates=None,
         forecast=None,
-        find_corrected=lambda: None,
+        build_corrected=lambda: None,
         figures={},
-        mostly=[],
-        write=partial(_save, posed.config, findings, seconds, write),
+        main_effects=[],
+        write=partial(_save, problem.config, findings, seconds, write),
     )
 
 
-def _of_snapshots(posed: Problem, seconds: dict[str, float]) -> Result:
-    posed, runs = black_box.read_snapshots(posed, seconds)
-    analysis = black_box.discover(posed, runs, NullTracker(), NoCheckpoints(), seconds)
-    findings = black_box_findings.verify(posed, analysis)
+def _discover_with_snapshots(problem: Problem, seconds: dict[str, float]) -> Result:
+    problem, runs = black_box.read_snapshots(problem, seconds)
+    analysis = black_box.discover(problem, runs, NullTracker(), NoCheckpoints(), seconds)
+    findings = black_box_findings.verify(problem, analysis)
 
     def write(folder: Path) -> None:
-        black_box_findings.write(posed, analysis, findings, folder)
-        black_box_report.report(posed, analysis, findings, folder, {})
+        black_box_findings.write(problem, analysis, findings, folder)
+        black_box_report.report(problem, analysis, findings, folder, {})
 
     return Result(
         findings=canonical(findings),
-        estimates=black_box_findings.estimates_dataset(posed, analysis),
+        estimates=black_box_findings.estimates_dataset(problem, analysis),
         forecast=None,
-        find_corrected=lambda: None,
-        figures=black_box_report.figures_of(posed, analysis),
-        mostly=[],
-        write=partial(_save, posed.config, findings, seconds, write),
+        build_corrected=lambda: None,
+        figures=black_box_report.figures_of(problem, analysis),
+        main_effects=[],
+        write=partial(_save, problem.config, findings, seconds, write),
     )
 
 
-def _untracked(config: Config) -> Config:
+def _without_model_log(config: Config) -> Config:
+    """Return the configuration without the MLflow model, because there is no MLflow store."""
     return replace(config, tracking=replace(config.tracking, model=False))
 
 
-def _corrected(posed: Problem, analysis: Analysis, findings: Findings) -> Simulator | None:
+def _corrected_simulator(
+    problem: Problem, analysis: Analysis, findings: Findings
+) -> Simulator | None:
     if findings["corrected"] is None:
         return None
-    law = analysis.discovered.best
-    system, start = correct(posed.system, law), law.start[0]
-    return Simulator(system, lambda: start, posed.times[: len(posed.split.fit.times)])
+    law = analysis.discovery.best
+    system, start = build_corrected_system(problem.system, law), law.start[0]
+    return Simulator(system, lambda: start, problem.times[: len(problem.split.fit.times)])
 
 
 def _save(
     config: Config, findings: Findings, seconds: dict[str, float], write: Write, folder: Path
 ) -> None:
-    """Write the files of a run to a folder, those of an earlier one taken away."""
+    """Write the files of a run to a folder and remove those of an earlier run."""
     output = named_output(replace(config, output=str(folder)))
     assert output is not None
     clear_output(output)

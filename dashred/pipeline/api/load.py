@@ -1,4 +1,4 @@
-"""A result from the folder that it was saved to, by this API or by the command."""
+"""Load a result that the Python API or the command line has saved."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ from dashred.pipeline.api.result import Result
 from dashred.pipeline.api.simulator import Simulator
 from dashred.pipeline.outputs.corrected_config import NAME as CORRECTED
 from dashred.pipeline.run.output_dir import check_ours, clear_output, make_output, results_in
-from dashred.reporting.figures.figure_names import drawn_by_us
+from dashred.reporting.figures.figure_names import is_report_figure
 
 DPI = 100
 
 
 def load(folder: str | os.PathLike[str]) -> Result:
-    """Read a result that was saved.
+    """Load a saved result.
 
     Args:
-        folder: that :meth:`Result.save` or ``dashred train output=FOLDER`` has written.
+        folder: folder that :meth:`Result.save` or ``dashred train output=FOLDER`` has written.
 
     Returns:
-        The result, as far as the files hold it: figures are shown as they were drawn.
+        The result that the files contain. Its figures are the saved images.
 
     Raises:
-        InputError: there is no such result, or its files were changed after they were frozen.
+        InputError: the folder contains no result, or its files were changed after the run.
     """
     place = user_path(os.fspath(folder), "load")
     if not place.is_dir():
@@ -50,14 +50,14 @@ def load(folder: str | os.PathLike[str]) -> Result:
     check_freeze(place)
     findings = json.loads((place / "findings.json").read_text(encoding="utf-8"))
     estimates = _dataset(place / "estimates.nc")
-    pictures = sorted(path for path in place.iterdir() if drawn_by_us(path))
+    images = sorted(path for path in place.iterdir() if is_report_figure(path))
     return Result(
         findings=findings,
         estimates=estimates,
         forecast=_dataset(place / "forecast.nc"),
-        find_corrected=partial(_corrected, place / CORRECTED, findings, estimates),
-        figures={path.name: partial(_picture, path) for path in pictures},
-        mostly=[],
+        build_corrected=partial(_corrected_simulator, place / CORRECTED, findings, estimates),
+        figures={path.name: partial(_image_figure, path) for path in images},
+        main_effects=[],
         write=partial(_copy, place),
     )
 
@@ -71,32 +71,34 @@ def _dataset(path: Path) -> xr.Dataset | None:
             return dataset.load()
 
 
-def _corrected(
+def _corrected_simulator(
     path: Path, findings: Mapping[str, Any], estimates: xr.Dataset | None
 ) -> Simulator | None:
-    """Return the corrected simulator, from the fitted start in the estimates."""
+    """Return the corrected simulator, with the fitted start from the estimates."""
     if findings["corrected"] is None or estimates is None:
         return None
-    nothing = Source({}, {"": "overrides"})
-    config = build_config(read_file(path, label=str(path)), nothing, name=path.stem, source=path)
+    no_overrides = Source({}, {"": "overrides"})
+    config = build_config(
+        read_file(path, label=str(path)), no_overrides, name=path.stem, source=path
+    )
     system = System(config.system, config.where)
     if system.inputs:
         raise InputError(
-            "the corrected system has measured inputs, which the folder does not hold",
+            "the corrected system has measured inputs, which the folder does not contain",
             where=str(path),
-            hint=f"dashred.Problem.from_yaml({str(path)!r}, recording=...) can be run",
+            hint=f"use dashred.Problem.from_yaml({str(path)!r}, recording=...)",
         )
-    found = estimates.sel({"method": "corrected"})
-    if "episode" in found.coords:
-        found = found.isel(time=(found["episode"] == found["episode"][0]).to_numpy())
-    first = found.isel(time=0)
+    fields = estimates.sel({"method": "corrected"})
+    if "episode" in fields.coords:
+        fields = fields.isel(time=(fields["episode"] == fields["episode"][0]).to_numpy())
+    first = fields.isel(time=0)
     start = torch.stack([torch.tensor(first[name].to_numpy()) for name in system.fields])
-    clock = torch.tensor(found["time"].to_numpy())
+    clock = torch.tensor(fields["time"].to_numpy())
     return Simulator(system, lambda: system.grid.ring(start), clock)
 
 
-def _picture(path: Path) -> Figure:
-    """Return a figure that shows a picture, at its own size."""
+def _image_figure(path: Path) -> Figure:
+    """Return a figure that shows an image file at its own size."""
     image = imread(path)
     height, width = image.shape[:2]
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
@@ -111,7 +113,7 @@ def _copy(source: Path, folder: Path) -> None:
     output = make_output(str(folder))
     if output.samefile(source):
         return
-    files = [*results_in(source), *(path for path in source.iterdir() if drawn_by_us(path))]
+    files = [*results_in(source), *(path for path in source.iterdir() if is_report_figure(path))]
     check_ours(output, (), str(folder))
     clear_output(output)
     for path in files:

@@ -1,4 +1,4 @@
-"""The figures of a result, each drawn when it is asked for."""
+"""Figures of a result, drawn on demand."""
 
 from __future__ import annotations
 
@@ -9,31 +9,33 @@ from matplotlib.figure import Figure
 
 from dashred.core.errors import InputError
 from dashred.pipeline.outputs.figures import Figures
-from dashred.reporting.figures.figure_names import WHOLE, sensors_of_episode
+from dashred.reporting.figures.figure_names import HELD_OUT_EPISODE, sensor_figure_of_episode
 
 
 class Plots:
-    """The report's figures, as ``matplotlib.figure.Figure``.
+    """The figures of the report, as ``matplotlib.figure.Figure``.
+
+    Each method raises `InputError` if the result does not have the figure.
 
     Attributes:
-        names: of the figures that this result has.
+        names: names of the figures of this result.
     """
 
     def __init__(self, figures: Figures) -> None:
-        """Hold what draws them, by file."""
+        """Store the functions that draw the figures, by file name."""
         self._figures = figures
         self.names = [name.removesuffix(".png") for name in figures]
 
     def where(self) -> Figure:
-        """Draw where and when the law acts, and at which sensors it shows."""
+        """Draw where and when the law acts, and which sensors it affects."""
         return self._draw("where.png")
 
     def verification(self) -> Figure:
-        """Draw the test sensors with and without the law, and every method's errors."""
+        """Draw the test sensors with and without the law, and the errors of all methods."""
         return self._draw("verification.png")
 
     def forecast(self) -> Figure:
-        """Draw sensors of the held-out time and beyond, foretold with and without the law."""
+        """Draw the forecasts with and without the law, from the held-out time on."""
         return self._draw("forecast.png")
 
     def evidence(self) -> Figure:
@@ -41,31 +43,31 @@ class Plots:
         return self._draw("evidence.png")
 
     def forcing(self) -> Figure:
-        """Draw what a free forcing would add, where and when; only where a law left a question."""
+        """Draw the free forcing over space and time, if one was fitted."""
         return self._draw("forcing.png")
 
     def fields(self) -> Figure:
-        """Draw the fields by method, over space and time; systems with axes alone have them."""
+        """Draw the fields by method over space and time; only for systems with axes."""
         return self._draw("space_time.png", "snapshots.png")
 
     def sensors(self, episode: int = 1) -> Figure:
-        """Draw what every sensor recorded, and what the methods make of it.
+        """Draw the recording of every sensor with the estimates of the methods.
 
         Args:
-            episode: counted from 1, the longest first.
+            episode: number of the episode, from 1 on; the longest episode is the first.
         """
-        return self._draw(sensors_of_episode(episode))
+        return self._draw(sensor_figure_of_episode(episode))
 
     def held_out_episode(self) -> Figure:
-        """Draw the episode that was held out whole, if one was."""
-        return self._draw(WHOLE)
+        """Draw the episode that was held out as a whole."""
+        return self._draw(HELD_OUT_EPISODE)
 
     def coefficients(self) -> Figure:
-        """Draw what latent SINDy proposes, by epoch of assimilation."""
+        """Draw the coefficients that latent SINDy proposes, by epoch of assimilation."""
         return self._draw("coefficients.png")
 
     def sparsity(self) -> Figure:
-        """Draw accuracy against the number of terms: latent SINDy, and the law."""
+        """Draw the accuracy of latent SINDy and of the law against the number of terms."""
         return self._draw("sparsity.png")
 
     def learning(self) -> Figure:
@@ -73,21 +75,21 @@ class Plots:
         return self._draw("learning.png")
 
     def __repr__(self) -> str:
-        """The figures that there are."""
+        """The names of the figures."""
         return f"<dashred figures: {', '.join(self.names) or 'none'}>"
 
     def _draw(self, *names: str) -> Figure:
         name = next((name for name in names if name in self._figures), None)
         if name is None:
-            has = f"it has {', '.join(self.names)}" if self.names else "it has none"
+            hint = f"it has {', '.join(self.names)}" if self.names else "it has no figures"
             what = f"this result has no figure {names[0].removesuffix('.png')}"
-            raise InputError(what, where="plot", hint=has)
+            raise InputError(what, where="plot", hint=hint)
         _show_in_notebook()
         return self._figures[name]()
 
 
 def _show_in_notebook() -> None:
-    """Let a notebook show a figure that is the value of a cell, unless it does so already."""
+    """Register a formatter for figures in IPython, if there is none."""
     if "IPython" not in sys.modules:
         return
     from IPython import get_ipython

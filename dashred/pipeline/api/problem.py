@@ -1,4 +1,4 @@
-"""A simulator, and a recording of what it simulates."""
+"""The problem: a simulator and a recording of the system that it simulates."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from dashred.core.progress import shown_on
 from dashred.data.inputs import drive_signals, with_inputs
 from dashred.data.io.in_memory import HINT, RECORDING, SENSORS
 from dashred.data.io.write_netcdf import recording_dataset
-from dashred.physics.backends.input_signals import NOTHING
+from dashred.physics.backends.input_signals import NO_INPUTS
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.system import System
 from dashred.pipeline.api.check import Check
 from dashred.pipeline.api.definition import NAME, Definition, from_file, from_values
-from dashred.pipeline.api.recordings import overrides_for, read_given
+from dashred.pipeline.api.recordings import read_recording, recording_overrides
 from dashred.pipeline.api.session import session
 from dashred.pipeline.api.simulator import TIMES, Simulator, as_times
 from dashred.pipeline.check import command
@@ -40,21 +40,21 @@ PLACES = {"recording.path": RECORDING, "recording.sensors": SENSORS}
 
 
 class Problem:
-    """A simulator and a recording: what does the simulation leave out?
+    """A simulator and a recording of the system that it simulates.
 
-    Make one by :meth:`from_yaml` or :meth:`from_dict`. The recording is read and checked at once,
-    and copied.
+    Create one with :meth:`from_yaml` or :meth:`from_dict`, which read, check and copy the
+    recording.
 
     Attributes:
-        config: the settings, checked.
+        config: the checked configuration.
     """
 
     def __init__(self, definition: Definition, recording: Any, sensors: Any) -> None:
-        """Check the settings and read the recording; see the class methods."""
+        """Check the configuration and read the recording; use the class methods instead."""
         self._definition = definition
         self.config = definition.config()
         self._system = System(self.config.system, self.config.where)
-        self._recorded = read_given(recording, sensors, self.config, self._system)
+        self._recorded = read_recording(recording, sensors, self.config, self._system)
 
     @classmethod
     def from_yaml(
@@ -66,25 +66,27 @@ class Problem:
         overrides: Mapping[str, Any] | None = None,
         trust: str | None = None,
     ) -> Problem:
-        """Take the system from its configuration.
+        """Create a problem from a YAML configuration.
 
         Args:
-            system: the name of a bundled system, such as ``"rde"``, or the path of a YAML file.
-            recording: what its sensors read: an ``xarray.Dataset`` with ``value`` over
-                ``(time, sensor)`` and ``name``, ``reads``, ``std`` and the axes' coordinates over
-                ``sensor``; a ``pandas.DataFrame`` with ``time`` as a column or the index, and a
-                column for each sensor; or the path of such a file (.nc, .csv). None takes the
-                configuration's own, if it names one.
-            sensors: of a DataFrame or a CSV, where its sensors are: a DataFrame or the path of a
-                CSV with the columns ``name``, ``field``, one for each axis, and ``std`` where the
-                noise is known. Systems without axes need none if the columns are named like fields.
-            overrides: values over the configuration's, by dotted keys: ``{"shred.lags": 30}``.
+            system: name of a bundled system, such as ``"rde"``, or path of a YAML file.
+            recording: sensor readings. Either an ``xarray.Dataset`` with ``value`` over
+                ``(time, sensor)``, and ``name``, ``reads``, ``std`` and the coordinates of the axes
+                over ``sensor``; or a ``pandas.DataFrame`` with ``time`` as a column or as the index
+                and one column for each sensor; or the path of such a file (.nc, .csv). None uses
+                the recording that the configuration names, if any.
+            sensors: sensor table for a DataFrame or a CSV recording: a DataFrame or the path of a
+                CSV with the columns ``name``, ``field``, one for each axis, and ``std`` if the
+                noise is known. A system without axes needs no table if its columns have the names
+                of the fields.
+            overrides: values that override the configuration, by dotted keys, such as
+                ``{"shred.lags": 30}``.
             trust: ``MODULE.CLASS`` of a simulator in Python whose code may run.
 
         Raises:
-            InputError: anything wrong in the configuration, the overrides or the recording.
+            InputError: the configuration, an override or the recording is invalid.
         """
-        given = {**(overrides or {}), **overrides_for(recording, sensors)}
+        given = {**(overrides or {}), **recording_overrides(recording, sensors)}
         places = {key: place for key, place in PLACES.items() if key in given}
         return cls(from_file(system, given, places, trust), recording, sensors)
 
@@ -99,26 +101,26 @@ class Problem:
         name: str = NAME,
         trust: str | None = None,
     ) -> Problem:
-        """Take the system from a dict that holds what its YAML file would.
+        """Create a problem from a dict with the content of a YAML configuration.
 
         Args:
-            system: nested dicts, for example ``{"system": {"fields": {"u": "velocity"}, ...}}``.
+            system: nested dicts, such as ``{"system": {"fields": {"u": "velocity"}, ...}}``.
             recording: as for :meth:`from_yaml`.
             sensors: as for :meth:`from_yaml`.
             overrides: as for :meth:`from_yaml`.
-            name: of the system.
+            name: name of the system.
             trust: as for :meth:`from_yaml`.
 
         Raises:
-            InputError: anything wrong in the dict, the overrides or the recording.
+            InputError: the dict, an override or the recording is invalid.
         """
-        given = {**(overrides or {}), **overrides_for(recording, sensors)}
+        given = {**(overrides or {}), **recording_overrides(recording, sensors)}
         places = {key: place for key, place in PLACES.items() if key in given}
         return cls(from_values(system, name, given, places, trust), recording, sensors)
 
     @property
     def recording(self) -> xr.Dataset | None:
-        """The recording as it was read, ``value`` over ``(time, sensor)``; None without one."""
+        """The recording, with ``value`` over ``(time, sensor)``; None if there is none."""
         if self._recorded is None:
             return None
         episodes = self._recorded.episodes
@@ -126,17 +128,17 @@ class Problem:
         return recording_dataset(recorded, [axis.name for axis in self._system.axes])
 
     def check(self) -> Check:
-        """Say what is wrong or doubtful before a run; takes seconds, and fits nothing.
+        """Check the problem within seconds, without a fit.
 
         Returns:
-            What ``dashred check`` prints, as an object that prints.
+            The errors and warnings that ``dashred check`` prints.
 
         Raises:
-            InputError: whatever a run would refuse.
+            InputError: the input is invalid, so a run would refuse it.
         """
         page = Page(lambda line: None)
         with session(self.config):
-            command.begin(self.config, page)
+            command.show_unfinished_lines(self.config, page)
             command.check(self.config, page, self._recorded)
         return Check.of(page)
 
@@ -145,22 +147,23 @@ class Problem:
         start: xr.Dataset | Mapping[str, ArrayLike] | None = None,
         times: ArrayLike | None = None,
     ) -> xr.Dataset:
-        """Run the simulator as it is, without any correction.
+        """Run the simulator without any correction.
 
         Args:
-            start: every field at the first time, by name: a number, or an array over the axes.
-                None takes the configuration's own start, after its spin-up.
-            times: output times ``(time,)``, increasing. None takes the recording's, or without one
-                those of ``recording.every`` and ``recording.duration``.
+            start: state at the first time: for each field a number or an array over the axes. None
+                uses the start of the configuration, after its spin-up.
+            times: output times ``(time,)``, increasing. None uses the times of the recording or,
+                without a recording, those of ``recording.every`` and ``recording.duration``.
 
         Returns:
-            Every field over ``(time, *axes)``.
+            The fields over ``(time, *axes)``.
 
         Raises:
-            InputError: as :meth:`Simulator.simulate`; or the simulator is known by snapshots alone.
+            InputError: an argument is invalid, as in :meth:`Simulator.simulate`, or the simulator
+                is given by snapshots only.
         """
         if self.config.system.snapshots is not None:
-            what = "a simulator that is known by snapshots alone cannot be run"
+            what = "a simulator that is given by snapshots only cannot be run"
             raise InputError(what, where=self.config.where("system.snapshots"))
         with session(self.config):
             return self._simulator(times).simulate(start, times)
@@ -168,17 +171,17 @@ class Problem:
     def discover(self, seed: int | None = None, progress: bool = True) -> Result:
         """Find what the simulation leaves out.
 
-        The same stages as ``dashred train``, without MLflow and without files.
+        This runs the same stages as ``dashred train``, without MLflow and without files.
 
         Args:
-            seed: of everything random; None takes the configuration's.
-            progress: whether to show a bar, in a notebook or on a terminal.
+            seed: seed of all random numbers; None uses the seed of the configuration.
+            progress: whether to show a progress bar, in a notebook or on a terminal.
 
         Returns:
             The verdict, the law, the fields by method, and the corrected simulator.
 
         Raises:
-            InputError: there is no recording, or whatever else a run refuses.
+            InputError: there is no recording, or the input is invalid.
         """
         from dashred.pipeline.api.discover import discover
 
@@ -193,7 +196,7 @@ class Problem:
             return discover(config, self._recorded)
 
     def __repr__(self) -> str:
-        """The system's title and what is recorded."""
+        """The title of the system and the size of the recording."""
         title = self.config.system.title or self.config.name
         if self._recorded is None:
             return f"<dashred.Problem {title}: no recording>"
@@ -202,24 +205,26 @@ class Problem:
         return f"<dashred.Problem {title}: {samples} samples of {len(sensors)} sensors>"
 
     def _simulator(self, times: ArrayLike | None) -> Simulator:
-        """Return the simulator under the inputs of the recording, or of its first episode."""
+        """Return the simulator with the inputs of the recording, or of its first episode."""
         if self._recorded is not None:
             first = self._recorded.episodes[0].recording
             clock, inputs = torch.from_numpy(first.times), first.inputs
         else:
-            clock = self._planned(times)
+            clock = self._default_times(times)
             inputs = (
-                drive_signals(self._system, self.config, clock) if self._system.inputs else NOTHING
+                drive_signals(self._system, self.config, clock)
+                if self._system.inputs
+                else NO_INPUTS
             )
         system = with_inputs(self._system, inputs)
         return Simulator(system, lambda: nominal_start(system)[0], clock)
 
-    def _planned(self, times: ArrayLike | None) -> torch.Tensor:
-        """Return the clock of a recording that there is not: until the last of the given times."""
+    def _default_times(self, times: ArrayLike | None) -> torch.Tensor:
+        """Return the times to use without a recording; they cover the given times."""
         every, duration = self.config.recording.every, self.config.recording.duration
         if times is not None:
             return torch.linspace(0.0, float(as_times(times)[-1]), 1001, dtype=torch.float64)
         if every is None:
             what = "there is no recording, and no step between samples"
-            raise InputError(what, where=TIMES, hint="give times=, when the fields are wanted")
+            raise InputError(what, where=TIMES, hint="give the output times with times=")
         return torch.arange(round(duration / every) + 1, dtype=torch.float64) * every

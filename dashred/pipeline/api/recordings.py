@@ -1,4 +1,4 @@
-"""The recording of a problem, from whatever it was given as."""
+"""Read the recording of a problem: a Dataset, a DataFrame or a file."""
 
 from __future__ import annotations
 
@@ -16,49 +16,49 @@ from dashred.physics.system import System
 from dashred.pipeline.problem import read_recorded
 
 
-def overrides_for(recording: Any, sensors: Any) -> dict[str, Any]:
-    """Return the values that say where the recording lies.
+def recording_overrides(recording: Any, sensors: Any) -> dict[str, Any]:
+    """Return the configuration values for the paths of the recording and of its sensor table.
 
-    A recording in memory has a name in place of a path: it lies nowhere.
+    A recording in memory gets a name in place of a path.
     """
-    found: dict[str, Any] = {}
+    overrides: dict[str, Any] = {}
     if recording is not None:
-        found["recording.path"] = os.fspath(recording) if is_path(recording) else RECORDING
+        overrides["recording.path"] = os.fspath(recording) if is_path(recording) else RECORDING
     if is_path(sensors):
-        found["recording.sensors"] = os.fspath(sensors)
-    return found
+        overrides["recording.sensors"] = os.fspath(sensors)
+    return overrides
 
 
-def read_given(recording: Any, sensors: Any, config: Config, system: System) -> Episodes | None:
-    """Read the recording; None where there is none.
+def read_recording(recording: Any, sensors: Any, config: Config, system: System) -> Episodes | None:
+    """Read the recording; return None if there is none.
 
     Args:
-        recording: a Dataset, a DataFrame or a path; None takes the configuration's own.
-        sensors: the table of sensors, a DataFrame or a path; None takes the configuration's own.
-        config: of the system, with paths settled.
-        system: that was recorded.
+        recording: Dataset, DataFrame or path; None uses the recording of the configuration.
+        sensors: sensor table, a DataFrame or a path; None uses the table of the configuration.
+        config: configuration of the system, with resolved paths.
+        system: recorded system.
 
     Raises:
-        InputError: whatever is wrong with it.
+        InputError: the recording or the sensor table is invalid.
     """
-    stated = config.recording.sensors
-    places = stated if is_path(sensors) or sensors is None else sensors
+    configured = config.recording.sensors
+    table = configured if is_path(sensors) or sensors is None else sensors
     if recording is not None and not is_path(recording):
-        return read_in_memory(recording, None if isinstance(places, int) else places, system)
+        return read_in_memory(recording, None if isinstance(table, int) else table, system)
     path = config.recording.path
     if path is None:
         if sensors is not None:
-            hint = "give recording= with it"
+            hint = "give recording= too"
             raise InputError("sensors are given without a recording", where=SENSORS, hint=hint)
         return None
-    if places is stated:
+    if table is configured:
         return read_recorded(config, system)
     if Path(path).suffix.lower() != ".csv":
-        problem = "a NetCDF recording describes its sensors itself, but sensors= is given"
-        raise InputError(problem, where=path, hint="leave sensors= out")
-    return episodes_of_table(read_table(path), table_of_sensors(places), system)
+        what = "a NetCDF recording describes its sensors itself, but sensors= is given"
+        raise InputError(what, where=path, hint="omit sensors=")
+    return episodes_of_table(read_table(path), table_of_sensors(table), system)
 
 
 def is_path(given: object) -> bool:
-    """Whether it names a file."""
+    """Return whether an argument is a path."""
     return isinstance(given, str | os.PathLike)

@@ -1,4 +1,4 @@
-"""The page of the Python API: ``python -m dashred.pipeline.api.reference path=docs/api.md``."""
+"""Write the API reference: ``python -m dashred.pipeline.api.reference path=docs/api.md``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from dashred.core.argument_types import read_path
-from dashred.core.arguments import Command, word
+from dashred.core.arguments import Command, argument
 from dashred.core.errors import DONE, run_entry
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.templates import render
@@ -20,20 +20,20 @@ from dashred.core.templates import render
 TEMPLATE = "pipeline/api/templates/api.md.j2"
 ORDER = ("Problem", "Result", "Simulator", "Plots", "Check", "record", "load", "InputError")
 SECTION = re.compile(r"^(Args|Attributes|Returns|Raises):$")
-# A role of Sphinx: :meth:`from_yaml`.
+# A Sphinx role, such as :meth:`from_yaml`.
 ROLE = re.compile(r":\w+:`~?([^`]+)`")
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One object, as the page shows it.
+    """One documented object.
 
     Attributes:
-        name: with its class: ``Problem.discover``.
-        signature: its arguments with their types and defaults; empty for what is not called.
-        text: paragraphs, in Markdown.
-        sections: by title, ``(name, what it is)``; of a plain text the name is empty.
-        members: of a class.
+        name: qualified name, such as ``Problem.discover``.
+        signature: arguments with types and defaults; empty for classes and properties.
+        text: paragraphs in Markdown.
+        sections: items ``(name, text)`` by section; the name is empty for plain text.
+        members: members of a class.
     """
 
     name: str
@@ -44,53 +44,53 @@ class Entry:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Words:
-    """The words of the command."""
+class Arguments:
+    """Arguments of the command."""
 
-    path: Path = word(read_path, "FILE.md", "file to write")
+    path: Path = argument(read_path, "FILE.md", "file to write")
 
 
 COMMAND = Command(
-    "python -m dashred.pipeline.api.reference", Words, "Writes the page of the Python API."
+    "python -m dashred.pipeline.api.reference", Arguments, "Writes the reference of the Python API."
 )
 
 
 def main(argv: list[str]) -> int:
-    """Write the page."""
+    """Write the reference."""
     path = COMMAND.read(argv).path
-    # The package itself: it alone knows all public names, and imports them when they are used.
+    # The package is already imported; it imports its public names on first use.
     package = sys.modules["dashred"]
-    write_text_atomic(path, page(vars_of(package)))
+    write_text_atomic(path, render_reference(public_objects(package)))
     print(f"{path} is written")
     return DONE
 
 
-def vars_of(package: object) -> dict[str, Any]:
-    """Return the public objects of the package by name, in the page's order."""
+def public_objects(package: object) -> dict[str, Any]:
+    """Return the public objects of the package by name, in the order of the reference."""
     return {name: getattr(package, name) for name in ORDER}
 
 
-def page(public: Mapping[str, Any]) -> str:
-    """Return the page, in Markdown."""
-    return render(TEMPLATE, entries=[_entry(name, found) for name, found in public.items()])
+def render_reference(public: Mapping[str, Any]) -> str:
+    """Return the reference in Markdown."""
+    return render(TEMPLATE, entries=[_entry(name, target) for name, target in public.items()])
 
 
-def _entry(name: str, found: Any) -> Entry:
-    text, sections = _docstring(inspect.getdoc(found) or "")
-    members = list(_members(name, found)) if inspect.isclass(found) else []
-    signature = _signature(found) if inspect.isfunction(found) else ""
+def _entry(name: str, target: Any) -> Entry:
+    text, sections = _docstring(inspect.getdoc(target) or "")
+    members = list(_members(name, target)) if inspect.isclass(target) else []
+    signature = _signature(target) if inspect.isfunction(target) else ""
     return Entry(name, signature, text, sections, members)
 
 
 def _members(name: str, kind: type) -> Iterator[Entry]:
-    """Yield the public methods and properties of a class, in the order of its code."""
-    for member, found in vars(kind).items():
-        if member.startswith("_") or not inspect.getdoc(found):
+    """Yield the public methods and properties of a class in the order of their definition."""
+    for member, target in vars(kind).items():
+        if member.startswith("_") or not inspect.getdoc(target):
             continue
-        if isinstance(found, classmethod | staticmethod):
-            found = found.__func__
-        if inspect.isfunction(found) or isinstance(found, property | cached_property):
-            yield _entry(f"{name}.{member}", found)
+        if isinstance(target, classmethod | staticmethod):
+            target = target.__func__
+        if inspect.isfunction(target) or isinstance(target, property | cached_property):
+            yield _entry(f"{name}.{member}", target)
 
 
 def _signature(function: Callable[..., Any]) -> str:
@@ -109,35 +109,35 @@ def _signature(function: Callable[..., Any]) -> str:
 
 
 def _docstring(text: str) -> tuple[str, dict[str, list[tuple[str, str]]]]:
-    """Take a docstring apart into its text and its sections."""
+    """Split a docstring into its text and its sections."""
     sections: dict[str, list[tuple[str, str]]] = {}
     lines: list[str] = []
     title = None
     for line in text.splitlines():
-        if found := SECTION.match(line):
-            title = found[1]
+        if match := SECTION.match(line):
+            title = match[1]
             sections[title] = []
         elif title is None:
             lines.append(line)
         elif line.strip():
             _add(sections[title], line, named=title != "Returns")
     return _markdown("\n".join(lines).strip()), {
-        title: [(name, _markdown(told)) for name, told in items]
+        title: [(name, _markdown(entry)) for name, entry in items]
         for title, items in sections.items()
     }
 
 
 def _add(items: list[tuple[str, str]], line: str, *, named: bool) -> None:
-    """Add a line of a section: a new item, or more of the last one."""
-    begins = line.startswith("    ") and not line.startswith("     ")
-    name, colon, told = line.strip().partition(": ")
-    if named and begins and colon:
-        items.append((name, told))
+    """Add a line to a section, as a new item or as the continuation of the last one."""
+    is_new = line.startswith("    ") and not line.startswith("     ")
+    name, colon, entry = line.strip().partition(": ")
+    if named and is_new and colon:
+        items.append((name, entry))
     elif not items:
         items.append(("", line.strip()))
     else:
-        name, told = items[-1]
-        items[-1] = (name, f"{told} {line.strip()}")
+        name, entry = items[-1]
+        items[-1] = (name, f"{entry} {line.strip()}")
 
 
 def _markdown(text: str) -> str:

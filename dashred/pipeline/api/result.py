@@ -1,4 +1,4 @@
-"""What was found out, and the objects that it can be looked at with."""
+"""Result of an analysis."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dashred.core.files.user_path import user_path
 from dashred.pipeline.api.plots import Plots
 from dashred.pipeline.api.simulator import Simulator
 from dashred.pipeline.outputs.figures import Figures
-from dashred.reporting.page.html import in_notebook
+from dashred.reporting.page.html import notebook_html
 from dashred.reporting.text.summary import summary
 from dashred.reporting.text.verdict import law
 
@@ -22,13 +22,14 @@ if TYPE_CHECKING:
 
 
 class Result:
-    """What a simulation leaves out, as far as the recording shows it.
+    """Result of an analysis: what the simulation leaves out.
 
     Attributes:
-        findings: everything that was found, as ``findings.json`` holds it: plain dicts and lists.
-        estimates: every field by method over ``(method, time, *axes)`` in the fit window; None
-            where the simulator was not resolved.
-        forecast: the same beyond the recording's end, from free runs; None where there are none.
+        findings: content of ``findings.json`` as plain dicts and lists.
+        estimates: fields by method over ``(method, time, *axes)`` in the fit window; None if the
+            simulator is not resolved.
+        forecast: fields of the free runs after the end of the recording, with the same dimensions;
+            None if there are no free runs.
     """
 
     def __init__(
@@ -36,75 +37,77 @@ class Result:
         findings: Mapping[str, Any],
         estimates: xr.Dataset | None,
         forecast: xr.Dataset | None,
-        find_corrected: Callable[[], Simulator | None],
+        build_corrected: Callable[[], Simulator | None],
         figures: Figures,
-        mostly: list[str],
+        main_effects: list[str],
         write: Callable[[Path], None],
     ) -> None:
-        """Hold what was found.
+        """Store the parts of a result.
 
         Args:
-            findings: of ``findings.json``.
-            estimates: by method.
-            forecast: by method.
-            find_corrected: returns the corrected simulator.
-            figures: what draws each figure, by file.
-            mostly: of more terms than a few, the words of the few that explain nearly all.
+            findings: content of ``findings.json``.
+            estimates: fields by method in the fit window.
+            forecast: fields by method after the end of the recording.
+            build_corrected: returns the corrected simulator.
+            figures: functions that draw the figures, by file name.
+            main_effects: if the law has many terms, the effects of the few most important ones.
             write: writes the files to a folder.
         """
         self.findings, self.estimates, self.forecast = findings, estimates, forecast
-        self._find_corrected, self._figures = find_corrected, figures
-        self._mostly, self._write = mostly, write
+        self._build_corrected, self._figures = build_corrected, figures
+        self._main_effects, self._write = main_effects, write
 
     @property
     def verdict(self) -> str:
-        """The verdict in a word, such as ``missing-term`` or ``nothing-missing``."""
+        """The verdict, such as ``missing-term`` or ``nothing-missing``."""
         return str(self.findings["verdict"])
 
     @property
     def law(self) -> str:
-        """What the simulation leaves out, in words; empty if nothing was found."""
+        """The law in words; empty if nothing was found."""
         return " ".join(law(self.findings))
 
     @cached_property
     def terms(self) -> pd.DataFrame:
-        """The terms of the law, a row each, with standard deviations and 95 % intervals."""
+        """The terms of the law, one per row, with standard deviations and 95 % intervals."""
         from dashred.pipeline.api.tables import terms_table
 
         return terms_table(self.findings)
 
     @cached_property
     def alternatives(self) -> pd.DataFrame:
-        """The other laws that were weighed, a row each, with the evidence against them."""
+        """The other laws that were compared, one per row, with the evidence against them."""
         from dashred.pipeline.api.tables import alternatives_table
 
         return alternatives_table(self.findings)
 
     @cached_property
     def corrected(self) -> Simulator | None:
-        """The simulator with the law put in, from the fitted start; None without a law.
+        """The simulator with the law, at its fitted start; None if no law was found.
 
         Raises:
-            InputError: the result was loaded, and the system has inputs, which its files lack.
+            InputError: the result was loaded from files and the system has inputs, which the files
+                do not contain.
         """
-        return self._find_corrected()
+        return self._build_corrected()
 
     @cached_property
     def plot(self) -> Plots:
-        """The figures."""
+        """The figures of the report."""
         return Plots(self._figures)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
-        """Write the files that a run leaves in ``output=``: findings, fields, figures, report.
+        """Write the files of a run: findings, fields, figures and report.
 
         Args:
-            folder: is made if there is none; a result in it is replaced.
+            folder: output folder. It is created if necessary, and a result in it is replaced.
 
         Returns:
             The folder.
 
         Raises:
-            InputError: it cannot be made or written to, or holds such files of another origin.
+            InputError: the folder cannot be created or written to, or it contains such files that
+                dashred has not written.
         """
         place = user_path(os.fspath(folder), "save").absolute()
         self._write(place)
@@ -119,4 +122,4 @@ class Result:
         return f"<dashred.Result {self.verdict}{f': {self.law}' if self.law else ''}>"
 
     def _repr_html_(self) -> str:
-        return in_notebook(self.findings, self._mostly)
+        return notebook_html(self.findings, self._main_effects)

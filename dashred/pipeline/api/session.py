@@ -1,4 +1,4 @@
-"""What the stages set for the whole process, put back when they are done."""
+"""Process-wide settings of the stages, restored afterwards."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ LIGHTNING = "lightning.pytorch"
 
 @contextmanager
 def session(config: Config) -> Iterator[None]:
-    """Run with the threads, the determinism and the random numbers of a run.
+    """Apply the settings of a run: number of threads, determinism, random numbers and log level.
 
     Raises:
-        InputError: this machine has no such device.
+        InputError: this machine does not have the configured device.
     """
-    # Imported late: it takes seconds.
+    # Imported here because the import takes seconds.
     from lightning.pytorch.utilities.seed import isolate_rng
 
     threads, logger = torch.get_num_threads(), logging.getLogger(LIGHTNING)

@@ -1,4 +1,4 @@
-"""A simulator as an object that runs."""
+"""A simulator that can be run from Python."""
 
 from __future__ import annotations
 
@@ -22,27 +22,26 @@ START, TIMES = "start", "times"
 
 @dataclass(frozen=True, eq=False)
 class Simulator:
-    """The equations ``∂u/∂t = N(u, t)``, ready to be run.
+    """A simulator of the equations ``∂u/∂t = N(u, t)``.
 
     Attributes:
-        system: the equations on their grid.
-        find_start: returns the start that is used where none is given, ``(field, *grid)``.
-        clock: the times that are used where none are given, ``(time,)``; that start is at the
-            first of them.
+        system: equations on their grid.
+        default_start: function that returns the default start, ``(field, *grid)``.
+        clock: default output times, ``(time,)``. The default start is the state at the first one.
     """
 
     system: System
-    find_start: Callable[[], Tensor]
+    default_start: Callable[[], Tensor]
     clock: Tensor
 
     @property
     def equations(self) -> dict[str, str]:
-        """The right-hand side of every equation, as text, by field."""
+        """The right-hand sides of the equations as text, by field."""
         return dict(self.system.config.equations)
 
     @property
     def parameters(self) -> dict[str, float]:
-        """The parameters by name."""
+        """The values of the parameters by name."""
         return dict(self.system.config.parameters)
 
     def simulate(
@@ -53,43 +52,43 @@ class Simulator:
         """Run the simulator.
 
         Args:
-            start: every field at the first time, by name: a number, or an array over the axes. A
-                Dataset is one: ``result.estimates.sel({"method": "corrected"}).isel(time=-1)``.
-                None starts from the simulator's own start, at the first time of ``clock``.
-            times: output times ``(time,)``, increasing, in the unit of the system's ``t``.
-                None takes ``clock``.
+            start: state at the first time: for each field a number or an array over the axes. It
+                may be a Dataset, such as
+                ``result.estimates.sel({"method": "corrected"}).isel(time=-1)``. None uses the
+                default start at the first time of ``clock``.
+            times: output times ``(time,)``, increasing, in the unit of ``t``. None uses ``clock``.
 
         Returns:
-            Every field over ``(time, *axes)``, float64, in the fields' own units.
+            The fields over ``(time, *axes)``, float64, in the units of the system.
 
         Raises:
-            InputError: a field is missing or has another shape, the times do not increase or begin
-                before the start, or the simulator blows up.
+            InputError: a field is missing or has the wrong shape, the times do not increase or
+                begin before the start, or the simulation blows up.
         """
-        wanted = self.clock if times is None else as_times(times)
+        output = self.clock if times is None else as_times(times)
         lead = torch.zeros(0, dtype=torch.float64)
         if start is None:
             first = self.clock[:1]
-            if wanted[0] < first:
-                what = f"the times begin at {wanted[0]:g}, before the start at {float(first):g}"
+            if output[0] < first:
+                what = f"the times begin at {output[0]:g}, before the start at {float(first):g}"
                 raise InputError(what, where=TIMES, hint="give start=, the state at the first time")
-            lead = first[first < wanted[:1]]
-        self._check_inputs(wanted)
+            lead = first[first < output[:1]]
+        self._check_inputs(output)
         with torch.no_grad():
-            begin = self.find_start() if start is None else self._state(start)
-            clock = torch.cat([lead, wanted])
-            [states] = simulate(self.system, begin[None], clock)
+            initial = self.default_start() if start is None else self._state(start)
+            clock = torch.cat([lead, output])
+            [states] = simulate(self.system, initial[None], clock)
             check_finite(states[None], clock, self.system)
-        return self._dataset(wanted, states[len(lead) :])
+        return self._dataset(output, states[len(lead) :])
 
     def _check_inputs(self, times: Tensor) -> None:
         if not self.system.inputs:
             return
-        known = self.system.measured.times
-        spare = 1e-9 * max(1.0, float(np.abs(known).max()))
-        if times[0] < known[0] - spare or times[-1] > known[-1] + spare:
-            what = f"the inputs are known from {known[0]:g} to {known[-1]:g} alone"
-            raise InputError(what, where=TIMES, hint="what drives the system must be known")
+        known = self.system.input_signals.times
+        margin = 1e-9 * max(1.0, float(np.abs(known).max()))
+        if times[0] < known[0] - margin or times[-1] > known[-1] + margin:
+            what = f"the inputs are known only from {known[0]:g} to {known[-1]:g}"
+            raise InputError(what, where=TIMES, hint="choose times at which the inputs are known")
 
     def _state(self, start: xr.Dataset | Mapping[str, ArrayLike]) -> Tensor:
         """Return a start as ``(field, *grid)``."""
@@ -97,21 +96,21 @@ class Simulator:
         shape = tuple(map(len, own.values()))
         if not isinstance(start, Mapping):
             what = f"a start cannot be of the type {type(start).__name__}"
-            raise InputError(what, where=START, hint="give every field by name")
+            raise InputError(what, where=START, hint="give a mapping from fields to values")
         names = start.data_vars if isinstance(start, xr.Dataset) else start
-        if other := [str(name) for name in names if name not in fields]:
+        if unknown := [str(name) for name in names if name not in fields]:
             hint = f"the fields are {', '.join(fields)}"
-            raise InputError(f"the system has no field {other[0]!r}", where=START, hint=hint)
-        found = []
+            raise InputError(f"the system has no field {unknown[0]!r}", where=START, hint=hint)
+        columns = []
         for field in fields:
             if field not in start:
                 raise InputError(f"the field {field!r} is missing", where=START)
             values = _numbers(start[field], tuple(own), f"{START}, {field!r}")
             if values.shape not in ((), shape):
-                what = f"it has the shape {values.shape}, but the grid has {shape}"
+                what = f"the values have the shape {values.shape}, but the grid has {shape}"
                 raise InputError(what, where=f"{START}, {field!r}")
-            found.append(torch.from_numpy(np.broadcast_to(values, shape).copy()))
-        return self.system.grid.ring(torch.stack(found))
+            columns.append(torch.from_numpy(np.broadcast_to(values, shape).copy()))
+        return self.system.grid.ring(torch.stack(columns))
 
     def _dataset(self, times: Tensor, states: Tensor) -> xr.Dataset:
         system = self.system
@@ -138,20 +137,20 @@ def as_times(given: ArrayLike) -> Tensor:
     """Return times as a tensor ``(time,)``, float64.
 
     Raises:
-        InputError: they are no numbers, or do not increase.
+        InputError: they are not numbers, or they do not increase.
     """
     times = _numbers(given, ("time",), TIMES)
     if times.ndim != 1 or not len(times) or not np.all(np.diff(times) > 0):
-        raise InputError("times must be a list of numbers that increase", where=TIMES)
+        raise InputError("times must be a list of increasing numbers", where=TIMES)
     return torch.from_numpy(times)
 
 
 def _numbers(given: Any, dims: tuple[str, ...], where: str) -> np.ndarray:
-    """Return finite float64 numbers, the dimensions of a DataArray in this order."""
+    """Return finite float64 numbers; the dimensions of a DataArray are put in this order."""
     if isinstance(given, xr.DataArray):
         if given.ndim and set(given.dims) != set(dims):
             found = ", ".join(map(str, given.dims))
-            what = f"it has the dimensions ({found}), not ({', '.join(dims)})"
+            what = f"the array has the dimensions ({found}), not ({', '.join(dims)})"
             raise InputError(what, where=where)
         given = given.transpose(*dims) if given.ndim else given
     values = np.asarray(given)

@@ -1,4 +1,4 @@
-"""What the findings say of a law, as tables."""
+"""Tables of the terms and of the alternative laws."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ ALTERNATIVES = ("law", "delta_bic", "rival", "same_as_best")
 
 
 def terms_table(findings: Mapping[str, Any]) -> pd.DataFrame:
-    """Return one row for each term of the law.
+    """Return a table with one row for each term of the law.
 
-    Columns: ``equation`` (None for a parameter), ``term``, ``coefficient`` and its ``std``, ``low``
-    and ``high`` of the 95 % interval (of a parameter, of its new value), the coefficient's ``unit``
-    where it is known, ``from`` and ``to`` of a parameter, ``inclusion``, the probability that the
-    term belongs to the law, ``acts``, where, and ``says``, in words.
+    The columns are ``equation`` (None for a parameter); ``term``; ``coefficient`` and its ``std``;
+    the bounds ``low`` and ``high`` of the 95 % interval (for a parameter, of its new value); the
+    ``unit`` of the coefficient if it is known; the old and the new value of a parameter, ``from``
+    and ``to``; ``inclusion``, the probability that the term belongs to the law; ``acts``, where the
+    term acts; and ``says``, a description in words.
     """
     units = findings.get("units", {})
     rows = []
@@ -34,11 +35,11 @@ def terms_table(findings: Mapping[str, Any]) -> pd.DataFrame:
 
 
 def alternatives_table(findings: Mapping[str, Any]) -> pd.DataFrame:
-    """Return one row for each other law that was weighed.
+    """Return a table with one row for each alternative law.
 
-    Columns: ``law`` in words, ``delta_bic`` against the best law, whether it is a ``rival`` (then
-    the recording does not decide between the two), and whether the sensors read the
-    ``same_as_best`` under it.
+    The columns are ``law``, a description in words; ``delta_bic``, the difference from the best
+    law; ``rival``, whether the recording cannot exclude it; and ``same_as_best``, whether it gives
+    the same sensor readings as the best law.
     """
     rows = [{**other, "law": alternative_text(other)} for other in findings["alternatives"] or []]
     return pd.DataFrame(rows, columns=list(ALTERNATIVES))

@@ -22,14 +22,14 @@ def main(argv: list[str]) -> int:
     """Load and check the configuration; return the exit code."""
     config = load_config(argv, entry="check")
     page = Page()
-    begin(config, page)
+    show_unfinished_lines(config, page)
     _check_places(config)
     check(config, page)
     return WRONG_INPUT if page.has_errors or unfinished_lines(config) else DONE
 
 
-def begin(config: Config, page: Page) -> None:
-    """Show the title and the lines of the file that are left to do."""
+def show_unfinished_lines(config: Config, page: Page) -> None:
+    """Show the title of the system and the unfinished lines of its configuration."""
     from dashred.pipeline.check.placeholders import placeholder_remarks
 
     page.title(f"{config.system.title}: {config.where('')}")

@@ -88,19 +88,19 @@ def build_check_context(config: Config, recorded: Episodes | None = None) -> Che
         return _without_recording(config)
     if recorded is None:
         recorded = read_recorded(config, System(config.system, config.where))
-    posed = build_problem(config, recorded)
+    problem = build_problem(config, recorded)
     recordings = {episode.name: episode.recording for episode in recorded.episodes}
     return CheckContext(
         config,
-        posed.system,
-        posed.library,
-        posed.times,
-        posed.split,
-        recordings.pop(posed.name),
+        problem.system,
+        problem.library,
+        problem.times,
+        problem.split,
+        recordings.pop(problem.name),
         recordings,
-        posed.clock,
-        posed.noise,
-        posed,
+        problem.clock,
+        problem.noise,
+        problem,
     )
 
 

@@ -13,8 +13,8 @@ from torch import Tensor
 from dashred.data.observation_operator import ObservationOperator
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
-from dashred.physics.tangents.ode_tangents import supports_ode, tangent_ode
-from dashred.physics.tangents.tangent_linear import supports, tangent_linear
+from dashred.physics.tangents.ode_tangents import has_ode_tangents, tangent_ode
+from dashred.physics.tangents.tangent_linear import has_spectral_tangents, tangent_linear
 from dashred.pipeline.check.context import CheckContext
 from dashred.pipeline.check.remark import Remark, warning
 from dashred.pipeline.check.simulator import NominalRun
@@ -151,9 +151,9 @@ def _tangents(
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Yield the state and the propagated modes at every sample."""
     start, times = nominal.states[0], nominal.times
-    if system.axes and supports(system, []):
+    if system.axes and has_spectral_tangents(system, []):
         return tangent_linear(system, start, modes, times, None, [])
-    if supports_ode(system, []):
+    if has_ode_tangents(system, []):
         return tangent_ode(system, start, modes, times, None, [])
     return _differences(system, nominal, modes)
 

@@ -1,1 +1,1 @@
-"""The stages of the discovery of a law."""
+"""Stages that fit a law to the recording."""

@@ -1,4 +1,4 @@
-"""Discover: fit the start and a sparse law together, through the simulator, to the sensors."""
+"""Discovery: fit the start and a sparse law to the sensors through the simulator."""
 
 from __future__ import annotations
 
@@ -11,113 +11,143 @@ import torch
 from dashred.core.mlflow.metric_names import metric_name
 from dashred.core.progress import stage
 from dashred.core.tracking import RunTracker
-from dashred.inference.fit.law import Law, posterior
-from dashred.inference.fit.stepwise_selection import Selection, Tried, better, polish, select
+from dashred.inference.fit.law import Law, build_selected_law
+from dashred.inference.fit.stepwise_selection import (
+    RefittedSet,
+    Selection,
+    choose_better,
+    polish,
+    select,
+)
 from dashred.inference.forward.candidates import Candidate, build_candidates, indices_by_name
 from dashred.inference.hypotheses.comparison.compare_hypotheses import Comparison
-from dashred.inference.hypotheses.result import MISSING, BestOfSize, Discovery
+from dashred.inference.hypotheses.result import MIN_FORCING_GAIN, BestOfSize, Discovery
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
-from dashred.pipeline.assimilation import Assimilated
+from dashred.pipeline.assimilation import AssimilationResult
 from dashred.pipeline.discovery.first_guess_stage import fit_first_guesses
 from dashred.pipeline.discovery.horizon_stage import (
+    extend_horizon,
     fit_from_first_guesses,
-    walk_on,
-    with_noise_after,
+    with_residual_noise,
 )
-from dashred.pipeline.discovery.hypothesis_stage import inflated, run_comparison
-from dashred.pipeline.discovery.objectives import (
+from dashred.pipeline.discovery.hypothesis_stage import compare_explanations, is_noise_inflated
+from dashred.pipeline.discovery.least_squares import (
     build_least_squares,
+    coarse_simulator,
     exact_simulator,
-    rough_simulator,
 )
 from dashred.pipeline.discovery.prior_start import select_near_prior
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation import Nominal
-from dashred.pipeline.training import Learned
+from dashred.pipeline.simulation import NominalRun
+from dashred.pipeline.training import TrainedNetwork
 
-# A step that gains a smaller share of F ends a fit: of the law, and of the simulator as it is,
-# whose misfit is so large that more would be spent for nothing.
-POLISHED, SETTLED = 1e-5, 1e-3
-# Rivals that are kept, with their distance from the best.
-KEPT = 6
-NEAR = 12.0
+# Relative decrease of F at which a fit ends. The fit without a law needs less accuracy, because its
+# misfit is large.
+LAW_TOLERANCE, EMPTY_TOLERANCE = 1e-5, 1e-3
+# Number of alternative laws that are kept, and their largest distance in score from the best law.
+MAX_RIVALS = 6
+RIVAL_MARGIN = 12.0
 
 
 @torch.no_grad()
 def discover(
     problem: Problem,
-    nominal: Nominal,
+    nominal: NominalRun,
     resolution: Resolution,
     ensemble: Ensemble,
-    learned: Learned,
-    found: Assimilated,
+    network: TrainedNetwork,
+    assimilated: AssimilationResult,
     run: RunTracker,
     seconds: dict[str, float],
 ) -> Discovery:
-    """Guess the start, walk the horizon, select, and fit to the end.
+    """Fit the first guesses, extend the horizon, select the terms and compare hypotheses.
 
     See docs/method.md#fit-through-the-simulator.
+
+    Args:
+        problem: recording and settings.
+        nominal: simulation that gives the scales of the terms.
+        resolution: numerical error of the simulation.
+        ensemble: simulations from which first guesses are made.
+        network: SHRED, with its errors on test members.
+        assimilated: reconstructed fields and the terms that latent SINDy proposes.
+        run: tracker of the parent run.
+        seconds: run time by stage, updated.
     """
     candidates = build_candidates(problem.system, problem.library, nominal.states, problem.times)
-    proposals = _proposals(problem, candidates, found)
+    proposals = _proposals(problem, candidates, assimilated)
     with run.child("discover") as child:
-        with stage("seed the start", seconds) as report:
+        with stage("fit the first guesses", seconds) as report:
             simulator = exact_simulator(problem, candidates)
-            rough = rough_simulator(problem, simulator, resolution)
-            guesses = fit_first_guesses(problem, rough, nominal, ensemble, learned, found, report)
+            coarse = coarse_simulator(problem, simulator, resolution)
+            guesses = fit_first_guesses(
+                problem, coarse, nominal, ensemble, network, assimilated, report
+            )
             report(
-                1.0, ", ".join(f"{g.name} {g.error:.2f}" for g in guesses) + " σ off its sensors"
+                1.0,
+                ", ".join(f"{g.name} {g.error:.2f}" for g in guesses) + " σ error at the sensors",
             )
         errors = {f"seed/{g.name}": g.error for g in guesses if math.isfinite(g.error)}
         child.log_metrics(errors, 0)
         with stage("grow the horizon", seconds) as report:
-            guess, walked = fit_from_first_guesses(problem, rough, candidates, guesses, report)
+            guess, horizon = fit_from_first_guesses(problem, coarse, candidates, guesses, report)
             child.set_tags({"seed of the start": guess.name})
-        for samples, level in walked.levels:
+        for samples, level in horizon.levels:
             child.log_metrics({"horizon/chi2": level}, samples)
             run.log_metrics({"horizon/chi2": level}, samples)
         weak = problem.config.discovery.weak
         objective = build_least_squares(problem, simulator, guess.start, candidates, weak)
-        objective = with_noise_after(objective, walked)
+        objective = with_residual_noise(objective, horizon)
         with stage("select the law", seconds) as report:
-            selection = select(objective.until(walked.samples), walked.phi, proposals, report)
-            if not walked.reached:
-                walked, selection = walk_on(objective, walked, selection, proposals, report)
-            selection = select_near_prior(nominal.start, selection, KEPT, report)
-            objective = objective.about(selection.objective.forward_model.start)
+            selection = select(objective.truncate(horizon.samples), horizon.phi, proposals, report)
+            if not horizon.is_complete:
+                horizon, selection = extend_horizon(
+                    objective, horizon, selection, proposals, report
+                )
+            selection = select_near_prior(nominal.start, selection, MAX_RIVALS, report)
+            objective = objective.with_start(selection.objective.forward_model.start)
             report(1.0, f"{len(selection.tried)} sets refitted")
         with stage("fit the law to the end", seconds) as report:
-            laws, ranked, nothing = _finish(selection)
+            laws, ranked, nothing = _fit_best(selection)
             report(1.0, str(laws[0]))
-        with stage("weigh other causes", seconds) as report:
-            seen = replace(selection.objective.noise, seen=objective.noise.seen)
-            whole, reach = replace(objective, noise=seen), walked.samples
-            weighed = run_comparison(
-                problem, nominal, whole, reach, laws, ranked, nothing, guesses[0], report
+        with stage("compare hypotheses", seconds) as report:
+            seen = replace(selection.objective.noise, available=objective.noise.available)
+            comparison = compare_explanations(
+                problem,
+                nominal,
+                replace(objective, noise=seen),
+                horizon.samples,
+                laws,
+                ranked,
+                nothing,
+                guesses[0],
+                report,
             )
-            report(1.0, str(weighed.laws[0]))
-        path = _path(selection, nothing)
-        for best_of in path:
-            scores = {"evidence/score": best_of.score, "evidence/rmse": best_of.rmse}
-            child.log_metrics(scores | _coefficients(best_of), len(best_of.candidates))
+            report(1.0, str(comparison.laws[0]))
+        path = _best_by_size(selection, nothing)
+        for best in path:
+            scores = {"evidence/score": best.score, "evidence/rmse": best.rmse}
+            child.log_metrics(scores | _coefficients(best), len(best.candidates))
     part = selection.objective
-    free = part.noise.whiten(walked.readings - part.recorded).square().sum()
+    free = part.noise.whiten(horizon.readings - part.recorded).square().sum()
     return Discovery(
-        laws=weighed.laws,
-        nothing=weighed.nothing,
-        noise=weighed.noise,
+        laws=comparison.laws,
+        uncorrected=comparison.uncorrected,
+        noise=comparison.noise,
         first_guesses={g.name: g.error for g in guesses},
         first_guess=guess.name,
-        levels=walked.levels,
-        reached=walked.reached or _explains(problem, weighed),
-        # A walk that got lost says nothing of what can be reached over the whole record.
-        free_chi2=float(free) / part.noise.count if walked.reached else weighed.laws[0].chi2,
-        exhausted=selection.exhausted,
+        levels=horizon.levels,
+        is_horizon_complete=horizon.is_complete or _is_explained(problem, comparison),
+        # If the horizon did not reach the end, its misfit does not hold for the whole record.
+        free_chi2=float(free) / part.noise.count
+        if horizon.is_complete
+        else comparison.laws[0].chi2,
+        is_search_complete=selection.exhausted,
         path=path,
-        tried=len(selection.tried),
-        forcing_gain=weighed.gain,
-        forcing=weighed.forcing,
+        refit_count=len(selection.tried),
+        forcing_gain=comparison.forcing_gain,
+        forcing_map=comparison.forcing_map,
     )
 
 
@@ -129,69 +159,76 @@ def _coefficients(best: BestOfSize) -> dict[str, float]:
     }
 
 
-def _explains(problem: Problem, weighed: Comparison) -> bool:
-    """Tell whether another cause explains the whole record, where no law everywhere could follow.
+def _is_explained(problem: Problem, comparison: Comparison) -> bool:
+    """Return whether the best hypothesis explains the whole record.
 
-    What is fitted to all of it, and leaves nothing to a free forcing, has got lost nowhere: if what
-    it leaves is noise.
+    This is used if the horizon did not reach the end of the record. The residuals must be noise. In
+    addition the hypothesis must be a local law, a sensor fault or another start, or a free forcing
+    must not improve the fit.
     """
-    if inflated(problem, weighed.noise):
+    if is_noise_inflated(problem, comparison.noise):
         return False
-    best = weighed.laws[0]
-    found = best.window is not None or best.fault is not None or best.widened > 1
-    return found or weighed.gain <= MISSING
+    best = comparison.laws[0]
+    has_other_cause = (
+        best.window is not None or best.fault is not None or best.start_prior_factor > 1
+    )
+    return has_other_cause or comparison.forcing_gain <= MIN_FORCING_GAIN
 
 
 def _proposals(
-    problem: Problem, candidates: Sequence[Candidate], found: Assimilated
+    problem: Problem, candidates: Sequence[Candidate], assimilated: AssimilationResult
 ) -> list[tuple[int, ...]]:
-    """Return the sets that Algorithms 1 and 2 propose, as candidates."""
+    """Return the sets of candidates that Algorithms 1 and 2 propose, as indices."""
     index = indices_by_name(candidates)
     names = [f"{term.equation}: {term}" for term in problem.library]
     sets = []
-    for fit in found.proposals.values():
+    for fit in assimilated.proposals.values():
         chosen = {index[name] for name, value in zip(names, fit.coefficients, strict=True) if value}
         sets.append(tuple(sorted(chosen)))
     return [members for members in sets if members]
 
 
-def _finish(selection: Selection) -> tuple[list[Law], list[Tried], Tried]:
-    """Fit the best law and the empty one to the end; rivals stay as the search left them.
+def _fit_best(selection: Selection) -> tuple[list[Law], list[RefittedSet], RefittedSet]:
+    """Converge the fits of the best law and of the empty law; the alternatives are not refitted.
 
     Returns:
-        The laws, the best first; their fits; that of the empty one.
+        The laws, the best first; their fits; the fit of the empty law.
     """
     objective = selection.objective
-    best = polish(objective, selection.tried[0], POLISHED)
+    best = polish(objective, selection.tried[0], LAW_TOLERANCE)
     normal = objective.linearise(best.phi)
-    near = [t for t in selection.tried[1:] if t.score < best.score + NEAR][:KEPT]
+    near = [t for t in selection.tried[1:] if t.score < best.score + RIVAL_MARGIN][:MAX_RIVALS]
     single = next((t for t in selection.tried if len(t.members) == 1), None)
     if single is not None and len(best.members) > 1 and all(t is not single for t in near):
         near.append(single)
-    nothing = polish(objective, _empty(selection, best), SETTLED) if best.members else best
+    nothing = (
+        polish(objective, _empty_law(selection, best), EMPTY_TOLERANCE) if best.members else best
+    )
 
-    def law(tried: Tried) -> Law:
+    def law(tried: RefittedSet) -> Law:
         [readings] = objective.forward_model.readings(*objective.split(tried.phi[None]))
-        return posterior(objective, normal, tried.phi, tried.members, readings, tried.score)
+        return build_selected_law(
+            objective, normal, tried.phi, tried.members, readings, tried.score
+        )
 
     ranked = sorted([best, *near], key=lambda tried: tried.score)
     return [law(tried) for tried in ranked], ranked, nothing
 
 
-def _empty(selection: Selection, best: Tried) -> Tried:
-    """Return the better beginning for the empty law: as the search left it, or the best's start."""
+def _empty_law(selection: Selection, best: RefittedSet) -> RefittedSet:
+    """Return the empty law with its own start or with that of the best law, if it fits better."""
     objective = selection.objective
-    left = next(tried for tried in selection.tried if not tried.members)
-    moved = objective.embed(best.phi[: objective.modes], [])
-    phi, cost = better(objective, left.phi, moved)
-    return Tried((), phi, cost, cost)
+    own = next(tried for tried in selection.tried if not tried.members)
+    other = objective.embed(best.phi[: objective.modes], [])
+    phi, cost = choose_better(objective, own.phi, other)
+    return RefittedSet((), phi, cost, cost)
 
 
-def _path(selection: Selection, nothing: Tried) -> list[BestOfSize]:
-    """Return the best law of each size that was tried, and none as it was fitted to the end."""
+def _best_by_size(selection: Selection, nothing: RefittedSet) -> list[BestOfSize]:
+    """Return the best law of each size; the empty law is the converged one."""
     objective = selection.objective
     known = objective.forward_model.law.candidates
-    best: dict[int, Tried] = {}
+    best: dict[int, RefittedSet] = {}
     for tried in (nothing, *selection.tried):
         if math.isfinite(tried.score):
             best.setdefault(len(tried.members), tried)

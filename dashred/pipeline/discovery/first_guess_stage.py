@@ -1,4 +1,4 @@
-"""First guesses of the start: fitted to the first samples, compared on validation sensors."""
+"""Fit first guesses of the start to the first samples and rank them on the validation sensors."""
 
 from __future__ import annotations
 
@@ -25,22 +25,24 @@ from dashred.inference.initial_state.first_guesses import (
 from dashred.inference.initial_state.start_models import StartModel
 from dashred.physics.library import resolve
 from dashred.physics.runs.ensemble import Ensemble
-from dashred.pipeline.assimilation import Assimilated
-from dashred.pipeline.discovery.objectives import (
+from dashred.pipeline.assimilation import AssimilationResult
+from dashred.pipeline.discovery.least_squares import (
     build_least_squares,
     for_each_episode,
     noise_share,
     trace_std,
 )
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation import Nominal
-from dashred.pipeline.training import Learned
+from dashred.pipeline.simulation import NominalRun
+from dashred.pipeline.training import TrainedNetwork
 
-# A first guess goes before the prior where the prior's error is this many times as large: what a
-# simulator leaves out is in the errors of all, and a front at another phase is far more than that.
-# Where it is less than such a share of a trace's std the prior has found its way, however little
-# the noise.
-ELSEWHERE, NEAR = 3.0, 0.1
+# The prior is used first unless its error is this many times the smallest error. The missing
+# physics contributes to the errors of all first guesses. A wrong start, such as a front at another
+# phase, has a much larger error.
+PRIOR_MARGIN = 3.0
+# The prior is used first if its error is below this share of the std of a trace, even if the noise
+# is much smaller.
+SMALL_ERROR = 0.1
 
 
 @dataclass(frozen=True)
@@ -48,11 +50,11 @@ class FittedGuess:
     """A first guess of the start that was fitted to the first window.
 
     Attributes:
-        name: of the first guess.
-        start: u₀(z).
-        z: its fit, ``(mode,)``.
-        error: RMSE in σ over the first window, on the validation sensors or on the fit sensors,
-            whichever is worse: what cannot be fitted, a few quiet sensors may not notice.
+        name: name of the first guess.
+        start: start as a function u₀(z) of its parameters.
+        z: fitted parameters, ``(mode,)``.
+        error: RMSE in σ over the first window, on the fit or the validation sensors, whichever is
+            larger. A few validation sensors alone may miss a misfit.
     """
 
     name: str
@@ -64,33 +66,33 @@ class FittedGuess:
 def fit_first_guesses(
     problem: Problem,
     simulator: Simulator,
-    nominal: Nominal,
+    nominal: NominalRun,
     ensemble: Ensemble,
-    learned: Learned,
-    found: Assimilated,
+    network: TrainedNetwork,
+    assimilated: AssimilationResult,
     report: Report,
 ) -> list[FittedGuess]:
-    """Fit every first guess to the first window; return the best on validation first."""
-    error = torch.tensor([learned.test_rmse[f] for f in problem.system.fields]) * learned.scale
-    states = (found.dashred[0], *(dashred[0] for _, dashred in found.others))
-    made = [
-        _made(episode, nominal, ensemble, NetworkEstimate(state, error))
+    """Fit every first guess to the first window and return them, the preferred one first."""
+    error = torch.tensor([network.test_rmse[f] for f in problem.system.fields]) * network.scale
+    states = (assimilated.dashred[0], *(dashred[0] for _, dashred in assimilated.others))
+    by_episode = [
+        _guesses_of_episode(episode, nominal, ensemble, NetworkEstimate(state, error))
         for episode, state in zip(problem.episodes, states, strict=True)
     ]
     models: dict[str, StartModel] = {"prior": nominal.start} | {
-        name: EpisodeStarts(tuple(guesses[name] for guesses in made))
-        for name in made[0]
-        if name != "prior" and all(name in guesses for guesses in made)
+        name: EpisodeStarts(tuple(guesses[name] for guesses in by_episode))
+        for name in by_episode[0]
+        if name != "prior" and all(name in guesses for guesses in by_episode)
     }
     fitted = []
     for i, (name, model) in enumerate(models.items(), start=1):
         fitted.append(fit_first_guess(problem, simulator, name, model))
         report(i / len(models), f"{name} {fitted[-1].error:.2f} σ")
-    return ranked(fitted, NEAR * float((1 / noise_share(problem)).median()))
+    return rank_guesses(fitted, SMALL_ERROR * float((1 / noise_share(problem)).median()))
 
 
-def _made(
-    episode: Problem, nominal: Nominal, ensemble: Ensemble, network: NetworkEstimate
+def _guesses_of_episode(
+    episode: Problem, nominal: NominalRun, ensemble: Ensemble, network: NetworkEstimate
 ) -> dict[str, StartModel]:
     """Return the first guesses of one episode by name."""
     fit = episode.split.fit
@@ -111,50 +113,51 @@ def _made(
     )
 
 
-def ranked(guesses: Sequence[FittedGuess], near: float) -> list[FittedGuess]:
-    """Return the best on validation first; the prior, unless others are far better.
+def rank_guesses(guesses: Sequence[FittedGuess], near: float) -> list[FittedGuess]:
+    """Sort first guesses by their error, with the prior first unless another is much better.
 
-    The prior alone uses no data twice, and laws are weighed about it in the end.
+    The prior is preferred because it uses no data twice and because the final laws are compared
+    with it.
 
     Args:
-        guesses: in any order.
-        near: error of a prior that has found its way, in σ.
+        guesses: fitted first guesses in any order.
+        near: error in σ below which the prior is always first.
     """
     ordered = sorted(guesses, key=lambda guess: guess.error)
-    bound = max(ELSEWHERE * ordered[0].error, near)
+    bound = max(PRIOR_MARGIN * ordered[0].error, near)
     return sorted(ordered, key=lambda guess: not (guess.name == "prior" and guess.error <= bound))
 
 
 def fit_first_guess(
     problem: Problem, simulator: Simulator, name: str, model: StartModel
 ) -> FittedGuess:
-    """Fit one first guess to the first window and validate it there."""
+    """Fit one first guess to the first window and compute its error there."""
     objective = build_least_squares(problem, simulator, model, [], 1.0)
     fitted = fit_first_window(objective, trace_std(problem))
-    errors = [_rmse(problem, objective, fitted.phi, part) for part in _judges(problem)]
+    errors = [_rmse(problem, objective, fitted.phi, part) for part in _recordings(problem)]
     return FittedGuess(name, model, fitted.phi, max(errors))
 
 
-def _judges(problem: Problem) -> list[list[Recording]]:
-    """Return what judges a first guess: recordings of some sensors in every episode."""
+def _recordings(problem: Problem) -> list[list[Recording]]:
+    """Return the recordings of the fit and of the validation sensors, each by episode."""
     splits = [episode.split for episode in problem.episodes]
     fitted = [split.fit for split in splits]
     return [fitted, [split.validation for split in splits]] if splits[0].validate else [fitted]
 
 
 def _rmse(
-    problem: Problem, objective: LeastSquaresProblem, z: Tensor, judges: list[Recording]
+    problem: Problem, objective: LeastSquaresProblem, z: Tensor, recordings: list[Recording]
 ) -> float:
-    """Return the RMSE in σ over the first window, infinite for none."""
+    """Return the RMSE in σ over the first window; infinite if the run blows up."""
     samples = first_samples(objective)
-    sensors = SensorBlock(problem.operator(judges[0]), len(judges))
-    forward_model = replace(objective.forward_model.until(samples), sensors=sensors)
+    sensors = SensorBlock(problem.operator(recordings[0]), len(recordings))
+    forward_model = replace(objective.forward_model.truncate(samples), sensors=sensors)
     [readings] = forward_model.readings(z[None], z.new_zeros((1, 0)))
-    recorded = stack_readings([torch.from_numpy(part.values[:samples]) for part in judges])
+    recorded = stack_readings([torch.from_numpy(part.values[:samples]) for part in recordings])
     recorded = recorded[: len(readings)]
-    noise = for_each_episode(problem, problem.noise_of(judges[0].names))
+    noise = for_each_episode(problem, problem.noise_of(recordings[0].names))
     seen = ~torch.isnan(recorded)
-    # Where a run blows up, nothing is missing: the guess is lost.
+    # A run that blows up gives an infinite error instead of missing values.
     scaled = ((readings - recorded) / noise)[seen]
     rmse = float(scaled.square().mean().sqrt()) if len(scaled) else math.inf
     return rmse if math.isfinite(rmse) else math.inf

@@ -1,4 +1,4 @@
-"""Walk the horizon: from which first guess, how far, and farther with the law that was found."""
+"""Extend the horizon: the part of the record that the fit has reached."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from dashred.inference.fit.stepwise_selection import Selection, select
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.simulator import Simulator
 from dashred.pipeline.discovery.first_guess_stage import FittedGuess
-from dashred.pipeline.discovery.objectives import build_least_squares
+from dashred.pipeline.discovery.least_squares import build_least_squares
 from dashred.pipeline.problem import Problem
 
-# Of the laws that were tried, those that are tried again over more of the record.
-TRIED_AGAIN = 6
+# Number of the best laws that are selected from again over a longer part of the record.
+LAWS_AGAIN = 6
 
 
 def fit_from_first_guesses(
@@ -29,14 +29,17 @@ def fit_from_first_guesses(
     guesses: Sequence[FittedGuess],
     report: Report,
 ) -> tuple[FittedGuess, HorizonFit]:
-    """Walk from the best first guess; where it gets lost, from the next; keep who came farthest.
+    """Extend the horizon from each first guess until one of them reaches the end of the record.
 
     Args:
-        problem: the recording, and how far to walk.
-        simulator: with all candidates in reach, as fine as walking needs.
-        candidates: of the model error.
-        guesses: of the start, the best first.
+        problem: recording and settings.
+        simulator: simulator with all candidates, at the resolution for this stage.
+        candidates: terms that may be missing.
+        guesses: fitted first guesses, the best first.
         report: progress.
+
+    Returns:
+        The first guess with the longest horizon, and its fit.
     """
     settings = problem.config.discovery
     limits = torch.tensor([c.limit for c in candidates], dtype=torch.float64)
@@ -45,59 +48,61 @@ def fit_from_first_guesses(
         objective = build_least_squares(problem, simulator, guess.start, candidates, settings.tight)
         tight = torch.minimum(objective.prior_std, limits)
         objective = replace(objective, prior_std=tight)
-        begin, samples = objective.embed(guess.z, []), first_samples(objective)
-        walked = grow_horizon(objective, begin, samples, settings.walking, report)
-        if best is None or walked.samples > best[1].samples:
-            best = guess, walked
-        if walked.reached:
+        initial, samples = objective.embed(guess.z, []), first_samples(objective)
+        horizon = grow_horizon(objective, initial, samples, settings.walking, report)
+        if best is None or horizon.samples > best[1].samples:
+            best = guess, horizon
+        if horizon.is_complete:
             break
     assert best is not None
     return best
 
 
-def with_noise_after(objective: LeastSquaresProblem, walked: HorizonFit) -> LeastSquaresProblem:
-    """Return F with the noise that the residuals of the walk speak for.
+def with_residual_noise(objective: LeastSquaresProblem, horizon: HorizonFit) -> LeastSquaresProblem:
+    """Return the least-squares problem with the noise estimated from the residuals of a fit.
 
     Args:
-        objective: F of all candidates over the whole record.
-        walked: how far, and with which of them.
+        objective: problem of all candidates over the whole record.
+        horizon: fit up to the horizon.
     """
-    part = objective.until(walked.samples)
-    mine = part.only(walked.members)
-    normal = mine.linearise(walked.phi[part.places(walked.members)], walked.readings)
-    found = part.noise_left(walked.readings, normal.spent(range(len(normal.phi))))
-    return replace(objective, noise=replace(found, seen=objective.noise.seen))
+    part = objective.truncate(horizon.samples)
+    fitted = part.subset(horizon.members)
+    normal = fitted.linearise(horizon.phi[part.indices(horizon.members)], horizon.readings)
+    noise = part.estimate_noise(
+        horizon.readings, normal.effective_parameters(range(len(normal.phi)))
+    )
+    return replace(objective, noise=replace(noise, available=objective.noise.available))
 
 
-def walk_on(
+def extend_horizon(
     objective: LeastSquaresProblem,
-    walked: HorizonFit,
+    horizon: HorizonFit,
     selection: Selection,
     proposals: list[tuple[int, ...]],
     report: Report,
 ) -> tuple[HorizonFit, Selection]:
-    """Walk on with the law that was found so far, and select once more where that leads.
+    """Extend the horizon with the best law and select the terms again over the longer record.
 
-    All candidates together may have lost a trajectory that the right few can follow.
+    A law with few terms may follow a trajectory that the fit of all candidates could not follow.
 
     Args:
-        objective: F of all candidates over the whole record.
-        walked: how far they came together.
-        selection: the laws of so much of the record.
+        objective: problem of all candidates over the whole record.
+        horizon: fit of all candidates up to their horizon.
+        selection: laws that were selected up to this horizon.
         proposals: sets of candidates that are tried in any case.
         report: progress.
     """
     best = selection.tried[0]
-    mine = objective.only(best.members)
-    begin = best.phi[objective.places(best.members)]
-    further = grow_horizon(mine, begin, walked.samples, len(best.members), report)
-    if further.samples == walked.samples:
-        return walked, selection
-    further = replace(
-        further,
-        phi=objective.embed(further.phi, best.members),
+    law = objective.subset(best.members)
+    initial = best.phi[objective.indices(best.members)]
+    longer = grow_horizon(law, initial, horizon.samples, len(best.members), report)
+    if longer.samples == horizon.samples:
+        return horizon, selection
+    longer = replace(
+        longer,
+        phi=objective.embed(longer.phi, best.members),
         members=best.members,
-        levels=[*walked.levels, *further.levels[1:]],
+        levels=[*horizon.levels, *longer.levels[1:]],
     )
-    sets = [*proposals, *(tried.members for tried in selection.tried[:TRIED_AGAIN])]
-    return further, select(objective.until(further.samples), further.phi, sets, report)
+    sets = [*proposals, *(tried.members for tried in selection.tried[:LAWS_AGAIN])]
+    return longer, select(objective.truncate(longer.samples), longer.phi, sets, report)

@@ -1,4 +1,4 @@
-"""Weigh the law that was found against other causes: a sensor, the start, a law somewhere only."""
+"""Compare the selected laws with other hypotheses: sensor faults, another start, local laws."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dataclasses import replace
 from torch import Tensor
 
 from dashred.core.progress import Report
-from dashred.inference.fit.law import Law, law_of
+from dashred.inference.fit.law import Law, build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import grow, minimise
+from dashred.inference.fit.levenberg_marquardt import minimise, minimise_growing_horizon
 from dashred.inference.fit.noise_model import NoiseModel
-from dashred.inference.fit.stepwise_selection import Tried
+from dashred.inference.fit.stepwise_selection import RefittedSet
 from dashred.inference.forward.candidates import Candidate, replaced_terms
 from dashred.inference.forward.law_block import LawBlock
 from dashred.inference.forward.simulator import Simulator
@@ -21,124 +21,129 @@ from dashred.inference.hypotheses.comparison.compare_hypotheses import (
     Comparison,
     compare_hypotheses,
 )
-from dashred.inference.hypotheses.extended.extended_library import extended_candidates
+from dashred.inference.hypotheses.extended.extended_library import build_extended_candidates
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
-from dashred.inference.hypotheses.result import AMBIGUOUS
+from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.physics.window import window_shapes
 from dashred.pipeline.discovery.first_guess_stage import FittedGuess
-from dashred.pipeline.discovery.objectives import fit_noise, simulator_with
+from dashred.pipeline.discovery.least_squares import fit_noise, simulator_with
 from dashred.pipeline.discovery.prior_start import fit_near_prior
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation import Nominal
+from dashred.pipeline.simulation import NominalRun
 
 STEPS, TOLERANCE = 10, 1e-4
-# On the last share of so many times the noise's squares hangs nothing.
-HOPELESS, ROUGH = 5.0, 0.005
-# Noise that is this many times the stated one is not noise.
-INFLATED = 1.3
-# Samples from which the simulator as it is grows, where nothing that was fitted is trusted.
-FIRST = 6
+# If the misfit is more than this many times the noise, the fit without a law needs little accuracy.
+LARGE_MISFIT, ROUGH_TOLERANCE = 5.0, 0.005
+# Estimated noise of more than this many times the stated noise is attributed to another cause.
+MAX_NOISE_RATIO = 1.3
+# Number of samples of the first fit without a law if no earlier fit is trusted.
+FIRST_SAMPLES = 6
 
 
-def run_comparison(
+def compare_explanations(
     problem: Problem,
-    nominal: Nominal,
+    nominal: NominalRun,
     objective: LeastSquaresProblem,
     samples: int,
     laws: Sequence[Law],
-    ranked: Sequence[Tried],
-    nothing: Tried,
+    ranked: Sequence[RefittedSet],
+    nothing: RefittedSet,
     guess: FittedGuess,
     report: Report,
 ) -> Comparison:
-    """Return all explanations over the whole record.
+    """Fit and compare all hypotheses over the whole record.
 
     Args:
-        problem: the recording.
-        nominal: the simulation that gives scales.
-        objective: F of all candidates over the whole record, under the noise found so far.
-        samples: how many of the record the laws were fitted to.
-        laws: that act everywhere, the best first.
-        ranked: their fits.
-        nothing: the simulator as it is.
-        guess: the best of the start; where no law could be followed to the end of the record, the
-            one from which most were says nothing.
+        problem: recording and settings.
+        nominal: simulation that gives the scales of the terms.
+        objective: problem of all candidates over the whole record, with the noise estimated so far.
+        samples: number of samples to which the laws were fitted.
+        laws: laws that act everywhere, the best first.
+        ranked: fits of these laws.
+        nothing: fit of the empty law.
+        guess: best first guess; it replaces the fitted start if the horizon did not reach the end
+            of the record.
         report: progress.
     """
     best, times = ranked[0], problem.times
     reached = samples == len(objective.recorded)
-    if inflated(problem, objective.noise):
-        # A sensor at fault can do that, and laws that were fitted under such noise say nothing.
+    if is_noise_inflated(problem, objective.noise):
+        # A sensor fault can cause this. Laws that were fitted with such noise are not meaningful.
         reached, objective = False, replace(objective, noise=fit_noise(problem))
     known = list(objective.forward_model.law.candidates)
     local = replaced_terms(problem.system, problem.library, known, nominal.states, times)
-    everything = _with(objective, local, problem.config.discovery.weak)
+    everything = _with_candidates(objective, local, problem.config.discovery.weak)
     if samples < len(objective.recorded):
-        everything = everything.about(guess.start)
-        null, phi = everything.only(()), guess.z
+        everything = everything.with_start(guess.start)
+        null, phi = everything.subset(()), guess.z
     else:
-        null, phi = objective.only(()), nothing.phi[: objective.modes]
+        null, phi = objective.subset(()), nothing.phi[: objective.modes]
     if not reached:
-        phi = grow(null, phi, min(samples, FIRST))
-    far = reached and nothing.cost > HOPELESS * objective.noise.count
-    fitted = minimise(null, phi, STEPS, ROUGH if far else TOLERANCE)
+        phi = minimise_growing_horizon(null, phi, min(samples, FIRST_SAMPLES))
+    far = reached and nothing.cost > LARGE_MISFIT * objective.noise.count
+    fitted = minimise(null, phi, STEPS, ROUGH_TOLERANCE if far else TOLERANCE)
     if not (reached and best.members):
         again = fit_near_prior(nominal.start, null, fitted.phi)
         if again is not None:
-            everything, (null, fitted) = everything.about(nominal.start), again
-    empty = HypothesisFit(law_of(null, fitted, fitted.cost), null, fitted.phi)
+            everything, (null, fitted) = everything.with_start(nominal.start), again
+    empty = HypothesisFit(build_law(null, fitted, fitted.cost), null, fitted.phi)
     fits = [
-        HypothesisFit(law, objective.only(fit.members), fit.phi[objective.places(fit.members)])
+        HypothesisFit(law, objective.subset(fit.members), fit.phi[objective.indices(fit.members)])
         for law, fit in zip(laws, ranked, strict=True)
     ]
-    found = fits[0] if reached else empty
-    near = [fit for fit in fits[1:] if fit.law.score < laws[0].score + AMBIGUOUS]
+    best_fit = fits[0] if reached else empty
+    rivals = [fit for fit in fits[1:] if fit.law.score < laws[0].score + AMBIGUITY_MARGIN]
     additions = Additions(
         global_count=len(known),
-        size=_tendency_size(problem.system, nominal.states, times),
-        compiled=lambda: _with_windows(problem, [*known, *local]),
-        extended=lambda: extended_candidates(
+        tendency_rms=_tendency_size(problem.system, nominal.states, times),
+        windowed_simulator=lambda: _with_windows(problem, [*known, *local]),
+        extended_candidates=lambda: build_extended_candidates(
             problem.system, problem.library, nominal.states, times
         ),
     )
-    weighed = compare_hypotheses(
-        everything, found, empty, near if reached else [], additions, report
+    comparison = compare_hypotheses(
+        everything, best_fit, empty, rivals if reached else [], additions, report
     )
     if not reached or null.forward_model.start is not objective.forward_model.start:
-        return weighed
-    return _beside(weighed, laws, objective) if weighed.laws[0].parts == laws[0].parts else weighed
+        return comparison
+    if comparison.laws[0].parts != laws[0].parts:
+        return comparison
+    return _with_global_laws(comparison, laws, objective)
 
 
-def _beside(weighed: Comparison, laws: Sequence[Law], objective: LeastSquaresProblem) -> Comparison:
-    """Return the laws that act everywhere, where the best of them has won, beside the others.
+def _with_global_laws(
+    comparison: Comparison, laws: Sequence[Law], objective: LeastSquaresProblem
+) -> Comparison:
+    """Return the comparison with the laws of the selection, if its best law is the best of all.
 
-    It keeps the fit and the rivals that the search gave it; the others their distance from it.
+    These laws keep their fits. The scores of the other hypotheses are shifted by the difference
+    between the two scores of the best law.
     """
-    shift = laws[0].score - weighed.laws[0].score
+    shift = laws[0].score - comparison.laws[0].score
     known = {law.parts for law in laws}
     others = [
-        replace(law, score=law.score + shift) for law in weighed.laws if law.parts not in known
+        replace(law, score=law.score + shift) for law in comparison.laws if law.parts not in known
     ]
     ranked = sorted([*laws, *others], key=lambda law: law.score)
-    return replace(weighed, laws=ranked, noise=objective.noise)
+    return replace(comparison, laws=ranked, noise=objective.noise)
 
 
-def inflated(problem: Problem, noise: NoiseModel) -> bool:
-    """Tell whether the noise that was found is far above what the recording says of itself."""
-    stated = all(sensor.std is not None for sensor in problem.split.fit.sensors)
+def is_noise_inflated(problem: Problem, noise: NoiseModel) -> bool:
+    """Return whether the estimated noise is far above the noise that the recording states."""
+    is_stated = all(sensor.std is not None for sensor in problem.split.fit.sensors)
     ratio = float((noise.std / fit_noise(problem).std).median())
-    return stated and ratio > INFLATED
+    return is_stated and ratio > MAX_NOISE_RATIO
 
 
-def _with(
+def _with_candidates(
     objective: LeastSquaresProblem, local: Sequence[Candidate], weak: float
 ) -> LeastSquaresProblem:
-    """Return F with further candidates."""
+    """Return the least-squares problem with additional candidates."""
     forward_model = objective.forward_model
     law = LawBlock([*forward_model.law.candidates, *local])
-    return objective.extended(
+    return objective.with_unknowns(
         replace(forward_model, law=law), weak * law.scales[len(objective.prior_std) :]
     )
 
@@ -148,6 +153,6 @@ def _with_windows(problem: Problem, candidates: Sequence[Candidate]) -> Simulato
 
 
 def _tendency_size(system: System, states: Tensor, times: Tensor) -> Tensor:
-    """Return the rms of each equation's own tendency over a simulation, ``(equation,)``."""
-    own = [Term(field, system.equations[field]) for field in system.fields]
-    return evaluate_terms(system, own, states, times).flatten(1).square().mean(dim=1).sqrt()
+    """Return the RMS of the right-hand side of each equation over a simulation, ``(equation,)``."""
+    tendencies = [Term(field, system.equations[field]) for field in system.fields]
+    return evaluate_terms(system, tendencies, states, times).flatten(1).square().mean(dim=1).sqrt()

@@ -1,7 +1,7 @@
-"""Ask of a fit about a first guess whether it stands about the prior of the start, too.
+"""Repeat a fit that began at a first guess with the prior of the start.
 
-A first guess that was made from the recording uses the first samples twice: where it is off in what
-no sensor reads, it leaves its error to the law, and it cannot tell a start outside of the prior.
+A first guess from the recording uses the first samples twice. Its error in unobserved directions
+may bias the law, and it cannot show that the start is outside the prior.
 """
 
 from __future__ import annotations
@@ -11,58 +11,60 @@ from torch import Tensor
 
 from dashred.core.progress import Report
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
+from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from dashred.inference.fit.stepwise_selection import Selection, select
-from dashred.inference.initial_state.start_models import StartModel, nearest
+from dashred.inference.initial_state.start_models import StartModel, project_state
 
 STEPS, TOLERANCE = 10, 1e-4
-# A start that the prior reaches fits as well about it; far out, its prior holds it back a little.
-# Of the simulator as it is, whose misfit is no noise, and of a law, which would bend to its start.
-NO_WORSE, LAW_NO_WORSE = 1.3, 1.1
+# The fit with the prior is accepted if its misfit is at most this many times the misfit before. A
+# start far from the mean of the prior has a slightly larger misfit. The bound is wider for the
+# simulator without a law, because its misfit is not noise. It is tighter for a law, because a law
+# could compensate a wrong start.
+MAX_RATIO, MAX_LAW_RATIO = 1.3, 1.1
 
 
 def fit_near_prior(
-    prior: StartModel, objective: LeastSquaresProblem, phi: Tensor, worse: float = NO_WORSE
-) -> tuple[LeastSquaresProblem, Fitted] | None:
-    """Return the same fit about the prior; None if that does not reach the start that was found.
+    prior: StartModel, objective: LeastSquaresProblem, phi: Tensor, max_ratio: float = MAX_RATIO
+) -> tuple[LeastSquaresProblem, FitResult] | None:
+    """Return the fit with the prior of the start; None if it does not reach the fitted start.
 
     Args:
-        prior: what is known of the start without the recording.
-        objective: F about a first guess.
-        phi: its minimum, ``(unknown,)``.
-        worse: how much larger its misfit may be about the prior.
+        prior: prior of the start, which does not use the recording.
+        objective: least-squares problem with a first guess.
+        phi: minimum of this problem, ``(unknown,)``.
+        max_ratio: largest accepted ratio of the misfits with the prior and with the first guess.
     """
     if objective.forward_model.start is prior:
         return None
     z, xi = objective.split(phi)
-    mine = objective.about(prior)
-    begin = nearest(prior, objective.forward_model.start.start(z[None])[0])
-    found = minimise(mine, torch.cat([begin, xi]), STEPS, TOLERANCE)
+    with_prior = objective.with_start(prior)
+    initial = project_state(prior, objective.forward_model.start.start(z[None])[0])
+    fitted = minimise(with_prior, torch.cat([initial, xi]), STEPS, TOLERANCE)
     _, trials = objective.values(phi[None])
     before = float(trials.residuals.square().sum())
-    return (mine, found) if found.chi2 < worse * before else None
+    return (with_prior, fitted) if fitted.chi2 < max_ratio * before else None
 
 
 def select_near_prior(
-    prior: StartModel, selection: Selection, kept: int, report: Report
+    prior: StartModel, selection: Selection, count: int, report: Report
 ) -> Selection:
-    """Select once more about the prior, if the best law reaches the start that was found from it.
+    """Select the terms again with the prior of the start, if the best law reaches its fitted start.
 
     Args:
-        prior: what is known of the start without the recording.
-        selection: the laws about a first guess.
-        kept: how many of the best sets are refitted first.
+        prior: prior of the start, which does not use the recording.
+        selection: laws that were fitted with a first guess.
+        count: number of the best sets that are refitted first.
         report: progress.
     """
     best, objective = selection.tried[0], selection.objective
     if not best.members:
         return selection
-    law = objective.only(best.members)
-    phi = best.phi[objective.places(best.members)]
-    found = fit_near_prior(prior, law, phi, LAW_NO_WORSE)
-    if found is None:
+    law = objective.subset(best.members)
+    phi = best.phi[objective.indices(best.members)]
+    refit = fit_near_prior(prior, law, phi, MAX_LAW_RATIO)
+    if refit is None:
         return selection
-    whole = objective.about(prior)
-    begin = whole.embed(found[1].phi, best.members)
-    sets = [tried.members for tried in selection.tried[:kept]]
-    return select(whole, begin, sets, report)
+    with_prior = objective.with_start(prior)
+    initial = with_prior.embed(refit[1].phi, best.members)
+    sets = [tried.members for tried in selection.tried[:count]]
+    return select(with_prior, initial, sets, report)

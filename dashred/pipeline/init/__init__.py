@@ -1,1 +1,1 @@
-"""A first configuration for somebody's own recording, guessed from the file."""
+"""First configuration for a recording, with values guessed from the file."""

@@ -1,4 +1,4 @@
-"""What a stranger's CSV holds: its sensors, and the fields and axes that they stand for."""
+"""Guess the fields and axes of a system from the columns of a CSV recording."""
 
 from __future__ import annotations
 
@@ -17,45 +17,47 @@ from dashred.data.recording import Recording
 from dashred.data.sensors import RESERVED
 from dashred.physics.expressions.parser import RESERVED as LANGUAGE
 
-OF_A_SENSOR = ("name", "field", "std", "unit")
+SENSOR_COLUMNS = ("name", "field", "std", "unit")
+# Grid points of an axis by the number of axes.
 POINTS = {1: 64, 2: 32}
-# More columns than this are hardly the fields of an ODE; and than that, certainly not.
-MANY_FIELDS, MOST_FIELDS = 8, 64
-# Where a field in space has its spread, this is how far the start is smooth.
-SMOOTH = "length"
+# More columns than the first number are probably not the fields of an ODE; more than the second are
+# an error.
+MANY_FIELDS, MAX_FIELDS = 8, 64
+# Key in system.spread of the correlation length of the start, so no field can have this name.
+LENGTH = "length"
 
 
 @dataclass(frozen=True)
 class GuessedAxis:
-    """An axis of which the sensors' places alone are known; taken for a ring."""
+    """A periodic axis, guessed from the positions of the sensors."""
 
     name: str
     length: float
     points: int
 
     def wrap(self, place: float, /) -> float:
-        """Return the place itself: all that is asked is whether sensors lie on the axis."""
+        """Return the position unchanged, because all sensors are on the guessed axis."""
         return place
 
     @property
     def period(self) -> float:
-        """Its length."""
+        """The length of the axis."""
         return self.length
 
     @property
     def ring_points(self) -> int:
-        """Its points."""
+        """The number of grid points."""
         return self.points
 
 
 @dataclass(frozen=True)
-class Guessed:
-    """The system that a recording seems to be of: names and places, no equations.
+class GuessedSystem:
+    """System without equations, guessed from a recording.
 
     Attributes:
-        axes: as long as the places of the sensors make them; empty for an ODE.
-        fields: what the sensors read.
-        lets: none.
+        axes: axes that contain the positions of the sensors; empty for an ODE.
+        fields: names of the fields that the sensors read.
+        lets: names of the lets, always empty.
     """
 
     axes: tuple[GuessedAxis, ...]
@@ -64,86 +66,91 @@ class Guessed:
 
     @property
     def inputs(self) -> dict[str, str]:
-        """No column is taken for an input."""
+        """Empty, because no column is guessed to be an input."""
         return {}
 
     @property
     def units(self) -> dict[str, str]:
-        """No configuration says anything yet."""
+        """Empty, because there is no configuration yet."""
         return {}
 
     @property
     def where(self) -> Callable[[str], str]:
-        """Nowhere: there is no configuration."""
+        """The key itself, because there is no configuration with line numbers."""
         return lambda key: key
 
 
-def read_own(path: str, sensors_table: str | None) -> tuple[Guessed, list[Recording]]:
-    """Read a recording, episode by episode, before anything is said about its system.
+def read_recording(path: str, sensors_table: str | None) -> tuple[GuessedSystem, list[Recording]]:
+    """Read a recording without a configuration; return the guessed system and the episodes.
 
     Raises:
-        InputError: a reader refuses it, a name cannot stand in an equation, or the table of
-            sensors has no places.
+        InputError: the recording or the sensor table is invalid, or a name cannot be used in an
+            equation.
     """
     table = read_table(path)
     if "time" not in table.columns:
         raise _without_time(table)
-    places = None if sensors_table is None else read_table(sensors_table)
-    guessed = _of_columns(table) if places is None else _of_places(places)
-    # It is read once more, and may be large.
+    if sensors_table is None:
+        guessed = _system_from_columns(table)
+    else:
+        guessed = _system_from_sensors(read_table(sensors_table))
+    # The recording is read again below. Free the first copy, because it may be large.
     del table
     episodes = read_episodes(path, sensors_table, guessed).episodes
     return guessed, [episode.recording for episode in episodes]
 
 
-def _of_columns(table: Table) -> Guessed:
+def _system_from_columns(table: Table) -> GuessedSystem:
     fields = tuple(column for column in table.columns if column not in RESERVED)
     if not fields:
-        raise InputError("there is no column beside the time", where=table.path)
-    if len(fields) > MOST_FIELDS:
-        what = f"{len(fields)} columns beside the time: so many are not the fields of an ODE"
-        hint = "if they are sensors of a field in space, say where they are: sensors=TABLE.csv"
+        raise InputError("there is no column besides time", where=table.path)
+    if len(fields) > MAX_FIELDS:
+        what = f"{len(fields)} columns besides time are too many for the fields of an ODE"
+        hint = "if they are sensors of a field in space, give their positions: sensors=TABLE.csv"
         raise InputError(what, where=f"{table.path}:{table.header}", hint=f"{hint} (see --help)")
     _check_names(fields, "column", f"{table.path}:{table.header}")
-    return Guessed((), fields)
+    return GuessedSystem((), fields)
 
 
-def _of_places(table: Table) -> Guessed:
+def _system_from_sensors(table: Table) -> GuessedSystem:
     for column in ("name", "field"):
         if column not in table.columns:
             hint = "its columns are name, field, one for each coordinate (x, y) and, if known, std"
-            problem = f"the table of sensors has no column {column!r}"
-            raise InputError(problem, where=table.path, hint=hint)
-    coordinates = tuple(column for column in table.columns if column not in OF_A_SENSOR)
+            what = f"the table of sensors has no column {column!r}"
+            raise InputError(what, where=table.path, hint=hint)
+    coordinates = tuple(column for column in table.columns if column not in SENSOR_COLUMNS)
     for column in coordinates:
         if not any(is_number(cell) for cell in table.texts(column) if cell):
-            hint = f"coordinates are numbers; its other columns may be {', '.join(OF_A_SENSOR)}"
-            what = f"the column {column!r} is no coordinate"
-            raise InputError(what, where=table.header_location(column), hint=f"{hint}: take it out")
+            hint = f"coordinates are numbers; the other columns may be {', '.join(SENSOR_COLUMNS)}"
+            what = f"the column {column!r} is not a coordinate"
+            raise InputError(what, where=table.header_location(column), hint=f"{hint}: remove it")
     if len(coordinates) > 2:
-        problem = f"{len(coordinates)} coordinates, {', '.join(coordinates)}: 2 are the most"
-        raise InputError(problem, where=table.path)
+        listed = ", ".join(coordinates)
+        what = f"{len(coordinates)} coordinates ({listed}) are too many: the limit is 2"
+        raise InputError(what, where=table.path)
     if not table.rows:
         raise InputError("the table has no sensors", where=table.path)
     fields = tuple(dict.fromkeys(table.texts("field")))
     _check_names((*coordinates, *fields), "name", table.path)
     for field in fields:
-        if field in (*coordinates, SMOOTH):
-            means = "a coordinate" if field in coordinates else "how smooth the start is"
-            what = f"the field {field!r} has the name of {means}"
-            hint = f"call it {field}_0 in the column 'field', for example"
+        if field in (*coordinates, LENGTH):
+            meaning = "a coordinate" if field in coordinates else "a key of system.spread"
+            what = f"the field {field!r} has the name of {meaning}"
+            hint = f"rename it in the column 'field', for example to {field}_0"
             raise InputError(what, where=table.path, hint=hint)
-    return Guessed(tuple(_axis(table, name, len(coordinates)) for name in coordinates), fields)
+    return GuessedSystem(
+        tuple(_axis(table, name, len(coordinates)) for name in coordinates), fields
+    )
 
 
 def _axis(table: Table, name: str, rank: int) -> GuessedAxis:
-    """Guess an axis: half a mean spacing longer than the sensors reach, in round numbers."""
+    """Guess an axis that ends half a mean spacing after the last sensor, with a rounded length."""
     places = table.numbers(name)
     for row, place in enumerate(places.tolist()):
         if not place >= 0:
-            problem = "a place must be a number from 0 up: axes begin at 0"
+            what = "a position must be a number of at least 0, because axes begin at 0"
             hint = f"shift the coordinates so that the domain begins at {name} = 0"
-            raise InputError(problem, where=table.location(row, name), hint=hint)
+            raise InputError(what, where=table.location(row, name), hint=hint)
     distinct = np.unique(places)
     reach = float(distinct[-1])
     spacing = reach / max(1, len(distinct) - 1)
@@ -152,7 +159,7 @@ def _axis(table: Table, name: str, rank: int) -> GuessedAxis:
 
 
 def _rounded_up(value: float) -> float:
-    """Return the next number of two significant digits."""
+    """Round up to two significant digits."""
     digit = 10.0 ** (math.floor(math.log10(value)) - 1)
     return float(f"{math.ceil(value / digit - 1e-9) * digit:.6g}")
 
@@ -161,10 +168,12 @@ def _check_names(names: Sequence[str], kind: str, where: str) -> None:
     for name in names:
         if not NAME.match(name):
             what = f"the {kind} {name!r} cannot be a name in an equation"
-            hint = "letters, digits and _, beginning with a letter; a unit in [ ]: 'theta [rad]'"
+            hint = (
+                "use letters, digits and _, with a letter first; a unit goes in [ ]: 'theta [rad]'"
+            )
         elif keyword.iskeyword(name) or name in LANGUAGE:
-            what = f"the {kind} {name!r} means something else in an equation"
-            hint = f"call it {name}_0 in the header, for example"
+            what = f"the {kind} {name!r} has another meaning in an equation"
+            hint = f"rename it in the header, for example to {name}_0"
         else:
             continue
         raise InputError(what, where=where, hint=hint)
@@ -174,5 +183,5 @@ def _without_time(table: Table) -> InputError:
     likely = [c for c in table.columns if c.lower() in ("t", "time", "times", "date", "seconds")]
     hint = separator_hint(table.columns) or f"its columns are {', '.join(table.columns[:12])}"
     if likely:
-        hint = f"call the column {likely[0]!r} 'time' in the header"
+        hint = f"rename the column {likely[0]!r} to 'time' in the header"
     return InputError("the recording has no column 'time'", where=table.path, hint=hint)

@@ -8,48 +8,49 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dashred.core.argument_types import read_path
-from dashred.core.arguments import Command, word
+from dashred.core.arguments import Command, argument
 from dashred.core.errors import DONE, InputError
 
 
 @dataclass(frozen=True, kw_only=True)
-class Words:
-    """The words of the command."""
+class Arguments:
+    """Arguments of the command."""
 
-    path: Path = word(
+    path: Path = argument(
         read_path,
         "FILE.csv",
-        "a column `time`, and one for each sensor. Without a table of sensors the columns are the "
-        "fields of an ODE: call them what your equations call them",
+        "recording with a column `time` and one for each sensor. Without a sensor table the "
+        "columns are the fields of an ODE: give them the names that your equations use",
     )
-    sensors: Path | None = word(
+    sensors: Path | None = argument(
         read_path,
         "TABLE.csv",
-        "of sensors in space: columns name (the recording's column), field, x or x and y (from 0 "
-        "up) and, if known, std (of the noise)",
+        "table of sensors in space with the columns name (the column of the recording), field, "
+        "x or x and y (at least 0) and, if known, std (of the noise)",
         default=None,
     )
-    output: Path | None = word(
+    output: Path | None = argument(
         read_path,
         "FILE.yaml",
-        "where to write; default: the recording's name with .yaml, in this folder. A file that is "
-        "there already is left as it is",
+        "configuration to write; default: the name of the recording with .yaml, in this folder. "
+        "An existing file is not overwritten",
         default=None,
     )
 
 
 COMMAND = Command(
     "dashred init",
-    Words,
+    Arguments,
     """\
-Reads a recording and writes a first configuration for it: fields, start, steps as the recording
-shows them, every block with what it means, and what is yours to fill in marked TO DO.""",
+Reads a recording and writes a first configuration for it. The fields, the start and the time steps
+are guessed from the recording. Comments explain each block, and TO DO marks the lines that you must
+fill in.""",
     after="Then: dashred check conf=FILE.yaml",
 )
 
 
 def main(argv: list[str]) -> int:
-    """Read, guess, write."""
+    """Read the recording and write its first configuration."""
     words = COMMAND.read(argv)
     path, table = str(words.path), None if words.sensors is None else str(words.sensors)
     _check_csv(words.path)
@@ -58,70 +59,76 @@ def main(argv: list[str]) -> int:
 
     from dashred.config.checks.placeholders import TO_DO
     from dashred.core.files.atomic import write_text_atomic
-    from dashred.pipeline.init.columns import MANY_FIELDS, read_own
+    from dashred.pipeline.init.columns import MANY_FIELDS, read_recording
     from dashred.pipeline.init.document import document
-    from dashred.pipeline.init.guess import guess, longest
+    from dashred.pipeline.init.guess import guess_values, longest_episode
 
-    guessed, episodes = read_own(path, table)
-    seen = [None if file is None else _seen_from(output, file) for file in (path, table)]
-    assert seen[0] is not None
-    found = guess(guessed, episodes)
-    text = document(guessed, longest(episodes), found, seen[0], seen[1], str(output))
+    guessed, episodes = read_recording(path, table)
+    text = document(
+        guessed,
+        longest_episode(episodes),
+        guess_values(guessed, episodes),
+        _relative_path(output, path),
+        None if table is None else _relative_path(output, table),
+        str(output),
+    )
     _check_loads(text, output, path)
     try:
         write_text_atomic(output, text)
     except OSError as error:
-        what, hint = (
-            f"cannot be written: {error.strerror}",
-            "choose another place: output=FILE.yaml",
-        )
+        what = f"cannot be written: {error.strerror}"
+        hint = "choose another file: output=FILE.yaml"
         raise InputError(what, where=str(output), hint=hint) from None
     left = text.count(f"# {TO_DO}:")
     print(f"{output}: fields {', '.join(guessed.fields)}; {left} to do")
     if not guessed.axes and len(guessed.fields) > MANY_FIELDS:
-        print("so many columns are hardly the fields of an ODE: if they are sensors of a field in")
-        print("space, say where they are: sensors=TABLE.csv (see --help)")
+        print("These are many columns for the fields of an ODE. If they are sensors of a field in")
+        print("space, give their positions: sensors=TABLE.csv (see --help)")
     print(f"next: fill in the lines marked {TO_DO}, then dashred check conf={output}")
     return DONE
 
 
 def _check_csv(path: Path) -> None:
-    """Refuse what is no CSV.
+    """Check that the recording is a CSV file.
 
     Raises:
-        InputError: what to do instead.
+        InputError: it is not.
     """
     if path.suffix.lower() != ".csv":
-        hint = "a NetCDF recording describes itself: write its configuration after conf/rde.yaml"
+        hint = "for a NetCDF recording, write the configuration by hand: see conf/rde.yaml"
         raise InputError("this is not a .csv file", where=str(path), hint=hint)
 
 
 def _check_output(output: Path) -> None:
-    """Refuse a place that is taken, or that no command would read.
+    """Check that the configuration can be written.
 
     Raises:
-        InputError: what to do instead.
+        InputError: the name does not end in .yaml, the file exists, or its folder does not exist.
     """
     if output.suffix not in (".yaml", ".yml"):
         hint = f"output={output.with_suffix('.yaml')}"
-        raise InputError("a configuration's name ends in .yaml", where=str(output), hint=hint)
+        raise InputError(
+            "the name of a configuration must end in .yaml", where=str(output), hint=hint
+        )
     if output.exists() or output.is_symlink():
-        hint = "name another file with output=FILE.yaml, or remove this one first"
-        raise InputError("is there already, and is left as it is", where=str(output), hint=hint)
+        hint = "choose another file with output=FILE.yaml, or remove this one first"
+        raise InputError("this file already exists", where=str(output), hint=hint)
     if not output.parent.is_dir():
-        raise InputError("there is no such folder", where=str(output.parent), hint="make it first")
+        raise InputError(
+            "there is no such folder", where=str(output.parent), hint="create it first"
+        )
 
 
-def _seen_from(output: Path, file: str) -> str:
-    """Return a file's path as the configuration has to write it."""
+def _relative_path(output: Path, file: str) -> str:
+    """Return the path of a file relative to the configuration, which is how it refers to it."""
     return Path(os.path.relpath(Path(file).resolve(), output.parent.resolve())).as_posix()
 
 
 def _check_loads(text: str, output: Path, recording: str) -> None:
-    """Hold the text against the loader that will read it.
+    """Check that the configuration can be loaded.
 
     Raises:
-        InputError: something in the recording is what no configuration can hold.
+        InputError: the recording contains something that a configuration cannot express.
     """
     from dashred.config import load_config
 
@@ -131,5 +138,5 @@ def _check_loads(text: str, output: Path, recording: str) -> None:
         try:
             load_config([f"conf={draft}"], entry="init")
         except InputError as error:
-            what = f"no configuration can hold what is in it: {error.what}"
+            what = f"its configuration would be invalid: {error.what}"
             raise InputError(what, where=recording, hint=error.hint) from None

@@ -1,4 +1,4 @@
-"""The text of a first configuration: every block with what it means and what is left to do."""
+"""Text of a first configuration, with comments and marks for the lines to fill in."""
 
 from __future__ import annotations
 
@@ -12,27 +12,32 @@ from dashred.core.templates import render
 from dashred.data.recording import Recording
 from dashred.data.resampling import coarser_step, native_step
 from dashred.physics.expressions.functions import FUNCTIONS
-from dashred.pipeline.init.columns import Guessed
-from dashred.pipeline.init.guess import Guess
+from dashred.pipeline.init.columns import GuessedSystem
+from dashred.pipeline.init.guess import GuessedValues
 
 PLAIN = re.compile(r"[A-Za-z0-9_./~][A-Za-z0-9_./~ ()+-]*\Z")
 TEMPLATE = "pipeline/init/templates/configuration.yaml.j2"
 
 
 def document(
-    guessed: Guessed, recording: Recording, guess: Guess, path: str, table: str | None, name: str
+    guessed: GuessedSystem,
+    recording: Recording,
+    guess: GuessedValues,
+    path: str,
+    table: str | None,
+    name: str,
 ) -> str:
     """Return the configuration as YAML.
 
     Args:
-        guessed: names and places.
-        recording: as it was read.
-        guess: the numbers.
-        path: of the recording, seen from the configuration.
-        table: of its sensors, likewise; None without one.
-        name: of the configuration, as commands name it.
+        guessed: system with its fields and axes.
+        recording: longest episode of the recording.
+        guess: values guessed from the recording.
+        path: path of the recording, relative to the configuration.
+        table: path of the sensor table, relative to the configuration; None without a table.
+        name: path of the configuration, as in a command.
     """
-    # On a shorter step most values would be missing.
+    # With a shorter step most values would be missing.
     uneven = guess.every is not None and guess.every == coarser_step(recording)
     return render(
         TEMPLATE,
@@ -55,9 +60,9 @@ def document(
 
 
 def quoted(text: str) -> str:
-    """Return a text so that YAML reads it as that text."""
-    plain = PLAIN.match(text) and not any(kind.match(text) for kind in SCALARS.values())
-    return text if plain and text == text.strip() else json.dumps(text, ensure_ascii=False)
+    """Return a text as YAML, in quotes if necessary."""
+    is_plain = PLAIN.match(text) and not any(kind.match(text) for kind in SCALARS.values())
+    return text if is_plain and text == text.strip() else json.dumps(text, ensure_ascii=False)
 
 
 def _title(path: str) -> str:
@@ -70,8 +75,8 @@ def _key(name: str) -> str:
     return quoted(name)
 
 
-def _example(field: str, guessed: Guessed, guess: Guess) -> str:
-    """Return what a rate of change might look like."""
+def _example(field: str, guessed: GuessedSystem, guess: GuessedValues) -> str:
+    """Return an example of a right-hand side."""
     if guessed.axes:
         return f"-c*d({field}, {guessed.axes[0].name}) + D*lap({field})"
     integrals = [name for name, rate in guess.rates.items() if rate.rate == field]

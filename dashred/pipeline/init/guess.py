@@ -1,4 +1,4 @@
-"""Numbers of a first configuration: start, spread, steps, from what the recording shows."""
+"""Guess the values of a first configuration from the recording: start, spread and time steps."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from dashred.data.noise_level import noise_std
 from dashred.data.recording import Recording
 from dashred.data.resampling import coarser_step, native_step
 from dashred.data.time_scale import samples_per_change, suggested_step
-from dashred.pipeline.init.columns import Guessed
+from dashred.pipeline.init.columns import GuessedSystem
 from dashred.pipeline.init.relations import Rate, find_rates
 from dashred.pipeline.init.start import start_expression
 
-# Steps of the integrator in one of the recording's.
-STEPS_A_SAMPLE = 5
-# The start is known to so many σ of the noise, and to this share of what is seen to vary.
-STARTS, SHARE = 3.0, 0.1
+# Steps of the integrator per step of the recording.
+STEPS_PER_SAMPLE = 5
+# Spread of the start: at least this many σ of the noise, and for an ODE this share of the std.
+NOISE_FACTOR, STD_SHARE = 3.0, 0.1
 
 
 @dataclass(frozen=True)
-class Guess:
-    """What a first configuration says of a recording.
+class GuessedValues:
+    """Values of a first configuration.
 
     Attributes:
-        every: step of the analysis; None keeps the recording's own.
-        dt: step of the integrator.
-        start, spread: of every field, in its own unit.
-        rates: columns that are another's rate of change, by field; of an ODE.
-        episodes: how many begin the recording anew.
+        every: time step of the analysis; None keeps the step of the recording.
+        dt: time step of the integrator.
+        start, spread: initial state and its std by field, in the unit of the field.
+        rates: columns that are the rate of change of a field, by field; empty in space.
+        episodes: number of episodes of the recording.
     """
 
     every: float | None
@@ -44,14 +44,14 @@ class Guess:
     episodes: int
 
 
-def guess(guessed: Guessed, episodes: Sequence[Recording]) -> Guess:
-    """Guess what the recording lets one guess: its steps from the longest episode.
+def guess_values(guessed: GuessedSystem, episodes: Sequence[Recording]) -> GuessedValues:
+    """Guess the values of a configuration; the time steps come from the longest episode.
 
-    A law has one prior of the start, whatever the episode: about the mean of what they begin with,
-    as wide as that differs.
+    All episodes share one prior of the start. Its mean is the mean of their first values, and its
+    spread covers the differences between them.
     """
-    episodes = [replace(each, values=mask_sentinels(each.values)) for each in episodes]
-    recording = longest(episodes)
+    episodes = [replace(episode, values=mask_sentinels(episode.values)) for episode in episodes]
+    recording = longest_episode(episodes)
     noise = _noise(recording)
     every = coarser_step(recording)
     if every is None:
@@ -59,18 +59,26 @@ def guess(guessed: Guessed, episodes: Sequence[Recording]) -> Guess:
     step = native_step(recording.times) if every is None else every
     start, spread = {}, {}
     for field in guessed.fields:
-        mine = [sensor.reads == field for sensor in recording.sensors]
-        values = recording.values[:, mine]
+        selected = [sensor.reads == field for sensor in recording.sensors]
+        values = recording.values[:, selected]
         places = np.array([s.position for s in recording.sensors if s.reads == field])
-        firsts = np.stack([_firsts(each.values[:, mine]) for each in episodes])
+        firsts = np.stack([_first_values(episode.values[:, selected]) for episode in episodes])
         start[field] = start_expression(guessed.axes, places, np.nanmean(firsts, axis=0))
-        varies = float(np.nanstd(values))
-        known = SHARE * varies if not guessed.axes else varies
-        known = max(known, float(np.nanmax(np.nanstd(firsts, axis=0))))
-        spread[field] = _rounded(max(STARTS * float(noise[mine].max()), known)) or 1.0
-    return Guess(
+        std = float(np.nanstd(values))
+        between_episodes = float(np.nanmax(np.nanstd(firsts, axis=0)))
+        spread[field] = (
+            _rounded(
+                max(
+                    NOISE_FACTOR * float(noise[selected].max()),
+                    std if guessed.axes else STD_SHARE * std,
+                    between_episodes,
+                )
+            )
+            or 1.0
+        )
+    return GuessedValues(
         every,
-        _rounded(step / STEPS_A_SAMPLE),
+        _rounded(step / STEPS_PER_SAMPLE),
         start,
         spread,
         {} if guessed.axes else find_rates(recording),
@@ -78,24 +86,24 @@ def guess(guessed: Guessed, episodes: Sequence[Recording]) -> Guess:
     )
 
 
-def longest(episodes: Sequence[Recording]) -> Recording:
-    """Return the episode of most samples."""
-    return max(episodes, key=lambda each: len(each.times))
+def longest_episode(episodes: Sequence[Recording]) -> Recording:
+    """Return the episode with the most samples."""
+    return max(episodes, key=lambda episode: len(episode.times))
 
 
 def _noise(recording: Recording) -> NDArray[np.float64]:
     try:
         return noise_std(recording)
     except InputError:
-        # A sensor that never changes: what to do about it is for the check to say.
+        # A sensor never changes. The check reports this.
         return np.zeros(len(recording.sensors))
 
 
-def _firsts(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the first value that each sensor has."""
-    seen = ~np.isnan(values)
-    found: NDArray[np.float64] = values[seen.argmax(axis=0), np.arange(values.shape[1])]
-    return found
+def _first_values(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the first value of each sensor, ``(sensor,)``."""
+    known = ~np.isnan(values)
+    firsts: NDArray[np.float64] = values[known.argmax(axis=0), np.arange(values.shape[1])]
+    return firsts
 
 
 def _rounded(value: float) -> float:

@@ -1,1 +1,1 @@
-"""What a run writes."""
+"""Output files of a run: report, figures, fields and corrected configuration."""

@@ -1,4 +1,4 @@
-"""`corrected.yaml`: the user's own configuration with the law put in, ready to run."""
+"""Write `corrected.yaml`: the configuration of the user with the law added."""
 
 from __future__ import annotations
 
@@ -13,64 +13,67 @@ import yaml
 from dashred.config import Config
 from dashred.core.files.atomic import write_text_atomic
 from dashred.inference.fit.law import Law
-from dashred.inference.results.corrected_system import correct
-from dashred.inference.results.explanation import terms_of
+from dashred.inference.results.corrected_system import build_corrected_system
+from dashred.inference.results.explanation import terms_of_law
 from dashred.physics.system import System
 from dashred.reporting.wording.findings_text import law_text
 
 NAME = "corrected.yaml"
-# Where results go and which recording is read are of one run: the corrected system is of any.
-OF_ONE_RUN = ("output", "tracking")
-OF_ONE_RECORDING = ("twin", "path", "sensors", "noise", "duration", "reads")
+# Keys that belong to one run or to one recording. The corrected system does not depend on them.
+RUN_KEYS = ("output", "tracking")
+RECORDING_KEYS = ("twin", "path", "sensors", "noise", "duration", "reads")
 WIDTH = 96
 
 
 def write_corrected(
     path: Path, config: Config, system: System, law: Law, recording_sha256: str
 ) -> None:
-    """Write the configuration of the corrected simulator, whole or not at all.
+    """Write the configuration of the corrected simulator atomically.
 
-    It holds the keys of the user's file and command line, with the equations and parameters of
+    It contains the keys of the user's file and command line, with the equations and parameters of
     :func:`dashred.inference.results.corrected_system.correct`. The defaults stay in
     ``conf/base.yaml``. It contains no path, so it runs in any folder.
     """
-    values = _layer(config)
-    corrected = correct(system, law)
+    values = _user_values(config)
+    corrected = build_corrected_system(system, law)
     values["system"]["equations"] = _Block(corrected.config.equations)
-    # They are those of the class, which the corrected system can do without.
+    # The equations replace the Python class of the simulator.
     values["system"].pop("class", None)
-    # It is declared of the simulator's equations, and would be refused beside others.
-    if _lost_structure(config, corrected):
+    # The structure was declared for the uncorrected equations and would be refused with others.
+    if _loses_structure(config, corrected):
         values["system"].pop("structure", None)
     if corrected.config.parameters:
-        # 0.035 + 0.01 shall not be written 0.045000000000000005.
-        tidy = {name: float(f"{value:.12g}") for name, value in corrected.config.parameters.items()}
-        values["system"]["parameters"] = _Block(tidy)
+        # This writes 0.035 + 0.01 as 0.045 and not as 0.045000000000000005.
+        rounded = {
+            name: float(f"{value:.12g}") for name, value in corrected.config.parameters.items()
+        }
+        values["system"]["parameters"] = _Block(rounded)
     body = yaml.dump(values, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=WIDTH)
     write_text_atomic(path, f"{_header(config, system, law, recording_sha256)}\n{body}")
 
 
-def _lost_structure(config: Config, corrected: System) -> bool:
-    changed = dict(corrected.config.equations) != dict(config.system.equations)
-    return config.system.structure is not None and changed
+def _loses_structure(config: Config, corrected: System) -> bool:
+    """Return whether the law invalidates the declared structure."""
+    is_changed = dict(corrected.config.equations) != dict(config.system.equations)
+    return config.system.structure is not None and is_changed
 
 
-def _layer(config: Config) -> dict[str, Any]:
-    """Return the values of the user's file, the command line's over them, as they were written."""
+def _user_values(config: Config) -> dict[str, Any]:
+    """Return the values of the user's file with the overrides of the command line."""
     values = deepcopy(config.written)
-    settled = asdict(config)
-    settled["system"]["class"] = settled["system"].pop("class_")
+    checked = asdict(config)
+    checked["system"]["class"] = checked["system"].pop("class_")
     for key, line in config.lines.items():
         if key and line == config.override_place and "[" not in key:
-            _put(values, key.split("."), _get(settled, key.split(".")))
-    for key in OF_ONE_RUN:
+            _put(values, key.split("."), _get(checked, key.split(".")))
+    for key in RUN_KEYS:
         values.pop(key, None)
     recording = values.get("recording", {})
-    for key in OF_ONE_RECORDING:
+    for key in RECORDING_KEYS:
         recording.pop(key, None)
     if not recording:
         values.pop("recording", None)
-    # Its own name is no system's: without this, every corrected run would be of "corrected".
+    # By default the experiment would have the name of the file, "corrected".
     values["tracking"] = {"experiment": config.tracking.experiment or config.name}
     return values
 
@@ -80,7 +83,7 @@ def _header(config: Config, system: System, law: Law, recording_sha256: str) -> 
     lines = [
         f"{system.title}, corrected: the simulation with the law that dashred found.",
         "",
-        law_text(terms_of(system, law), system),
+        law_text(terms_of_law(system, law), system),
         "",
         f"Found from the recording with sha256 {recording_sha256[:16]}…, seed {config.seed}; "
         f"± is one standard deviation. The configuration was {origin}.",
@@ -88,7 +91,7 @@ def _header(config: Config, system: System, law: Law, recording_sha256: str) -> 
         "The start and its spin-up are the configuration's own, so the spin-up now runs under the "
         "corrected equations; the start that was fitted to the recording is in estimates.nc.",
         "",
-        *_of_structure(config, correct(system, law)),
+        *_structure_note(config, build_corrected_system(system, law)),
         "dashred train conf=OUTPUT/corrected.yaml recording.path=RECORDING",
     ]
     if isinstance(config.recording.sensors, str):
@@ -97,8 +100,8 @@ def _header(config: Config, system: System, law: Law, recording_sha256: str) -> 
     return "\n".join(f"# {line}".rstrip() for line in wrapped)
 
 
-def _of_structure(config: Config, corrected: System) -> list[str]:
-    if not _lost_structure(config, corrected):
+def _structure_note(config: Config, corrected: System) -> list[str]:
+    if not _loses_structure(config, corrected):
         return []
     note = (
         "The structure is left out, because it was declared for the equations without the law. "
@@ -121,17 +124,17 @@ def _put(values: dict[str, Any], parts: list[str], value: Any) -> None:
 
 
 class _Block(dict[str, Any]):
-    """A mapping to be written one entry a line: equations are long."""
+    """Mapping that is written with one entry per line, because equations are long."""
 
 
 class _Dumper(yaml.SafeDumper):
-    """Short mappings in one line, as the bundled configurations have them."""
+    """Dumper that writes short mappings in one line, as in the bundled configurations."""
 
     def __init__(self, *words: Any, **settings: Any) -> None:
         super().__init__(*words, **settings | {"default_flow_style": None})
 
     def ignore_aliases(self, data: Any) -> bool:
-        """Write a value twice rather than refer to it: the reader takes no aliases."""
+        """Write every value in full, because the reader does not accept aliases."""
         return True
 
 

@@ -1,4 +1,4 @@
-"""Draw fields over space: by method, and where the law acts."""
+"""Figures of the fields in space: by method, where the law acts, and the free forcing."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def draw_fields(problem: Problem, by_method: Mapping[str, Tensor]) -> Figure:
     """Draw the fields over the fit window: over x and t, or in the plane at three times.
 
     Args:
-        problem: whose system has axes.
-        by_method: ``(time, field, *grid)``, of the fit window at least.
+        problem: problem with axes in space.
+        by_method: fields by method, ``(time, field, *grid)``, over at least the fit window.
     """
     system, fit = problem.system, problem.split.fit
     count = len(fit.times)
@@ -39,15 +39,15 @@ def draw_fields(problem: Problem, by_method: Mapping[str, Tensor]) -> Figure:
     places = {
         field: [s.position for s in fit.sensors if s.reads == field] for field in system.fields
     }
-    along = {name: x.numpy() for name, x in system.grid.own_coordinates.items()}
+    coordinates = {name: x.numpy() for name, x in system.grid.own_coordinates.items()}
     times, units = problem.times[:count].numpy(), system.units
     if len(system.axes) > 1:
-        return snapshot_panels(times, along, fields, places, units)
+        return snapshot_panels(times, coordinates, fields, places, units)
     [axis], meanings = system.axes, system.config.fields
     return space_time_panels(
         times,
         label_with_unit(axis.name, units.get(axis.name)),
-        along[axis.name],
+        coordinates[axis.name],
         fields,
         {field: [x for (x,) in positions] for field, positions in places.items()},
         meanings={f: label_with_unit(meaning, units.get(f)) for f, meaning in meanings.items()},
@@ -56,13 +56,13 @@ def draw_fields(problem: Problem, by_method: Mapping[str, Tensor]) -> Figure:
 
 
 def draw_where(problem: Problem, analysis: Analysis, where: Where) -> Figure:
-    """Draw where and when the law acts, and at which sensors it shows."""
+    """Draw where and when the law acts, and which sensors it affects."""
     system, fit = problem.system, problem.split.fit
     if len(system.axes) != 1:
         return where_figure(where, None, system.units)
     [axis], count = system.axes, len(fit.times)
-    states = analysis.free.states["corrected"][:count]
-    tendency = law_tendency(system, analysis.discovered.best, states, problem.times[:count])
+    states = analysis.trajectories.states["corrected"][:count]
+    tendency = law_tendency(system, analysis.discovery.best, states, problem.times[:count])
     law_map = LawMap(
         axis.name,
         system.grid.own_coordinates[axis.name].numpy(),
@@ -74,7 +74,7 @@ def draw_where(problem: Problem, analysis: Analysis, where: Where) -> Figure:
 
 
 def draw_forcing(problem: Problem, forcing: Forcing) -> Figure:
-    """Draw the map of a free forcing along the only axis."""
+    """Draw the map of a free forcing over time and the only axis."""
     [axis], units = problem.system.axes, problem.system.units
     places = [sensor.position[0] for sensor in problem.split.fit.sensors]
     label = label_with_unit(axis.name, units.get(axis.name))

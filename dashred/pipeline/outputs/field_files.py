@@ -1,4 +1,4 @@
-"""Fields by method, as a dataset and as a file, of one episode or of several one after another."""
+"""Fields by method as a dataset and as a NetCDF file, for one or several episodes."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ def write_estimates(
 def fields_dataset(
     system: System, times: Tensor, fields: Mapping[str, Tensor], episodes: Sequence[str] = ()
 ) -> xr.Dataset:
-    """Return fields by method, dims ``(method, time, *axes)``, one variable a field.
+    """Return the fields by method: one variable per field over ``(method, time, *axes)``.
 
     Args:
-        system: names and grid.
-        times: ``(time,)``.
-        fields: by method, ``(time, field, *grid)``.
-        episodes: that of every sample, where there are several.
+        system: system with its field names and its grid.
+        times: times, ``(time,)``.
+        fields: fields by method, ``(time, field, *grid)``.
+        episodes: name of the episode of each time; empty for a single episode.
     """
     axes = [axis.name for axis in system.axes]
     stacked = system.grid.own(torch.stack(list(fields.values()))).numpy()
@@ -52,12 +52,12 @@ def fields_dataset(
 
 
 def episodes_dataset(parts: Sequence[tuple[Problem, Tensor, dict[str, Tensor]]]) -> xr.Dataset:
-    """Return what methods make of every episode, one after another."""
+    """Return the fields by method of several episodes, joined along time."""
     system = parts[0][0].system
     if len(parts) == 1:
         [(_, times, fields)] = parts
         return fields_dataset(system, times, fields)
     methods = [name for name in parts[0][2] if all(name in fields for *_, fields in parts)]
-    together = {name: torch.cat([fields[name] for *_, fields in parts]) for name in methods}
+    joined = {name: torch.cat([fields[name] for *_, fields in parts]) for name in methods}
     labels = [episode.name for episode, times, _ in parts for _ in times]
-    return fields_dataset(system, torch.cat([t for _, t, _ in parts]), together, labels)
+    return fields_dataset(system, torch.cat([t for _, t, _ in parts]), joined, labels)

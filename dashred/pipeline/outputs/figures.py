@@ -1,4 +1,4 @@
-"""The figures of an analysis of equations: what draws each of them, by file."""
+"""Figures of an analysis with equations, by file name."""
 
 from __future__ import annotations
 
@@ -22,55 +22,55 @@ from dashred.pipeline.outputs.sensor_figures import (
     draw_whole_episode,
 )
 from dashred.pipeline.problem import Problem
-from dashred.reporting.figures.figure_names import WHOLE, sensors_of_episode
+from dashred.reporting.figures.figure_names import HELD_OUT_EPISODE, sensor_figure_of_episode
 from dashred.reporting.figures.save import evidence_figure
 
 Figures = Mapping[str, Callable[[], Figure]]
-"""What draws a figure, by the name of its file."""
+"""Functions that draw the figures, by file name."""
 
-PANELS = ("simulation", "dashred", "corrected")
+PANEL_METHODS = ("simulation", "dashred", "corrected")
 
 
 def figures_of(problem: Problem, analysis: Analysis, findings: Findings) -> Figures:
-    """Return all figures, in the order in which they are drawn."""
-    found: dict[str, Callable[[], Figure]] = {}
-    for number, (episode, mine) in enumerate(analysis.episodes(problem), start=1):
-        found[sensors_of_episode(number)] = partial(draw_traces, episode, mine)
-    for whole, free in zip(problem.whole, analysis.free.whole, strict=True):
-        found[WHOLE] = partial(draw_whole_episode, whole, free)
-    found["coefficients.png"] = partial(draw_coefficients, problem, analysis.found)
-    found["sparsity.png"] = partial(draw_sparsity, analysis)
-    found["learning.png"] = partial(_learning, analysis)
-    found["verification.png"] = partial(draw_verification, problem, analysis, findings)
+    """Return the figures in the order in which they are drawn."""
+    figures: dict[str, Callable[[], Figure]] = {}
+    for number, (episode, results) in enumerate(analysis.episodes(problem), start=1):
+        figures[sensor_figure_of_episode(number)] = partial(draw_traces, episode, results)
+    for whole, free in zip(problem.whole, analysis.trajectories.whole, strict=True):
+        figures[HELD_OUT_EPISODE] = partial(draw_whole_episode, whole, free)
+    figures["coefficients.png"] = partial(draw_coefficients, problem, analysis.assimilated)
+    figures["sparsity.png"] = partial(draw_sparsity, analysis)
+    figures["learning.png"] = partial(_learning, analysis)
+    figures["verification.png"] = partial(draw_verification, problem, analysis, findings)
     if (where := findings["where"]) is not None:
-        found["forecast.png"] = partial(draw_forecast, problem, analysis)
-        found["evidence.png"] = partial(_evidence, analysis, findings)
+        figures["forecast.png"] = partial(draw_forecast, problem, analysis)
+        figures["evidence.png"] = partial(_evidence, analysis, findings)
         if len(problem.system.axes) == 1 and where["forcing"] is not None:
-            found["forcing.png"] = partial(draw_forcing, problem, where["forcing"])
-        found["where.png"] = partial(draw_where, problem, analysis, where)
+            figures["forcing.png"] = partial(draw_forcing, problem, where["forcing"])
+        figures["where.png"] = partial(draw_where, problem, analysis, where)
     if axes := len(problem.system.axes):
         name = "space_time.png" if axes == 1 else "snapshots.png"
-        found[name] = partial(_fields, problem, analysis)
-    return found
+        figures[name] = partial(_fields, problem, analysis)
+    return figures
 
 
 def _learning(analysis: Analysis) -> Figure:
     return draw_learning(
         {
-            "SHRED, unseen simulations": analysis.learned.curves["rmse/field_members"],
-            "DA-SHRED, fitted": analysis.found.curves["rmse/sensors_fit"],
-            "DA-SHRED, validation": analysis.found.curves["rmse/sensors_validate"],
-            "corrected SHRED": analysis.relearned.curves["rmse/field_members"],
+            "SHRED, unseen simulations": analysis.network.curves["rmse/field_members"],
+            "DA-SHRED, fitted": analysis.assimilated.curves["rmse/sensors_fit"],
+            "DA-SHRED, validation": analysis.assimilated.curves["rmse/sensors_validate"],
+            "corrected SHRED": analysis.corrected_network.curves["rmse/field_members"],
         }
     )
 
 
 def _evidence(analysis: Analysis, findings: Findings) -> Figure:
-    found = analysis.discovered
-    path = [(len(best.candidates), best.score) for best in found.path]
-    return evidence_figure(path, findings["terms"] or [], found.on_path)
+    discovery = analysis.discovery
+    path = [(len(best.candidates), best.score) for best in discovery.path]
+    return evidence_figure(path, findings["terms"] or [], discovery.path_index)
 
 
 def _fields(problem: Problem, analysis: Analysis) -> Figure:
     estimates = analysis.estimates(len(problem.split.fit.times))
-    return draw_fields(problem, {name: x for name, x in estimates.items() if name in PANELS})
+    return draw_fields(problem, {name: x for name, x in estimates.items() if name in PANEL_METHODS})

@@ -1,4 +1,4 @@
-"""Draw how the analysis went: what latent SINDy proposed, how sparse it is, how learning went."""
+"""Figures of the methods: latent SINDy, sparsity and learning curves."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.physics.system import Term
 from dashred.pipeline.analysis import Analysis
-from dashred.pipeline.assimilation import Assimilated
+from dashred.pipeline.assimilation import AssimilationResult
 from dashred.pipeline.problem import Problem
 from dashred.reporting.figures.save import (
     LatentPath,
@@ -23,18 +23,18 @@ from dashred.reporting.figures.save import (
 TITLES = {"alg1": "Algorithm 1", "alg2": "Algorithm 2"}
 
 
-def draw_coefficients(problem: Problem, found: Assimilated) -> Figure:
+def draw_coefficients(problem: Problem, assimilated: AssimilationResult) -> Figure:
     """Draw the coefficients of latent SINDy by epoch."""
     panels = {
-        title: varying(problem.library, np.array(found.coefficients[name]))
+        title: nonzero_coefficients(problem.library, np.array(assimilated.coefficients[name]))
         for name, title in TITLES.items()
     }
-    title = "What latent SINDy proposes, by epoch of assimilation"
-    return coefficients_against_epoch(np.array(found.epochs), panels, title)
+    title = "Coefficients that latent SINDy proposes, by epoch of assimilation"
+    return coefficients_against_epoch(np.array(assimilated.epochs), panels, title)
 
 
-def varying(library: list[Term], history: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the coefficients by epoch, ``(epoch,)`` by term, that are not always zero."""
+def nonzero_coefficients(library: list[Term], history: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the coefficients by epoch, ``(epoch,)``, of the terms that are not always zero."""
     return {
         f"{term.equation}: {term}": history[:, j]
         for j, term in enumerate(library)
@@ -44,19 +44,19 @@ def varying(library: list[Term], history: np.ndarray) -> dict[str, np.ndarray]:
 
 def draw_sparsity(analysis: Analysis) -> Figure:
     """Draw the accuracy of latent SINDy and of the law against the number of terms."""
-    latent = {TITLES[name]: _path(fit) for name, fit in analysis.found.proposals.items()}
-    discovered = analysis.discovered
-    law = [(len(best.candidates), best.rmse, best.score) for best in discovered.path]
-    return accuracy_against_sparsity(latent, law, discovered.on_path)
+    latent = {TITLES[name]: _path(fit) for name, fit in analysis.assimilated.proposals.items()}
+    discovery = analysis.discovery
+    law = [(len(best.candidates), best.rmse, best.score) for best in discovery.path]
+    return accuracy_against_sparsity(latent, law, discovery.path_index)
 
 
 def draw_learning(named: Mapping[str, Sequence[tuple[int, float]]]) -> Figure:
-    """Draw learning curves, (epoch, RMSE) by name."""
+    """Draw learning curves by name, each as pairs (epoch, RMSE)."""
     curves = {name: epochs_and_values(points) for name, points in named.items()}
     return learning_curves(curves, "RMSE / standard deviation")
 
 
 def _path(fit: SparseFit) -> LatentPath:
     sizes, errors = zip(*fit.path, strict=True)
-    kept = int(np.count_nonzero(fit.coefficients))
-    return LatentPath(np.array(sizes), np.array(errors), fit.blocks, kept)
+    selected = int(np.count_nonzero(fit.coefficients))
+    return LatentPath(np.array(sizes), np.array(errors), fit.blocks, selected)

@@ -1,4 +1,4 @@
-"""Draw what the analysis itself may show: no truth is in reach here."""
+"""Write the report of an analysis: the figures and the HTML page."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from dashred.pipeline.run.provenance import git_commit
 from dashred.reporting.figures.figure_names import (
     OF_EQUATIONS,
     PROOF,
-    SENSORS,
+    SENSORS_CAPTION,
     Captions,
-    sensors_of_episode,
+    sensor_figure_of_episode,
 )
 from dashred.reporting.figures.gallery import Gallery
 from dashred.reporting.page import html
@@ -31,25 +31,25 @@ def report(
     output: Path,
     seconds: dict[str, float],
 ) -> list[Path]:
-    """Save every figure of the analysis in ``output``, and the page; returns the figures."""
+    """Write the figures and the page to ``output`` and return the paths of the figures."""
     gallery = Gallery(output)
     with stage("draw figures", seconds):
         gallery.draw(figures_of(problem, analysis, findings))
         figures = gallery.captioned(_captions(problem))
-        text, mostly = summary(findings, None, {}), mostly_words(problem, findings)
-        html.write_html(output / "report.html", findings, figures, text, mostly, git_commit())
+        text, effects = summary(findings, None, {}), main_effects(problem, findings)
+        html.write_html(output / "report.html", findings, figures, text, effects, git_commit())
     return gallery.drawn
 
 
 def report_unresolved(findings: Findings, output: Path) -> list[Path]:
-    """Write the page of a simulator that is too coarse to learn from: there is nothing to draw."""
+    """Write the page for a simulator that is not resolved; there are no figures."""
     text = summary(findings, None, {})
     html.write_html(output / "report.html", findings, {}, text, commit=git_commit())
     return []
 
 
-def mostly_words(problem: Problem, findings: Findings) -> list[str]:
-    """Return the effects of the few terms that explain nearly all of what many do."""
+def main_effects(problem: Problem, findings: Findings) -> list[str]:
+    """Return the effects of the few main terms of a law with many terms."""
     few = main_terms(findings)
     terms = few["terms"] if few else []
     if any(term["equation"] is None for term in terms):
@@ -58,9 +58,9 @@ def mostly_words(problem: Problem, findings: Findings) -> list[str]:
 
 
 def _captions(problem: Problem) -> Captions:
-    """Return the captions of the figures, those of every fitted episode's sensors among them."""
+    """Return the captions of the figures, including the sensor figures of all fitted episodes."""
     others = {
-        f"{SENSORS} in episode {episode.name}": sensors_of_episode(number)
+        f"{SENSORS_CAPTION} in episode {episode.name}": sensor_figure_of_episode(number)
         for number, episode in enumerate(problem.others, start=2)
     }
     return OF_EQUATIONS | {PROOF: OF_EQUATIONS[PROOF] | others}

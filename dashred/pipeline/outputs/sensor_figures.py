@@ -1,4 +1,4 @@
-"""Draw the sensors: what they recorded, and what every method makes of them."""
+"""Figures of the sensors: recorded values and the estimates of the methods."""
 
 from __future__ import annotations
 
@@ -31,11 +31,12 @@ HELD_OUT: tuple[Proof, ...] = (
 
 
 def draw_verification(problem: Problem, analysis: Analysis, findings: Findings) -> Figure:
-    """Draw the test sensors with and without the law, and every method's errors."""
+    """Draw the test sensors with and without the law, and the errors of all methods."""
     tested = problem.split.tested
     operator, total = problem.operator(tested), len(problem.times)
     traces = {
-        name: operator(states[:total]).numpy() for name, states in analysis.free.states.items()
+        name: operator(states[:total]).numpy()
+        for name, states in analysis.trajectories.states.items()
     }
     fit = findings["fit"]
     errors: dict[str, Errors] = {name: cast(Errors, fit.get(name) or {}) for name in HELD_OUT}
@@ -52,8 +53,8 @@ def draw_verification(problem: Problem, analysis: Analysis, findings: Findings) 
 
 
 def draw_forecast(problem: Problem, analysis: Analysis) -> Figure:
-    """Draw sensors of the held-out time on beyond the recording."""
-    free, heldout = analysis.free, problem.split.heldout
+    """Draw the sensors and the free runs through the held-out time and the forecast."""
+    free, heldout = analysis.trajectories, problem.split.heldout
     recorded = _recorded(problem, list(heldout.names))
     operator = problem.operator(heldout)
     traces = {
@@ -70,13 +71,13 @@ def draw_forecast(problem: Problem, analysis: Analysis) -> Figure:
 
 
 def reading_units(problem: Problem, recording: Recording) -> dict[str, str]:
-    """Return the unit of what each sensor reads, where it is stated."""
+    """Return the units of the readings by sensor, if they are stated."""
     units = problem.system.units
     return {s.name: units[s.reads] for s in recording.sensors if s.reads in units}
 
 
 def all_sensors(problem: Problem) -> Recording:
-    """Return the parts of the split together again."""
+    """Return the recording of all sensors over the whole episode."""
     split = problem.split
     parts = [split.fit, split.validation, split.tested]
     sensors = {s.name: s for part in parts for s in part.sensors}
@@ -85,18 +86,18 @@ def all_sensors(problem: Problem) -> Recording:
 
 
 def draw_whole_episode(problem: Problem, free: Trajectories) -> Figure:
-    """Draw the episode that was held out whole, and what runs from its beginning make of it."""
+    """Draw the episode that was held out as a whole, with free runs from its beginning."""
     recording = all_sensors(problem)
     operator, total = problem.operator(recording), len(problem.times)
-    compared = ("simulation_refit", "corrected")
-    traces = {name: operator(free.states[name][:total]).numpy() for name in compared}
+    methods = ("simulation_refit", "corrected")
+    traces = {name: operator(free.states[name][:total]).numpy() for name in methods}
     return draw_sensors(problem, recording, traces)
 
 
 def draw_sensors(
     problem: Problem, recording: Recording, traces: Mapping[str, np.ndarray]
 ) -> Figure:
-    """Draw what sensors recorded, ``(time, sensor)``, and the traces of methods beside it."""
+    """Draw the recorded values and the traces of methods, each ``(time, sensor)``."""
     return sensor_traces(
         recording.times,
         recording.values,
@@ -110,23 +111,23 @@ def draw_sensors(
 
 
 def draw_traces(problem: Problem, analysis: Analysis) -> Figure:
-    """Draw all sensors of an episode that is fitted, with what the methods make of them."""
+    """Draw all sensors of a fitted episode with the estimates of the methods."""
     split = problem.split
     recording = all_sensors(problem)
     operator, sensors = problem.operator(recording), recording.sensors
     total, count = len(problem.times), len(split.fit.times)
-    states = analysis.free.states["corrected"][:total]
+    states = analysis.trajectories.states["corrected"][:total]
     traces = {"simulation": operator(analysis.nominal.states).numpy()}
     traces["corrected"] = operator(states).numpy()
     for method in ("shred", "dashred"):
-        known = operator(analysis.estimates(count)[method]).numpy()
+        readings = operator(analysis.estimates(count)[method]).numpy()
         traces[method] = np.full((total, len(sensors)), np.nan)
-        traces[method][:count] = known
+        traces[method][:count] = readings
     return draw_sensors(problem, recording, traces)
 
 
 def _recorded(problem: Problem, names: list[str]) -> np.ndarray:
-    """Put the parts of the split together again, ``(time, sensor)``."""
+    """Join the parts of the split to one array, ``(time, sensor)``."""
     split, total = problem.split, len(problem.times)
     values = np.full((total, len(names)), np.nan)
     count = len(split.fit.times)

@@ -29,9 +29,9 @@ from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.physics.expressions import nodes
 from dashred.physics.system import Term
 from dashred.physics.window import Shape, Window
-from dashred.pipeline.assimilation import Assimilated
+from dashred.pipeline.assimilation import AssimilationResult
 from dashred.pipeline.run.provenance import git_commit
-from dashred.pipeline.training import KeptNetwork, Learned
+from dashred.pipeline.training import StoredNetwork, TrainedNetwork
 
 Result = TypeVar("Result")
 
@@ -40,8 +40,8 @@ EXPRESSIONS = (
     *(nodes.Power, nodes.Call, nodes.Derivative, nodes.Flux),
 )
 RECORDS = (
-    *(Assimilated, SparseFit, Discovery, BestOfSize, Law, SensorFault, Candidate, Term),
-    *(Window, Shape, NoiseModel, ForcingMap, KeptNetwork, *EXPRESSIONS),
+    *(AssimilationResult, SparseFit, Discovery, BestOfSize, Law, SensorFault, Candidate, Term),
+    *(Window, Shape, NoiseModel, ForcingMap, StoredNetwork, *EXPRESSIONS),
 )
 ARRAYS: tuple[Any, ...] = (
     np.ndarray,
@@ -103,13 +103,13 @@ class Checkpoints:
 def _plain(result: Any) -> Any:
     if isinstance(result, tuple):
         return tuple(map(_plain, result))
-    return KeptNetwork.of(result) if isinstance(result, Learned) else result
+    return StoredNetwork.of(result) if isinstance(result, TrainedNetwork) else result
 
 
 def _restored(stored: Any) -> Any:
     if isinstance(stored, tuple):
         return tuple(map(_restored, stored))
-    return stored.restored() if isinstance(stored, KeptNetwork) else stored
+    return stored.restored() if isinstance(stored, StoredNetwork) else stored
 
 
 def _write(path: Path, content: dict[str, Any]) -> None:

@@ -12,7 +12,7 @@ from dashred.core.errors import InputError
 from dashred.core.files.atomic import clear_partial
 from dashred.core.files.user_path import is_server
 from dashred.pipeline.run.run_manifest import POINTER
-from dashred.reporting.figures.figure_names import drawn_by_us
+from dashred.reporting.figures.figure_names import is_report_figure
 
 FREEZE = "freeze.json"
 # Files that an analysis writes besides its figures. All are deleted before a run, because files of
@@ -132,7 +132,7 @@ def _clear_figures(folder: Path) -> None:
     """
     if (folder / FREEZE).is_file():
         for path in sorted(folder.iterdir()):
-            if drawn_by_us(path):
+            if is_report_figure(path):
                 path.unlink()
 
 

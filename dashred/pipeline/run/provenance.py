@@ -13,7 +13,7 @@ import torch
 from threadpoolctl import threadpool_limits
 
 from dashred.config import Config
-from dashred.config.bundled_systems import INSTALLED, PACKAGE
+from dashred.config.bundled_systems import IS_INSTALLED, PACKAGE
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.findings import sha256_of, write_json_atomic
 from dashred.core.findings.schema import Findings
@@ -51,7 +51,7 @@ def git_commit() -> str:
 
     An installed package, or a copy inside another repository, has no commit.
     """
-    if INSTALLED:
+    if IS_INSTALLED:
         return "unknown"
     root = PACKAGE.parent
     commands = (

@@ -12,7 +12,13 @@ from pathlib import Path
 from dashred.config.bundled_systems import BASE, results_root
 from dashred.config.layers import absolute_path, store_root
 from dashred.config.source import read_file
-from dashred.core.arguments import PLACE, Command, declared, pairs, word
+from dashred.core.arguments import (
+    COMMAND_LINE,
+    Command,
+    argument,
+    declared_arguments,
+    key_value_pairs,
+)
 from dashred.core.errors import DONE, InputError, nearest
 from dashred.core.files.user_path import is_server
 from dashred.core.job_control import lock_folder
@@ -37,22 +43,22 @@ from dashred.pipeline.run.run_manifest import (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Words:
+class Arguments:
     """The words that go with ``resume=``."""
 
-    resume: str = word(str, "RUN_ID", "the run")
-    output: str | None = word(str, "DIR", "folder of the findings", default=None)
-    root: str | None = word(
+    resume: str = argument(str, "RUN_ID", "the run")
+    output: str | None = argument(str, "DIR", "folder of the findings", default=None)
+    root: str | None = argument(
         str, "DIR", "folder of the MLflow store", name="tracking.root", default=None
     )
-    trust: str | None = word(
+    trust: str | None = argument(
         str, "MODULE.CLASS", "the system's Python class, whose code may run", default=None
     )
 
 
 COMMAND = Command(
     "dashred train",
-    Words,
+    Arguments,
     "Resumes a run that was interrupted, with the configuration that it began with.",
 )
 
@@ -95,31 +101,31 @@ def resume(argv: list[str], conclude: Callable[[Tracker, Path, str, str], None])
     return DONE
 
 
-def read_words(argv: list[str]) -> Words:
+def read_words(argv: list[str]) -> Arguments:
     """Read the arguments of the command line.
 
     Raises:
         InputError: an argument cannot be combined with ``resume=``, is empty, or is given twice.
     """
-    known = [field.name for field in declared(Words)]
-    for key, _ in pairs(argv):
+    known = [field.name for field in declared_arguments(Arguments)]
+    for key, _ in key_value_pairs(argv):
         if key not in known:
             what = f"resume= cannot be combined with {key}="
             hint = "a run is resumed with its own configuration"
-            raise InputError(what, where=PLACE, hint=f"{hint}; {nearest(key, known)}")
+            raise InputError(what, where=COMMAND_LINE, hint=f"{hint}; {nearest(key, known)}")
     return COMMAND.read(argv)
 
 
 def named_folder(output: str) -> str:
     """Return the absolute path of ``output=``, with the home folder expanded."""
-    return absolute_path(output, folder=Path.cwd(), where=PLACE)
+    return absolute_path(output, folder=Path.cwd(), where=COMMAND_LINE)
 
 
 def _root(named: str | None) -> str:
     if named is None:
         default = str(read_file(BASE, label="conf/base.yaml").values["tracking"]["root"])
         return str((results_root() / default).resolve())
-    root = store_root(named, folder=Path.cwd(), where=PLACE)
+    root = store_root(named, folder=Path.cwd(), where=COMMAND_LINE)
     return root if is_server(root) else str(Path(root).resolve())
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from dashred.config import Config, config_sha256
 from dashred.core.tracking import RunTracker
-from dashred.pipeline import problem, training
+from dashred.pipeline import training
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
-from dashred.pipeline.problem import Problem
+from dashred.pipeline.problem import Problem, build_problem
 from dashred.pipeline.run import provenance
 from dashred.pipeline.run.checkpoints import Checkpoints, Stages
 from dashred.pipeline.run.output_dir import clear_output, named_output
@@ -22,29 +22,29 @@ from dashred.pipeline.snapshots.black_box_analysis import BlackBoxAnalysis, anal
 from dashred.pipeline.snapshots.snapshot_runs import SnapshotRuns
 
 
-def read_snapshots(posed: Problem, seconds: dict[str, float]) -> tuple[Problem, SnapshotRuns]:
+def read_snapshots(problem: Problem, seconds: dict[str, float]) -> tuple[Problem, SnapshotRuns]:
     """Read the snapshots and keep the terms that the sensors can identify.
 
     Raises:
         InputError: the input is wrong.
     """
-    runs = snapshot_runs.read_runs(posed, seconds)
-    return keep_identifiable_terms(posed, runs.sample_states, float(posed.times[0])), runs
+    runs = snapshot_runs.read_runs(problem, seconds)
+    return keep_identifiable_terms(problem, runs.sample_states, float(problem.times[0])), runs
 
 
 def discover(
-    posed: Problem,
+    problem: Problem,
     runs: SnapshotRuns,
     run: RunTracker,
-    kept: Stages,
+    checkpoints: Stages,
     seconds: dict[str, float],
 ) -> BlackBoxAnalysis:
     """Train SHRED, assimilate, propose terms, and test for a mismatch."""
-    counted = replace(posed, config=runs.configured(posed.config))
-    learned = kept.stage(
+    counted = replace(problem, config=runs.configured(problem.config))
+    network = checkpoints.stage(
         "shred", lambda: training.train_shred(counted, runs.ensemble, run, seconds, "SHRED")
     )
-    return analyse_runs(counted, runs, learned, run, seconds)
+    return analyse_runs(counted, runs, network, run, seconds)
 
 
 def analyse_snapshots(config: Config) -> Path:
@@ -54,25 +54,25 @@ def analyse_snapshots(config: Config) -> Path:
         InputError: the input is wrong; the output folder may have been created, but is empty.
     """
     provenance.prepare_torch(config)
-    posed = problem.build_problem(config)
+    problem = build_problem(config)
     named = named_output(config)
     seconds: dict[str, float] = {}
     clock = time.perf_counter()
-    posed, runs = read_snapshots(posed, seconds)
+    problem, runs = read_snapshots(problem, seconds)
 
-    manifest = manifest_of(config, posed.recording_sha256) | {SNAPSHOTS: runs.sha256}
+    manifest = manifest_of(config, problem.recording_sha256) | {SNAPSHOTS: runs.sha256}
     with open_parent(config, named, manifest) as (run, folder):
         output = named or run.artifact_dir
         clear_output(output)
         log_input(run, config, provenance.git_commit())
 
-        kept = Checkpoints(folder, seconds)
-        analysis = discover(posed, runs, run, kept, seconds)
-        findings = black_box_findings.verify(posed, analysis)
-        black_box_findings.write(posed, analysis, findings, output)
-        figures = black_box_report.report(posed, analysis, findings, output, seconds)
+        checkpoints = Checkpoints(folder, seconds)
+        analysis = discover(problem, runs, run, checkpoints, seconds)
+        findings = black_box_findings.verify(problem, analysis)
+        black_box_findings.write(problem, analysis, findings, output)
+        figures = black_box_report.report(problem, analysis, findings, output, seconds)
 
-        seconds["in all"] = time.perf_counter() - clock + kept.earlier
+        seconds["in all"] = time.perf_counter() - clock + checkpoints.earlier
         log_result(run, config, findings, output)
         provenance.finish(run, output, findings, figures, seconds, config_sha256(config))
         remove_checkpoints(folder, output)

@@ -32,99 +32,101 @@ class BlackBoxAnalysis:
 
     Attributes:
         runs: the snapshots.
-        learned: SHRED on them.
-        found: SHRED and DA-SHRED on the recording.
+        network: SHRED, trained on the snapshots.
+        assimilated: SHRED and DA-SHRED on the recording.
         steps: steps of the simulator, learned from the increments of the snapshots.
         compared: comparison of the recording with the snapshots.
         fields: by method, ``(time, field, *grid)``, over as much of the record as available.
     """
 
     runs: SnapshotRuns
-    learned: training.Learned
-    found: assimilation.Assimilated
+    network: training.TrainedNetwork
+    assimilated: assimilation.AssimilationResult
     steps: SnapshotSteps
     compared: mismatch.Mismatch
     fields: dict[str, Tensor]
 
 
 def analyse_runs(
-    posed: Problem,
+    problem: Problem,
     runs: SnapshotRuns,
-    learned: training.Learned,
+    network: training.TrainedNetwork,
     run: RunTracker,
     seconds: dict[str, float],
 ) -> BlackBoxAnalysis:
     """Assimilate, propose terms, and test for a mismatch."""
     with stage("learn the snapshots' steps", seconds) as report:
-        steps = _learn_steps(posed, runs, learned)
+        steps = _learn_steps(problem, runs, network)
         worst = max(steps.errors.values())
         report(1.0, f"relative error of increments {worst:.1%} on unseen runs")
-    latent = _latent_problem(posed, runs, steps)
-    found, encoder = assimilation.fit_transform(posed, latent, learned.shred, run, seconds)
-    compared = mismatch.compare(posed, learned, runs, steps, found.shred)
-    fields = _estimates(posed, runs, learned, found, encoder)
-    return BlackBoxAnalysis(runs, learned, found, steps, compared, fields)
+    latent = _latent_problem(problem, runs, steps)
+    assimilated, encoder = assimilation.fit_transform(problem, latent, network.shred, run, seconds)
+    compared = mismatch.compare(problem, network, runs, steps, assimilated.shred)
+    fields = _estimates(problem, runs, network, assimilated, encoder)
+    return BlackBoxAnalysis(runs, network, assimilated, steps, compared, fields)
 
 
 @torch.no_grad()
-def _learn_steps(posed: Problem, runs: SnapshotRuns, learned: training.Learned) -> SnapshotSteps:
-    states, pod = runs.ensemble.states, learned.shred.pod
-    shortest = min(states.shape[1], len(posed.split.fit.times))
-    wanted = {*posed.config.latent_sindy.steps, max(1, shortest // LONG_STEP_DIVISOR)}
+def _learn_steps(
+    problem: Problem, runs: SnapshotRuns, network: training.TrainedNetwork
+) -> SnapshotSteps:
+    states, pod = runs.ensemble.states, network.shred.pod
+    shortest = min(states.shape[1], len(problem.split.fit.times))
+    wanted = {*problem.config.latent_sindy.steps, max(1, shortest // LONG_STEP_DIVISOR)}
     strides = sorted(n for n in wanted if n <= shortest // 2)
-    return SnapshotSteps.learn(posed.system, posed.library, pod, states, runs.held_out, strides)
+    return SnapshotSteps.fit(problem.system, problem.library, pod, states, runs.held_out, strides)
 
 
 @torch.no_grad()
-def _latent_problem(posed: Problem, runs: SnapshotRuns, steps: SnapshotSteps) -> LatentProblem:
-    fit, settings = posed.split.fit, posed.config.latent_sindy
-    dt = float(posed.times[1] - posed.times[0])
+def _latent_problem(problem: Problem, runs: SnapshotRuns, steps: SnapshotSteps) -> LatentProblem:
+    fit, settings = problem.split.fit, problem.config.latent_sindy
+    dt = float(problem.times[1] - problem.times[0])
     return LatentProblem(
-        system=posed.system,
-        library=posed.library,
-        scales=_term_scales(posed, runs, dt),
-        operator=posed.operator(fit.select(posed.split.inputs)),
-        times=posed.times[: len(fit.times)],
-        windows=assimilation.sensor_data(posed).windows[: len(fit.times)],
+        system=problem.system,
+        library=problem.library,
+        scales=_term_scales(problem, runs, dt),
+        operator=problem.operator(fit.select(problem.split.inputs)),
+        times=problem.times[: len(fit.times)],
+        windows=assimilation.sensor_data(problem).windows[: len(fit.times)],
         settings=replace(settings, steps=[n for n in settings.steps if n in steps.by_stride]),
-        seed=posed.config.seed,
+        seed=problem.config.seed,
         steps=steps,
     )
 
 
-def _term_scales(posed: Problem, runs: SnapshotRuns, dt: float) -> Tensor:
+def _term_scales(problem: Problem, runs: SnapshotRuns, dt: float) -> Tensor:
     """Return ``rms(Δu/Δt)/rms(θ_j)`` over the first segment, ``(term,)``."""
     first = runs.ensemble.states[0]
     rates = (first[1:] - first[:-1]).transpose(0, 1).flatten(1).square().mean(dim=1).sqrt() / dt
-    columns = evaluate_terms(posed.system, posed.library, first, float(posed.times[0]))
+    columns = evaluate_terms(problem.system, problem.library, first, float(problem.times[0]))
     sizes = columns.flatten(1).square().mean(dim=1).sqrt()
-    of_equation = [posed.system.fields.index(term.equation) for term in posed.library]
+    of_equation = [problem.system.fields.index(term.equation) for term in problem.library]
     return rates[of_equation] / sizes.clamp(min=1e-12)
 
 
 def _estimates(
-    posed: Problem,
+    problem: Problem,
     runs: SnapshotRuns,
-    learned: training.Learned,
-    found: assimilation.Assimilated,
+    network: training.TrainedNetwork,
+    assimilated: assimilation.AssimilationResult,
     encoder: AssimilatedEncoder,
 ) -> dict[str, Tensor]:
     """Return the field by method; this is the first use of held-out samples."""
-    count = len(posed.split.fit.times)
-    inputs = torch.from_numpy(full_record(posed, posed.split.inputs).values)
-    late = windows(inputs, posed.config.shred.lags).float().contiguous()[count:]
-    shred = learned.shred
+    count = len(problem.split.fit.times)
+    inputs = torch.from_numpy(full_record(problem, problem.split.inputs).values)
+    late = windows(inputs, problem.config.shred.lags).float().contiguous()[count:]
+    shred = network.shred
     fields = {
-        "shred_plain": torch.cat([found.shred, reconstruct(shred.encode, shred, late)]),
-        "dashred": torch.cat([found.dashred, reconstruct(encoder, encoder.shred, late)]),
+        "shred_plain": torch.cat([assimilated.shred, reconstruct(shred.encode, shred, late)]),
+        "dashred": torch.cat([assimilated.dashred, reconstruct(encoder, encoder.shred, late)]),
     }
-    nearest = snapshot_runs.nearest_run(posed, runs)
+    nearest = snapshot_runs.nearest_run(problem, runs)
     return fields if nearest is None else {"nearest_snapshots": nearest} | fields
 
 
-def full_record(posed: Problem, names: tuple[str, ...]) -> Recording:
+def full_record(problem: Problem, names: tuple[str, ...]) -> Recording:
     """Return the readings of sensors that are not test sensors over the full record."""
-    split = posed.split
+    split = problem.split
     columns = []
     for name in names:
         early = split.fit if name in split.fit.names else split.validation
@@ -132,4 +134,4 @@ def full_record(posed: Problem, names: tuple[str, ...]) -> Recording:
         columns.append(np.concatenate(parts))
     sensors = {sensor.name: sensor for sensor in split.heldout.sensors}
     chosen = tuple(sensors[name] for name in names)
-    return Recording(chosen, posed.times.numpy(), np.concatenate(columns, axis=1))
+    return Recording(chosen, problem.times.numpy(), np.concatenate(columns, axis=1))

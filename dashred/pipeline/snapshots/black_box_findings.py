@@ -24,7 +24,7 @@ from dashred.reporting.wording.findings_text import add_text
 
 def verify(problem: Problem, analysis: BlackBoxAnalysis) -> Findings:
     """Compare the methods with the held-out data and return the findings."""
-    found = {n: proposals(problem, fit) for n, fit in analysis.found.proposals.items()}
+    proposed = {n: proposals(problem, fit) for n, fit in analysis.assimilated.proposals.items()}
     kind: Verdict = "mismatch" if analysis.compared.seen else "no-mismatch-seen"
     source = build_input(problem)
     source["snapshots_sha256"] = analysis.runs.sha256
@@ -40,7 +40,7 @@ def verify(problem: Problem, analysis: BlackBoxAnalysis) -> Findings:
             heldout_time=errors_by_method(**_heldout_errors(problem, analysis)),
             heldout_restarted=errors_by_method(),
         ),
-        latent=Latent(alg1=found["alg1"], alg2=found["alg2"]),
+        latent=Latent(alg1=proposed["alg1"], alg2=proposed["alg2"]),
         verdict=kind,
         causes=[_cause(kind, analysis)],
         units=problem.system.units,

@@ -43,15 +43,15 @@ def report(
 
 def figures_of(problem: Problem, analysis: BlackBoxAnalysis) -> Figures:
     """Return all figures, in the order in which they are drawn."""
-    found: dict[str, Callable[[], Figure]] = {
+    figures: dict[str, Callable[[], Figure]] = {
         "sensor_traces.png": partial(_traces, problem, analysis),
-        "coefficients.png": partial(draw_coefficients, problem, analysis.found),
+        "coefficients.png": partial(draw_coefficients, problem, analysis.assimilated),
         "learning.png": partial(_learning, analysis),
     }
     if axes := len(problem.system.axes):
         name = "space_time.png" if axes == 1 else "snapshots.png"
-        found[name] = partial(draw_fields, problem, analysis.fields)
-    return found
+        figures[name] = partial(draw_fields, problem, analysis.fields)
+    return figures
 
 
 def _traces(problem: Problem, analysis: BlackBoxAnalysis) -> Figure:
@@ -66,8 +66,8 @@ def _traces(problem: Problem, analysis: BlackBoxAnalysis) -> Figure:
 def _learning(analysis: BlackBoxAnalysis) -> Figure:
     return draw_learning(
         {
-            "SHRED, unseen snapshots": analysis.learned.curves["rmse/field_members"],
-            "DA-SHRED, fitted": analysis.found.curves["rmse/sensors_fit"],
-            "DA-SHRED, validation": analysis.found.curves["rmse/sensors_validate"],
+            "SHRED, unseen snapshots": analysis.network.curves["rmse/field_members"],
+            "DA-SHRED, fitted": analysis.assimilated.curves["rmse/sensors_fit"],
+            "DA-SHRED, validation": analysis.assimilated.curves["rmse/sensors_validate"],
         }
     )

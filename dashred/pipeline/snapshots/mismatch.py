@@ -13,7 +13,7 @@ from dashred.models.lag_windows import windows
 from dashred.models.shred import reconstruct
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.snapshots.snapshot_runs import SnapshotRuns
-from dashred.pipeline.training import Learned
+from dashred.pipeline.training import TrainedNetwork
 
 # A recording is inconsistent if its error exceeds that of all validation runs, and the mean of the
 # logarithm of theirs by this many standard deviations, which are at least FLOOR.
@@ -70,7 +70,11 @@ class Mismatch:
 
 @torch.no_grad()
 def compare(
-    problem: Problem, learned: Learned, runs: SnapshotRuns, steps: SnapshotSteps, shred: Tensor
+    problem: Problem,
+    network: TrainedNetwork,
+    runs: SnapshotRuns,
+    steps: SnapshotSteps,
+    shred: Tensor,
 ) -> Mismatch:
     """Compare the errors on the recording with those on validation runs.
 
@@ -78,7 +82,7 @@ def compare(
 
     Args:
         problem: the recording.
-        learned: SHRED.
+        network: SHRED, trained on the snapshots.
         runs: the snapshots.
         steps: steps learned from them.
         shred: field of SHRED from the recording, ``(time, field, *grid)``.
@@ -98,8 +102,10 @@ def compare(
     noisy = truth + problem.noise_of(tuple(names)) * noise
     inputs = [names.index(name) for name in split.inputs]
     histories = windows(noisy[..., inputs], problem.config.shred.lags).float()
-    network = learned.shred
-    found = torch.stack([reconstruct(network.encode, network, h.contiguous()) for h in histories])
+    shred_network = network.shred
+    estimates = torch.stack(
+        [reconstruct(shred_network.encode, shred_network, h.contiguous()) for h in histories]
+    )
     unit = read(runs.ensemble.states).flatten(0, 1).std(dim=0).clamp(min=1e-300)
 
     def error_comparison(error: Tensor, usual: Tensor) -> ErrorComparison:
@@ -115,11 +121,11 @@ def compare(
     def change(states: Tensor, seen: Float[Tensor, "*batch time sensor"]) -> Tensor:
         time = seen.dim() - 2
         begins = states.narrow(time, 0, states.shape[time] - samples)
-        made = read(steps.moved(begins, samples)) - read(begins)
+        made = read(steps.advance(begins, samples)) - read(begins)
         return made - (seen[..., samples:, :] - seen[..., :-samples, :])
 
     return Mismatch(
-        error_comparison(read(shred) - recorded, read(found) - noisy),
-        error_comparison(change(shred, recorded), change(found, noisy)),
+        error_comparison(read(shred) - recorded, read(estimates) - noisy),
+        error_comparison(change(shred, recorded), change(estimates, noisy)),
         samples,
     )

@@ -7,9 +7,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from dashred.core.findings.law_schema import EnergyLost, Share
+from dashred.core.findings.law_schema import EnergyLoss, Share
 from dashred.inference.fit.law import Law
-from dashred.inference.forward.candidates import forcing_of
+from dashred.inference.forward.candidates import build_forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 
@@ -20,7 +20,7 @@ DRAWS = 32
 @torch.no_grad()
 def energy_loss(
     system: System, law: Law, times: Tensor, rng: np.random.Generator
-) -> EnergyLost | None:
+) -> EnergyLoss | None:
     """Return the share of energy that the corrected system loses in its first and last cycle.
 
     A cycle lies between two upward crossings of the mean by the first field; its share is
@@ -37,13 +37,13 @@ def energy_loss(
         return None
     laws = torch.cat([law.coefficients[None], _draws(law, rng)])
     starts = law.start[:1].expand(len(laws), *law.start.shape[1:])
-    paths = simulate(system, starts, times, forcing_of(law.candidates, laws))
+    paths = simulate(system, starts, times, build_forcing(law.candidates, laws))
     best, *drawn = (_shares(system, path, times.numpy()) for path in paths)
     with_cycles = [each for each in drawn if len(each)]
     if not len(best) or not with_cycles:
         return None
     spread = np.std([[each[0], each[-1]] for each in with_cycles], axis=0)
-    return EnergyLost(
+    return EnergyLoss(
         expression=system.config.energy,
         cycles=len(best),
         first=Share(lost=float(best[0]), std=float(spread[0])),
@@ -64,8 +64,8 @@ def _shares(system: System, states: Tensor, times: NDArray[np.float64]) -> NDArr
     assert system.config.energy is not None
     energy = _mean(system.evaluate(system.config.energy, states))
     at = np.interp(_upward_crossings(_mean(states[:, 0]), times), times, energy)
-    found: NDArray[np.float64] = 1 - at[1:] / at[:-1]
-    return found
+    losses: NDArray[np.float64] = 1 - at[1:] / at[:-1]
+    return losses
 
 
 def _upward_crossings(
@@ -75,8 +75,8 @@ def _upward_crossings(
     rest = values - values.mean()
     before = np.flatnonzero((rest[:-1] < 0) & (rest[1:] >= 0))
     share = rest[before] / (rest[before] - rest[before + 1])
-    found: NDArray[np.float64] = times[before] + share * (times[before + 1] - times[before])
-    return found
+    crossings: NDArray[np.float64] = times[before] + share * (times[before + 1] - times[before])
+    return crossings
 
 
 def _mean(values: Tensor) -> NDArray[np.float64]:

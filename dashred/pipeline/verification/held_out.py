@@ -24,26 +24,26 @@ def held_out_errors(problem: Problem, analysis: Analysis) -> HeldOut:
     Of several episodes over all samples together.
     """
     episodes = analysis.episodes(problem)
-    found = HeldOut(
+    results = HeldOut(
         test_sensors=errors_by_method(**_pooled_rmse(_test_errors, episodes)),
         heldout_time=errors_by_method(**_pooled_rmse(_heldout_errors, episodes)),
         heldout_restarted=errors_by_method(**_pooled_rmse(_restarted_errors, episodes)),
     )
     if problem.whole:
-        found["heldout_episode"] = errors_by_method(**_held_out_episode_errors(problem, analysis))
-    return found
+        results["heldout_episode"] = errors_by_method(**_held_out_episode_errors(problem, analysis))
+    return results
 
 
 def _pooled_rmse(
     errors: Callable[[Problem, Analysis], Errors], episodes: Sequence[tuple[Problem, Analysis]]
 ) -> dict[str, float]:
     """Return the RMSE of each method pooled over the samples of all episodes."""
-    found = [errors(problem, analysis) for problem, analysis in episodes]
-    if len(found) == 1:
-        return {name: rmse for name, (rmse, _) in found[0].items()}
+    results = [errors(problem, analysis) for problem, analysis in episodes]
+    if len(results) == 1:
+        return {name: rmse for name, (rmse, _) in results[0].items()}
     pooled = {}
-    for name in found[0]:
-        seen = [(rmse, count) for rmse, count in (each[name] for each in found) if count]
+    for name in results[0]:
+        seen = [(rmse, count) for rmse, count in (each[name] for each in results) if count]
         total = sum(count for _, count in seen)
         squares = sum(rmse**2 * count for rmse, count in seen)
         pooled[name] = math.sqrt(squares / total) if total else math.nan
@@ -67,20 +67,24 @@ def _test_errors(problem: Problem, analysis: Analysis) -> Errors:
 def _heldout_errors(problem: Problem, analysis: Analysis) -> Errors:
     total = len(problem.times)
     begin = total - len(problem.split.heldout.times)
-    ends = {"simulation": analysis.nominal.states, **analysis.free.states}
+    ends = {"simulation": analysis.nominal.states, **analysis.trajectories.states}
     runs = {name: states[begin:total] for name, states in ends.items()}
     return _errors_at_heldout_times(problem, runs, [problem])
 
 
 def _restarted_errors(problem: Problem, analysis: Analysis) -> Errors:
-    corrected = analysis.free.states["corrected"][: len(problem.split.fit.times)]
-    restarted = restart(problem, analysis.discovered.best, corrected)
+    corrected = analysis.trajectories.states["corrected"][: len(problem.split.fit.times)]
+    restarted = restart(problem, analysis.discovery.best, corrected)
     return _errors_at_heldout_times(problem, restarted, [problem])
 
 
 def _held_out_episode_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
     """Return the RMSE of free runs after the fitted beginning of the held-out episode."""
-    [whole], [simulated], [free] = problem.whole, analysis.nominal.whole, analysis.free.whole
+    [whole], [simulated], [free] = (
+        problem.whole,
+        analysis.nominal.whole,
+        analysis.trajectories.whole,
+    )
     ends = slice(len(whole.split.fit.times), len(whole.times))
     states = {"simulation": simulated, **free.states}
     runs = {name: path[ends] for name, path in states.items()}

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.inference.fit.law import Law
-from dashred.inference.results.corrected_system import correct
+from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.physics.runs.resolution import refine
 from dashred.physics.solvers.simulate import simulate
 from dashred.pipeline.problem import Problem
@@ -46,7 +46,7 @@ def numerical_error(problem: Problem, law: Law, noise: Tensor) -> float:
 def _error(problem: Problem, law: Law, start: Tensor, noise: Tensor) -> float:
     fitted = len(problem.split.fit.times)
     times = problem.times[: max(MIN_SAMPLES, math.ceil(CHECKED_SHARE * fitted))]
-    own = correct(problem.system, law)
+    own = build_corrected_system(problem.system, law)
     runs = ((own, start[None]), refine(own, start[None]))
     sensors = problem.split.fit.sensors
     coarse, fine = (ObservationOperator(sensors, s)(simulate(s, z, times)) for s, z in runs)

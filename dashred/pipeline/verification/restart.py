@@ -17,8 +17,8 @@ from dashred.inference.forward.law_block import LawBlock
 from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.initial_state.start_models import LinearStart
-from dashred.inference.results.corrected_system import correct
-from dashred.pipeline.discovery.objectives import sound_noise
+from dashred.inference.results.corrected_system import build_corrected_system
+from dashred.pipeline.discovery.least_squares import noise_of_sound_sensors
 from dashred.pipeline.problem import Problem
 
 # Samples to which a state is fitted: two seconds of a pendulum at 20 Hz.
@@ -44,15 +44,15 @@ def restart(problem: Problem, law: Law, corrected: Tensor) -> dict[str, Tensor]:
     first = max(0, len(corrected) - FIT_SAMPLES)
     fit = problem.split.fit
     values = torch.from_numpy(fit.values[first:])
-    noise = sound_noise(problem, law)
-    noise = replace(noise, seen=noise.seen[first:])
+    noise = noise_of_sound_sensors(problem, law)
+    noise = replace(noise, available=noise.available[first:])
     start = EpisodeStarts((LinearStart(corrected[first], torch.diag(corrected.std(dim=0))),))
     times, count = stack_times([problem.times[first:]]), len(values)
     sensors = SensorBlock(problem.operator(fit))
     runs = {}
     for method, system in (
         ("simulation_refit", problem.system),
-        ("corrected", correct(problem.system, law)),
+        ("corrected", build_corrected_system(problem.system, law)),
     ):
         simulator = Simulator([CandidateSimulator(system, system.dt, [])])
         forward_model = ForwardModel(simulator, start, LawBlock([]), sensors, times[:count])

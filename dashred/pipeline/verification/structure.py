@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from dashred.core.findings.law_schema import StructureChanged, StructureFound
+from dashred.core.findings.law_schema import PartChange, StructureChanges
 from dashred.inference.fit.law import Law
 from dashred.inference.results.structure_change import stays_port_hamiltonian, structure_changes
 from dashred.physics.port_hamiltonian import PortHamiltonian
@@ -35,7 +35,7 @@ def check_structure(system: System, times: Tensor, states: Tensor) -> None:
 @torch.no_grad()
 def structure_change(
     system: System, law: Law, times: Tensor, states: Tensor
-) -> StructureFound | None:
+) -> StructureChanges | None:
     """Return the change of the structure by a law; None if no structure is declared.
 
     Args:
@@ -46,17 +46,17 @@ def structure_change(
     """
     if system.config.structure is None or not law.candidates:
         return None
-    form, visited = (
+    form, sampled_states = (
         PortHamiltonian.of(system, system.config.structure),
         _sample_states(times, states),
     )
-    changes = structure_changes(form, law, visited)
-    return StructureFound(
+    changes = structure_changes(form, law, sampled_states)
+    return StructureChanges(
         changes=[
-            StructureChanged(term=change.candidate, part=change.part, passive=change.passive)
+            PartChange(term=change.candidate, part=change.part, passive=change.passive)
             for change in changes
         ],
-        port_hamiltonian=stays_port_hamiltonian(form, law, changes, visited),
+        port_hamiltonian=stays_port_hamiltonian(form, law, changes, sampled_states),
     )
 
 

@@ -24,9 +24,9 @@ from dashred.core.findings.schema import (
     new_findings,
 )
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
-from dashred.inference.results.explanation import alternatives, explain, smaller
+from dashred.inference.results.explanation import alternatives, smaller_laws, terms_of_discovery
 from dashred.inference.results.location import locate
-from dashred.inference.results.verdict import unexplained, verdict
+from dashred.inference.results.verdict import unexplained_share, verdict
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.outputs.corrected_config import NAME as CORRECTED
@@ -42,10 +42,12 @@ from dashred.reporting.wording.findings_text import add_text
 
 def verify(problem: Problem, analysis: Analysis) -> Findings:
     """Compare every method with the held-out data and return the findings."""
-    discovered = analysis.discovered
+    discovered = analysis.discovery
     units = problem.system.units
     names = problem.split.fit.names
-    left = unexplained(problem.noise_of(names).repeat(len(problem.episodes)), discovered.noise)
+    left = unexplained_share(
+        problem.noise_of(names).repeat(len(problem.episodes)), discovered.noise
+    )
     kind, causes = verdict(discovered, left, problem.fault_details)
     fit = Fit(
         # The noise is the same in all episodes.
@@ -56,7 +58,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         unexplained=left,
         **held_out_errors(problem, analysis),
     )
-    proposed = {n: proposals(problem, f) for n, f in analysis.found.proposals.items()}
+    proposed = {n: proposals(problem, f) for n, f in analysis.assimilated.proposals.items()}
     latent = Latent(alg1=proposed["alg1"], alg2=proposed["alg2"])
     if kind == "not-converged":
         failed = new_findings(
@@ -73,13 +75,13 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         where=locate(
             problem.system,
             discovered,
-            analysis.free.states["corrected"][:count],
+            analysis.trajectories.states["corrected"][:count],
             problem.times[:count],
             names,
         ),
-        terms=explain(problem.system, discovered),
+        terms=terms_of_discovery(problem.system, discovered),
         alternatives=alternatives(discovered, problem.system),
-        smaller=smaller(discovered, problem.system),
+        smaller=smaller_laws(discovered, problem.system),
         energy=energy_loss(
             problem.system,
             discovered.best,
@@ -90,7 +92,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
             problem.system,
             discovered.best,
             problem.times[:count],
-            analysis.free.states["corrected"][:count],
+            analysis.trajectories.states["corrected"][:count],
         ),
         corrected=CORRECTED,
         units=units,
@@ -127,7 +129,7 @@ def write_findings(problem: Problem, analysis: Analysis, findings: Findings, out
     write_netcdf_atomic(output / "forecast.nc", forecast_dataset(problem, analysis))
     others = ["estimates.nc", "forecast.nc"]
     if findings["corrected"] is not None:
-        law = analysis.discovered.best
+        law = analysis.discovery.best
         sha256 = problem.recording_sha256
         write_corrected(output / CORRECTED, problem.config, problem.system, law, sha256)
         others.append(CORRECTED)
@@ -145,7 +147,7 @@ def estimates_dataset(problem: Problem, analysis: Analysis) -> xr.Dataset:
 
 def forecast_dataset(problem: Problem, analysis: Analysis) -> xr.Dataset:
     """Return the free runs beyond the recording, of every episode."""
-    free = analysis.free
+    free = analysis.trajectories
     runs = zip((*problem.episodes, *problem.whole), (free, *free.others, *free.whole), strict=True)
     forecasts = []
     for episode, run in runs:

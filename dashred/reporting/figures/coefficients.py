@@ -1,4 +1,4 @@
-"""Latent SINDy's coefficients, epoch by epoch."""
+"""Coefficients of latent SINDy by epoch."""
 
 from collections.abc import Mapping, Sequence
 
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from dashred.core.formatting import pretty
 from dashred.reporting.figures.style import CYCLE, GREY, LIGHT, new_figure, style
 
-LABEL_GAP = 0.075  # least distance between two labels, as a fraction of the panel's height
+LABEL_GAP = 0.075  # minimum distance of two labels, as a fraction of the panel's height
 
 
 def coefficients_against_epoch(
@@ -19,10 +19,14 @@ def coefficients_against_epoch(
     title: str,
     top: int = 8,
 ) -> Figure:
-    """Draw every coefficient over the epochs, one panel per algorithm.
+    """Plot the coefficients against the epoch, one panel per algorithm.
 
-    The `top` terms with the largest last coefficient are named at the end of their lines; the
-    others are grey. `panels` maps an algorithm to its terms (`u: u**3`) and their coefficients.
+    Args:
+        epochs: epochs, ``(epoch,)``.
+        panels: by algorithm, the coefficients of each term, such as ``u: u**3``.
+        title: of the figure.
+        top: number of terms with a label, those with the largest final coefficients. The other
+            terms are grey.
     """
     with style():
         figure = new_figure(0.6 + 5.0 * max(1, len(panels)), 3.7)
@@ -55,9 +59,9 @@ def _draw_panel(
     axes.autoscale_view()
     others = len(order) - len(named)
     if others:
-        _add_corner(axes, f"grey: {others} other terms")
+        _add_corner_note(axes, f"grey: {others} other terms")
     if not order:
-        _add_corner(axes, "no term proposed at any epoch")
+        _add_corner_note(axes, "no term proposed at any epoch")
     _label_ends(axes, named, [last[label] for label in named])
 
 
@@ -81,10 +85,10 @@ def _label_ends(axes: Axes, labels: Sequence[str], ends: Sequence[float]) -> Non
 
 
 def spread_out(wanted: Sequence[float], gap: float) -> list[float]:
-    """The heights nearest to `wanted`, in the same order, with at least `gap` between them.
+    """Return the heights nearest to `wanted`, in the same order and at least `gap` apart.
 
-    This is isotonic regression of the heights less their minimal spacing (pool adjacent
-    violators), then moved into [0, 1] where there is room.
+    The method is isotonic regression (pool adjacent violators) of the heights minus their minimum
+    spacing. The result is limited to [0, 1] if it fits.
     """
     order = np.argsort(wanted, kind="stable")
     blocks: list[list[float]] = []
@@ -110,7 +114,7 @@ def _last_finite(values: Float[np.ndarray, " epoch"]) -> float:
     return float(finite[-1]) if finite.size else 0.0
 
 
-def _add_corner(axes: Axes, text: str) -> None:
+def _add_corner_note(axes: Axes, text: str) -> None:
     axes.annotate(
         text,
         (1, 0),

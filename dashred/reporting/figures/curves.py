@@ -1,4 +1,4 @@
-"""Curves over time and over epochs."""
+"""Curves against time and against the epoch."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -11,13 +11,13 @@ from dashred.core.findings.methods import method_label
 from dashred.reporting.figures.style import (
     CYCLE,
     legend_above,
-    method_look,
+    method_style,
     new_figure,
     shade_held_out,
     style,
 )
 
-WIDE_RANGE = 30.0  # beyond this ratio a linear scale would hide the small curve
+WIDE_RANGE = 30.0  # above this ratio of values the scale is logarithmic
 
 
 def rmse_against_time(
@@ -27,13 +27,13 @@ def rmse_against_time(
     ylabel: str,
     clock: str = "time",
 ) -> Figure:
-    """Draw each method's RMSE at each time; the time after `time_end` is shaded."""
+    """Plot the RMSE of each method against time; the time after `time_end` is shaded."""
     with style():
         figure = new_figure(7.2, 3.6)
         axes = figure.subplots()
         shade_held_out(axes, time_end, float(times[-1]), label=True)
         for index, (method, values) in enumerate(curves.items()):
-            axes.plot(times, values, label=method_label(method), **method_look(method, index))
+            axes.plot(times, values, label=method_label(method), **method_style(method, index))
         axes.set(xlabel=clock, ylabel=ylabel, xlim=(times[0], times[-1]))
         _choose_scale(axes, [float(np.nanmedian(values)) for values in curves.values()])
         legend_above(figure, axes)
@@ -43,7 +43,7 @@ def rmse_against_time(
 def epochs_and_values(
     points: Sequence[tuple[int, float]],
 ) -> tuple[Int[np.ndarray, " epoch"], Float[np.ndarray, " epoch"]]:
-    """Return a curve's epochs and its values there."""
+    """Split the points of a curve into epochs and values."""
     return np.array([epoch for epoch, _ in points]), np.array([value for _, value in points])
 
 
@@ -51,7 +51,7 @@ def learning_curves(
     curves: Mapping[str, tuple[Int[np.ndarray, " epoch"], Float[np.ndarray, " epoch"]]],
     ylabel: str = "loss",
 ) -> Figure:
-    """Draw each curve over the epochs; a dot, and the legend, tell where it is lowest."""
+    """Plot curves against the epoch; a dot and the legend show the minimum of each."""
     with style():
         figure = new_figure(6.4, 3.4)
         axes = figure.subplots()

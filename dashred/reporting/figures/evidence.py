@@ -1,4 +1,4 @@
-"""The evidence for the law: the score by number of terms, and the coefficients."""
+"""The evidence for the law: score by number of terms, and coefficients."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,9 +12,9 @@ from dashred.core.formatting import pretty, with_error
 from dashred.core.units import with_unit
 from dashred.reporting.figures.style import BLUE, GREY, VERMILION, new_figure, style
 
-# Scores closer than this to the best are as good as the best.
+# Scores within this distance of the best are equally good.
 AMBIGUOUS = 6.0
-# Beyond this ratio of sizes, the smaller coefficients would vanish on a common scale.
+# Above this ratio of sizes, each coefficient is drawn relative to its size.
 WIDE_RANGE = 20.0
 NOTE: dict[str, Any] = {"fontsize": 8, "color": "#5a5a5a"}
 
@@ -22,12 +22,12 @@ NOTE: dict[str, Any] = {"fontsize": 8, "color": "#5a5a5a"}
 def evidence_figure(
     path: Sequence[tuple[int, float]], terms: Sequence[Mapping[str, Any]], reported: int | None
 ) -> Figure:
-    """Draw the score of the best law of each size, and the coefficients of the one reported.
+    """Plot the score of the best law of each size, and the coefficients of the reported law.
 
     Args:
-        path: numbers of candidates, and the score of the best set with so many.
+        path: number of terms and score of the best law of each size.
         terms: ``findings["terms"]``.
-        reported: which of the path these are; None where they are none of it.
+        reported: index of the reported law in the path; None if it is not in the path.
     """
     with style():
         figure = new_figure(9.6, max(3.2, 1.6 + 0.5 * len(terms)))
@@ -59,9 +59,9 @@ def _draw_path(
             markeredgewidth=1.6,
             clip_on=False,
         )
-    names = [_name(term) for term in terms] or ["nothing"]
+    names = [_name(term) for term in terms] or ["no term"]
     axes.annotate(
-        "\n".join(["ring:" if reported is not None else "reported, none of these:", *names]),
+        "\n".join(["ring:" if reported is not None else "reported (not shown):", *names]),
         (1, 1),
         xycoords="axes fraction",
         xytext=(-4, -6),
@@ -75,15 +75,15 @@ def _draw_path(
     axes.set_ylim(bottom=0, top=max(30.0, 2.5 * above.max()))
     axes.set_xlim(sizes.min() - 0.4, sizes.max() + 0.4)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.set(xlabel="number of terms and parameters", ylabel="ΔBIC to the best")
-    axes.set_title("best law of each size; green: as good as the best", fontsize=9)
+    axes.set(xlabel="number of terms and parameters", ylabel="ΔBIC relative to the best")
+    axes.set_title("best law of each size; green: equally good", fontsize=9)
 
 
 def _draw_coefficients(axes: Axes, terms: Sequence[Mapping[str, Any]]) -> None:
     axes.grid(False, axis="y")
     if not terms:
         axes.set_axis_off()
-        axes.text(0.5, 0.5, "nothing is added", ha="center", transform=axes.transAxes, **NOTE)
+        axes.text(0.5, 0.5, "no term is added", ha="center", transform=axes.transAxes, **NOTE)
         return
     axes.grid(True, axis="x")
     values = np.array([term["coefficient"] for term in terms])
@@ -107,12 +107,12 @@ def _draw_coefficients(axes: Axes, terms: Sequence[Mapping[str, Any]]) -> None:
     axes.spines["left"].set_visible(False)
     axes.set_ylim(len(terms) - 0.5, -0.8)
     axes.margins(x=0.06)
-    axes.set_xlabel("coefficient / its size" if relative else "coefficient")
+    axes.set_xlabel("coefficient / its magnitude" if relative else "coefficient")
     axes.set_title("the law's coefficients, with 95 % intervals", fontsize=9)
 
 
 def _name(term: Mapping[str, Any]) -> str:
-    """``u: u³``; ``change of nu`` of a parameter."""
+    """Return the label of a term, such as ``u: u³`` or ``change of nu``."""
     if term["equation"] is None:
         return f"change of {term['term']}"
     return f"{term['equation']}: {pretty(term['term'])}"

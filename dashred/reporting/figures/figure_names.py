@@ -1,20 +1,20 @@
-"""Every figure that a run leaves: its file, and its caption and place in the report."""
+"""The figures of a run: file name, caption, and section of the report."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
 
-# Every figure carries it, as the first text of its PNG.
+# Every figure has this text at the start of its PNG file.
 SOFTWARE = "dashred"
 SIGNATURE = f"tEXtSoftware\0{SOFTWARE}".encode()
 
-# Where in the page a figure belongs.
+# Sections of the report.
 WHERE, WHAT, PROOF, FORECAST, METHOD = "where", "what", "proof", "forecast", "method"
-SENSORS, WHOLE = "All sensors", "held_out_episode.png"
+SENSORS_CAPTION, HELD_OUT_EPISODE = "All sensors", "held_out_episode.png"
 
 Captions = dict[str, dict[str, str]]
-"""File by caption, by place in the page."""
+"""File name by caption, by section."""
 
 OF_EQUATIONS: Captions = {
     WHERE: {
@@ -24,10 +24,10 @@ OF_EQUATIONS: Captions = {
     WHAT: {"The missing terms and their evidence": "evidence.png"},
     PROOF: {
         "Errors with and without the law, on held-out data": "verification.png",
-        "The held-out episode, from a start fitted to its beginning": WHOLE,
+        "The held-out episode, from a start fitted to its beginning": HELD_OUT_EPISODE,
         "The reconstructed field": "space_time.png",
         "The reconstructed field, at three times": "snapshots.png",
-        SENSORS: "sensor_traces.png",
+        SENSORS_CAPTION: "sensor_traces.png",
     },
     FORECAST: {"Forecasts of the sensors with and without the law": "forecast.png"},
     METHOD: {
@@ -40,14 +40,14 @@ OF_SNAPSHOTS: Captions = {
     PROOF: {
         "The reconstructed field": "space_time.png",
         "The reconstructed field, at three times": "snapshots.png",
-        SENSORS: "sensor_traces.png",
+        SENSORS_CAPTION: "sensor_traces.png",
     },
     METHOD: {
         "Proposals of latent SINDy by epoch, untested": "coefficients.png",
         "Learning": "learning.png",
     },
 }
-# Drawn by a scorer, who alone has the truth; no page holds them.
+# The scorer draws these figures from the truth; they are not in the report.
 OF_THE_TRUTH = (
     "rmse_against_time.png",
     "state_truth.png",
@@ -59,19 +59,19 @@ OF_THE_TRUTH = (
 OF_LATER_EPISODES = re.compile(r"sensor_traces_[0-9]+\.png")
 
 
-def sensors_of_episode(number: int) -> str:
-    """Return the file of an episode's sensors; the first is number 1."""
+def sensor_figure_of_episode(number: int) -> str:
+    """Return the file name of the sensor traces of an episode, counted from 1."""
     return f"sensor_traces_{number}.png" if number > 1 else "sensor_traces.png"
 
 
 def is_figure(name: str) -> bool:
-    """Whether a figure of dashred has this name."""
+    """Return whether this is the name of a figure of dashred."""
     captions = (*OF_EQUATIONS.values(), *OF_SNAPSHOTS.values())
     named = {file for drawn in captions for file in drawn.values()}
     return name in named or name in OF_THE_TRUTH or bool(OF_LATER_EPISODES.fullmatch(name))
 
 
-def drawn_by_us(path: Path) -> bool:
+def is_report_figure(path: Path) -> bool:
     """Whether a file is a figure of dashred, by its name and by its PNG text."""
     if not is_figure(path.name) or not path.is_file():
         return False

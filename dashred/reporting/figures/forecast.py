@@ -1,4 +1,4 @@
-"""Forecasts beyond the recording, of the corrected and the uncorrected simulator."""
+"""Forecasts of the corrected and the uncorrected simulator after the recording."""
 
 from collections.abc import Mapping, Sequence
 
@@ -11,9 +11,9 @@ from dashred.reporting.figures.held_out import frame_recorded
 from dashred.reporting.figures.style import GREY, legend_above, new_figure, style
 from dashred.reporting.figures.traces import draw_sensor
 
-MOST = 3
-# Of the recording this much is shown before the forecast begins, as a share of the forecast.
-BEFORE = 0.5
+MAX_SENSORS = 3
+# Duration of the recording that is shown, relative to that of the forecast.
+SHOWN_RECORDING = 0.5
 
 Traces = Float[np.ndarray, "time sensor"]
 
@@ -26,19 +26,19 @@ def forecast_figure(
     units: Mapping[str, str] = NO_UNITS,
     clock: str = "time",
 ) -> Figure:
-    """Draw up to three sensors over the end of the recording and beyond it.
+    """Plot up to three sensors over the end of the recording and the forecast.
 
     Args:
-        times: the recording's clock, and the forecast's after it.
-        recorded: readings, of the recording's samples alone; NaN where missing.
-        names: of the sensors.
-        traces: by method, what they read over all times.
-        units: of the readings, by sensor.
-        clock: label of the time's axis.
+        times: times of the recording and the forecast.
+        recorded: readings at the times of the recording, NaN where missing, ``(time, sensor)``.
+        names: names of the sensors.
+        traces: predicted readings at all times, by method.
+        units: units of the readings, by sensor.
+        clock: label of the time axis.
     """
     last = len(recorded) - 1
-    begin = max(0, last - round(BEFORE * (len(times) - last)))
-    shown = min(len(names), MOST)
+    begin = max(0, last - round(SHOWN_RECORDING * (len(times) - last)))
+    shown = min(len(names), MAX_SENSORS)
     with style():
         figure = new_figure(9.6, 0.9 + 1.75 * shown)
         column = figure.subplots(shown, 1, sharex=True, squeeze=False)[:, 0]
@@ -53,7 +53,7 @@ def forecast_figure(
             axes.set_title(names[index], fontsize=9, fontweight="bold")
             label = label_with_unit("reading", units.get(names[index]))
             axes.set(ylabel=label, xlim=(times[begin], times[-1]))
-        column[0].set_title("shaded: beyond the recording", loc="right", fontsize=8)
+        column[0].set_title("shaded: after the recording", loc="right", fontsize=8)
         column[-1].set_xlabel(clock)
         legend_above(figure, column[0])
     return figure

@@ -1,4 +1,4 @@
-"""The figures of one run, without others in its folder."""
+"""The figures of one run."""
 
 from __future__ import annotations
 
@@ -12,40 +12,42 @@ from dashred.reporting.figures.style import save_figure
 
 
 class Gallery:
-    """A folder of figures, and the list of those that were drawn.
+    """A folder of figures, and the list of the figures that were drawn.
 
     Attributes:
-        drawn: the files, in the order in which they were drawn.
+        drawn: the files, in order.
     """
 
     def __init__(self, folder: Path) -> None:
-        """Hold the folder; nothing is drawn yet."""
         self.folder = folder
         self.drawn: list[Path] = []
 
     def save(self, figure: Figure, name: str) -> None:
-        """Save a figure under one of the names by which a later run clears it away.
+        """Save a figure.
+
+        A later run deletes figures by name, so the name must be in
+        :mod:`dashred.reporting.figures.figure_names`.
 
         Raises:
-            ValueError: :mod:`dashred.reporting.figures.figure_names` has no such name.
+            ValueError: it is not.
         """
         if not is_figure(name):
-            raise ValueError(f"no figure of ours is called {name!r}")
+            raise ValueError(f"{name!r} is not the name of a figure")
         save_figure(figure, self.folder / name)
         self.drawn.append(self.folder / name)
 
     def draw(self, figures: Mapping[str, Callable[[], Figure]]) -> None:
-        """Draw and save figures by name, one after another."""
+        """Draw and save figures, given by name."""
         for name, draw in figures.items():
             self.save(draw(), name)
 
     def captioned(self, captions: Captions) -> dict[str, dict[str, Path]]:
-        """Return those that were drawn, by caption, by place in the page."""
+        """Return the figures that were drawn, by caption, by section."""
         return {
-            place: {
+            section: {
                 caption: self.folder / name
                 for caption, name in files.items()
                 if self.folder / name in self.drawn
             }
-            for place, files in captions.items()
+            for section, files in captions.items()
         }

@@ -1,4 +1,4 @@
-"""Errors with and without the law at test sensors and in the held-out time."""
+"""Errors with and without the law on held-out data."""
 
 from collections.abc import Mapping, Sequence
 
@@ -17,9 +17,9 @@ from dashred.reporting.figures.style import (
 )
 from dashred.reporting.figures.traces import draw_sensor
 
-MOST = 3
+MAX_SENSORS = 3
 COMPARED = ("simulation_same_start", "simulation_refit", "corrected")
-WHERE = {
+LABELS = {
     "test_sensors": "test sensors",
     "heldout_time": "held-out time",
     "heldout_restarted": "held-out,\nnew state",
@@ -39,20 +39,20 @@ def verification_figure(
     units: Mapping[str, str] = NO_UNITS,
     clock: str = "time",
 ) -> Figure:
-    """Draw up to three test sensors before and after, and the errors in stds beside them.
+    """Plot up to three test sensors with and without the law, and the errors of all methods.
 
     Args:
-        times: the recording's clock.
-        recorded: readings of the test sensors; NaN where missing.
-        names: of the test sensors.
-        traces: what they would read by `simulation_same_start`, `simulation_refit`, `corrected`.
-        time_end: end of the fitted time.
-        errors: `test_sensors`, `heldout_time`, `heldout_restarted` and, if there is one,
+        times: times of the recording.
+        recorded: readings of the test sensors, NaN where missing, ``(time, sensor)``.
+        names: names of the test sensors.
+        traces: predicted readings by `simulation_same_start`, `simulation_refit`, `corrected`.
+        time_end: end of the fit window.
+        errors: `test_sensors`, `heldout_time`, `heldout_restarted` and, if it exists,
             `heldout_episode` of the findings.
-        units: of the readings, by sensor.
-        clock: label of the time's axis.
+        units: units of the readings, by sensor.
+        clock: label of the time axis.
     """
-    shown = min(len(names), MOST)
+    shown = min(len(names), MAX_SENSORS)
     with style():
         figure = new_figure(9.6 if shown else 4.6, 1.1 + 1.75 * max(shown, 1.4))
         if shown:
@@ -82,18 +82,20 @@ def verification_figure(
 
 
 def frame_recorded(axes: Axes, values: Float[np.ndarray, " time"]) -> None:
-    """Keep what was recorded in view: a simulation that runs away must not flatten the others."""
-    seen = values[np.isfinite(values)]
-    if seen.size:
-        low, high = seen.min(), seen.max()
-        room = 0.6 * (high - low) or 1.0
-        axes.set_ylim(low - room, high + room)
+    """Set the vertical limits from the recording, so that a diverging simulation does not."""
+    finite = values[np.isfinite(values)]
+    if finite.size:
+        low, high = finite.min(), finite.max()
+        margin = 0.6 * (high - low) or 1.0
+        axes.set_ylim(low - margin, high + margin)
 
 
 def _draw_errors(axes: Axes, errors: Mapping[str, Mapping[str, float | None]]) -> None:
-    """Draw the errors as bars, each with its number, in groups of one kind of proof."""
+    """Draw the errors as labelled bars, in one group for each kind of held-out data."""
     axes.grid(False)
-    groups = [key for key in WHERE if any(errors.get(key, {}).get(m) is not None for m in COMPARED)]
+    groups = [
+        key for key in LABELS if any(errors.get(key, {}).get(m) is not None for m in COMPARED)
+    ]
     largest = max((errors[g].get(m) or 0.0 for g in groups for m in COMPARED), default=1.0) or 1.0
     ticks = []
     for place, group in enumerate(groups):
@@ -105,7 +107,7 @@ def _draw_errors(axes: Axes, errors: Mapping[str, Mapping[str, float | None]]) -
             label = None if place else method_label(method)
             axes.bar(at, value, width=0.24, color=COLOURS[method], label=label)
             axes.text(at, value + 0.015 * largest, f"{value:.2g}", ha="center", fontsize=8)
-        ticks.append(WHERE[group])
+        ticks.append(LABELS[group])
     axes.set_xticks(range(len(groups)), ticks, fontsize=9)
     axes.tick_params(axis="x", length=0)
     axes.set_yticks([])

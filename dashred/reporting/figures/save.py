@@ -1,4 +1,4 @@
-"""All figures of a run, from one place."""
+"""All figures of a run, as one module."""
 
 from dashred.reporting.figures.coefficients import coefficients_against_epoch
 from dashred.reporting.figures.curves import epochs_and_values, learning_curves, rmse_against_time

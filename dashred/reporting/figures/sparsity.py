@@ -1,4 +1,4 @@
-"""Accuracy against sparsity, as in the paper's Fig. 7: of latent SINDy, and of the law."""
+"""Accuracy against sparsity of latent SINDy and of the law, as in Fig. 7 of the paper."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,16 +13,16 @@ from matplotlib.ticker import MaxNLocator
 from dashred.reporting.figures.style import CYCLE, GREEN, new_figure, style
 
 RING: dict[str, Any] = {"markersize": 12, "markerfacecolor": "none", "markeredgewidth": 1.6}
-CHOSEN, REPORTED, ELSEWHERE = "ring: chosen", "ring: reported", "the law reported is none of these"
+CHOSEN, REPORTED, NOT_SHOWN = "ring: chosen", "ring: reported", "the reported law is not shown"
 HOLLOW = (
-    "hollow: errs more than a smaller set, so it is not the best of its size: the refit of a law "
-    "did not converge, or of latent SINDy no better set was tried"
+    "hollow: larger error than a smaller set, so not the best set of its size: the refit of a law "
+    "did not converge, or latent SINDy tried no better set"
 )
-# The score is drawn linearly below this, where laws compete.
+# The scale of the score is linear below this value.
 LINEAR = 10.0
-# A best of its size errs no more than one of fewer terms, but for what ends a refit.
-SLACK = 1.01
-# Smaller errors, as a share of the target, are rounding.
+# Tolerance of a refit: a larger set may have a larger error by this factor.
+TOLERANCE = 1.01
+# Smaller errors relative to the target are rounding errors.
 ROUNDING = 1e-10
 
 Values = Float[np.ndarray, " size"]
@@ -30,14 +30,14 @@ Values = Float[np.ndarray, " size"]
 
 @dataclass(frozen=True)
 class LatentPath:
-    """Latent SINDy's regressions by their number of terms.
+    """Regressions of latent SINDy by number of terms.
 
     Attributes:
         sizes: numbers of terms, ``(size,)``.
-        rmse: the error of each, as a share of the target's rms, ``(size,)``.
-        blocks: how many parts of the record were redrawn as a whole: they count as one reading
-            each, as those within are not independent.
-        kept: the number of terms that is proposed.
+        rmse: error relative to the RMS of the target, ``(size,)``.
+        blocks: number of blocks of the bootstrap. Samples within a block are not independent, so
+            each block counts as one sample.
+        kept: number of terms of the proposal.
     """
 
     sizes: Int[np.ndarray, " size"]
@@ -47,7 +47,7 @@ class LatentPath:
 
     @property
     def evidence(self) -> Values:
-        """Return ``BIC = n ln rmse² + k ln n`` of each size, beyond the lowest; ``(size,)``."""
+        """``BIC = n ln rmse² + k ln n`` of each size, minus the lowest, ``(size,)``."""
         n = self.blocks
         score = 2 * n * np.log(np.maximum(self.rmse, ROUNDING)) + self.sizes * np.log(n)
         return np.asarray(score - score.min())
@@ -58,12 +58,12 @@ def accuracy_against_sparsity(
     law: Sequence[tuple[int, float, float]],
     reported: int | None,
 ) -> Figure:
-    """Draw error and evidence against the number of terms; rings are the choice.
+    """Plot error and evidence against the number of terms; rings mark the selected sets.
 
     Args:
-        latent: by algorithm.
-        law: of the best law of each size, the number of terms, its misfit in σ, its score.
-        reported: which of them the findings report; None where they report another.
+        latent: regressions by algorithm.
+        law: number of terms, misfit in σ and score of the best law of each size.
+        reported: index of the reported law; None if it is not among these.
     """
     sizes, misfits, scores = (np.array(part, float) for part in zip(*law, strict=True))
     with style():
@@ -85,8 +85,8 @@ def accuracy_against_sparsity(
         above[0].set(ylabel="RMSE of the regression", title="latent SINDy")
         below[0].set(ylabel="RMSE at the sensors / noise", title="law, through the simulator")
         below[0].set_yscale("log")
-        for row, choice in ((above, CHOSEN), (below, REPORTED if len(at) else ELSEWHERE)):
-            row[1].set(ylabel="ΔBIC to the best", title="its evidence")
+        for row, choice in ((above, CHOSEN), (below, REPORTED if len(at) else NOT_SHOWN)):
+            row[1].set(ylabel="ΔBIC relative to the best", title="evidence")
             row[1].set_yscale("symlog", linthresh=LINEAR)
             row[1].set_ylim(bottom=-LINEAR / 4)
             for axes in row:
@@ -98,12 +98,12 @@ def accuracy_against_sparsity(
 
 
 def best_of_size(errors: Values) -> Bool[np.ndarray, " size"]:
-    """Return which sets can be the best of their size: a term more never errs more.
+    """Return which sets can be the best of their size: a further term cannot increase the error.
 
     Args:
-        errors: of the sets, the smallest set first.
+        errors: errors of the sets, in order of size.
     """
-    return np.asarray(errors <= SLACK * np.minimum.accumulate(errors))
+    return np.asarray(errors <= TOLERANCE * np.minimum.accumulate(errors))
 
 
 def _draw(
@@ -115,11 +115,11 @@ def _draw(
     colour: str,
     label: str,
 ) -> None:
-    """Join the best of their sizes, leave the others hollow, and ring what was chosen."""
+    """Draw a line through the best sets, hollow dots for the others, and rings for the selected."""
     axes.plot(sizes[best], values[best], "o-", color=colour, markersize=4, label=label)
-    for others, marks in (
+    for subset, marks in (
         (~best, {"markersize": 4, "markerfacecolor": "none"}),
         (chosen, RING),
     ):
-        if len(sizes[others]):
-            axes.plot(sizes[others], values[others], "o", markeredgecolor=colour, **marks)
+        if len(sizes[subset]):
+            axes.plot(sizes[subset], values[subset], "o", markeredgecolor=colour, **marks)

@@ -1,7 +1,7 @@
-"""One look for all figures, and how they are saved.
+"""Common style of all figures.
 
-The colours are those of Okabe and Ito (2008), which colour-blind readers can distinguish. Each
-method keeps its colour and its dash in every figure.
+The colours are those of Okabe and Ito (2008), which colour-blind readers can distinguish. A method
+has the same colour and line style in all figures.
 """
 
 from collections.abc import Iterator
@@ -42,10 +42,10 @@ COLOURS = {
     "corrected": GREEN,
     "corrected_shred": GREEN,
 }
-# Assimilation often changes little: the line below must show beside the one above.
-# The closed form meets the corrected simulator where both are right, and lies above it.
+# Lines that often coincide have different widths: SHRED and DA-SHRED, and the closed form and the
+# corrected simulator.
 WIDTHS = {"shred": 2.4, "closed_form": 1.0}
-# The truth lies above the lines that meet it, thin and broken, so that they show through.
+# The truth is a thin dashed line on top, so that lines that coincide with it remain visible.
 TRUTH = {"color": BLACK, "linewidth": 1.0, "linestyle": (0, (3, 3)), "zorder": 3}
 DASHES = {
     "nearest_snapshots": "--",
@@ -58,8 +58,8 @@ DASHES = {
     "corrected_shred": "--",
 }
 
-# The longest name in a key, with its line, in inches.
-KEY_WIDTH = 2.3
+# Width of the longest legend entry, in inches.
+LEGEND_ENTRY_WIDTH = 2.3
 
 RC: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
@@ -92,7 +92,7 @@ RC: dict[Any, Any] = {
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Draw in the common look, whatever the reader's own matplotlib settings are."""
+    """Use the common style, independent of the user's matplotlib settings."""
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(RC)
@@ -100,21 +100,21 @@ def style() -> Iterator[None]:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure in inches, free of pyplot's global list, laid out by itself."""
+    """Return an empty figure of a size in inches, which pyplot does not manage."""
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Save as PNG, whole or not at all; the same figure gives the same bytes."""
+    """Save a figure as PNG, completely or not at all; the same figure gives the same bytes."""
     with atomic_file(path) as partial, style():
-        _take_names_as_they_are(figure)
+        _disable_math_text(figure)
         figure.savefig(partial, format="png", dpi=150, metadata={"Software": SOFTWARE})
 
 
-def _take_names_as_they_are(figure: Figure) -> None:
-    """Let a $ in a user's name be a $; the powers of ten along an axis alone are mathematics."""
+def _disable_math_text(figure: Figure) -> None:
+    """Show a $ in a user's name as a $; only the powers of ten of tick labels are math text."""
     powers = {
         id(label)
         for axes in figure.axes
@@ -127,8 +127,8 @@ def _take_names_as_they_are(figure: Figure) -> None:
             text.set_parse_math(False)
 
 
-def method_look(method: str, index: int) -> dict[str, Any]:
-    """Colour, dash and width of a method's line; an unknown one takes the `index`-th colour."""
+def method_style(method: str, index: int) -> dict[str, Any]:
+    """Return the line style of a method; unknown methods use the `index`-th colour."""
     if method == "truth":
         return dict(TRUTH)
     return {
@@ -139,15 +139,15 @@ def method_look(method: str, index: int) -> dict[str, Any]:
 
 
 def legend_above(figure: Figure, axes: Axes) -> None:
-    """Put the key of some axes above the figure, in as many columns as it has room for."""
+    """Add the legend of some axes above the figure, in as many columns as fit."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        columns = max(1, min(len(handles), int(figure.get_figwidth() / KEY_WIDTH)))
+        columns = max(1, min(len(handles), int(figure.get_figwidth() / LEGEND_ENTRY_WIDTH)))
         figure.legend(handles, labels, loc="outside upper left", ncols=columns)
 
 
 def shade_held_out(axes: Axes, time_end: float, last: float, *, label: bool) -> None:
-    """Mark the time after `time_end`, of which nothing was used for fitting."""
+    """Shade the time after `time_end`, which was not used for fitting."""
     if time_end >= last:
         return
     axes.axvspan(time_end, last, color="#f2f2f2", linewidth=0, zorder=0)

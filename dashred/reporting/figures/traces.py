@@ -1,4 +1,4 @@
-"""Sensor traces: the recording, and the readings that each method predicts."""
+"""Sensor traces: recorded readings and predictions of each method."""
 
 from collections.abc import Mapping, Sequence
 
@@ -12,14 +12,15 @@ from dashred.core.units import NO_UNITS, label_with_unit
 from dashred.reporting.figures.style import (
     BLACK,
     legend_above,
-    method_look,
+    method_style,
     new_figure,
     shade_held_out,
     style,
 )
 
-MOST = 6
-DETAILED, DENSE = 2, 1000  # so few sensors with so many samples get a panel of detail each
+MAX_SENSORS = 6
+# Up to MAX_DETAILED sensors with at least DENSE samples have a second panel with a detail.
+MAX_DETAILED, DENSE = 2, 1000
 ROLES = {
     "test": "test sensor",
     "validate": "validation sensor",
@@ -40,10 +41,17 @@ def sensor_traces(
     units: Mapping[str, str] = NO_UNITS,
     clock: str = "time",
 ) -> Figure:
-    """Draw at most six sensors, the held-out ones first; recorded values are dots.
+    """Plot up to six sensors, held-out sensors first; recorded values are dots.
 
-    `roles` maps a sensor to `test`, `validate`, `extra` or `input`, and `units` to the unit of its
-    readings; `clock` is the label of the time's axis. Missing values leave gaps.
+    Args:
+        times: times of the recording.
+        recorded: readings, NaN where missing, ``(time, sensor)``.
+        names: names of the sensors.
+        roles: `test`, `validate`, `extra` or `input`, by sensor.
+        estimates: predicted readings by method, ``(time, sensor)``.
+        time_end: end of the fit window.
+        units: units of the readings, by sensor.
+        clock: label of the time axis.
     """
     shown = _choose(names, roles)
     panels = _panels(shown, times, time_end)
@@ -53,14 +61,14 @@ def sensor_traces(
         figure = new_figure(5.0 * columns, 0.8 + 1.75 * rows)
         grid = figure.subplots(rows, columns, squeeze=False)
         for axes, (sensor, window) in zip(grid.flat, panels, strict=False):
-            seen = (times >= window[0]) & (times <= window[1])
-            cut = {method: traces[seen, sensor] for method, traces in estimates.items()}
-            draw_sensor(axes, times[seen], recorded[seen, sensor], cut)
+            in_window = (times >= window[0]) & (times <= window[1])
+            cut = {method: traces[in_window, sensor] for method, traces in estimates.items()}
+            draw_sensor(axes, times[in_window], recorded[in_window, sensor], cut)
             shade_held_out(axes, time_end, window[1], label=False)
             role = roles.get(names[sensor], "")
             whole = window == (times[0], times[-1])
             axes.set_title(names[sensor], fontsize=9, fontweight="bold")
-            note = ROLES.get(role, role) if whole else "the same, in detail"
+            note = ROLES.get(role, role) if whole else "detail"
             axes.set_title(note, fontsize=8, loc="right", color="#4d4d4d")
             axes.set(ylabel=label_with_unit("reading", units.get(names[sensor])), xlim=window)
         for axes in list(grid.flat)[len(panels) :]:
@@ -74,11 +82,11 @@ def sensor_traces(
 def _panels(
     shown: Sequence[int], times: Float[np.ndarray, " time"], time_end: float
 ) -> list[tuple[int, tuple[float, float]]]:
-    """The sensor and the time window of each panel."""
+    """Return the sensor and the time window of each panel."""
     whole = (float(times[0]), float(times[-1]))
-    if len(shown) > DETAILED or len(times) < DENSE:
+    if len(shown) > MAX_DETAILED or len(times) < DENSE:
         return [(sensor, whole) for sensor in shown]
-    # A long record of few sensors is a band of ink: show where the held-out time begins as well.
+    # A long recording appears as a solid band: also show a detail at the end of the fit window.
     half = 0.05 * (whole[1] - whole[0])
     detail = (max(whole[0], time_end - half), min(whole[1], time_end + half))
     return [(sensor, window) for sensor in shown for window in (whole, detail)]
@@ -90,14 +98,14 @@ def draw_sensor(
     values: Float[np.ndarray, " time"],
     estimates: Mapping[str, Float[np.ndarray, " time"]],
 ) -> None:
-    """Draw what one sensor recorded as dots, and what it would read by each method as lines."""
-    # Dots and lines grow thinner where there are many, or they would hide each other.
+    """Draw the recorded readings of one sensor as dots, and the predicted readings as lines."""
+    # With many samples, dots and lines are thinner, so that they do not hide each other.
     size = float(np.clip(24 / np.sqrt(max(len(times), 1) / 10), 1.6, 7))
     axes.plot(times, values, ".", color=BLACK, markersize=size, alpha=0.45, label="recorded")
     thin = {} if len(times) < DENSE else {"linestyle": "-", "linewidth": 0.7}
     for index, (method, trace) in enumerate(estimates.items()):
-        look = method_look(method, index) | thin
-        axes.plot(times, trace, label=method_label(method), **look)
+        line_style = method_style(method, index) | thin
+        axes.plot(times, trace, label=method_label(method), **line_style)
 
 
 def _choose(names: Sequence[str], roles: Mapping[str, str]) -> list[int]:
@@ -105,9 +113,9 @@ def _choose(names: Sequence[str], roles: Mapping[str, str]) -> list[int]:
     order = sorted(range(len(names)), key=lambda i: (rank.get(roles.get(names[i], ""), 9), i))
     held_out = [i for i in order if roles.get(names[i]) in ("test", "validate")]
     fitted = [i for i in order if i not in held_out]
-    # At least two fitted sensors are shown too: a bad fit there is worth seeing.
-    kept = held_out[: max(MOST - 2, MOST - len(fitted))]
-    return kept + fitted[: MOST - len(kept)]
+    # At least two fitted sensors are shown, because their fit can be bad, too.
+    shown = held_out[: max(MAX_SENSORS - 2, MAX_SENSORS - len(fitted))]
+    return shown + fitted[: MAX_SENSORS - len(shown)]
 
 
 def _add_legend(figure: Figure, axes: Axes, shown: int, total: int, held_out: bool) -> None:

@@ -1,4 +1,4 @@
-"""The corrected equations, with what was put in apart from what was there."""
+"""The corrected equations, with the added terms separate from the original ones."""
 
 import re
 from collections.abc import Mapping
@@ -10,13 +10,13 @@ from dashred.reporting.text.regions import bounds
 
 
 def equations(findings: Mapping[str, Any]) -> dict[str, Any]:
-    """The rate of each field with the terms added to it, and each parameter that changes."""
+    """Return the equation of each field with its added terms, and the changed parameters."""
     system = findings["input"]["config"].get("system", {})
     terms, units = findings["terms"] or [], findings.get("units", NO_UNITS)
     rates = [
         {
             "field": field,
-            "known": _printed(text),
+            "known": _format_expression(text),
             "added": [_term(term, units) for term in terms if term["equation"] == field],
         }
         for field, text in system.get("equations", {}).items()
@@ -25,24 +25,25 @@ def equations(findings: Mapping[str, Any]) -> dict[str, Any]:
         "d": "∂" if system.get("axes") else "d",
         "rates": rates,
         "changed": [_parameter(term, units) for term in terms if term["equation"] is None],
-        "let": {name: _printed(text) for name, text in system.get("let", {}).items()},
+        "let": {name: _format_expression(text) for name, text in system.get("let", {}).items()},
     }
 
 
 def _term(term: Mapping[str, Any], units: Mapping[str, str]) -> str:
     size, _ = rounded(abs(term["coefficient"]), term["std"])
     sign = MINUS if term["coefficient"] < 0 else "+"
-    product = size if term["term"] == "1" else f"{size}·{_factor(_printed(term['term']))}"
+    expression = _parenthesize_sum(_format_expression(term["term"]))
+    product = size if term["term"] == "1" else f"{size}·{expression}"
     where = f" for {bounds(term['region'][0], units)}" if term["region"] else ""
     return f"{sign} {product}{where}"
 
 
-def _printed(text: str) -> str:
+def _format_expression(text: str) -> str:
     return pretty(text).replace("-", MINUS)
 
 
-def _factor(text: str) -> str:
-    """A sum in parentheses, so that the coefficient is seen to multiply all of it."""
+def _parenthesize_sum(text: str) -> str:
+    """Put a sum in parentheses, for multiplication by a coefficient."""
     flat = text
     while (rest := re.sub(r"\([^()]*\)", "", flat)) != flat:
         flat = rest

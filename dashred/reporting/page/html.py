@@ -1,4 +1,4 @@
-"""`report.html`: one page that holds all a reader needs, and refers to nothing outside it."""
+"""Write `report.html`, a self-contained page without external references."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -11,14 +11,14 @@ from dashred.core.units import NO_UNITS, TIME, with_unit
 from dashred.reporting.figures.figure_names import OF_EQUATIONS
 from dashred.reporting.page import sections
 from dashred.reporting.page.equations import equations
-from dashred.reporting.page.method import provenance, set_up
-from dashred.reporting.page.views import figures as drawn
+from dashred.reporting.page.method import method_rows, provenance_rows
+from dashred.reporting.page.views import read_figures
 from dashred.reporting.text import verdict
 from dashred.reporting.text.headline import headline
 from dashred.reporting.text.improvement import UNTESTED, assimilation_gains, improvements
 
 TEMPLATE = "reporting/page/templates/report.html.j2"
-IN_NOTEBOOKS = "reporting/page/templates/notebook.html.j2"
+NOTEBOOK_TEMPLATE = "reporting/page/templates/notebook.html.j2"
 
 
 def write_html(
@@ -26,44 +26,45 @@ def write_html(
     findings: Mapping[str, Any],
     figures: Mapping[str, Mapping[str, Path]],
     summary: str,
-    mostly: Sequence[str] = (),
+    main_effects: Sequence[str] = (),
     commit: str | None = None,
 ) -> None:
-    """Write the report, whole or not at all; the arguments after ``path`` are those of `page`."""
-    write_text_atomic(path, page(findings, figures, summary, mostly, commit))
+    """Write the report, completely or not at all; the other arguments are those of :func:`page`."""
+    write_text_atomic(path, page(findings, figures, summary, main_effects, commit))
 
 
 def page(
     findings: Mapping[str, Any],
     figures: Mapping[str, Mapping[str, Path]],
     summary: str,
-    mostly: Sequence[str] = (),
+    main_effects: Sequence[str] = (),
     commit: str | None = None,
 ) -> str:
-    """Return the report.
+    """Return the report as HTML.
 
     Args:
-        findings: of ``findings.json``.
-        figures: PNG files by caption, by the section that they belong to: ``where``, ``what``,
-            ``proof``, ``forecast`` or ``method``.
+        findings: the content of ``findings.json``.
+        figures: PNG files by caption, by section: ``where``, ``what``, ``proof``, ``forecast`` or
+            ``method``.
         summary: the printed summary, for the end of the page.
-        mostly: of more terms than a few, the words of the few that explain nearly all.
-        commit: of dashred's own checkout; None names none.
+        main_effects: descriptions of the few terms that explain nearly everything, if the law has
+            more terms.
+        commit: git commit of dashred, or None.
     """
-    fit, units, found = findings["fit"], findings.get("units", NO_UNITS), findings["terms"] or []
+    fit, units, terms = findings["fit"], findings.get("units", NO_UNITS), findings["terms"] or []
     system = findings["input"]["config"].get("system", {})
     splits = findings["input"]["splits"]
     return render(
         TEMPLATE,
-        **_head(findings, mostly),
+        **_head(findings, main_effects),
         untested=findings["verdict"] in UNTESTED,
-        location=verdict.location(findings["where"], units) if found else [],
+        location=verdict.location(findings["where"], units) if terms else [],
         consequences=verdict.consequences(findings),
-        terms=sections.terms(found),
-        weighed=sections.weighed(findings["causes"] or []),
+        terms=sections.terms_table(terms),
+        probabilities=sections.cause_probabilities(findings["causes"] or []),
         certainty=verdict.certainty(findings),
-        alternatives=sections.alternatives(findings["alternatives"] or []),
-        errors=sections.proof(fit),
+        alternatives=sections.alternatives_table(findings["alternatives"] or []),
+        errors=sections.errors_table(fit),
         improvements=[*improvements(fit), *assimilation_gains(findings)],
         heldout=fit["heldout_time"] or {},
         inputs=system.get("inputs"),
@@ -71,34 +72,34 @@ def page(
         limits=verdict.limits(findings),
         splits=splits,
         until=with_unit(number(splits["time_end"]), units.get(TIME)) if splits else "",
-        set_up=set_up(findings),
-        provenance=provenance(findings, commit),
-        figures={place: drawn(figures.get(place, {})) for place in OF_EQUATIONS},
+        method=method_rows(findings),
+        provenance=provenance_rows(findings, commit),
+        figures={place: read_figures(figures.get(place, {})) for place in OF_EQUATIONS},
         summary=summary,
     )
 
 
-def in_notebook(findings: Mapping[str, Any], mostly: Sequence[str] = ()) -> str:
-    """Return the report's head with the corrected equations, as a part of another page."""
-    return render(IN_NOTEBOOKS, **_head(findings, mostly))
+def notebook_html(findings: Mapping[str, Any], main_effects: Sequence[str] = ()) -> str:
+    """Return the head of the report with the corrected equations, for a notebook cell."""
+    return render(NOTEBOOK_TEMPLATE, **_head(findings, main_effects))
 
 
-def _head(findings: Mapping[str, Any], mostly: Sequence[str]) -> dict[str, Any]:
-    """What the head of the page names, and the corrected equations."""
+def _head(findings: Mapping[str, Any], main_effects: Sequence[str]) -> dict[str, Any]:
+    """Return the variables of the head of the page."""
     return {
         "title": findings["input"]["config"].get("system", {}).get("title", "The system"),
-        "headline": headline(findings, mostly) if findings["verdict"] else "",
+        "headline": headline(findings, main_effects) if findings["verdict"] else "",
         "verdict": findings["verdict"],
-        "said": _said(findings),
+        "statements": _statements(findings),
         "equations": equations(findings),
     }
 
 
-def _said(findings: Mapping[str, Any]) -> list[str]:
-    """What the verdict means, and the law: a sentence each."""
+def _statements(findings: Mapping[str, Any]) -> list[str]:
+    """Return the meaning of the verdict and the law, one sentence each."""
     kind = findings["verdict"]
     if kind is None:
         return []
     causes = [] if kind == "outside-library" else verdict.causes(findings)
-    told = verdict.VERDICTS.get(kind, "see findings.json")
-    return [f"Verdict: {kind}: {told}.", *causes, *verdict.law(findings)]
+    description = verdict.VERDICTS.get(kind, "see findings.json")
+    return [f"Verdict: {kind}: {description}.", *causes, *verdict.law(findings)]

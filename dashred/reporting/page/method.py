@@ -1,4 +1,4 @@
-"""How an analysis was done and what determines its findings, as the report lists it."""
+"""Tables of the report on the method and the provenance of an analysis."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -7,8 +7,8 @@ from dashred.core.formatting import number
 from dashred.core.units import NO_UNITS, TIME, format_unit, with_unit
 
 
-def set_up(findings: Mapping[str, Any]) -> dict[str, str]:
-    """The data, the library and the noise, by what the report calls them."""
+def method_rows(findings: Mapping[str, Any]) -> dict[str, str]:
+    """Return rows on the data, the library and the noise, by label."""
     source, fit, units = findings["input"], findings["fit"], findings.get("units", NO_UNITS)
     splits = source["splits"] or {}
     noise = (fit["noise_std"] or {}).items()
@@ -20,23 +20,23 @@ def set_up(findings: Mapping[str, Any]) -> dict[str, str]:
         "episodes": "; ".join(
             _episode(each, units.get(TIME)) for each in splits.get("episodes") or ()
         ),
-        "library": _listed("{1} terms for {0}", (source["library_size"] or {}).items()),
-        "left out of the library": _listed("{} {}", (source.get("library_left_out") or {}).items()),
-        "noise of the sensors, std": _listed(
+        "library": _join("{1} terms for {0}", (source["library_size"] or {}).items()),
+        "left out of the library": _join("{} {}", (source.get("library_left_out") or {}).items()),
+        "noise of the sensors, std": _join(
             "{} {}", ((name, number(float(f"{std:.2g}"))) for name, std in noise)
         ),
         "χ² per sample of the fit": "" if fit["chi2"] is None else number(fit["chi2"]),
-        "units": _listed("{} in {}", ((name, format_unit(unit)) for name, unit in units.items())),
+        "units": _join("{} in {}", ((name, format_unit(unit)) for name, unit in units.items())),
     }
     return {name: text for name, text in rows.items() if text}
 
 
-def provenance(findings: Mapping[str, Any], commit: str | None) -> dict[str, str]:
-    """What determines the findings, by what the report calls it.
+def provenance_rows(findings: Mapping[str, Any], commit: str | None) -> dict[str, str]:
+    """Return rows on everything that determines the findings, by label.
 
     Args:
-        findings: of ``findings.json``.
-        commit: of dashred's own checkout; None names none.
+        findings: the content of ``findings.json``.
+        commit: git commit of dashred, or None.
     """
     source = findings["input"]
     recording = source["config"].get("recording", {})
@@ -49,15 +49,15 @@ def provenance(findings: Mapping[str, Any], commit: str | None) -> dict[str, str
         "recording's values, sha256": source["recording_sha256"],
         "seed": str(source["seed"]),
         "dashred, git commit": commit,
-        "versions": _listed("{} {}", versions),
+        "versions": _join("{} {}", versions),
         "snapshots' values, sha256": source.get("snapshots_sha256"),
         "corrected simulation": findings["corrected"],
     }
-    # A twin's sensors are a number, and no file.
+    # The sensors of a twin are a number, not a file.
     return {name: text for name, text in rows.items() if isinstance(text, str) and text}
 
 
-def _listed(form: str, pairs: Iterable[tuple[str, Any]]) -> str:
+def _join(form: str, pairs: Iterable[tuple[str, Any]]) -> str:
     return ", ".join(form.format(*pair) for pair in pairs)
 
 

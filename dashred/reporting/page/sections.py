@@ -1,4 +1,4 @@
-"""The contents of the report's sections, from the findings alone."""
+"""The contents of the report's sections, from the findings."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -11,7 +11,7 @@ from dashred.reporting.page.views import Table
 from dashred.reporting.text.improvement import resolution_warning
 from dashred.reporting.text.verdict import alternative_text, sentence
 
-PROOFS = {
+HELD_OUT = {
     "test_sensors": "test sensors",
     "heldout_time": "held-out time",
     "heldout_restarted": "held-out time, from a state fitted just before it",
@@ -26,17 +26,17 @@ CAUSES = {
     "outside-library": "an effect outside of the library",
 }
 # Residuals larger than the noise by less than this factor count as noise.
-SAME = 1.02
+NOISE_RATIO = 1.02
 # A smaller correlation of the residuals is not reported.
-CORRELATED = 0.1
+MIN_CORRELATION = 0.1
 # Less probable causes are listed together.
-RARE = 0.005
+MIN_PROBABILITY = 0.005
 
 
-def terms(found: Sequence[Mapping[str, Any]]) -> Table:
-    """The terms of the law with their coefficients, intervals and probabilities."""
-    rows, with_unit = [], any("unit" in term for term in found)
-    for term in found:
+def terms_table(terms: Sequence[Mapping[str, Any]]) -> Table:
+    """Return the terms of the law with their coefficients, intervals and probabilities."""
+    rows, with_unit = [], any("unit" in term for term in terms)
+    for term in terms:
         value, std = rounded(term["coefficient"], term["std"])
         low, high = (rounded(end, term["std"])[0] for end in term["ci95"])
         where = "parameter" if term["equation"] is None else f"equation of {term['equation']}"
@@ -51,8 +51,8 @@ def terms(found: Sequence[Mapping[str, Any]]) -> Table:
     return Table(heads, rows, numbers={2, 3, 4, len(heads) - 1})
 
 
-def alternatives(others: Sequence[Mapping[str, Any]]) -> Table:
-    """The other explanations, and how they compare with the best one."""
+def alternatives_table(others: Sequence[Mapping[str, Any]]) -> Table:
+    """Return the alternative laws, compared with the best one."""
     rows = [
         [
             alternative_text(other),
@@ -71,23 +71,23 @@ def alternatives(others: Sequence[Mapping[str, Any]]) -> Table:
     return Table(heads, rows, numbers={1})
 
 
-def weighed(causes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The kinds of causes with their probabilities, and whether more than one may be true."""
+def cause_probabilities(causes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the probability of each kind of cause, and whether several may be true."""
     known: dict[str, float] = {}
     for cause in causes:
         if cause["kind"] in CAUSES and cause["probability"] is not None:
             known.setdefault(cause["kind"], cause["probability"])
-    listed = [f"{CAUSES[kind]} {percent(p)}" for kind, p in known.items() if p >= RARE]
+    listed = [f"{CAUSES[kind]} {percent(p)}" for kind, p in known.items() if p >= MIN_PROBABILITY]
     if len(listed) < len(known):
         listed.append("others less than 1 %")
-    return {"causes": listed, "several": sum(known.values()) > 1 + RARE}
+    return {"causes": listed, "several": sum(known.values()) > 1 + MIN_PROBABILITY}
 
 
-def proof(fit: Mapping[str, Any]) -> Table:
-    """The errors of all methods on held-out data."""
+def errors_table(fit: Mapping[str, Any]) -> Table:
+    """Return the errors of all methods on held-out data."""
     kinds = {
         kind: name
-        for kind, name in PROOFS.items()
+        for kind, name in HELD_OUT.items()
         if any((fit.get(kind) or {}).get(method) is not None for method in AT_SENSORS)
     }
     known = {method: [fit[kind].get(method) for kind in kinds] for method in AT_SENSORS}
@@ -101,15 +101,15 @@ def proof(fit: Mapping[str, Any]) -> Table:
 
 
 def unexplained(findings: Mapping[str, Any]) -> dict[str, Any]:
-    """The residuals of the corrected simulation, compared with the noise."""
+    """Compare the residuals of the corrected simulation with the noise."""
     fit = findings["fit"]
     share, correlation = fit["unexplained"], fit["noise_correlation"]
-    times = None if share is None else 1 / math.sqrt(max(1 - share, 1e-12))
-    correlated = correlation is not None and abs(correlation) >= CORRELATED
+    ratio = None if share is None else 1 / math.sqrt(max(1 - share, 1e-12))
+    correlated = correlation is not None and abs(correlation) >= MIN_CORRELATION
     outside = [c for c in findings["causes"] or [] if c["kind"] == "outside-library"]
     return {
-        "as_noise": times is not None and times < SAME,
-        "times": None if times is None else number(float(f"{times:.2g}")),
+        "as_noise": ratio is not None and ratio < NOISE_RATIO,
+        "times": None if ratio is None else number(float(f"{ratio:.2g}")),
         "correlation": number(float(f"{correlation:.2g}")) if correlated else None,
         "others": [
             *resolution_warning(fit),

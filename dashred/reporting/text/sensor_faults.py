@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping
 
-from dashred.core.findings.cause_schema import Cause, SensorFaultFound
+from dashred.core.findings.cause_schema import Cause, FaultySensor
 from dashred.core.formatting import number, rounded
 from dashred.core.units import NO_UNITS, TIME, format_unit, with_unit
 
 
-def fault_text(fault: SensorFaultFound | Cause, units: Mapping[str, str] = NO_UNITS) -> str:
+def fault_text(fault: FaultySensor | Cause, units: Mapping[str, str] = NO_UNITS) -> str:
     """Return the fault in one sentence.
 
     Args:
@@ -18,7 +18,7 @@ def fault_text(fault: SensorFaultFound | Cause, units: Mapping[str, str] = NO_UN
     return text if fault["episode"] is None else f"{text}, in episode {fault['episode']!r}"
 
 
-def _kind_text(fault: SensorFaultFound | Cause, units: Mapping[str, str]) -> str:
+def _kind_text(fault: FaultySensor | Cause, units: Mapping[str, str]) -> str:
     sensor, std, time = fault["sensor"], fault["std"], units.get(TIME)
     value = " ± ".join(rounded(fault["value"], std)) if std else number(fault["value"])
     reading = with_unit(value, units.get(fault["reads"] or ""))

@@ -1,10 +1,10 @@
-"""The texts in the findings, rendered from their numbers, names and kinds."""
+"""The texts in the findings, generated from the other keys."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from dashred.core.findings.law_schema import ParameterChange, TermFound, TermTried
+from dashred.core.findings.law_schema import AlternativeTerm, MissingTerm, ParameterChange
 from dashred.core.findings.schema import Findings
 from dashred.physics.system import System
 from dashred.reporting.text.causes import cause_text
@@ -18,8 +18,8 @@ def add_text(findings: Findings, system: System) -> Findings:
     """Add the texts to the findings, in place, and return them.
 
     Args:
-        findings: complete but for the texts.
-        system: the simulator; it defines the meanings of fields, and the units.
+        findings: the findings without texts.
+        system: the simulator; it defines the meanings and units of fields.
     """
     for cause in findings["causes"] or []:
         if text := cause_text(cause, system.units):
@@ -27,9 +27,9 @@ def add_text(findings: Findings, system: System) -> Findings:
     for term in findings["terms"] or []:
         add_term_text(term, system)
     for law in (*(findings["alternatives"] or []), *(findings["smaller"] or [])):
-        for tried in law["terms"]:
-            window = tried["window"]
-            tried["region"] = None if window is None else region_text(window, system.units)
+        for term_of_law in law["terms"]:
+            window = term_of_law["window"]
+            term_of_law["region"] = None if window is None else region_text(window, system.units)
     where = findings["where"]
     if where is not None:
         states, in_space = where["states"], bool(system.axes)
@@ -39,27 +39,27 @@ def add_text(findings: Findings, system: System) -> Findings:
     return findings
 
 
-def add_term_text(term: TermFound | ParameterChange, system: System) -> None:
-    """Add the effect of a term and its text, or the text of a parameter."""
+def add_term_text(term: MissingTerm | ParameterChange, system: System) -> None:
+    """Add the effect and the text of a term, or the text of a parameter."""
     if term["equation"] is None:
         term["says"] = parameter_text(term)
         return
-    found = describe(term, system, term["std"])
-    term["effect"] = found.effect
+    description = describe(term, system, term["std"])
+    term["effect"] = description.effect
     region = term["region"]
     where = f", {region_text(region[0], system.units)}" if region else ""
-    term["says"] = f"{found.text}{where}"
+    term["says"] = f"{description.text}{where}"
 
 
-def describe(term: TermFound | TermTried, system: System, std: float = 0.0) -> Description:
-    """Describe a term of a law; `std` is that of its coefficient, of a tried term unknown."""
+def describe(term: MissingTerm | AlternativeTerm, system: System, std: float = 0.0) -> Description:
+    """Describe a term of a law; `std` is that of its coefficient, 0 if unknown."""
     equation = term["equation"]
     assert equation is not None
     expr = system.parse(term["term"], f"library.{equation}", equation=equation)
     return describe_term(system, equation, expr, term["coefficient"], std)
 
 
-def law_text(terms: Sequence[TermFound | ParameterChange], system: System) -> str:
+def law_text(terms: Sequence[MissingTerm | ParameterChange], system: System) -> str:
     """Return a law in one sentence for the missing terms and one for the wrong parameters."""
     for term in terms:
         add_term_text(term, system)

@@ -1,4 +1,4 @@
-"""A term with its factors, its coefficient, error and unit; and the description of a term."""
+"""A term with its coefficient, standard deviation and unit, and its description."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from dashred.physics.term_units import coefficient_unit
 
 
 def meaning(system: System, field: str) -> str:
-    """Return what a field stands for, without its unit: ``angular velocity``."""
+    """Return the meaning of a field without its unit, such as ``angular velocity``."""
     return system.config.fields[field].split("(")[0].strip() or field
 
 
 @dataclass(frozen=True)
 class Description:
-    """What a term does, and how large it is.
+    """The effect and the size of a term.
 
     Attributes:
-        effect: the physical effect: ``viscous damping of angular velocity``.
-        size: coefficient, error and unit: ``−0.0251 ± 0.0004 per s``.
-        joint: what stands between the two in a sentence.
+        effect: the physical effect, such as ``viscous damping of angular velocity``.
+        size: coefficient, standard deviation and unit, such as ``−0.0251 ± 0.0004 per s``.
+        separator: text between the two in a sentence.
     """
 
     effect: str
     size: str
-    joint: str = ", "
+    separator: str = ", "
 
     @property
     def text(self) -> str:
-        """Effect and size."""
-        return f"{self.effect}{self.joint}{self.size}"
+        """Effect and size in one text."""
+        return f"{self.effect}{self.separator}{self.size}"
 
 
 class SizedTerm:
@@ -43,61 +43,61 @@ class SizedTerm:
     def __init__(self, system: System, equation: str, expr: Expr, value: float, std: float) -> None:
         self.system, self.equation, self.expr = system, equation, expr
         self.value, self.std = value, std
-        self.what = meaning(system, equation)
+        self.field_meaning = meaning(system, equation)
         self.factors = expr.factors if isinstance(expr, Product) else (expr,)
         self.unit = coefficient_unit(system, equation, expr)
 
     @property
-    def amount(self) -> str:
-        """``(−0.0251 ± 0.0004)·u³ per unit time``, ``(0.12 ± 0.01 rad/s²)·sin(theta)``."""
+    def text(self) -> str:
+        """The term as text, such as ``(−0.0251 ± 0.0004)·u³ per unit time``."""
         if self.expr == ONE:
-            return self.amount_alone
-        product = f"({self.size()})·{printed(self.expr)}"
+            return self.coefficient_text
+        product = f"({self.size()})·{format_expression(self.expr)}"
         return product if self.unit else f"{product} {self.rate}"
 
     @property
-    def amount_alone(self) -> str:
-        """The same without the expression: ``−0.0251 ± 0.0004 per s``."""
+    def coefficient_text(self) -> str:
+        """The coefficient as text, such as ``−0.0251 ± 0.0004 per s``."""
         return self.size() if self.unit else f"{self.size()} {self.rate}"
 
     @property
     def rate(self) -> str:
-        """The unit of time of a rate of change: ``per s``."""
+        """The unit of time of a rate of change, such as ``per s``."""
         unit = self.system.units.get(TIME)
         return f"per {format_unit(unit) if unit else 'unit time'}"
 
     def size(self, factor: float = 1.0) -> str:
-        """Return the coefficient with its error, times a number, and its unit where it is known."""
+        """Return the coefficient times a factor, with standard deviation and unit if known."""
         size = with_error(factor * self.value, abs(factor) * self.std)
         return with_unit(size, self.unit)
 
     @property
     def is_velocity(self) -> bool:
-        """Whether the field is the velocity of another: ``theta' = omega``."""
+        """Whether the field is the velocity of another field: ``theta' = omega``."""
         return bool(self.positions)
 
     @property
     def positions(self) -> list[str]:
-        """The fields whose rate of change this field is."""
+        """The fields whose rate of change is this field."""
         equations = self.system.equations
         return [f for f in equations if f != self.equation and equations[f] == Name(self.equation)]
 
     def powers(self) -> dict[str, int] | None:
-        """Return the exponent of each field; None if the term is no monomial of fields."""
-        found: dict[str, int] = {}
+        """Return the exponent of each field, or None if the term is not a monomial of fields."""
+        result: dict[str, int] = {}
         for factor in self.factors:
             match factor:
                 case Name(id) if id in self.system.fields:
-                    found[id] = found.get(id, 0) + 1
+                    result[id] = result.get(id, 0) + 1
                 case Power(Name(id), Number(n)) if (
                     id in self.system.fields and n > 0 and n % 1 == 0
                 ):
-                    found[id] = found.get(id, 0) + int(n)
+                    result[id] = result.get(id, 0) + int(n)
                 case _:
                     return None
-        return found
+        return result
 
 
-def printed(expr: Expr) -> str:
-    """Return an expression as it is printed: ``u²·lam``."""
+def format_expression(expr: Expr) -> str:
+    """Return an expression as text, such as ``u²·lam``."""
     return pretty(algebra.to_text(expr)).replace("-", MINUS)

@@ -1,4 +1,4 @@
-"""Derivatives in space in a term: of what, of which order, along which axis."""
+"""Read spatial derivatives in an expression: operand, order and axis."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ from dashred.physics.expressions.algebra import Call, Derivative, Expr, Flux
 
 
 def read_derivative(spatial: Expr) -> tuple[Expr, int, str] | None:
-    """Return the operand, the order and the axis of a derivative; None for mixed axes.
+    """Return operand, order and axis of a derivative, or None for a mixed or other expression.
 
-    The axis of a Laplacian is the empty text.
+    The axis of a Laplacian is the empty string.
     """
-    order, along = 0, set[str]()
+    order, axes = 0, set[str]()
     while True:
         match spatial:
             case Derivative(operand, axis, n):
                 spatial, order = operand, order + n
-                along.add(axis)
+                axes.add(axis)
             case Call("lap", operand):
                 spatial, order = operand, order + 2
-                along.add("")
+                axes.add("")
             case _:
-                return (spatial, order, along.pop()) if order and len(along) == 1 else None
+                return (spatial, order, axes.pop()) if order and len(axes) == 1 else None
 
 
 def is_spatial(expr: Expr) -> bool:
-    """Return whether the expression has a derivative or an integral in space."""
+    """Return whether the expression contains a spatial operator."""
     if isinstance(expr, Derivative | Flux):
         return True
     if isinstance(expr, Call) and expr.function in ("lap", "inv_lap", "grad2"):

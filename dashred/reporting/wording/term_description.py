@@ -1,7 +1,7 @@
-"""The physical effect of a term: ``linear damping of vorticity``.
+"""Describe the physical effect of a term, such as ``linear damping of vorticity``.
 
-The effect follows from the form of the term and the sign of its coefficient alone, so the rules
-hold for any system. A term that no rule covers is described by its expression.
+The rules use only the form of the term and the sign of its coefficient, so they apply to any
+system. A term that matches no rule is described by its expression.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dashred.core.units import TIME, with_unit
 from dashred.physics.expressions.algebra import ONE, Call, Expr, Name, split_coefficient
 from dashred.physics.system import System
 from dashred.reporting.wording.sized_term import Description, SizedTerm, meaning
-from dashred.reporting.wording.spatial_wording import describe_spatial, describe_steep
+from dashred.reporting.wording.spatial_wording import describe_spatial, describe_squared_gradient
 
 DEGREES = {1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
 
@@ -21,7 +21,7 @@ DEGREES = {1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
 def describe_term(
     system: System, equation: str, expr: Expr, value: float, std: float
 ) -> Description:
-    """Describe what ``value·expr`` does in the equation of a field.
+    """Describe the effect of ``value·expr`` in the equation of a field.
 
     Args:
         system: defines the fields, their meanings and units.
@@ -34,50 +34,56 @@ def describe_term(
     rules = (
         _constant,
         _periodic,
-        describe_steep,
+        describe_squared_gradient,
         describe_spatial,
         _drag,
         _restoring,
         _monomial,
     )
     for rule in rules:
-        if found := rule(sized):
-            return found
-    return Description(f"a further change of {sized.what}", sized.amount, " by ")
+        if result := rule(sized):
+            return result
+    return Description(f"a further change of {sized.field_meaning}", sized.text, " by ")
 
 
 def _constant(term: SizedTerm) -> Description | None:
     if term.expr != ONE:
         return None
     kind = "source" if term.value > 0 else "sink"
-    return Description(f"constant {kind} of {term.what}", term.amount)
+    return Description(f"constant {kind} of {term.field_meaning}", term.text)
 
 
 def _periodic(term: SizedTerm) -> Description | None:
     match term.expr:
         case Call("sin" | "cos", inner):
-            frequency, clock = split_coefficient(inner)
-            if clock == Name("t"):
+            frequency, argument = split_coefficient(inner)
+            if argument == Name("t"):
                 length = f"{2 * math.pi / abs(frequency):.3g}"
                 period = with_unit(length, term.system.units.get(TIME))
-                effect = f"periodic forcing of {term.what} with a period of {period}"
-                return Description(effect, term.amount, ": ")
+                effect = f"periodic forcing of {term.field_meaning} with a period of {period}"
+                return Description(effect, term.text, ": ")
     return None
 
 
 def _drag(term: SizedTerm) -> Description | None:
     own = Name(term.equation)
     if term.expr == Call("sign", own):
-        moving, else_ = ("dry friction", "constant push along the motion"), "of constant size"
+        effects, manner = (
+            ("dry friction", "constant push along the motion"),
+            "of constant size",
+        )
     elif set(term.factors) == {own, Call("abs", own)}:
-        moving, else_ = ("quadratic drag", "quadratic thrust"), "(quadratic, of either sign)"
+        effects, manner = (
+            ("quadratic drag", "quadratic thrust"),
+            "(quadratic, of either sign)",
+        )
     else:
         return None
     grows = term.value > 0
     if term.is_velocity:
-        return Description(f"{moving[grows]} on {term.what}", term.amount)
+        return Description(f"{effects[grows]} on {term.field_meaning}", term.text)
     kind = "growth" if grows else "damping"
-    return Description(f"{kind} {else_} of {term.what}", term.amount)
+    return Description(f"{kind} {manner} of {term.field_meaning}", term.text)
 
 
 def _restoring(term: SizedTerm) -> Description | None:
@@ -85,11 +91,11 @@ def _restoring(term: SizedTerm) -> Description | None:
         pulls = term.value < 0
         if term.expr == Name(position):
             kind = "restoring force, as of a spring" if pulls else "force away from zero"
-            return Description(f"linear {kind}, on {term.what}", term.amount, ": ")
+            return Description(f"linear {kind}, on {term.field_meaning}", term.text, ": ")
         if term.expr == Call("sin", Name(position)):
             kind = "stronger" if pulls else "weaker"
-            effect = f"{kind} restoring force, as of gravity, on {term.what}"
-            return Description(effect, term.amount, ": ")
+            effect = f"{kind} restoring force, as of gravity, on {term.field_meaning}"
+            return Description(effect, term.text, ": ")
     return None
 
 
@@ -102,24 +108,27 @@ def _monomial(term: SizedTerm) -> Description | None:
     if not own:
         kind = "linear coupling" if sum(powers.values()) == 1 else "coupling"
         verb = "lowers" if term.value < 0 else "raises"
-        effect = f"{kind} of {_others(term, powers)} into {term.what} ({verb} it{_where(powers)})"
-        return Description(effect, term.amount)
+        effect = (
+            f"{kind} of {_others(term, powers)} into {term.field_meaning} "
+            f"({verb} it{_where(powers)})"
+        )
+        return Description(effect, term.text)
     degree = DEGREES.get(own, f"{own}th-power")
     # An even power damps on one side of zero and amplifies on the other.
     side = {term.equation: 1} if own % 2 == 0 else {}
     if powers:
         change = change if own == 1 else f"{degree} {change}"
         effect = (
-            f"coupling: {change} of {term.what} in proportion to {_others(term, powers)}"
+            f"coupling: {change} of {term.field_meaning} in proportion to {_others(term, powers)}"
             f"{_where(side | powers)}"
         )
-        return Description(effect, term.amount)
+        return Description(effect, term.text)
     if own == 1:
         viscous = term.value < 0 and term.is_velocity
         kind = "viscous damping" if viscous else f"linear {change}"
-        return Description(f"{kind} of {term.what}", term.amount_alone)
+        return Description(f"{kind} of {term.field_meaning}", term.coefficient_text)
     note = " (saturation)" if term.value < 0 and not side else ""
-    return Description(f"{degree} {change} of {term.what}{_where(side)}{note}", term.amount)
+    return Description(f"{degree} {change} of {term.field_meaning}{_where(side)}{note}", term.text)
 
 
 def _others(term: SizedTerm, powers: Mapping[str, int]) -> str:
@@ -131,6 +140,6 @@ def _others(term: SizedTerm, powers: Mapping[str, int]) -> str:
 
 
 def _where(powers: Mapping[str, int]) -> str:
-    """Return where a product of fields has the sign described: `` where lam·u > 0``."""
+    """Return the condition for the sign of a product of fields, such as `` where lam·u > 0``."""
     odd = [field for field, n in powers.items() if n % 2]
     return f" where {'·'.join(odd)} > 0" if odd else ""

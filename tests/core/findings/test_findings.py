@@ -148,7 +148,7 @@ def test_a_file_changed_by_one_byte_is_noticed(frozen: Path, name: str) -> None:
 
 def test_a_frozen_file_that_is_gone_is_noticed(frozen: Path) -> None:
     (frozen / "corrected.yaml").unlink()
-    with pytest.raises(InputError, match="gone"):
+    with pytest.raises(InputError, match="is missing"):
         check_freeze(frozen)
 
 

@@ -15,8 +15,8 @@ from dashred.evaluation.baselines.closed_form import Traces, closed_form, eigenv
 from dashred.evaluation.twins import record_command
 from dashred.physics.runs.initial_state_prior import StartPrior, gaussian_process_modes
 from dashred.physics.system import System
-from dashred.pipeline import problem, simulation
-from dashred.pipeline.problem import Problem
+from dashred.pipeline import simulation
+from dashred.pipeline.problem import Problem, build_problem
 
 RATES = -torch.tensor([0.0, 0.05, 0.2, 0.45], dtype=torch.float64)
 PLACES = torch.tensor([0.7, 2.9, 4.2, 6.1, 8.8], dtype=torch.float64)
@@ -36,9 +36,9 @@ def traces(noise: float, seed: int = 0) -> Traces:
     return Traces(READINGS, RATES, torch.ones(4, dtype=torch.float64), TIMES, values, std)
 
 
-def posed(name: str, recording: Path) -> tuple[Problem, StartPrior]:
+def problem_and_prior(name: str, recording: Path) -> tuple[Problem, StartPrior]:
     config = load_config([f"conf={name}", f"recording.path={recording}"], entry="test")
-    found = problem.build_problem(config)
+    found = build_problem(config)
     return found, simulation.simulate_nominal(found, {}).prior
 
 
@@ -95,7 +95,7 @@ def test_heat_and_what_it_loses(tmp_path: Path) -> None:
     assert (
         record_command.main(["conf=heat", "recording.twin=a", "seed=3", f"output={tmp_path}"]) == 0
     )
-    found = closed_form(*posed("heat", tmp_path / "recording.nc"))
+    found = closed_form(*problem_and_prior("heat", tmp_path / "recording.nc"))
     assert found is not None and found.terms is not None
     [term] = found.terms
     assert (term["equation"], term["term"]) == ("T", "T")
@@ -108,4 +108,4 @@ def test_heat_and_what_it_loses(tmp_path: Path) -> None:
 
 def test_a_system_that_is_not_linear_has_none(quick: Path, tmp_path: Path) -> None:
     assert record_command.main([f"conf={quick}", f"output={tmp_path}"]) == 0
-    assert closed_form(*posed(str(quick), tmp_path / "recording.nc")) is None
+    assert closed_form(*problem_and_prior(str(quick), tmp_path / "recording.nc")) is None

@@ -16,9 +16,9 @@ from dashred.inference.initial_state.linear_estimate import linear_estimate
 from dashred.physics.grids.grid import Axis, Grid
 from dashred.physics.runs.ensemble import Ensemble, term_scales
 from dashred.physics.solvers.simulate import simulate
-from dashred.pipeline import problem, simulation
-from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation import Nominal
+from dashred.pipeline import simulation
+from dashred.pipeline.problem import Problem, build_problem
+from dashred.pipeline.simulation import NominalRun
 
 SWING = """
 system:
@@ -37,7 +37,9 @@ HIDDEN = "a:\n  terms: [{equation: p, term: p, coefficient: -0.1}]\n'null':\n  t
 
 
 @pytest.fixture(scope="module")
-def swing(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Problem, Nominal, Ensemble]]:
+def swing(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> dict[str, tuple[Problem, NominalRun, Ensemble]]:
     """Return a linear system whose recording hides damping, and one that hides nothing."""
     folder = tmp_path_factory.mktemp("swing")
     path = folder / "swing.yaml"
@@ -50,22 +52,22 @@ def swing(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Problem, 
         assert record_command.main([f"conf={path}", f"recording.twin={twin}", f"output={out}"]) == 0
         reads = [f"conf={path}", f"recording.path={out / 'recording.nc'}"]
         config = load_config([*reads, "simulation.discrepancy=false"], entry="test")
-        posed = problem.build_problem(config)
-        nominal = simulation.simulate_nominal(posed, {})
-        found[twin] = posed, nominal, simulation.simulate_ensemble(posed, nominal, {})
+        problem = build_problem(config)
+        nominal = simulation.simulate_nominal(problem, {})
+        found[twin] = problem, nominal, simulation.simulate_ensemble(problem, nominal, {})
     return found
 
 
-def kalman(posed: Problem, starts: Tensor) -> Tensor:
+def kalman(problem: Problem, starts: Tensor) -> Tensor:
     """Return the Kalman filter's means, ``(time, 2)``, from the mean and covariance of starts."""
-    fit = posed.split.fit
-    times, sigma = posed.times[: len(fit.times)], float(posed.noise_of(fit.names)[0])
+    fit = problem.split.fit
+    times, sigma = problem.times[: len(fit.times)], float(problem.noise_of(fit.names)[0])
     basis = torch.eye(2, dtype=torch.float64)
     mean, covariance = starts.mean(dim=0), torch.cov(starts.T)
     found = []
     for i, value in enumerate(fit.values[:, 0].tolist()):
         if i:
-            step = simulate(posed.ensemble_system, basis, times[i - 1 : i + 1])[:, -1].T
+            step = simulate(problem.ensemble_system, basis, times[i - 1 : i + 1])[:, -1].T
             mean, covariance = step @ mean, step @ covariance @ step.T
         gain = covariance[:, 0] / (covariance[0, 0] + sigma**2)
         mean = mean + gain * (value - mean[0])
@@ -76,36 +78,36 @@ def kalman(posed: Problem, starts: Tensor) -> Tensor:
 
 def test_of_a_linear_system_it_is_the_kalman_filter(swing, monkeypatch) -> None:
     monkeypatch.setattr(kalman_filter, "INFLATIONS", (1.0,))
-    posed, _, ensemble = swing["null"]
-    found = filter_state(posed, ensemble)
-    exact = kalman(posed, ensemble.states[:, 0])
+    problem, _, ensemble = swing["null"]
+    found = filter_state(problem, ensemble)
+    exact = kalman(problem, ensemble.states[:, 0])
     torch.testing.assert_close(found.states, exact, rtol=0, atol=1e-8)
 
 
 def test_the_augmented_filter_learns_the_damping_that_is_hidden(swing) -> None:
-    posed, nominal, ensemble = swing["a"]
-    found = filter_augmented(posed, ensemble, nominal.states)
+    problem, nominal, ensemble = swing["a"]
+    found = filter_augmented(problem, ensemble, nominal.states)
     assert found.terms is not None
     law = {(each["equation"], each["term"]): each["coefficient"] for each in found.terms}
     # Most of it: a coefficient times a state is not linear, and the filter only is of what is.
     assert -0.13 < law["p", "p"] < -0.05
-    state = filter_state(posed, ensemble)
-    fit = torch.from_numpy(posed.split.fit.values)[60:, 0]
+    state = filter_state(problem, ensemble)
+    fit = torch.from_numpy(problem.split.fit.values)[60:, 0]
     errors = [float((e.states[60:, 0] - fit).square().mean().sqrt()) for e in (found, state)]
     assert errors[0] <= 1.05 * errors[1]
 
 
 def test_the_augmented_filter_makes_no_law_of_nothing(swing) -> None:
-    posed, nominal, ensemble = swing["null"]
-    found = filter_augmented(posed, ensemble, nominal.states)
+    problem, nominal, ensemble = swing["null"]
+    found = filter_augmented(problem, ensemble, nominal.states)
     assert found.terms == []
 
 
 def test_every_member_carries_every_term(swing) -> None:
-    posed, nominal, _ = swing["a"]
-    drawn = kalman_filter._coefficients(posed, nominal.states, 4000, 0.2)
+    problem, nominal, _ = swing["a"]
+    drawn = kalman_filter._coefficients(problem, nominal.states, 4000, 0.2)
     assert bool((drawn != 0).all())
-    scales = term_scales(posed.system, posed.library, nominal.states, 0.0)
+    scales = term_scales(problem.system, problem.library, nominal.states, 0.0)
     torch.testing.assert_close(drawn.std(dim=0), 0.2 * scales, rtol=0.05, atol=0)
     apart = torch.corrcoef(drawn.T) - torch.eye(len(scales), dtype=torch.float64)
     assert float(apart.abs().max()) < 0.08
@@ -167,10 +169,10 @@ def test_a_taper_mends_interpolation_from_a_small_sample() -> None:
 
 
 def test_interpolation_of_a_recording_chooses_its_radius_and_says_so(swing) -> None:
-    posed, _, ensemble = swing["null"]
-    found = optimal_interpolation.optimal_interpolation(posed, ensemble)
+    problem, _, ensemble = swing["null"]
+    found = optimal_interpolation.optimal_interpolation(problem, ensemble)
     assert found.note.endswith("members, not localised")
-    fit, noise = posed.split.fit, posed.noise_of(posed.split.fit.names)
+    fit, noise = problem.split.fit, problem.noise_of(problem.split.fit.names)
     for i in (0, 40):
         values = torch.from_numpy(fit.values)[i, None]
         states = ensemble.states[:, i]

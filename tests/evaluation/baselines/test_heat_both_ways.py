@@ -13,7 +13,8 @@ from dashred import train
 from dashred.config import load_config
 from dashred.evaluation.baselines.closed_form import closed_form
 from dashred.evaluation.twins import record_command
-from dashred.pipeline import problem, simulation
+from dashred.pipeline import simulation
+from dashred.pipeline.problem import build_problem
 
 # Networks have no part in what is compared.
 SMALL = (
@@ -34,8 +35,8 @@ def test_both_find_the_same_law_and_the_same_field(
     told = ["conf=heat", f"recording.twin={twin}", f"seed={seed}", f"output={tmp_path}"]
     assert record_command.main(told) == 0
     reads = ["conf=heat", f"recording.path={tmp_path / 'recording.nc'}"]
-    posed = problem.build_problem(load_config(reads, entry="train"))
-    exact = closed_form(posed, simulation.simulate_nominal(posed, {}).prior)
+    problem = build_problem(load_config(reads, entry="train"))
+    exact = closed_form(problem, simulation.simulate_nominal(problem, {}).prior)
     assert exact is not None and exact.terms is not None
     out = tmp_path / "general"
     root = f"tracking.root={tmp_path / 'mlruns'}"
@@ -48,5 +49,5 @@ def test_both_find_the_same_law_and_the_same_field(
     with xr.open_dataset(out / "estimates.nc", engine="h5netcdf") as estimates:
         found = estimates["T"].sel({"method": "corrected"}).values
     difference = found - exact.states[:, 0, : found.shape[1]].numpy()
-    noise = float(posed.noise_of(posed.split.fit.names).mean())
+    noise = float(problem.noise_of(problem.split.fit.names).mean())
     assert float(np.sqrt(np.mean(difference**2))) < 0.02 * noise

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from dashred.core.argument_types import ranges
+from dashred.core.argument_types import ranges_reader
 from dashred.core.errors import InputError
 from dashred.evaluation import bench
 from dashred.evaluation.benchmark import processes
@@ -119,7 +119,7 @@ def stub(tmp_path: Path, quick: Path, root: Path, monkeypatch: pytest.MonkeyPatc
     [("3", (3,)), ("0-4", (0, 1, 2, 3, 4)), ("0,1,3", (0, 1, 3)), ("2,0-2,7", (2, 0, 1, 7))],
 )
 def test_seeds_are_ranges_and_lists(text: str, seeds: tuple[int, ...]) -> None:
-    assert ranges(at_most=10_000)(text) == seeds
+    assert ranges_reader(at_most=10_000)(text) == seeds
 
 
 @pytest.mark.parametrize("text", ["", "a", "1,,2", "4-0", "-1", "1.5", "0-99999999", "1-2-3"])
@@ -140,11 +140,11 @@ def test_what_is_no_seed_is_refused_with_an_example(text: str) -> None:
         ("recording.noise=0.1", "recording.noise= is not a word", "noise="),
         ("recording.path=my.csv", "recording.path= is not a word", "dashred train"),
         ("shred.lag=3", "unknown key shred.lag", "shred.lags"),
-        ("noise=loud", "noise=loud: 'loud' is no number", "noise=0.01,0.05"),
+        ("noise=loud", "noise=loud: 'loud' is not a number", "noise=0.01,0.05"),
         ("noise=-0.1", "recording.noise must be at least 0", None),
-        ("noise=nan", "noise=nan: 'nan' is no number", None),
+        ("noise=nan", "noise=nan: 'nan' is not a number", None),
         ("jobs=0", "jobs=0: 0 is not between 1 and", "jobs=2"),
-        ("sensors=few", "sensors=few: 'few' is no whole number", "sensors=own,4,8"),
+        ("sensors=few", "sensors=few: 'few' is not a whole number", "sensors=own,4,8"),
         ("sensors=0", "recording.sensors", None),
         ("recording.sensors=4", "recording.sensors= is not a word", "sensors="),
         ("twins=a,z", "has no twin 'z'", "choose from: a, b, null"),

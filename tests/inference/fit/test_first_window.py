@@ -1,4 +1,4 @@
-"""The first window is short, and its fit finds the start from far off."""
+"""The first window is short, and its fit finds a distant start."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from tests.swing import Swing, noisy
 SIGMA = 0.05
 
 
-def test_the_first_window_is_short_however_many_modes_the_start_has(swing: Swing) -> None:
-    """Few sensors need many samples for a reading a mode, over which chaos has lost the start."""
+def test_the_first_window_is_short_for_any_number_of_modes(swing: Swing) -> None:
+    """With few sensors, a reading per mode would need too long a stretch of chaos."""
     recorded = noisy(swing.clean((0.8, -0.6), (), ()), SIGMA, seed=0)
     objective = swing.objective(("k",), recorded, SIGMA, 1.0)
     assert first_samples(objective) == SAMPLES
-    assert first_samples(objective.until(4)) == 4
+    assert first_samples(objective.truncate(4)) == 4
     wide = LinearStart(swing.estimate.mean, swing.estimate.modes.repeat(10, 1))
-    many = objective.only(()).about(EpisodeStarts((wide,))).forward_model
+    many = objective.subset(()).with_start(EpisodeStarts((wide,))).forward_model
     whole = LeastSquaresProblem(many, recorded, objective.noise, torch.empty(0))
     assert first_samples(whole) == SAMPLES < whole.modes / recorded.shape[1]
 
 
-def test_the_first_window_is_fitted_from_a_start_far_off(swing: Swing) -> None:
+def test_the_first_window_is_fitted_from_a_distant_start(swing: Swing) -> None:
     z = (-5.0, 6.0)
     recorded = noisy(swing.clean(z, (), ()), SIGMA, seed=1)
     objective = swing.objective(("k",), recorded, SIGMA, 1.0)
-    window = objective.only([]).until(SAMPLES)
+    window = objective.subset([]).truncate(SAMPLES)
     found = fit_first_window(objective, recorded.std(dim=0))
     exact = minimise(window, torch.tensor(z, dtype=torch.float64), 10, 1e-12)
     assert len(found.readings) == SAMPLES and len(found.phi) == 2

@@ -1,4 +1,4 @@
-"""A walk comes to the end of what candidates explain, and no farther."""
+"""The horizon grows as far as the candidates explain the recording."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import pytest
 from torch import Tensor
 
 from dashred.inference.fit.first_window import first_samples, fit_first_window
-from dashred.inference.fit.growing_horizon import GROWTH, LOST, HorizonFit, grow_horizon
+from dashred.inference.fit.growing_horizon import DIVERGED, GROWTH, HorizonFit, grow_horizon
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
+from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from tests.swing import FORCES, TIMES, Swing, noisy
 
 SIGMA, TIGHT = 0.05, 0.05
@@ -32,7 +32,7 @@ def fitted(objective: LeastSquaresProblem) -> Tensor:
     return objective.embed(window.phi, [])
 
 
-def walked(swing: Swing, recorded: Tensor) -> HorizonFit:
+def grown(swing: Swing, recorded: Tensor) -> HorizonFit:
     objective = swing.objective(NAMES, recorded, SIGMA, TIGHT)
     return grow_horizon(objective, fitted(objective), first_samples(objective), len(NAMES), silent)
 
@@ -43,87 +43,89 @@ def missing(swing: Swing) -> Tensor:
     return noisy(swing.clean(Z, ("x**3",), (-0.3,)), SIGMA, seed=0)
 
 
-def test_the_walk_reaches_the_end_of_what_candidates_explain(swing: Swing, missing: Tensor) -> None:
-    found = walked(swing, missing)
-    assert found.reached and found.samples == len(TIMES) == len(found.readings)
+def test_the_horizon_reaches_the_end_if_candidates_explain_the_recording(
+    swing: Swing, missing: Tensor
+) -> None:
+    found = grown(swing, missing)
+    assert found.is_complete and found.samples == len(TIMES) == len(found.readings)
     samples = [count for count, _ in found.levels]
     assert samples[0] == 6 and samples[-1] == len(TIMES)
     assert all(a < b <= max(a + 1, round(GROWTH * a)) for a, b in pairwise(samples))
     assert all(level < 1.5 for _, level in found.levels)
     assert found.levels[-1][1] == pytest.approx(1.0, abs=0.25)
-    # With a tight prior the force is spread over what resembles it, its trajectory is right.
+    # A tight prior spreads the force over similar candidates; the trajectory is right.
     clean = swing.clean(Z, ("x**3",), (-0.3,))
     assert float((found.readings - clean).square().mean().sqrt()) < SIGMA / 2
 
 
-def test_without_the_candidate_there_is_no_way_to_the_end(swing: Swing, missing: Tensor) -> None:
+def test_the_horizon_stops_without_the_true_candidate(swing: Swing, missing: Tensor) -> None:
     objective = swing.objective(("1",), missing, SIGMA, TIGHT)
-    assert not grow_horizon(objective, fitted(objective), 6, len(NAMES), silent).reached
+    assert not grow_horizon(objective, fitted(objective), 6, len(NAMES), silent).is_complete
 
 
 @pytest.mark.parametrize(("force", "value"), [("step(t - 6)", 3.0), ("step(t - 6)*sin(5*t)", 3.0)])
-def test_the_walk_stops_where_another_law_takes_over(
-    swing: Swing, force: str, value: float
-) -> None:
-    """The recording is of one law up to half its length, then of one beyond the library."""
+def test_the_horizon_stops_where_the_law_changes(swing: Swing, force: str, value: float) -> None:
+    """The recording follows one law in its first half, then a law outside the library."""
     recorded = noisy(swing.foreign(Z, force, value), SIGMA, seed=0)
-    found = walked(swing, recorded)
-    assert not found.reached
+    found = grown(swing, recorded)
+    assert not found.is_complete
     assert LATE - 5 <= found.samples <= LATE + 5
     assert len(found.readings) == found.samples == found.levels[-1][0]
-    assert found.levels[-1][1] <= LOST * max(1.0, median(level for _, level in found.levels[:-1]))
-    # Up to there the fit is that of the law that held.
+    assert found.levels[-1][1] <= DIVERGED * max(
+        1.0, median(level for _, level in found.levels[:-1])
+    )
+    # Up to there the fit is that of the first law.
     clean = swing.clean(Z, (), ())[: LATE - 5]
     gap = found.readings[: LATE - 5] - clean
     assert float(gap.square().mean().sqrt()) < SIGMA
 
 
-def test_what_blows_up_is_not_near_the_level(
+def test_a_fit_that_blows_up_is_rejected(
     swing: Swing, missing: Tensor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def blown(objective: LeastSquaresProblem, phi: Tensor, steps: int, tolerance: float) -> Fitted:
+    def blown(
+        objective: LeastSquaresProblem, phi: Tensor, steps: int, tolerance: float
+    ) -> FitResult:
         found = minimise(objective, phi, steps, tolerance)
         lost = len(objective.recorded) > LATE
         return replace(found, cost=math.inf, chi2=math.nan) if lost else found
 
     monkeypatch.setattr("dashred.inference.fit.growing_horizon.minimise", blown)
-    found = walked(swing, missing)
-    assert not found.reached and LATE - 5 <= found.samples <= LATE
+    found = grown(swing, missing)
+    assert not found.is_complete and LATE - 5 <= found.samples <= LATE
     assert all(math.isfinite(level) for _, level in found.levels)
 
 
-def test_a_walk_that_carries_few_reaches_the_end_too(swing: Swing, missing: Tensor) -> None:
+def test_a_fit_with_few_candidates_reaches_the_end(swing: Swing, missing: Tensor) -> None:
     objective = swing.objective(NAMES, missing, SIGMA, TIGHT)
     found = grow_horizon(objective, fitted(objective), 6, 2, silent)
-    assert found.reached and 2 <= len(found.members) < len(NAMES)
+    assert found.is_complete and 2 <= len(found.members) < len(NAMES)
     assert found.levels[-1][1] == pytest.approx(1.0, abs=0.25)
     others = sorted(set(range(len(NAMES))) - set(found.members))
     assert not found.phi[[2 + j for j in others]].any()
 
 
-def test_a_walk_that_costs_too_much_is_given_up(
+def test_an_expensive_horizon_is_given_up(
     swing: Swing, missing: Tensor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     objective = swing.objective(NAMES, missing, SIGMA, TIGHT)
     monkeypatch.setattr("dashred.inference.fit.growing_horizon.EFFORT", 1)
     found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
-    assert not found.reached and 6 < found.samples < len(TIMES)
+    assert not found.is_complete and 6 < found.samples < len(TIMES)
     assert len(found.readings) == found.samples
 
 
 def test_progress_is_reported(swing: Swing, missing: Tensor) -> None:
-    told: list[tuple[float, str]] = []
+    reports: list[tuple[float, str]] = []
     objective = swing.objective(NAMES, missing, SIGMA, TIGHT)
     found = grow_horizon(
-        objective, fitted(objective), 6, len(NAMES), lambda done, text: told.append((done, text))
+        objective, fitted(objective), 6, len(NAMES), lambda done, text: reports.append((done, text))
     )
-    assert [done for done, _ in told] == [count / 81 for count, _ in found.levels[1:]]
-    assert told[-1][0] == 1.0 and told[-1][1].startswith("horizon 81 of 81, χ²/n ")
+    assert [done for done, _ in reports] == [count / 81 for count, _ in found.levels[1:]]
+    assert reports[-1][0] == 1.0 and reports[-1][1].startswith("horizon 81 of 81, χ²/n ")
 
 
-def test_a_record_no_longer_than_the_first_window_is_reached_at_once(
-    swing: Swing, missing: Tensor
-) -> None:
-    objective = swing.objective(NAMES, missing, SIGMA, TIGHT).until(6)
+def test_a_record_of_one_window_is_complete_at_once(swing: Swing, missing: Tensor) -> None:
+    objective = swing.objective(NAMES, missing, SIGMA, TIGHT).truncate(6)
     found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
-    assert found.reached and [count for count, _ in found.levels] == [6]
+    assert found.is_complete and [count for count, _ in found.levels] == [6]

@@ -1,4 +1,4 @@
-"""The error bars of a law: the inverse Hessian's block, and honest over many draws."""
+"""The error bars of a law: a block of the inverse Hessian, calibrated over many draws."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.law import Law, posterior
+from dashred.inference.fit.law import Law, build_selected_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from tests import laws
@@ -25,7 +25,7 @@ def fitted(objective: LeastSquaresProblem, members: tuple[int, ...]) -> tuple[La
     phi, cost, _ = ridge(objective, members)
     normal = objective.linearise(phi)
     [readings] = objective.forward_model.readings(*objective.split(phi[None]))
-    return posterior(objective, normal, phi, members, readings, cost), phi
+    return build_selected_law(objective, normal, phi, members, readings, cost), phi
 
 
 @pytest.fixture(scope="module")
@@ -47,13 +47,13 @@ def test_the_covariance_is_the_block_of_the_inverse_hessian(
     assert [found.name for found in law.candidates] == [DRIVES[j] for j in members]
     assert torch.equal(law.coefficients, phi[[2 + j for j in members]])
     assert law.score == cost
-    # A start that is known leaves less to doubt.
+    # A known start gives a smaller uncertainty.
     sharp = torch.linalg.inv(torch.linalg.inv(covariance)[2:, 2:])
     assert (law.std >= sharp.diagonal().sqrt() * (1 - 1e-9)).all()
 
 
 def test_half_the_curvature_of_f_is_the_inverse_covariance(linear: LeastSquaresProblem) -> None:
-    """By differences of F alone, its start at its best for every ξ."""
+    """By differences of F, minimised over the start for every ξ."""
     law, _ = fitted(linear, (0, 1, 2, 3))
     _, best, _ = ridge(linear, range(4))
 
@@ -64,20 +64,20 @@ def test_half_the_curvature_of_f_is_the_inverse_covariance(linear: LeastSquaresP
 
     assert profile(law.coefficients) == pytest.approx(best, rel=1e-8)
     for j, std in enumerate(law.std.tolist()):
-        step = law.covariance[j] / std  # the others as they go best with it
+        step = law.covariance[j] / std  # the others at their conditional minimum
         for sign in (1, -1):
             assert profile(law.coefficients + sign * step) == pytest.approx(best + 1, rel=1e-6)
 
 
 def _driven(objective: LeastSquaresProblem, xi: Tensor) -> Tensor:
-    """Return what coefficients add to the readings."""
+    """Return the effect of coefficients on the readings."""
     z = torch.zeros((2, objective.modes), dtype=torch.float64)
     with_xi, without = objective.forward_model.readings(z, torch.stack([xi, 0 * xi]))
     return with_xi - without
 
 
-def test_error_bars_are_honest_over_draws(swing: Swing) -> None:
-    """Truth and noise drawn from the very distributions that F believes in."""
+def test_error_bars_are_calibrated_over_draws(swing: Swing) -> None:
+    """Truth and noise are drawn from the distributions that F assumes."""
     generator = torch.Generator().manual_seed(3)
     prior = torch.tensor(PRIOR, dtype=torch.float64)
     scores, inside, chi2 = [], 0, []
@@ -88,7 +88,9 @@ def test_error_bars_are_honest_over_draws(swing: Swing) -> None:
         objective = swing.objective(DRIVES, recorded, SIGMA, PRIOR)
         found = minimise(objective, torch.zeros(6, dtype=torch.float64), 1, 1e-6)
         normal = objective.linearise(found.phi)
-        law = posterior(objective, normal, found.phi, (0, 1, 2, 3), found.readings, found.cost)
+        law = build_selected_law(
+            objective, normal, found.phi, (0, 1, 2, 3), found.readings, found.cost
+        )
         scores.append((law.coefficients - xi) / law.std)
         chi2.append(law.chi2)
         bounds = [law.interval(j) for j in range(4)]
@@ -97,7 +99,7 @@ def test_error_bars_are_honest_over_draws(swing: Swing) -> None:
     assert 0.8 < float(z_scores.square().mean().sqrt()) < 1.25
     assert (z_scores.square().mean(dim=0).sqrt() < 1.5).all()
     assert 0.88 < inside / (4 * DRAWS) <= 1.0
-    # Six unknowns take six of 162 degrees of freedom at most.
+    # Six unknowns use at most six of 162 degrees of freedom.
     assert 156 / 162 - 0.06 < sum(chi2) / DRAWS < 1.05
 
 
@@ -112,7 +114,7 @@ def test_residuals_and_chi2_leave_missing_samples_out(linear: LeastSquaresProble
     assert torch.equal(law.start, expected)
 
 
-def test_the_law_runs_as_it_was_fitted(linear: LeastSquaresProblem, swing: Swing) -> None:
+def test_the_law_reproduces_its_fitted_readings(linear: LeastSquaresProblem, swing: Swing) -> None:
     from dashred.physics.solvers.simulate import simulate
 
     law, phi = fitted(linear, (0, 3))
@@ -121,7 +123,7 @@ def test_the_law_runs_as_it_was_fitted(linear: LeastSquaresProblem, swing: Swing
     torch.testing.assert_close(swing.operator(run)[0], readings, rtol=1e-10, atol=1e-10)
 
 
-def test_the_empty_law_says_so(linear: LeastSquaresProblem) -> None:
+def test_the_text_of_the_empty_law(linear: LeastSquaresProblem) -> None:
     law, _ = fitted(linear, ())
     assert law.forcing() is None and str(law) == "nothing"
     assert law.covariance.shape == (0, 0) and law.std.shape == (0,)

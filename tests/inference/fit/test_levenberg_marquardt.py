@@ -1,4 +1,4 @@
-"""Fits of a linear problem are exact at once; a fit that blows up troubles no other."""
+"""Fits of a linear problem take one step; a fit that blows up does not change others."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
+from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 from dashred.inference.fit.levenberg_marquardt import (
     LADDER,
-    Fitted,
+    FitResult,
     Refits,
     _step,
     chord_refits,
@@ -26,23 +26,23 @@ Z, XI = (0.8, -0.6), (0.2, 0.01, -0.3, 0.1)
 
 @pytest.fixture(scope="module")
 def linear(swing: Swing) -> LeastSquaresProblem:
-    """Forces of time alone, some samples missing, correlated noise of two sizes."""
+    """Forces that depend only on time, missing samples, and correlated noise of two sizes."""
     recorded = noisy(swing.clean(Z, DRIVES, XI), SIGMA, seed=0)
     recorded[7:12, 1] = torch.nan
     found = swing.objective(DRIVES, recorded, SIGMA, PRIOR)
     std = torch.tensor([SIGMA, 2 * SIGMA], dtype=torch.float64)
-    noise = type(found.noise)(std, torch.full_like(std, 0.4), found.noise.seen)
+    noise = type(found.noise)(std, torch.full_like(std, 0.4), found.noise.available)
     return LeastSquaresProblem(found.forward_model, recorded, noise, found.prior_std)
 
 
 @pytest.fixture(scope="module")
 def bent(swing: Swing) -> LeastSquaresProblem:
-    """Two candidates that the swing is not linear in; x³ with a plus runs away."""
+    """Two candidates with a nonlinear effect; x³ with a positive sign diverges."""
     recorded = noisy(swing.clean(Z, ("p**3", "x**3"), (-0.2, -0.3)), SIGMA, seed=1)
     return swing.objective(("p**3", "x**3"), recorded, SIGMA, 1.0)
 
 
-def normal(objective: LeastSquaresProblem, phi: Tensor) -> Normal:
+def normal(objective: LeastSquaresProblem, phi: Tensor) -> NormalEquations:
     return objective.linearise(phi)
 
 
@@ -53,7 +53,7 @@ def nothing(objective: LeastSquaresProblem) -> Tensor:
 def freedom(objective: LeastSquaresProblem, sets: Sequence[tuple[int, ...]]) -> Tensor:
     free = torch.zeros((len(sets), len(nothing(objective))), dtype=torch.bool)
     for row, members in enumerate(sets):
-        free[row, objective.places(members)] = True
+        free[row, objective.indices(members)] = True
     return free
 
 
@@ -68,23 +68,23 @@ def refits(
     return chord_refits(objective, equations, begin, free, steps, 1e-6, hopeless)
 
 
-def test_a_jacobian_that_is_known_is_not_made_again(linear: LeastSquaresProblem) -> None:
+def test_a_known_jacobian_is_not_computed_again(linear: LeastSquaresProblem) -> None:
     begin = nothing(linear)
     wide = replace(linear, prior_std=3 * linear.prior_std)
     again = minimise(linear, begin, 1, 1e-6)
     known = minimise(linear, begin, 1, 1e-6, normal(wide, begin))
     torch.testing.assert_close(known.phi, again.phi, rtol=0, atol=0)
 
-    astray = replace(normal(linear, begin), finite=False)
+    astray = replace(normal(linear, begin), is_finite=False)
     assert minimise(linear, begin, 1, 1e-6, astray).jacobians == 0
 
 
-def test_what_overflows_when_it_is_squared_is_not_finite(linear: LeastSquaresProblem) -> None:
-    """A trajectory that is about to blow up: its readings are numbers still."""
+def test_values_whose_square_overflows_are_not_finite(linear: LeastSquaresProblem) -> None:
+    """A trajectory that is blowing up: its readings are still finite."""
     far = replace(linear, noise=linear.noise.scaled(1e-200))
     found = normal(far, nothing(linear))
-    assert not found.finite and bool(torch.isfinite(found.hessian).all())
-    assert normal(linear, nothing(linear)).finite
+    assert not found.is_finite and bool(torch.isfinite(found.hessian).all())
+    assert normal(linear, nothing(linear)).is_finite
 
 
 def test_one_step_reaches_the_exact_solution(linear: LeastSquaresProblem) -> None:
@@ -100,7 +100,7 @@ def test_one_step_reaches_the_exact_solution(linear: LeastSquaresProblem) -> Non
 
 
 def test_the_solution_is_that_of_a_kalman_update(linear: LeastSquaresProblem) -> None:
-    """The gain form needs neither J'J nor the precision: other algebra, the same estimate."""
+    """The gain form needs neither J'J nor the precision, and gives the same estimate."""
     equations = normal(linear, nothing(linear))
     prior = torch.diag(1 / equations.precision)
     jacobian = equations.jacobian
@@ -111,7 +111,7 @@ def test_the_solution_is_that_of_a_kalman_update(linear: LeastSquaresProblem) ->
     torch.testing.assert_close(found.phi, expected, rtol=1e-6, atol=1e-7)
 
 
-def test_it_is_near_the_truth_and_missing_samples_do_not_matter(
+def test_the_solution_is_near_the_truth_with_missing_samples(
     linear: LeastSquaresProblem,
 ) -> None:
     found = minimise(linear, nothing(linear), 2, 1e-6)
@@ -124,14 +124,14 @@ def test_it_is_near_the_truth_and_missing_samples_do_not_matter(
     torch.testing.assert_close(minimise(same, nothing(linear), 2, 1e-6).phi, found.phi)
 
 
-def test_a_part_of_the_candidates_and_of_the_record(linear: LeastSquaresProblem) -> None:
-    part = linear.only([2, 0]).until(30)
+def test_a_subset_of_the_candidates_and_of_the_record(linear: LeastSquaresProblem) -> None:
+    part = linear.subset([2, 0]).truncate(30)
     assert len(part.forward_model.times) == 30 < len(TIMES)
     found = minimise(part, nothing(part), 1, 1e-6)
     torch.testing.assert_close(found.phi, ridge(part, range(2))[0], rtol=1e-7, atol=1e-7)
     whole = linear.embed(found.phi, [2, 0])
     assert whole[[4, 2]].tolist() == found.phi[2:].tolist() and not whole[[3, 5]].any()
-    assert torch.equal(whole[linear.places([2, 0])], found.phi)
+    assert torch.equal(whole[linear.indices([2, 0])], found.phi)
 
 
 def test_chord_refits_of_several_sets_equal_separate_exact_solutions(
@@ -147,7 +147,7 @@ def test_chord_refits_of_several_sets_equal_separate_exact_solutions(
         assert float(found.cost[row]) == pytest.approx(cost, rel=1e-9)
 
 
-def test_the_chord_comes_to_the_minimum_of_a_bent_problem(bent: LeastSquaresProblem) -> None:
+def test_chord_steps_reach_the_minimum_of_a_nonlinear_problem(bent: LeastSquaresProblem) -> None:
     exact = minimise(bent, nothing(bent), 20, 1e-12)
     equations = normal(bent, exact.phi)
     begin = (exact.phi + torch.tensor([0.2, -0.2, 0.03, -0.03]).double())[None]
@@ -157,7 +157,7 @@ def test_the_chord_comes_to_the_minimum_of_a_bent_problem(bent: LeastSquaresProb
     assert float(found.cost[0]) == pytest.approx(exact.cost, rel=1e-7)
 
 
-def test_a_row_that_blows_up_spoils_no_other(bent: LeastSquaresProblem) -> None:
+def test_a_row_that_blows_up_does_not_change_the_others(bent: LeastSquaresProblem) -> None:
     sets: list[tuple[int, ...]] = [(0,), (0, 1), (1,)]
     begin = nothing(bent).repeat(3, 1)
     alone = refits(bent, begin, freedom(bent, sets), 8)
@@ -167,21 +167,21 @@ def test_a_row_that_blows_up_spoils_no_other(bent: LeastSquaresProblem) -> None:
     mixed = torch.cat([begin[:1], runaway, begin[1:]])
     assert torch.isinf(bent.values(runaway)[0]).all()
     found = refits(bent, mixed, freedom(bent, [(0,), (0, 1), (0, 1), (1,)]), 8)
-    kept = [0, 2, 3]
-    torch.testing.assert_close(found.phi[kept], alone.phi, rtol=1e-12, atol=1e-12)
-    torch.testing.assert_close(found.cost[kept], alone.cost, rtol=1e-12, atol=0)
-    assert found.converged[kept].tolist() == alone.converged.tolist()
+    others = [0, 2, 3]
+    torch.testing.assert_close(found.phi[others], alone.phi, rtol=1e-12, atol=1e-12)
+    torch.testing.assert_close(found.cost[others], alone.cost, rtol=1e-12, atol=0)
+    assert found.converged[others].tolist() == alone.converged.tolist()
 
 
 def test_where_small_dampings_all_overshoot_larger_ones_are_tried(
     linear: LeastSquaresProblem,
 ) -> None:
-    """The Jacobian is a hundred times too flat: even a fourth of the step is far too long."""
+    """The Jacobian is too small by a factor of 100: even a quarter of the step is far too long."""
     phi = nothing(linear)
     about = normal(linear, phi)
     flat = replace(about, jacobian=about.jacobian / 100, precision=about.precision * 1e-4)
     [cost], (readings, _) = linear.values(phi[None])
-    here = Fitted(phi, float(cost), float(cost), readings[0], False, 0)
+    here = FitResult(phi, float(cost), float(cost), readings[0], False, 0)
     assert _step(linear, flat, here, LADDER[:1]) is here
     lower = _step(linear, flat, here, LADDER)
     assert lower.cost < here.cost
@@ -189,7 +189,7 @@ def test_where_small_dampings_all_overshoot_larger_ones_are_tried(
 
 
 def test_a_step_that_overshoots_is_damped_until_it_gains(bent: LeastSquaresProblem) -> None:
-    """The Jacobian is fifty times too flat; the other row, without candidates, never sees it."""
+    """The Jacobian is too small by a factor of 50; the row without candidates is unaffected."""
     begin, free = nothing(bent).repeat(2, 1), freedom(bent, [(0, 1), ()])
     flat = torch.tensor([1.0, 1.0, 0.02, 0.02], dtype=torch.float64)
     precision = torch.tensor([1.0, 1.0, 1e-6, 1e-6], dtype=torch.float64)
@@ -205,7 +205,7 @@ def test_a_step_that_overshoots_is_damped_until_it_gains(bent: LeastSquaresProbl
     assert not found.phi[1, 2:].any()
 
 
-def test_hopeless_rows_are_given_up_early(bent: LeastSquaresProblem) -> None:
+def test_rows_far_above_the_best_are_given_up_early(bent: LeastSquaresProblem) -> None:
     free = freedom(bent, [(0, 1), (0,)])
     begin = nothing(bent).repeat(2, 1)
     far, near = (refits(bent, begin, free, 12, hopeless) for hopeless in (torch.inf, 1.0))
@@ -214,7 +214,7 @@ def test_hopeless_rows_are_given_up_early(bent: LeastSquaresProblem) -> None:
     assert float(far.cost[1]) > 2 * float(far.cost[0])
 
 
-def test_minimise_goes_down_where_the_full_step_does_not(bent: LeastSquaresProblem) -> None:
+def test_minimise_descends_where_the_full_step_does_not(bent: LeastSquaresProblem) -> None:
     phi = nothing(bent)
     phi[:2] = torch.tensor([5.0, -5.0])
     [before] = bent.values(phi[None])[0]

@@ -1,4 +1,4 @@
-"""Whitening is the inverse covariance's root, and estimates find what was put in."""
+"""Whitening is a root of the inverse covariance, and estimates find the true values."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def white(*shape: int, seed: int = 0) -> Tensor:
 
 
 def coloured(samples: int, std: list[float], rho: float, seed: int = 0) -> Tensor:
-    """Draw stationary noise by the recursion that defines it."""
+    """Draw stationary noise by its recursion."""
     drawn = white(samples, len(std), seed=seed)
     rows = [drawn[0]]
     for shock in drawn[1:]:
@@ -37,7 +37,7 @@ def coloured(samples: int, std: list[float], rho: float, seed: int = 0) -> Tenso
 
 
 def covariance(seen: Tensor, std: float, rho: float) -> Tensor:
-    """Return σ² ρ^|i-j| of one sensor; a gap between two samples makes them independent."""
+    """Return σ² ρ^|i-j| of one sensor; samples on both sides of a gap are independent."""
     pieces = torch.cumsum(~seen, dim=0)
     steps = torch.arange(len(seen))
     together = pieces[:, None] == pieces[None, :]
@@ -46,8 +46,8 @@ def covariance(seen: Tensor, std: float, rho: float) -> Tensor:
 
 
 def whitening(noise: NoiseModel, sensor: int) -> Tensor:
-    """Return the linear map that whitening one sensor's samples is, column by column."""
-    samples, sensors = noise.seen.shape
+    """Return the matrix of the whitening of one sensor, column by column."""
+    samples, sensors = noise.available.shape
     units = torch.zeros(samples, samples, sensors, dtype=torch.float64)
     units[:, :, sensor] = torch.eye(samples)
     found = noise.whiten(units)
@@ -76,8 +76,8 @@ def test_the_quadratic_form_is_that_of_the_dense_covariance() -> None:
     values = white(30, 2)
     expected = 0.0
     for sensor, std in enumerate((0.3, 2.0)):
-        dense, mine = covariance(everywhere(30, 1)[:, 0], std, RHO), values[:, sensor]
-        expected += float(mine @ torch.linalg.solve(dense, mine))
+        dense, column = covariance(everywhere(30, 1)[:, 0], std, RHO), values[:, sensor]
+        expected += float(column @ torch.linalg.solve(dense, column))
     assert float(noise.whiten(values).square().sum()) == pytest.approx(expected, rel=1e-10)
 
 
@@ -90,7 +90,7 @@ def test_whitened_noise_is_white_and_of_unit_variance() -> None:
     assert float((found[:, 0] * found[:, 1]).mean().abs()) < 0.02
 
 
-def test_missing_values_count_for_nothing_and_batches_are_rows() -> None:
+def test_missing_values_do_not_count_and_batches_are_rows() -> None:
     seen = everywhere(6, 2)
     seen[2, 1] = False
     noise = model([0.5, 0.5], RHO, seen)
@@ -100,17 +100,17 @@ def test_missing_values_count_for_nothing_and_batches_are_rows() -> None:
     assert torch.isfinite(found).all() and not found[:, 2, 1].any()
     for row, alone in zip(found, values, strict=True):
         torch.testing.assert_close(row, noise.whiten(alone))
-    assert noise.count == 11 and noise.first(3).count == 5
-    torch.testing.assert_close(noise.first(3).whiten(values[:, :3]), found[:, :3])
+    assert noise.count == 11 and noise.truncate(3).count == 5
+    torch.testing.assert_close(noise.truncate(3).whiten(values[:, :3]), found[:, :3])
 
 
-def test_fewer_samples_count_when_neighbours_resemble_each_other() -> None:
+def test_correlation_reduces_the_effective_count() -> None:
     noise = model([1.0], 0.5, everywhere(300, 1))
     assert noise.effective_count == pytest.approx(100.0)
-    # The variance of a long mean is that of as many independent samples.
-    total = float(covariance(noise.seen[:, 0], 1.0, 0.5).sum()) / 300**2
+    # The variance of a long mean is that of the effective number of independent samples.
+    total = float(covariance(noise.available[:, 0], 1.0, 0.5).sum()) / 300**2
     assert 1 / total == pytest.approx(noise.effective_count, rel=0.01)
-    assert model([1.0], 0.0, noise.seen).effective_count == 300
+    assert model([1.0], 0.0, noise.available).effective_count == 300
 
 
 @pytest.mark.parametrize("rho", [0.0, RHO, 0.9])
@@ -118,73 +118,73 @@ def test_estimates_find_sigma_and_rho(rho: float) -> None:
     residuals = coloured(6000, [0.1, 0.2, 5.0], rho)
     residuals[100:180, 1] = torch.nan
     seen = ~residuals.isnan()
-    # Each group has its level wrong, the ratio within the first right.
-    found = model([0.3, 0.6, 1.0], 0.0, seen).estimated(residuals, ["u", "u", "v"], 0)
+    # The level of each group is wrong; the ratio within the first is right.
+    found = model([0.3, 0.6, 1.0], 0.0, seen).estimate(residuals, ["u", "u", "v"], 0)
     expected = torch.tensor([0.1, 0.2, 5.0], dtype=torch.float64)
     tolerance = 4 * math.sqrt((1 + rho**2) / (1 - rho**2) / 12000)
     torch.testing.assert_close(found.std[:2], expected[:2], rtol=tolerance, atol=0)
     torch.testing.assert_close(found.std[2:], expected[2:], rtol=1.5 * tolerance, atol=0)
     assert float(found.std[1] / found.std[0]) == pytest.approx(2.0, rel=1e-12)
-    for mine, samples in ((slice(0, 2), 12000), (slice(2, 3), 6000)):
+    for group, samples in ((slice(0, 2), 12000), (slice(2, 3), 6000)):
         error = 4 * math.sqrt((1 - rho**2) / samples) + 1e-9
         torch.testing.assert_close(
-            found.correlation[mine],
-            torch.full_like(found.correlation[mine], rho),
+            found.correlation[group],
+            torch.full_like(found.correlation[group], rho),
             rtol=0,
             atol=error,
         )
 
 
-def test_what_a_fit_has_spent_is_given_back() -> None:
+def test_the_estimate_corrects_for_fitted_parameters() -> None:
     residuals = white(400, 2)
     noise = model([1.0, 1.0], 0.0, everywhere(400, 2))
-    plain, spent = (noise.estimated(residuals, ["u", "u"], k) for k in (0.0, 200.0))
+    plain, spent = (noise.estimate(residuals, ["u", "u"], k) for k in (0.0, 200.0))
     torch.testing.assert_close(plain.std.square(), residuals.square().mean().expand(2))
     torch.testing.assert_close(spent.std.square(), plain.std.square() / 0.75)
-    everything = noise.estimated(residuals, ["u", "u"], 800.0)
+    everything = noise.estimate(residuals, ["u", "u"], 800.0)
     torch.testing.assert_close(everything.std.square(), plain.std.square() / 0.1)
 
 
 def test_a_correlation_must_be_significant_and_positive() -> None:
     turns = torch.tensor([1.0, -1.0]).double().repeat(100)[:, None]
     noise = model([1.0], 0.5, everywhere(200, 1))
-    assert noise.estimated(turns, ["u"], 0).correlation.tolist() == [0.0]
+    assert noise.estimate(turns, ["u"], 0).correlation.tolist() == [0.0]
     drift = torch.ones(200, 1, dtype=torch.float64)
-    assert noise.estimated(drift, ["u"], 0).correlation.tolist() == [LARGEST_CORRELATION]
+    assert noise.estimate(drift, ["u"], 0).correlation.tolist() == [LARGEST_CORRELATION]
     few = coloured(20, [1.0], 0.4)
-    assert model([1.0], 0.0, everywhere(20, 1)).estimated(few, ["u"], 0).correlation.tolist() == [
+    assert model([1.0], 0.0, everywhere(20, 1)).estimate(few, ["u"], 0).correlation.tolist() == [
         0.0
     ]
     apart = everywhere(200, 1)
     apart[::2] = False
-    assert model([1.0], 0.0, apart).estimated(drift, ["u"], 0).correlation.tolist() == [0.0]
+    assert model([1.0], 0.0, apart).estimate(drift, ["u"], 0).correlation.tolist() == [0.0]
 
 
 def test_quantities_have_correlations_of_their_own() -> None:
     residuals = torch.cat([coloured(3000, [1.0], 0.8), coloured(3000, [1.0], 0.0, seed=1)], dim=1)
     noise = model([1.0, 1.0], 0.0, everywhere(3000, 2))
-    found = noise.estimated(residuals, ["theta", "omega"], 0)
+    found = noise.estimate(residuals, ["theta", "omega"], 0)
     assert found.correlation.tolist() == [pytest.approx(0.8, abs=0.05), 0.0]
     assert found.effective_count == pytest.approx(3000 * (0.2 / 1.8 + 1), rel=0.03)
-    together = noise.estimated(residuals, ["u", "u"], 0).correlation
+    together = noise.estimate(residuals, ["u", "u"], 0).correlation
     assert together.tolist() == [pytest.approx(0.4, abs=0.05)] * 2
     white_again = found.whiten(residuals)
     assert float((white_again[1:] * white_again[:-1]).mean(dim=0).abs().max()) < 0.06
 
 
-def test_scaling_scales_the_noise_alone() -> None:
+def test_scaling_changes_only_sigma() -> None:
     noise = model([0.5, 2.0], RHO, everywhere(5, 2))
     values = white(5, 2)
     torch.testing.assert_close(noise.scaled(4.0).whiten(values), noise.whiten(values) / 4)
 
 
-def test_of_what_is_not_seen_nothing_is_learnt() -> None:
+def test_groups_without_samples_keep_their_sigma() -> None:
     seen = torch.ones((50, 2), dtype=torch.bool)
     seen[:, 1] = False
     before = NoiseModel(
         torch.tensor([0.1, 0.3], dtype=torch.float64), torch.zeros(2).double(), seen
     )
     residuals = 0.2 * torch.randn((50, 2), generator=torch.Generator().manual_seed(0)).double()
-    after = before.estimated(residuals, ["q", "p"], 2)
+    after = before.estimate(residuals, ["q", "p"], 2)
     assert float(after.std[0]) == pytest.approx(0.2, rel=0.3)
     assert float(after.std[1]) == 0.3

@@ -1,15 +1,15 @@
-"""Columns that are alike to rounding share their effect; all others are solved exactly."""
+"""Columns that are collinear to rounding share their effect; all others are solved exactly."""
 
 from __future__ import annotations
 
 import pytest
 import torch
 
-from dashred.inference.fit.least_squares import Normal
+from dashred.inference.fit.least_squares import NormalEquations
 from dashred.inference.fit.normal_equations import solve
 
 
-def test_what_is_not_singular_is_solved_as_it_is() -> None:
+def test_a_regular_system_is_solved_without_a_ridge() -> None:
     generator = torch.Generator().manual_seed(0)
     columns = torch.randn((3, 20, 4), generator=generator).double()
     matrix, right = columns.mT @ columns, torch.randn((3, 4, 2), generator=generator).double()
@@ -18,7 +18,7 @@ def test_what_is_not_singular_is_solved_as_it_is() -> None:
     )
 
 
-def test_a_singular_system_of_a_batch_shares_the_effect_and_leaves_the_others() -> None:
+def test_only_the_singular_systems_of_a_batch_get_a_ridge() -> None:
     alike = torch.full((2, 2), 4.0).double()
     matrix = torch.stack([alike, 2 * torch.eye(2).double()])
     right = torch.tensor([[[8.0], [8.0]], [[2.0], [6.0]]]).double()
@@ -30,7 +30,7 @@ def test_a_singular_system_of_a_batch_shares_the_effect_and_leaves_the_others() 
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-30, 1e30])
-def test_a_step_of_columns_that_drown_the_prior_is_finite_and_lowers_the_misfit(
+def test_a_step_with_nearly_collinear_columns_lowers_the_misfit(
     scale: float,
 ) -> None:
     """Powers of a field that hardly varies about its mean, of any size."""
@@ -38,10 +38,10 @@ def test_a_step_of_columns_that_drown_the_prior_is_finite_and_lowers_the_misfit(
     sizes = torch.tensor([1.0, scale, scale], dtype=torch.float64)
     jacobian, precision = column[:, None] * sizes, 1e-20 * sizes**2
     residuals, phi = column.clone(), torch.zeros(3).double()
-    normal = Normal(jacobian, precision, phi, residuals)
+    normal = NormalEquations(jacobian, precision, phi, residuals)
     rows, free = phi[None], torch.ones((1, 3), dtype=torch.bool)
     [step] = normal.steps(rows, residuals[None], torch.zeros(1).double(), free)
     assert bool(torch.isfinite(step).all())
     left = residuals + jacobian @ step
     assert float(left.norm()) < 1e-3 * float(residuals.norm())
-    assert normal.least() < 1e-3 * float(residuals.square().sum())
+    assert normal.minimum() < 1e-3 * float(residuals.square().sum())

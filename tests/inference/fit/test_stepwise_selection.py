@@ -1,4 +1,4 @@
-"""The search finds the law that was put in, or nothing, and mends its own beginning."""
+"""The search finds the true law or the empty law, and corrects a wrong first set."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import torch
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.stepwise_moves import Set
-from dashred.inference.fit.stepwise_selection import Selection, penalty, polish, select
+from dashred.inference.fit.stepwise_selection import Selection, polish, select, term_penalty
 from tests.swing import FORCES, Swing, noisy
 from tests.waves import Waves, fitted
 
@@ -56,7 +56,7 @@ def test_the_true_set_is_found(swing: Swing, law: str, seed: int) -> None:
     found = searched(problem(swing, law, seed))
     best = found.tried[0]
     assert best.members == members(*names) and found.exhausted
-    index = found.objective.places(best.members)
+    index = found.objective.indices(best.members)
     hessian = found.objective.linearise(best.phi).hessian[index][:, index]
     std = torch.linalg.inv(hessian).diagonal().sqrt()
     truth = torch.zeros(2 + len(NAMES), dtype=torch.float64)
@@ -67,16 +67,16 @@ def test_the_true_set_is_found(swing: Swing, law: str, seed: int) -> None:
     assert not best.phi[others].any()
 
 
-def test_where_nothing_is_missing_nothing_is_found(swing: Swing) -> None:
+def test_the_empty_set_is_selected_if_nothing_is_missing(swing: Swing) -> None:
     found = [searched(problem(swing, "null", seed)).tried[0].members for seed in range(5)]
     assert found.count(()) >= 4
 
 
-def test_scores_are_what_they_say_and_sorted(swing: Swing) -> None:
+def test_scores_follow_their_definition_and_are_sorted(swing: Swing) -> None:
     found = searched(problem(swing, "one term", 0))
     objective = found.objective
     per_term = math.log(162) + 2 * math.log(len(NAMES))
-    assert penalty(objective) == pytest.approx(per_term)
+    assert term_penalty(objective) == pytest.approx(per_term)
     scores = [tried.score for tried in found.tried]
     assert scores == sorted(scores) and len({t.members for t in found.tried}) == len(scores)
     assert () in {tried.members for tried in found.tried}
@@ -84,17 +84,17 @@ def test_scores_are_what_they_say_and_sorted(swing: Swing) -> None:
         [cost] = objective.values(tried.phi[None])[0].tolist()
         assert tried.cost == pytest.approx(cost, rel=1e-9)
         assert tried.score == pytest.approx(cost + per_term * len(tried.members), rel=1e-9)
-        # Near its own minimum, as a fresh fit of this set alone finds it.
+        # Near its minimum, as found by a separate fit of this set.
         fresh = polish(objective, tried, 1e-8)
         assert fresh.members == tried.members
         assert 0 <= tried.cost - fresh.cost < 1.5
         assert fresh.score == pytest.approx(fresh.cost + per_term * len(fresh.members), rel=1e-9)
 
 
-def test_rivals_whose_refits_get_stuck_are_fitted_to_the_end(
+def test_rivals_with_stuck_refits_are_refitted(
     swing: Swing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without a step of their own, sets stand where the linearisation about another put them."""
+    """Without their own steps, sets remain at the prediction of another linearisation."""
     monkeypatch.setattr("dashred.inference.fit.stepwise_selection.CHORD_STEPS", 1)
     found = searched(problem(swing, "one term", 0))
     best, *others = found.tried
@@ -108,7 +108,7 @@ def test_rivals_whose_refits_get_stuck_are_fitted_to_the_end(
 
 
 @pytest.mark.parametrize("believed", [0.3, 3.0])
-def test_a_wrong_belief_in_the_noise_is_mended(swing: Swing, believed: float) -> None:
+def test_a_wrong_noise_level_is_corrected(swing: Swing, believed: float) -> None:
     objective = problem(swing, "drag and a hardening spring", 0, believed * SIGMA)
     found = searched(objective)
     assert found.tried[0].members == members("x**3", "abs(p)*p")
@@ -116,7 +116,7 @@ def test_a_wrong_belief_in_the_noise_is_mended(swing: Swing, believed: float) ->
     torch.testing.assert_close(std, torch.full((2,), SIGMA).double(), rtol=0.2, atol=0)
 
 
-def test_a_proposal_is_always_among_the_tried(swing: Swing) -> None:
+def test_a_proposal_is_always_refitted(swing: Swing) -> None:
     far: list[Set] = [members("1", "sin(3*x)", "x*p", "p**3"), members("x*p", "1", "c")]
     found = searched(problem(swing, "one term", 0), far)
     tried = {found.members for found in found.tried}
@@ -127,7 +127,7 @@ def test_a_proposal_is_always_among_the_tried(swing: Swing) -> None:
 
 @pytest.fixture
 def _narrow(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have no sets refitted at first but the empty one and the proposals."""
+    """Refit only the empty set and the proposals at first."""
     monkeypatch.setattr("dashred.inference.fit.stepwise_moves.REFITTED", {1: 0, 2: 0, 3: 0})
     monkeypatch.setattr("dashred.inference.fit.stepwise_moves.LARGEST_ON_PATH", 0)
 
@@ -136,7 +136,7 @@ def _narrow(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     "wrong", [(), ("sin(3*x)", "p**3"), ("k", "c"), ("1",), ("k", "abs(p)*p", "x**2")]
 )
-def test_moves_mend_a_search_that_began_elsewhere(swing: Swing, wrong: tuple[str, ...]) -> None:
+def test_moves_correct_a_wrong_first_set(swing: Swing, wrong: tuple[str, ...]) -> None:
     found = searched(problem(swing, "drag and a hardening spring", 0), [members(*wrong)])
     assert members(*wrong) in {tried.members for tried in found.tried}
     assert found.tried[0].members == members("x**3", "abs(p)*p") and found.exhausted
@@ -149,10 +149,10 @@ def test_a_search_cut_short_is_not_exhausted(swing: Swing, monkeypatch: pytest.M
     assert found.tried[0].members != () and not found.exhausted
 
 
-def test_the_noise_of_few_readings_is_not_blown_up_by_modes_that_they_say_nothing_of(
+def test_undetermined_modes_do_not_inflate_the_noise(
     waves: Waves,
 ) -> None:
-    """Of 21 readings a fit of 14 modes takes four or five."""
+    """With 21 readings, a fit of 14 modes has four or five effective parameters."""
     squares = []
     for seed in range(10):
         recorded = waves.recorded(SIGMA, seed)
@@ -162,5 +162,5 @@ def test_the_noise_of_few_readings_is_not_blown_up_by_modes_that_they_say_nothin
         noise = select(objective, objective.embed(z, []), [], silent).objective.noise
         assert (noise.count, objective.modes) == (21, 14)
         squares.append(float(noise.std[0] / SIGMA) ** 2)
-    # As large as 1 - 5/21 over 1 - 14/21, 2.3, if each mode is charged in full.
+    # The variance would be too large by (1 - 5/21)/(1 - 14/21) = 2.3 if every mode counted.
     assert sum(squares) / 10 == pytest.approx(1.0, abs=0.3)

@@ -1,4 +1,4 @@
-"""No two candidates alike; parameters before terms; units and limits as they are defined."""
+"""Candidates: no collinear ones, parameters before terms, scales and limits as defined."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from torch import Tensor
 from dashred.inference.forward.candidates import (
     Candidate,
     build_candidates,
-    forcing_of,
+    build_forcing,
     indices_by_name,
 )
 from dashred.physics.library import evaluate_terms
@@ -103,7 +103,7 @@ def test_parameters_with_the_same_effect_are_one(found: list[Candidate]) -> None
     assert {c.name: c.aliases for c in found if c.aliases} == {"k": ("u_c",)}
 
 
-def test_a_replaced_term_leads_to_its_parameter(found: list[Candidate]) -> None:
+def test_a_replaced_term_has_the_index_of_its_parameter(found: list[Candidate]) -> None:
     index = indices_by_name(found)
     assert found[index["u: u**2"]].name == "eps"
     assert found[index["parameter eps"]].name == "eps"
@@ -114,14 +114,14 @@ def test_a_replaced_term_leads_to_its_parameter(found: list[Candidate]) -> None:
 def test_the_forcing_of_a_parameter_is_the_changed_parameter(
     engine: System, found: list[Candidate]
 ) -> None:
-    """Of those that the equations are linear in, each in a row of its own."""
+    """For parameters that enter linearly, one in each row."""
     changes = {"eps": 0.05, "nu": 0.02, "s": -0.4, "q": 0.1}
     index = {c.name: j for j, c in enumerate(found)}
     xi = torch.zeros((len(changes), len(found)), dtype=torch.float64)
     for row, (name, change) in enumerate(changes.items()):
         xi[row, index[name]] = change
     start = nominal_start(engine).expand(len(changes), -1, -1)
-    runs = simulate(engine, start, TIMES, forcing_of(found, xi))
+    runs = simulate(engine, start, TIMES, build_forcing(found, xi))
     for run, (name, change) in zip(runs, changes.items(), strict=True):
         values = engine.config.parameters | {name: engine.config.parameters[name] + change}
         changed = System(replace(engine.config, parameters=values), engine.where)
@@ -133,7 +133,7 @@ def test_every_term_of_a_candidate_has_its_coefficient(
     engine: System, found: list[Candidate]
 ) -> None:
     nu, cubic = (next(c for c in found if c.name == name) for name in ("nu", "u**3"))
-    forcing = forcing_of([cubic, nu], torch.tensor([[2.0, 3.0], [4.0, 5.0]]))
+    forcing = build_forcing([cubic, nu], torch.tensor([[2.0, 3.0], [4.0, 5.0]]))
     assert [term.equation for term in forcing.terms] == ["u", "u", "lam"]
     assert forcing.coefficients.tolist() == [[2.0, 3.0, 3.0], [4.0, 5.0, 5.0]]
 
@@ -159,7 +159,7 @@ def test_linear_terms_are_limited_by_their_fastest_mode(tmp_path: Path) -> None:
         "u: d(u, x, 2)": 1 / (highest**2 * dt),
         "u: d(u, x, 4)": 1 / (highest**4 * dt),
         "v: d(u, x, 2)": 1 / (highest**2 * dt),
-        "u: d(u, x)": math.inf,  # turns, does not grow
+        "u: d(u, x)": math.inf,  # oscillates, does not grow
         "u: d(u, x, 3)": math.inf,
         "u: u**2": math.inf,
         "u: u**3 + d(u, x, 2)": 1 / (highest**2 * dt),
@@ -172,13 +172,15 @@ def test_linear_terms_are_limited_by_their_fastest_mode(tmp_path: Path) -> None:
     assert limits == pytest.approx(expected)
 
 
-def test_a_parameter_s_limit_is_that_of_its_terms(engine: System, found: list[Candidate]) -> None:
+def test_the_limit_of_a_parameter_is_that_of_its_terms(
+    engine: System, found: list[Candidate]
+) -> None:
     limits = {c.name: c.limit for c in found if c.equation is None}
     assert limits.pop("nu") == pytest.approx(1 / (24**2 * engine.dt))
     assert set(limits.values()) == {math.inf}
 
 
-def test_what_vanishes_or_is_not_finite_is_no_candidate(tmp_path: Path) -> None:
+def test_zero_or_non_finite_terms_are_no_candidates(tmp_path: Path) -> None:
     system = laws.declared(tmp_path, RING)
     listed = {"u": ["log(u - 100)", "step(u - 100)", "u**2"]}
     found = build_candidates(system, library(system, listed), nominal(system), 0.0)

@@ -1,4 +1,4 @@
-"""Several episodes at once: each as it would be alone, and one law for all of them."""
+"""Several episodes: each equals its single run, and one law is fitted to all."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from dashred.inference.fit.law import law_of
+from dashred.inference.fit.law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.noise_model import NoiseModel
@@ -17,7 +17,7 @@ from dashred.inference.forward.episodes import (
     concatenate_episodes,
     stack_readings,
     stack_times,
-    until_end,
+    without_padding,
 )
 from dashred.inference.forward.forward_model import ForwardModel
 from dashred.inference.forward.law_block import LawBlock, WindowedTerms
@@ -26,13 +26,13 @@ from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.sensors.fault_in_units import fault_in_units
 from dashred.inference.hypotheses.sensors.faults import Fault, fit_fault
-from dashred.inference.hypotheses.sensors.leave_one_sensor_out import beside_the_fault
-from dashred.inference.hypotheses.sensors.suspects import suspects
+from dashred.inference.hypotheses.sensors.leave_one_sensor_out import add_fault
+from dashred.inference.hypotheses.sensors.suspected_faults import find_suspected_faults
 from dashred.physics.forcing_basis import ForcingBasis
 from dashred.physics.window import onset
 from tests.swing import Swing, noisy
 
-# Starts, lengths and clocks of their own: one begins at t = 60.
+# Each has its own start, length and times; one begins at t = 60.
 TIMES = [
     0.15 * torch.arange(61, dtype=torch.float64),
     60 + 0.15 * torch.arange(41, dtype=torch.float64),
@@ -78,7 +78,7 @@ def z() -> torch.Tensor:
     return torch.tensor(Z, dtype=torch.float64).flatten()
 
 
-def test_each_reads_what_it_would_alone_and_stands_still_after_its_end(swing, z):
+def test_episodes_equal_single_runs_and_are_padded(swing, z):
     xi = torch.tensor(XI, dtype=torch.float64)
     [found] = together(swing).readings(z[None], xi[None])
     for e, expected in enumerate(readings(swing)):
@@ -91,30 +91,30 @@ def test_each_reads_what_it_would_alone_and_stands_still_after_its_end(swing, z)
     assert len(states) == sum(map(len, TIMES))
 
 
-def test_a_clock_that_stands_still_is_no_time(swing):
+def test_padding_is_removed_from_times(swing):
     times = stack_times(TIMES)
-    assert [len(until_end(clock)) for clock in times.T] == [61, 41, 61]
-    assert [len(until_end(clock)) for clock in times[:45].T] == [45, 41, 45]
+    assert [len(without_padding(clock)) for clock in times.T] == [61, 41, 61]
+    assert [len(without_padding(clock)) for clock in times[:45].T] == [45, 41, 45]
     flat = concatenate_episodes(times[..., None], times)[:, 0]
     torch.testing.assert_close(flat, torch.cat(TIMES))
 
 
-def test_its_derivative_is_that_of_its_readings(swing, z):
+def test_the_jacobian_is_the_derivative_of_the_readings(swing, z):
     forward_model, xi = together(swing), torch.tensor(XI, dtype=torch.float64)
     point = forward_model.linearise(z, xi)
-    by_start, by_error = forward_model._differences(z, xi).split([6, 2], dim=-1)
+    by_start, by_coefficients = forward_model._differences(z, xi).split([6, 2], dim=-1)
     recorded = ~stack_readings(readings(swing)).isnan()
     for mine, other in (
         (point.by_start, by_start),
-        (point.by_error, by_error),
+        (point.by_coefficients, by_coefficients),
     ):
         torch.testing.assert_close(mine[recorded], other[recorded], atol=1e-5, rtol=1e-4)
         assert not mine[~recorded].any()
-    # No start moves another episode.
+    # A start has no effect on another episode.
     assert not point.by_start[:, 2:, :2].any() and not point.by_start[:, :2, 2:].any()
 
 
-def test_windows_and_forcings_are_on_the_clocks(swing, z):
+def test_windows_and_forcings_use_the_times_of_the_episodes(swing, z):
     xi = torch.tensor([*XI, 0.0, 0.0], dtype=torch.float64)
     guess = torch.tensor([62.0, -1.0], dtype=torch.float64)
     inside = [swing.everything["x**3"]]
@@ -126,18 +126,18 @@ def test_windows_and_forcings_are_on_the_clocks(swing, z):
     order = xi[[1, 0, 2, 3]]
     [found] = local.readings(z[None], order[None])
     [without] = both.readings(z[None], order[None, :1])
-    # Of three only the second has reached t = 62.
+    # Only the second of three episodes contains t = 62.
     torch.testing.assert_close(found[:, [0, 1, 4, 5]], without[:, [0, 1, 4, 5]])
     assert float((found - without)[:, 2:4].abs().max()) > 0.05
     forcing_basis = ForcingBasis.over(swing.system, both.times, 1, 5)
     assert forcing_basis.knots[0] == 0 and forcing_basis.knots[-1] == TIMES[1][-1]
 
 
-def test_one_law_is_fitted_to_all_and_surer_than_to_one(swing, z):
+def test_a_law_of_all_episodes_has_a_smaller_std(swing, z):
     recorded = [noisy(r, SIGMA, seed=e) for e, r in enumerate(readings(swing))]
     begin = torch.cat([0.5 * z, torch.zeros(2, dtype=torch.float64)])
     fitted = minimise(objective(swing, recorded), begin, 30, 1e-8)
-    law = law_of(objective(swing, recorded), fitted, fitted.cost)
+    law = build_law(objective(swing, recorded), fitted, fitted.cost)
     stds = law.covariance.diagonal().sqrt()
     assert ((law.coefficients - torch.tensor(XI)) / stds).abs().max() < 3
     torch.testing.assert_close(fitted.phi[:6], z, atol=0.1, rtol=0.1)
@@ -148,11 +148,11 @@ def test_one_law_is_fitted_to_all_and_surer_than_to_one(swing, z):
     noise = NoiseModel(std, torch.zeros_like(std), ~values.isnan())
     single = LeastSquaresProblem(alone(swing, 0), values, noise, torch.ones(2).double())
     mine = minimise(single, torch.zeros(4).double(), 30, 1e-8)
-    alone_stds = law_of(single, mine, 0.0).covariance.diagonal().sqrt()
+    alone_stds = build_law(single, mine, 0.0).covariance.diagonal().sqrt()
     assert bool((stds < alone_stds).all())
 
 
-def test_a_bias_is_that_of_a_sensor_in_all_episodes(swing, z):
+def test_a_bias_is_shared_by_all_episodes(swing, z):
     recorded = [noisy(r, SIGMA, seed=e) for e, r in enumerate(readings(swing))]
     for part in recorded:
         part[:, 1] += 0.3
@@ -163,29 +163,29 @@ def test_a_bias_is_that_of_a_sensor_in_all_episodes(swing, z):
     assert float(tested.fitted.phi[-1]) == pytest.approx(0.3, abs=0.02)
 
 
-def test_a_fault_of_one_episode_is_looked_at_among_those_of_its_sensor(swing, z):
+def test_a_fault_of_one_episode_is_compared_with_its_sensor(swing, z):
     recorded = [noisy(r, SIGMA, seed=e) for e, r in enumerate(readings(swing))]
     recorded[1][20:, 0] = recorded[1][20, 0]
     posed = objective(swing, recorded)
     phi = torch.cat([z, torch.tensor(XI, dtype=torch.float64)])
-    found = list(suspects(posed, posed.linearise(phi)))
+    found = list(find_suspected_faults(posed, posed.linearise(phi)))
     kinds = [(fault.kind, fault.sensor) for fault in found]
-    # Its column stands in the second of three episodes of two sensors.
+    # The column is in the second of three episodes with two sensors each.
     assert ("stuck", 2) in kinds
     assert {sensor for kind, sensor in kinds if kind == "bias"} == {0, 1}
     [stuck] = [fault for fault in found if fault.kind == "stuck"]
     told = fault_in_units(posed, stuck, torch.zeros(0), torch.zeros(0))
     assert told.sensor == "place" and told.begin == pytest.approx(63.0, abs=0.2)
     assert told.episode == 1
-    law = law_of(posed, minimise(posed, phi, 3, 1e-3), 0.0)
-    assert beside_the_fault(HypothesisFit(law, posed, phi), stuck.sensor).law.fault is not None
+    law = build_law(posed, minimise(posed, phi, 3, 1e-3), 0.0)
+    assert add_fault(HypothesisFit(law, posed, phi), stuck.sensor).law.fault is not None
 
 
-@pytest.mark.parametrize("at_once", [1, 100, 10**9])
+@pytest.mark.parametrize("block_size", [1, 100, 10**9])
 def test_starts_may_have_different_numbers_of_modes(
-    swing: Swing, at_once: int, monkeypatch: pytest.MonkeyPatch
+    swing: Swing, block_size: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("dashred.inference.forward.simulator.AT_ONCE", at_once)
+    monkeypatch.setattr("dashred.inference.forward.simulator.BLOCK_SIZE", block_size)
     modes = swing.estimate.modes
     few, many = replace(swing.estimate, modes=modes[:1]), replace(swing.estimate, modes=modes * 2)
     forward_model = replace(together(swing), start=EpisodeStarts((few, many, few)))

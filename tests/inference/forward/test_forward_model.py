@@ -1,4 +1,4 @@
-"""The derivative takes longer steps than the simulator: as long as these are stable."""
+"""The derivative takes larger time steps than the simulator if they are stable."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ STEP, LONGER = 0.01, 0.25
 
 
 def far_off(waves: Waves, tangent_dt: float) -> ForwardModel:
-    """Return a forward model from where the equations are stiff, its derivative in such steps."""
+    """Return a forward model in a stiff region, with the time step of its derivative."""
     candidates = waves.candidates(["u: u", "v: v**2"])
     shape = (len(waves.system.fields), *waves.system.grid.shape)
     modes = torch.eye(2, dtype=torch.float64).reshape(2, 2, 1).expand(2, *shape)
@@ -31,33 +31,33 @@ def far_off(waves: Waves, tangent_dt: float) -> ForwardModel:
     return replace(plain, simulator=Simulator([part]), start=EpisodeStarts((start,)))
 
 
-def test_where_they_blow_up_the_simulator_s_own_are_taken(waves: Waves) -> None:
+def test_an_unstable_derivative_takes_the_steps_of_the_simulator(waves: Waves) -> None:
     forward_model, exact = far_off(waves, LONGER), far_off(waves, STEP)
     z, xi = torch.zeros(2).double(), torch.zeros(2).double()
     assert not torch.isfinite(forward_model._columns(z, xi)).all()
     found, expected = forward_model.linearise(z, xi), exact.linearise(z, xi)
     torch.testing.assert_close(found.by_start, expected.by_start)
-    torch.testing.assert_close(found.by_error, expected.by_error)
+    torch.testing.assert_close(found.by_coefficients, expected.by_coefficients)
     assert torch.isfinite(found.readings).all()
 
 
-@pytest.mark.parametrize("at_once", [1, 300, 10**9])
-def test_samples_are_observed_together_as_one_by_one(
-    waves: Waves, at_once: int, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("block_size", [1, 300, 10**9])
+def test_blocks_of_samples_do_not_change_the_jacobian(
+    waves: Waves, block_size: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     forward_model = far_off(waves, STEP)
     z, xi = torch.zeros(2).double(), torch.zeros(2).double()
     expected = forward_model._columns(z, xi)
-    monkeypatch.setattr("dashred.inference.forward.simulator.AT_ONCE", at_once)
+    monkeypatch.setattr("dashred.inference.forward.simulator.BLOCK_SIZE", block_size)
     torch.testing.assert_close(forward_model._columns(z, xi), expected, rtol=1e-8, atol=1e-10)
     assert expected.shape == (len(TIMES), len(waves.operator.sensors), 4)
 
 
-def test_under_a_free_forcing_too(waves: Waves) -> None:
+def test_an_unstable_derivative_with_a_free_forcing(waves: Waves) -> None:
     forcing_basis = ForcingBasis.over(waves.system, TIMES, 3, 4)
     block = ForcingBlock(forcing_basis, waves.size)
     z, xi = torch.zeros(2).double(), torch.zeros(2 + block.count).double()
     found, expected = (
         replace(far_off(waves, step), forcing=block).linearise(z, xi) for step in (LONGER, STEP)
     )
-    torch.testing.assert_close(found.by_error, expected.by_error)
+    torch.testing.assert_close(found.by_coefficients, expected.by_coefficients)

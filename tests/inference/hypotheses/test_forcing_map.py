@@ -1,4 +1,4 @@
-"""The map of a free forcing: where it is largest, and how sure it is."""
+"""The map of a free forcing: the place of its maximum, and its standard deviations."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from dashred.inference.forward.law_block import localised
-from dashred.inference.hypotheses.forcing_map import map_of
-from dashred.inference.hypotheses.free_forcing import force
+from dashred.inference.forward.law_block import restrict_to_window
+from dashred.inference.hypotheses.forcing_map import build_forcing_map
+from dashred.inference.hypotheses.free_forcing import fit_free_forcing
 from dashred.physics.window import box
 from tests.waves import TIMES, Waves, fitted
 
@@ -16,13 +16,13 @@ SIGMA = 0.01
 
 
 @pytest.mark.parametrize("middle", [2.5, 7.0])
-def test_it_is_largest_where_a_law_acts(waves: Waves, middle: float) -> None:
+def test_the_map_is_largest_where_a_law_acts(waves: Waves, middle: float) -> None:
     [axis] = waves.system.axes
     [everywhere] = waves.candidates(["u: 1"])
-    [hidden] = localised([everywhere], box(axis).at((middle, 1.5, math.log(0.3))))
+    [hidden] = restrict_to_window([everywhere], box(axis).at((middle, 1.5, math.log(0.3))))
     objective = waves.objective(waves.recorded(SIGMA, 3, [(hidden, 0.2)]), SIGMA)
-    forced, gain = force(objective, fitted(objective), waves.size)
-    found = map_of(forced, gain)
+    forced, gain = fit_free_forcing(objective, fitted(objective), waves.size)
+    found = build_forcing_map(forced, gain)
     assert found is not None and found.gain > 100
     [peak] = found.peak
     assert abs(peak - middle) < 1.5 + 0.5
@@ -31,7 +31,7 @@ def test_it_is_largest_where_a_law_acts(waves: Waves, middle: float) -> None:
     assert (found.stds > 0).all()
 
 
-def test_where_nothing_is_missing_there_is_no_map(waves: Waves) -> None:
+def test_there_is_no_map_if_nothing_is_missing(waves: Waves) -> None:
     objective = waves.objective(waves.recorded(SIGMA, 6), SIGMA)
-    forced, gain = force(objective, fitted(objective), waves.size)
-    assert map_of(forced, gain) is None
+    forced, gain = fit_free_forcing(objective, fitted(objective), waves.size)
+    assert build_forcing_map(forced, gain) is None

@@ -1,4 +1,4 @@
-"""An explanation near its minimum is settled there; one that has lost the recording is left."""
+"""A hypothesis near its minimum is refined; one that has lost the recording is left unchanged."""
 
 from __future__ import annotations
 
@@ -9,78 +9,80 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.law import law_of
-from dashred.inference.fit.levenberg_marquardt import Fitted, minimise, minimise_on
-from dashred.inference.hypotheses import hypothesis_fit as settling
-from dashred.inference.hypotheses.hypothesis_fit import FAR, LOST, HypothesisFit, settled
+from dashred.inference.fit.law import build_law
+from dashred.inference.fit.levenberg_marquardt import FitResult, minimise, minimise_in_rounds
+from dashred.inference.hypotheses import hypothesis_fit
+from dashred.inference.hypotheses.hypothesis_fit import LOST_CHI2, POOR_CHI2, HypothesisFit, refine
 from tests.waves import Waves
 
 SIGMA, XI = 0.02, -0.25
 
 
-def explained(waves: Waves, term: str = "u: u") -> HypothesisFit:
-    """Return a term, the right one or another, fitted to what is recorded under ``u: u``."""
+def fit_term(waves: Waves, term: str = "u: u") -> HypothesisFit:
+    """Return the fit of a term, right or wrong, to a recording with the hidden term ``u: u``."""
     recorded = waves.recorded(SIGMA, 1, [(waves.everything["u: u"], XI)], waves.start)
     objective = waves.objective(recorded, SIGMA, [term])
     found = minimise(objective, torch.zeros(objective.modes + 1, dtype=torch.float64), 20, 1e-6)
-    return HypothesisFit(law_of(objective, found, found.cost), objective, found.phi)
+    return HypothesisFit(build_law(objective, found, found.cost), objective, found.phi)
 
 
-def moved(cause: HypothesisFit, by: float) -> HypothesisFit:
-    """Return an explanation whose fit has ended too early, its coefficient off by so much."""
-    phi = cause.phi.clone()
+def moved(fit: HypothesisFit, by: float) -> HypothesisFit:
+    """Return a hypothesis whose coefficient is off by ``by``, as if its fit had ended too early."""
+    phi = fit.phi.clone()
     phi[-1] += by
-    [cost], (readings, _) = cause.objective.values(phi[None])
-    chi2 = float(cause.objective.residuals(readings).square().sum()) / cause.objective.noise.count
-    return HypothesisFit(replace(cause.law, score=float(cost), chi2=chi2), cause.objective, phi)
+    [cost], (readings, _) = fit.objective.values(phi[None])
+    chi2 = float(fit.objective.residuals(readings).square().sum()) / fit.objective.noise.count
+    return HypothesisFit(replace(fit.law, score=float(cost), chi2=chi2), fit.objective, phi)
 
 
-def test_what_is_near_its_minimum_is_settled_there(waves: Waves) -> None:
-    right = explained(waves)
+def test_a_fit_near_its_minimum_is_refined(waves: Waves) -> None:
+    right = fit_term(waves)
     near = moved(right, 0.02)
-    assert near.law.score > right.law.score + 10 and near.law.chi2 < LOST
-    found = settled(near)
+    assert near.law.score > right.law.score + 10 and near.law.chi2 < LOST_CHI2
+    found = refine(near)
     assert found.law.score == pytest.approx(right.law.score, abs=0.1)
     assert float(found.phi[-1]) == pytest.approx(float(right.phi[-1]), abs=1e-3)
 
 
-def test_what_has_lost_the_recording_is_left_as_it_is(waves: Waves) -> None:
-    lost = moved(explained(waves), 1.0)
-    assert lost.law.chi2 > LOST
-    assert settled(lost) is lost
+def test_a_fit_that_has_lost_the_recording_is_unchanged(waves: Waves) -> None:
+    lost = moved(fit_term(waves), 1.0)
+    assert lost.law.chi2 > LOST_CHI2
+    assert refine(lost) is lost
 
 
-def begun_anew(monkeypatch: pytest.MonkeyPatch) -> list[Tensor]:
-    """Make no round enough, and return where the fits that go on after it begin, as they do."""
+def watch_later_rounds(monkeypatch: pytest.MonkeyPatch) -> list[Tensor]:
+    """Let no first round converge; return the unknowns at which later rounds begin."""
     beginnings: list[Tensor] = []
 
-    def unfinished(*given: Any) -> Fitted:
+    def unfinished(*given: Any) -> FitResult:
         return replace(minimise(*given), converged=False)
 
-    def watched(*given: Any) -> Fitted:
+    def watched(*given: Any) -> FitResult:
         beginnings.append(given[1])
-        return minimise_on(*given)
+        return minimise_in_rounds(*given)
 
-    monkeypatch.setattr(settling, "minimise", unfinished)
-    monkeypatch.setattr(settling, "minimise_on", watched)
+    monkeypatch.setattr(hypothesis_fit, "minimise", unfinished)
+    monkeypatch.setattr(hypothesis_fit, "minimise_in_rounds", watched)
     return beginnings
 
 
-def test_of_all_beginnings_one_alone_goes_on(waves: Waves, monkeypatch: pytest.MonkeyPatch) -> None:
-    right = explained(waves)
-    beginnings = begun_anew(monkeypatch)
-    found = settled(moved(right, 0.02))
+def test_only_the_best_starting_point_is_continued(
+    waves: Waves, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    right = fit_term(waves)
+    beginnings = watch_later_rounds(monkeypatch)
+    found = refine(moved(right, 0.02))
     [lowest] = beginnings
     assert float(lowest[-1]) == pytest.approx(float(right.phi[-1]), abs=1e-3)
     assert found.law.score == pytest.approx(right.law.score, abs=0.1)
 
 
-def test_what_is_far_after_a_round_ends_there(
+def test_a_poor_fit_is_not_continued_after_the_first_round(
     waves: Waves, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    wrong = explained(waves, "u: u**3")
-    assert FAR < wrong.law.chi2 < LOST
-    beginnings = begun_anew(monkeypatch)
-    found = settled(wrong)
+    wrong = fit_term(waves, "u: u**3")
+    assert POOR_CHI2 < wrong.law.chi2 < LOST_CHI2
+    beginnings = watch_later_rounds(monkeypatch)
+    found = refine(wrong)
     assert not beginnings
-    assert FAR < found.law.chi2 <= wrong.law.chi2
+    assert POOR_CHI2 < found.law.chi2 <= wrong.law.chi2

@@ -17,8 +17,8 @@ from dashred.inference.initial_state.covariance_tapers import (
     sensor_distances,
 )
 from dashred.inference.initial_state.ensemble_filter import (
-    Filtered,
     FilterLostError,
+    FilterResult,
     FilterSettings,
     ensemble_filter,
 )
@@ -35,7 +35,7 @@ FORCES = ("1", "sin(x)")
 
 @dataclass(frozen=True)
 class Gaussian:
-    """The joint vector start | forces | present state, and what each sample came as."""
+    """The augmented vector (start, forces, present state), and the innovations of each sample."""
 
     mean: Tensor
     covariance: Tensor
@@ -64,10 +64,10 @@ def test_coefficients_of_a_forcing_are_the_joint_kalman_estimate(system: System)
     found_covariance = coefficients.T @ coefficients / (len(coefficients) - 1)
     wanted = exact.covariance[n : n + 2, n : n + 2]
     torch.testing.assert_close(found_covariance, wanted, rtol=0, atol=1e-8)
-    assert float(wanted.trace()) < 0.5 * 2  # the record tells something of the forces
+    assert float(wanted.trace()) < 0.5 * 2  # the record contains information on the forces
 
 
-def test_missing_values_are_passed_over(system: System) -> None:
+def test_missing_values_are_skipped(system: System) -> None:
     case = Case(system, forced=True)
     values = case.values.clone()
     values[1], values[2, 3], values[:, 5] = torch.nan, torch.nan, torch.nan
@@ -84,7 +84,7 @@ def test_innovations_and_their_expected_size_are_the_kalman_filters(system: Syst
     torch.testing.assert_close(found.innovation_std, exact.innovation_std, rtol=0, atol=1e-8)
 
 
-def test_damping_holds_the_coefficients_back(system: System) -> None:
+def test_damping_reduces_the_update_of_the_coefficients(system: System) -> None:
     case = Case(system, forced=True)
     whole, none = case.filtered(FilterSettings()), case.filtered(FilterSettings(damping=0.0))
     torch.testing.assert_close(none.coefficients_mean, torch.zeros(2, dtype=torch.float64))
@@ -99,7 +99,7 @@ def test_inflation_grows_the_spread(system: System) -> None:
     assert torch.all(inflated.innovation_std > plain.innovation_std)
 
 
-def test_localisation_mends_a_small_ensemble(system: System) -> None:
+def test_localisation_improves_a_small_ensemble(system: System) -> None:
     generator = torch.Generator().manual_seed(3)
     x = system.grid.coordinates["x"]
     apart = (x[:, None] - x + math.pi).remainder(2 * math.pi) - math.pi
@@ -139,12 +139,12 @@ def test_members_that_blow_up_are_left_out(system: System) -> None:
     growth = Term("u", system.parse("u**3", "library.u", equation="u"))
     coefficients = torch.zeros(len(case.members), 1, dtype=torch.float64)
     coefficients[:3] = 1e6
-    # Undamped, the first analysis would hand the wild coefficients on to every member.
+    # Without damping, the first analysis would spread the extreme coefficients to all members.
     held = FilterSettings(damping=0.0)
     found = run(case, (growth,), coefficients, held)
     assert len(found.anomalies) == len(case.members) - 3
     assert torch.isfinite(found.start_mean).all()
-    with pytest.raises(FilterLostError, match="only 0 are still whole"):
+    with pytest.raises(FilterLostError, match="only 0 of 18 members have not blown up"):
         run(case, (growth,), torch.full_like(coefficients, 1e6), held)
 
 
@@ -159,7 +159,7 @@ def test_members_that_are_about_to_blow_up_are_left_out_too(system: System) -> N
     assert torch.isfinite(found.start_mean).all()
 
 
-def test_taper_is_one_at_the_sensor_and_nothing_far_away() -> None:
+def test_the_taper_is_one_at_the_sensor_and_zero_far_away() -> None:
     distance = torch.linspace(0, 3, 301, dtype=torch.float64)
     taper = gaspari_cohn(distance, 1.0)
     assert float(taper[0]) == 1.0
@@ -195,7 +195,7 @@ class Case:
         modes = torch.cat([modes, torch.zeros(len(self.terms), self.points)])
         forces = torch.cat([torch.zeros(RANK, len(self.terms)), torch.eye(len(self.terms))])
         self.modes = torch.cat([modes, forces], dim=1)
-        # Pairs ±: the sample mean and covariance are the prior's to the last digit.
+        # Pairs ±: the sample mean and covariance equal those of the prior.
         size = ((2 * len(self.modes) - 1) / 2) ** 0.5
         joint = self.mean + size * torch.cat([self.modes, -self.modes])
         self.members = joint[:, None, : self.points]
@@ -211,12 +211,12 @@ class Case:
         forcing = Forcing(tuple(self.terms), forces)
         return simulate(self.system, states[:, None], times, forcing)[:, :, 0]
 
-    def filtered(self, settings: FilterSettings) -> Filtered:
+    def filtered(self, settings: FilterSettings) -> FilterResult:
         """Return the filter's result."""
         return run(self, self.terms, self.coefficients, settings)
 
     def kalman(self) -> Gaussian:
-        """Return the exact filter of the vector start | forces | present, sample by sample."""
+        """Return the exact filter of the augmented vector, sample by sample."""
         n, p = self.points, len(self.terms)
         step = self.matrix(TIMES[:2])
         prior = self.modes.T @ self.modes
@@ -244,12 +244,12 @@ class Case:
         return Gaussian(mean, covariance, torch.stack(innovations), stds)
 
     def matrix(self, times: Tensor) -> Tensor:
-        """Return the linear map of state | forces to the state one sample later."""
+        """Return the matrix from state and forces to the state one sample later."""
         n, p = self.points, len(self.terms)
         unit = torch.eye(n + p, dtype=torch.float64)
         return self.run(unit[:, :n], unit[:, n:], times)[:, -1].T
 
-    def check(self, found: Filtered, exact: Gaussian) -> None:
+    def check(self, found: FilterResult, exact: Gaussian) -> None:
         """Compare means and covariances of the start and of the present state."""
         n, p = self.points, len(self.terms)
         for mean, anomalies, part in (
@@ -272,7 +272,7 @@ def run(
     terms: tuple[Term, ...] | list[Term],
     coefficients: Tensor,
     settings: FilterSettings,
-) -> Filtered:
+) -> FilterResult:
     return ensemble_filter(
         case.system,
         case.members,

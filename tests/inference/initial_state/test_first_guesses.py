@@ -1,4 +1,4 @@
-"""The seeds: each is a usable start, and those made from data find a phase nobody told."""
+"""First guesses: each is a usable start, and those from data find an unknown phase."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ from tests.ring import SENSORS, TIMES, ensemble, linear_system
 SETTINGS = FirstGuessSettings(analogs=40, filtered=8, modes=20)
 
 
-def test_seeds_find_a_moved_start_on_a_ring(tmp_path: Path) -> None:
+def test_first_guesses_find_a_shifted_start_on_a_ring(tmp_path: Path) -> None:
     system = linear_system(tmp_path)
     members = ensemble(system, 40)
     truth = torch.roll(ensemble(system, 1, seed=7).states[0], 13, dims=-1)
     readings = record(system, truth, SENSORS, 0.02)
     network = NetworkEstimate(truth[0] + 0.1, torch.tensor([0.1], dtype=torch.float64))
-    seeds = first_guesses(system, prior(system), members, (), readings, network, SETTINGS)
-    assert list(seeds) == ["prior", "blue", "filter", "dashred"]
-    wrong = rms(seeds["prior"], truth[0])
+    guesses = first_guesses(system, prior(system), members, (), readings, network, SETTINGS)
+    assert list(guesses) == ["prior", "blue", "filter", "dashred"]
+    wrong = rms(guesses["prior"], truth[0])
     for name in ("blue", "filter"):
-        assert rms(seeds[name], truth[0]) < min(0.05, 0.1 * wrong)
-        assert unreached(seeds[name], truth[0]) < 0.02
+        assert rms(guesses[name], truth[0]) < min(0.05, 0.1 * wrong)
+        assert unreached(guesses[name], truth[0]) < 0.02
 
 
-def test_network_seed_has_its_state_and_the_size_of_its_error(tmp_path: Path) -> None:
+def test_the_network_guess_has_its_state_and_its_error(tmp_path: Path) -> None:
     system = linear_system(tmp_path)
     truth = ensemble(system, 1, seed=7).states[0]
     network = NetworkEstimate(truth[0], torch.tensor([0.3], dtype=torch.float64))
@@ -56,7 +56,7 @@ def test_network_seed_has_its_state_and_the_size_of_its_error(tmp_path: Path) ->
     assert float(found.modes.square().sum(dim=0).mean().sqrt()) == pytest.approx(0.3)
 
 
-def test_an_ode_without_space_is_seeded_too(make_oscillator: Callable[[], System]) -> None:
+def test_first_guesses_of_an_ode(make_oscillator: Callable[[], System]) -> None:
     system = make_oscillator()
     damping = Term("p", system.parse("p", "library.p", equation="p"))
     start = prior(system)
@@ -65,25 +65,25 @@ def test_an_ode_without_space_is_seeded_too(make_oscillator: Callable[[], System
     members = Ensemble(TIMES, states, torch.zeros(30, 1, dtype=torch.float64))
     truth = simulate(system, torch.tensor([[-0.9, 0.6]], dtype=torch.float64), TIMES)[0]
     readings = record(system, truth, (Sensor("s", "x"),), 0.02)
-    seeds = first_guesses(system, start, members, (damping,), readings, None, SETTINGS)
-    assert "dashred" not in seeds
+    guesses = first_guesses(system, start, members, (damping,), readings, None, SETTINGS)
+    assert "dashred" not in guesses
     for name in ("blue", "filter"):
-        assert seeds[name].size == 2
-        assert rms(seeds[name], truth[0]) < 0.1 < rms(seeds["prior"], truth[0])
+        assert guesses[name].size == 2
+        assert rms(guesses[name], truth[0]) < 0.1 < rms(guesses["prior"], truth[0])
 
 
-def test_a_filter_that_is_lost_is_no_seed(make_oscillator: Callable[[], System]) -> None:
+def test_a_diverged_filter_gives_no_first_guess(make_oscillator: Callable[[], System]) -> None:
     system = make_oscillator()
     growth = Term("p", system.parse("x**3", "library.p", equation="p"))
     start = prior(system)
     states = simulate(system, start.draw(30, np.random.default_rng(0)), TIMES)
     wild = Ensemble(TIMES, states, torch.full((30, 1), 1e6, dtype=torch.float64))
     readings = record(system, states[0], (Sensor("s", "x"),), 0.02)
-    seeds = first_guesses(system, start, wild, (growth,), readings, None, SETTINGS)
-    assert list(seeds) == ["prior", "blue"]
+    guesses = first_guesses(system, start, wild, (growth,), readings, None, SETTINGS)
+    assert list(guesses) == ["prior", "blue"]
 
 
-def test_a_linear_start_is_affine_and_holds_its_shapes() -> None:
+def test_a_linear_start_is_affine_and_checks_its_shapes() -> None:
     start = LinearStart(torch.ones(2, 3), torch.arange(12.0).reshape(2, 2, 3))
     z = torch.tensor([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0]])
     found = start.start(z)
@@ -128,15 +128,15 @@ def record(system: System, truth: Tensor, sensors: tuple[Sensor, ...], noise: fl
     return Readings(TIMES, values, operator, torch.full((len(sensors),), noise).double())
 
 
-def rms(seed: StartModel, truth: Tensor) -> float:
-    """Return the error of the seed's centre."""
-    centre = seed.start(torch.zeros(1, seed.size, dtype=torch.float64))[0]
+def rms(guess: StartModel, truth: Tensor) -> float:
+    """Return the error of the centre of a first guess."""
+    centre = guess.start(torch.zeros(1, guess.size, dtype=torch.float64))[0]
     return float((centre - truth).square().mean().sqrt())
 
 
-def unreached(seed: StartModel, truth: Tensor) -> float:
-    """Return what no z reaches of the truth, rms."""
-    assert isinstance(seed, LinearStart)
-    basis, gap = seed.modes.flatten(1).T, (truth - seed.mean).flatten()
+def unreached(guess: StartModel, truth: Tensor) -> float:
+    """Return the rms part of the truth that no z reaches."""
+    assert isinstance(guess, LinearStart)
+    basis, gap = guess.modes.flatten(1).T, (truth - guess.mean).flatten()
     z = torch.linalg.lstsq(basis, gap[:, None]).solution[:, 0]
     return float((gap - basis @ z).square().mean().sqrt())

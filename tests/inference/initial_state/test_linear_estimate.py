@@ -1,4 +1,4 @@
-"""The analogs come near a recording, and the linear estimate among them is the exact one."""
+"""Analogs are near a recording, and their linear estimate is exact."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_estimate_is_the_regression_on_the_readings() -> None:
     torch.testing.assert_close(found.anomalies.sum(dim=0), torch.zeros(2, 5).double())
 
 
-def test_leading_modes_hold_the_covariance() -> None:
+def test_leading_modes_have_the_covariance() -> None:
     anomalies = draw(9, 2, 6)
     anomalies = anomalies - anomalies.mean(dim=0)
     estimate = Estimate(draw(2, 6, seed=1), anomalies)
@@ -62,7 +62,7 @@ def test_leading_modes_hold_the_covariance() -> None:
     torch.testing.assert_close(fewer.start(torch.zeros(1, 3).double())[0], estimate.mean)
 
 
-def test_analog_of_a_moved_start_is_the_moved_member(system: System) -> None:
+def test_the_analog_of_a_shifted_start_is_the_shifted_member(system: System) -> None:
     members = ensemble(system, 8)
     operator = ObservationOperator(SENSORS, system)
     truth = torch.roll(members.states[5, 12:18], 11, dims=-1)
@@ -85,7 +85,7 @@ def test_every_member_gives_an_analog_before_any_gives_two(system: System) -> No
 
 
 @pytest.mark.parametrize(("text", "begin"), [("sin(x)", 7), ("sin(t)", 0)])
-def test_states_are_not_moved_where_the_equations_know_better(
+def test_states_are_not_shifted_if_the_equations_depend_on_position(
     system: System, text: str, begin: int
 ) -> None:
     members = ensemble(system, 8)
@@ -93,7 +93,7 @@ def test_states_are_not_moved_where_the_equations_know_better(
     term = Term("u", system.parse(text, "library.u", equation="u"))
     moved = operator(torch.roll(members.states[3, begin : begin + 5], 11, dims=-1))
     same = operator(members.states[3, begin : begin + 5])
-    # A move is a symmetry of sin(t), and a later instant is one of sin(x).
+    # A shift is a symmetry for sin(t), and a later time is one for sin(x).
     for values, is_found in ((moved, text == "sin(t)"), (same, True)):
         found = nearest_analogs(system, members, (term,), SENSORS, values, NOISE, 4)
         assert (float(found.misfit[0]) < 1e-20) == is_found
@@ -102,7 +102,7 @@ def test_states_are_not_moved_where_the_equations_know_better(
     assert (float(found.misfit[0]) < 1e-20) == (text == "sin(x)")
 
 
-def test_missing_values_do_not_choose_the_analogs(system: System) -> None:
+def test_missing_values_do_not_select_analogs(system: System) -> None:
     members = ensemble(system, 8)
     values = ObservationOperator(SENSORS, system)(members.states[2, 4:9])
     wild = values.clone()

@@ -1,4 +1,4 @@
-"""Algorithms 1 and 2, handed the true state: what they say of a linear system."""
+"""Algorithms 1 and 2 with the true state of a linear system."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ def truth(system: System, terms: dict[str, float], seed: int = 4) -> Tensor:
     return simulate(lawful, ring.starts(system, 1, seed), ring.TIMES)[0]
 
 
-def pose(system: System, states: Tensor, tmp_path) -> LatentProblem:
-    """Hand latent SINDy the sensors of the true state, and candidate terms."""
+def build_problem(system: System, states: Tensor, tmp_path) -> LatentProblem:
+    """Return the problem with the sensors of the true state and candidate terms."""
     nominal = ring.ensemble(system, 1).states[0]
     library = ring.library(system)
     operator = ObservationOperator(ring.SENSORS, system)
@@ -59,7 +59,7 @@ def untrained(problem: LatentProblem) -> AssimilatedEncoder:
 
 
 def proposals(system: System, states: Tensor, tmp_path) -> dict[str, SparseFit]:
-    problem = pose(system, states, tmp_path)
+    problem = build_problem(system, states, tmp_path)
     return LatentSindy(problem, states, 12).propose(untrained(problem), states, 10)
 
 
@@ -102,10 +102,10 @@ def test_a_perfect_simulator_gets_no_term(system, tmp_path):
         assert proposed(found) == {}
 
 
-def test_the_answer_depends_on_the_field_that_is_handed_over(system, tmp_path):
-    # The control's control: with the simulator's own field, no sensor can tell Algorithm 1.
+def test_the_proposal_depends_on_the_given_field(system, tmp_path):
+    # With the simulator's own field, Algorithm 1 has no information.
     states = truth(system, {"u": -0.05})
-    problem = pose(system, states, tmp_path)
+    problem = build_problem(system, states, tmp_path)
     blind = simulate(system, states[:1], ring.TIMES)[0]
     found = LatentSindy(problem, blind, 12).propose(untrained(problem), blind, 10)["alg1"]
     assert np.abs(found.coefficients).max() < 1e-6
@@ -130,8 +130,8 @@ def test_columns_are_derivatives_of_the_forecast(system):
         )
 
 
-def test_columns_about_the_middle_follow_a_front(system):
-    """In steepening waves they miss less than half of what columns about the forecast do."""
+def test_columns_at_the_midpoint_follow_a_front(system):
+    """In steepening waves their error is less than half of that of columns at the forecast."""
     library = ring.library(system)
     burgers = system.with_terms([(library[ring.LIBRARY.index("u*d(u, x)")], -0.5)])
     decay = ring.LIBRARY.index("u")
@@ -149,9 +149,9 @@ def test_columns_about_the_middle_follow_a_front(system):
     assert missed[0] < missed[1] / 2
 
 
-def test_a_term_that_moves_no_sensor_is_not_proposed(system, tmp_path):
+def test_a_term_without_effect_on_the_sensors_is_not_proposed(system, tmp_path):
     states = truth(system, {"u": -0.05})
-    problem = pose(system, states, tmp_path)
+    problem = build_problem(system, states, tmp_path)
     steps = forecast_steps(system, states, ring.TIMES, torch.arange(6, 30, 4), [1])
     columns = tangents(system, problem.library, problem.scales, states, ring.TIMES, steps)
     columns[0][:, 3] = 0.0
@@ -171,12 +171,12 @@ def test_the_history_ends_with_the_given_field(system):
     seen = encoder(torch.tensor([8, 20]), other).reshape(2, LAGS + 1, -1)
     torch.testing.assert_close(seen[:, -1], torch.full((2, 6), 7.0, dtype=torch.float64))
     torch.testing.assert_close(seen[1, :-1], operator(states[20 - LAGS : 20]))
-    # The history itself is not written to.
+    # The history itself is unchanged.
     torch.testing.assert_close(encoder.windows[20, -1], operator(states[20]))
 
 
 def test_steps_start_with_full_histories_and_end_within_the_record(system, tmp_path):
-    problem = pose(system, truth(system, {}), tmp_path)
+    problem = build_problem(system, truth(system, {}), tmp_path)
     begins = problem.begins(9)
     assert begins[0] == LAGS
     assert begins[-1] + 3 == len(ring.TIMES) - 1
@@ -186,7 +186,7 @@ def test_steps_start_with_full_histories_and_end_within_the_record(system, tmp_p
 
 
 def test_steps_longer_than_the_record_are_refused(system, tmp_path):
-    problem = pose(system, truth(system, {}), tmp_path)
+    problem = build_problem(system, truth(system, {}), tmp_path)
     short = replace(problem, times=ring.TIMES[:3])
     assert short.strides == [1]
     with pytest.raises(InputError, match="shorter than every step"):

@@ -1,4 +1,4 @@
-"""Steps learnt from snapshots, against a system whose steps are known exactly."""
+"""Steps fitted to snapshots, compared with a system whose steps are known exactly."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ def runs(members: int = 24, samples: int = 30) -> torch.Tensor:
     return torch.stack(path, dim=1)
 
 
-def learnt() -> tuple[SnapshotSteps, torch.Tensor]:
+def fitted() -> tuple[SnapshotSteps, torch.Tensor]:
     integrator = Integrator(None, None, False, "spectral", 1e-9, 1e-9)
     fields = {"a": "first", "b": "second"}
     system = System(Declared(title="T", fields=fields, integrator=integrator), lambda key: key)
     library = build_library(system, {"a": ["a", "a*b"], "b": ["b"]})
     states = runs()
     pod = POD.fit(states[:-8].flatten(0, 1), 2)
-    return SnapshotSteps.learn(system, library, pod, states, 8, [1, 2]), states
+    return SnapshotSteps.fit(system, library, pod, states, 8, [1, 2]), states
 
 
-def test_a_quadratic_step_is_learnt_exactly() -> None:
-    steps, _ = learnt()
+def test_a_quadratic_step_is_fitted_exactly() -> None:
+    steps, _ = fitted()
     assert steps.errors[1] < 1e-4
     assert steps.errors[2] < 0.02
     new = torch.tensor([[0.3, -0.6]], dtype=torch.float64)
@@ -46,7 +46,7 @@ def test_a_quadratic_step_is_learnt_exactly() -> None:
 
 
 def test_columns_are_the_terms_times_the_step() -> None:
-    steps, states = learnt()
+    steps, states = fitted()
     times = DT * torch.arange(30, dtype=torch.float64)
     begins = torch.tensor([3, 10])
     made = steps.forecasts(states[0], times, begins, [1, 2])

@@ -1,4 +1,4 @@
-"""Positive control: what latent SINDy says when it is handed the true field.
+"""Positive control: latent SINDy with the true field.
 
 No analysis has that field; it comes from the recorder's functions, in this file alone. The truth
 runs at doubled resolution, so the simulator's numerical error is in the answer as it would be in

@@ -1,4 +1,4 @@
-"""The sparse regression: finds a known law, invents none, and does not mind units."""
+"""Sparse regression: it finds a known law, proposes nothing else, and ignores units."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LAW = {2: 0.7, 9: -1.5}
 
 
 def columns(rng: np.random.Generator) -> np.ndarray:
-    """Correlated columns, ``(block, term, row)``, as a library's are."""
+    """Correlated columns, as of a library, ``(block, term, row)``."""
     independent = rng.standard_normal((BLOCKS, TERMS, ROWS))
     return independent + 0.8 * rng.standard_normal((BLOCKS, 1, ROWS))
 
@@ -24,9 +24,9 @@ def target(design: np.ndarray, law: dict[int, float]) -> np.ndarray:
     return sum((value * design[:, j] for j, value in law.items()), zero)
 
 
-def fit(wanted: np.ndarray, design: np.ndarray, *, seed: int = 0) -> SparseFit:
+def fit(expected: np.ndarray, design: np.ndarray, *, seed: int = 0) -> SparseFit:
     rng = np.random.default_rng(seed)
-    return sparse_fit(Blocks.of(wanted, design), THRESHOLD, BOOTSTRAPS, rng)
+    return sparse_fit(Blocks.from_arrays(expected, design), THRESHOLD, BOOTSTRAPS, rng)
 
 
 def support(found: SparseFit) -> set[int]:
@@ -43,12 +43,12 @@ def noisy() -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_blocks_sum_up_the_normal_equations(noisy):
-    wanted, design = noisy
-    blocks = Blocks.of(wanted, design)
+    expected, design = noisy
+    blocks = Blocks.from_arrays(expected, design)
     matrix = design.transpose(0, 2, 1).reshape(-1, TERMS)
     np.testing.assert_allclose(blocks.gram.sum(axis=0), matrix.T @ matrix)
-    np.testing.assert_allclose(blocks.moment.sum(axis=0), matrix.T @ wanted.ravel())
-    np.testing.assert_allclose(blocks.power.sum(), (wanted**2).sum())
+    np.testing.assert_allclose(blocks.moment.sum(axis=0), matrix.T @ expected.ravel())
+    np.testing.assert_allclose(blocks.power.sum(), (expected**2).sum())
     assert blocks.rows.tolist() == [ROWS] * BLOCKS
     twice = blocks.weighted(np.arange(BLOCKS, dtype=float))
     np.testing.assert_allclose(twice.gram[3], 3 * blocks.gram[3])
@@ -78,9 +78,9 @@ def test_two_terms_that_nearly_cancel_are_found():
     design = columns(rng)
     design[:, 1] = design[:, 0] + 0.1 * design[:, 1]
     design[:, 2] = (design[:, 1] - design[:, 0]) + 0.12 * design[:, 2]
-    wanted = target(design, {0: -1.0, 1: 1.0})
-    wanted = wanted + 0.02 * wanted.std() * rng.standard_normal(wanted.shape)
-    found = fit(wanted, design)
+    expected = target(design, {0: -1.0, 1: 1.0})
+    expected = expected + 0.02 * expected.std() * rng.standard_normal(expected.shape)
+    found = fit(expected, design)
     assert found.ranking[0] == 2 or support(found) == {0, 1}
     assert support(found) == {0, 1}
 
@@ -94,7 +94,7 @@ def test_noise_alone_proposes_nothing():
     assert invented <= 2
 
 
-def test_a_repeating_error_below_the_threshold_is_not_taken_for_a_term():
+def test_a_repeating_error_below_the_threshold_is_not_a_term():
     design = columns(np.random.default_rng(3))
     design -= design.mean(axis=(0, 2), keepdims=True)
     clean = target(design, LAW)
@@ -110,7 +110,7 @@ def test_the_path_falls_from_one(noisy):
     assert sizes[0] == 0
     assert errors[0] == pytest.approx(1.0)
     assert list(sizes) == sorted(set(sizes))
-    # Sets along the path are not nested, but the best two terms leave the noise alone.
+    # Sets along the path are not nested, but the best two terms leave only the noise.
     noise = 0.3 / np.sqrt(1 + 0.3**2)
     assert dict(found.path)[2] == pytest.approx(noise, rel=0.05)
     assert dict(found.path)[1] > 1.2 * dict(found.path)[2]
@@ -124,12 +124,12 @@ def test_the_ranking_names_every_term_once_and_the_proposed_ones_first(noisy):
     assert set(found.ranking[:count]) == support(found)
 
 
-def test_empty_columns_are_passed_over(noisy):
-    wanted, design = noisy
-    whole = fit(wanted, design)
+def test_zero_columns_are_skipped(noisy):
+    expected, design = noisy
+    whole = fit(expected, design)
     emptied = design.copy()
     emptied[:, 4] = 0.0
-    found = fit(wanted, emptied)
+    found = fit(expected, emptied)
     assert np.isfinite(found.coefficients).all()
     assert support(found) == support(whole)
     assert found.coefficients[4] == found.inclusion[4] == 0.0
@@ -143,26 +143,26 @@ def test_a_target_of_zero_proposes_nothing(noisy):
     assert np.isfinite([error for _, error in found.path]).all()
 
 
-def test_columns_that_are_all_empty_propose_nothing(noisy):
-    wanted, design = noisy
-    found = fit(wanted, np.zeros_like(design))
+def test_zero_columns_alone_propose_nothing(noisy):
+    expected, design = noisy
+    found = fit(expected, np.zeros_like(design))
     assert support(found) == set()
     assert found.ranking == list(range(TERMS))
 
 
 def test_collinear_columns_do_not_both_enter(noisy):
-    wanted, design = noisy
+    expected, design = noisy
     doubled = design.copy()
     doubled[:, 0] = -3 * design[:, 2]
-    found = fit(wanted, doubled)
+    found = fit(expected, doubled)
     assert len(support(found)) == 2
     assert 9 in support(found)
 
 
 def test_units_of_the_columns_do_not_matter(noisy):
-    wanted, design = noisy
+    expected, design = noisy
     units = 10.0 ** np.linspace(-6, 6, TERMS)
-    plain, scaled = fit(wanted, design), fit(wanted, design * units[:, None])
+    plain, scaled = fit(expected, design), fit(expected, design * units[:, None])
     assert support(scaled) == support(plain)
     np.testing.assert_allclose(scaled.coefficients * units, plain.coefficients, rtol=1e-6)
     np.testing.assert_allclose(scaled.contribution, plain.contribution, rtol=1e-6)
@@ -171,36 +171,36 @@ def test_units_of_the_columns_do_not_matter(noisy):
 
 
 def test_units_of_the_target_do_not_matter(noisy):
-    wanted, design = noisy
-    plain, scaled = fit(wanted, design), fit(1e-5 * wanted, design)
+    expected, design = noisy
+    plain, scaled = fit(expected, design), fit(1e-5 * expected, design)
     np.testing.assert_allclose(scaled.coefficients, 1e-5 * plain.coefficients, rtol=1e-6)
     assert scaled.ranking == plain.ranking
 
 
 def test_the_same_seed_gives_the_same_answer(noisy):
-    wanted, design = noisy
-    first, again = (fit(wanted, design, seed=3) for _ in range(2))
+    expected, design = noisy
+    first, again = (fit(expected, design, seed=3) for _ in range(2))
     np.testing.assert_array_equal(first.coefficients, again.coefficients)
     np.testing.assert_array_equal(first.inclusion, again.inclusion)
     assert first.ranking == again.ranking
     assert first.path == again.path
 
 
-def test_inclusion_tells_steady_terms_from_accidents():
+def test_inclusion_separates_stable_terms_from_chance():
     rng = np.random.default_rng(8)
     design = columns(rng)
-    wanted = target(design, {2: 1.0}) + 1.5 * rng.standard_normal((BLOCKS, ROWS))
-    found = fit(wanted, design)
+    expected = target(design, {2: 1.0}) + 1.5 * rng.standard_normal((BLOCKS, ROWS))
+    found = fit(expected, design)
     assert found.inclusion[2] == 1.0
     others = np.delete(found.inclusion, 2)
     assert others.mean() < 0.9
     assert ((others >= 0) & (others <= 1)).all()
 
 
-def test_few_blocks_are_enough():
+def test_few_blocks_are_sufficient():
     design = columns(np.random.default_rng(1))[:2]
-    wanted = target(np.concatenate([design] * 8)[:BLOCKS], LAW)[:2]
-    found = fit(wanted, design)
+    expected = target(np.concatenate([design] * 8)[:BLOCKS], LAW)[:2]
+    found = fit(expected, design)
     assert set(LAW) <= support(found)
 
 

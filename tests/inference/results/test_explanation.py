@@ -1,4 +1,4 @@
-"""The law with its error bars, its probability, and the laws that it was preferred to."""
+"""The law with its error bars, its probability, and the alternatives."""
 
 from __future__ import annotations
 
@@ -9,12 +9,17 @@ import pytest
 
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.forward.law_block import localised
+from dashred.inference.forward.law_block import restrict_to_window
 from dashred.inference.hypotheses.result import BestOfSize
-from dashred.inference.results.corrected_system import correct
-from dashred.inference.results.explanation import alternatives, explain, smaller, terms_of
+from dashred.inference.results.corrected_system import build_corrected_system
+from dashred.inference.results.explanation import (
+    alternatives,
+    smaller_laws,
+    terms_of_discovery,
+    terms_of_law,
+)
 from dashred.inference.results.posterior_probabilities import posterior_probabilities
-from dashred.inference.results.verdict import fault_found
+from dashred.inference.results.verdict import describe_fault
 from dashred.physics.grids.grid import Axis
 from dashred.physics.system import System
 from dashred.physics.window import box, gate, onset
@@ -29,9 +34,9 @@ def flow(tmp_path_factory: pytest.TempPathFactory) -> System:
     return laws.declared(tmp_path_factory.mktemp("flow"))
 
 
-def test_a_term_carries_its_interval_and_its_words(flow: System) -> None:
+def test_a_term_has_its_interval_and_its_text(flow: System) -> None:
     best = laws.law([laws.term(flow, "u", "u")], [-0.04], std=0.002)
-    [found] = explain(flow, laws.discovery(best))
+    [found] = terms_of_discovery(flow, laws.discovery(best))
     add_term_text(found, flow)
     told: dict[str, Any] = dict(found)
     assert (told["equation"], told["term"], told["region"]) == ("u", "u", None)
@@ -55,10 +60,10 @@ def test_a_term_carries_its_interval_and_its_words(flow: System) -> None:
         (gate("u", -1), (0.7, 0.0), {"field": "u", "below": 0.7, "std": 0.03}, "for u < 0.7"),
     ],
 )
-def test_a_term_in_a_window_says_where_it_acts(flow: System, shape, values, region, words) -> None:
-    [candidate] = localised([laws.term(flow, "u", "u")], shape.at(values))
+def test_a_windowed_term_has_its_region(flow: System, shape, values, region, words) -> None:
+    [candidate] = restrict_to_window([laws.term(flow, "u", "u")], shape.at(values))
     best = laws.law([candidate], [-0.04], std=0.002, edges=(0.03, 0.04, 1.0)[: len(values)])
-    [found] = explain(flow, laws.discovery(best))
+    [found] = terms_of_discovery(flow, laws.discovery(best))
     add_term_text(found, flow)
     told: dict[str, Any] = dict(found)
     assert (told["term"], told["region"]) == ("u", [region])
@@ -69,9 +74,9 @@ def test_a_term_in_a_window_says_where_it_acts(flow: System, shape, values, regi
     assert window == {key: value for key, value in region.items() if key != "std"}
     assert window is not None and region_text(window) == words
     # The corrected system has the window in its equations.
-    assert "tanh" in correct(flow, best).config.equations["u"]
+    assert "tanh" in build_corrected_system(flow, best).config.equations["u"]
     everywhere = laws.law([laws.term(flow, "u", "u")], [1.0])
-    assert "tanh" not in correct(flow, everywhere).config.equations["u"]
+    assert "tanh" not in build_corrected_system(flow, everywhere).config.equations["u"]
 
 
 @pytest.mark.parametrize(
@@ -94,12 +99,12 @@ def test_a_term_in_a_window_says_where_it_acts(flow: System, shape, values, regi
     ],
 )
 def test_a_fault_as_text(fault: SensorFault, words: str) -> None:
-    assert fault_text(fault_found(fault)) == words
+    assert fault_text(describe_fault(fault)) == words
 
 
 def test_a_parameter_is_given_by_its_new_value(flow: System) -> None:
     best = laws.law([laws.parameter(flow, "nu", aliases=("mu", "kappa"))], [-0.04], std=0.003)
-    [found] = explain(flow, laws.discovery(best))
+    [found] = terms_of_discovery(flow, laws.discovery(best))
     add_term_text(found, flow)
     told: dict[str, Any] = dict(found)
     assert (told["equation"], told["parameter"], told["term"]) == (None, "nu", "nu")
@@ -111,31 +116,31 @@ def test_a_parameter_is_given_by_its_new_value(flow: System) -> None:
     )
 
 
-def test_a_parameter_that_does_not_enter_linearly_is_said_to_be_approximate(flow: System) -> None:
+def test_a_nonlinear_parameter_is_approximate(flow: System) -> None:
     best = laws.law([laws.parameter(flow, "alpha")], [0.03], std=0.002)
-    [found] = explain(flow, laws.discovery(best))
+    [found] = terms_of_discovery(flow, laws.discovery(best))
     add_term_text(found, flow)
     assert found["equation"] is None and not found["exact"]
     assert "to first order" in found["says"]
 
 
-def test_inclusion_sums_over_all_laws_that_hold_the_term(flow: System) -> None:
+def test_inclusion_sums_over_all_laws_with_the_term(flow: System) -> None:
     u, cubic, lam = (laws.term(flow, "u", text) for text in ("u", "u**3", "lam"))
     both = laws.law([u, cubic], [0.1, -0.1], score=0.0)
     tried = laws.discovery(both, laws.law([u], [0.1], score=2.0), laws.law([lam], [1.0], score=4.0))
-    first, second = explain(flow, tried)
+    first, second = terms_of_discovery(flow, tried)
     total = 1 + 0.36788 + 0.13534
     assert first["inclusion"] == pytest.approx(1.36788 / total, rel=1e-4)
     assert second["inclusion"] == pytest.approx(1 / total, rel=1e-4)
 
 
-def test_the_simulator_as_it_is_counts_among_the_laws_once(flow: System) -> None:
+def test_the_empty_law_counts_once(flow: System) -> None:
     u = laws.term(flow, "u", "u")
     nothing = laws.law(score=1.0)
     best = laws.law([u], [0.1])
     for tried in (
-        laws.discovery(best, nothing=nothing),
-        laws.discovery(best, nothing, nothing=nothing),
+        laws.discovery(best, uncorrected=nothing),
+        laws.discovery(best, nothing, uncorrected=nothing),
     ):
         shares = [p for _, p in posterior_probabilities(tried)]
         assert shares == pytest.approx([0.62246, 0.37754], rel=1e-4)
@@ -170,7 +175,7 @@ def test_a_law_that_is_nearly_as_good_is_listed_before_one_of_a_single_term(flow
     assert [other["delta_bic"] for other in found] == [3.0, 4.0, 7.0]
 
 
-def test_laws_read_the_same_if_their_readings_differ_by_less_than_six(flow: System) -> None:
+def test_laws_have_the_same_readings_below_a_chi2_of_six(flow: System) -> None:
     # In χ², over 120 samples: 120·0.2² = 4.8 and 120·0.25² = 7.5.
     u, lam = laws.term(flow, "u", "u"), laws.term(flow, "u", "lam")
     for misfit, same in ((1.2, True), (1.25, False)):
@@ -179,15 +184,15 @@ def test_laws_read_the_same_if_their_readings_differ_by_less_than_six(flow: Syst
         assert other["same_as_best"] is same
 
 
-def test_the_text_of_a_law_tells_terms_from_parameters(flow: System) -> None:
+def test_the_text_of_a_law_with_a_term_and_a_parameter(flow: System) -> None:
     law = laws.law([laws.term(flow, "u", "u"), laws.parameter(flow, "nu")], [-0.04, 0.01])
-    text = law_text(terms_of(flow, law), flow)
+    text = law_text(terms_of_law(flow, law), flow)
     assert text.startswith("The simulation leaves out linear damping of internal energy, −0.0400")
     assert text.endswith("A parameter has a wrong value: nu is 0.1100 ± 0.0010, not 0.1.")
-    assert "no missing term" in law_text(terms_of(flow, laws.law()), flow)
+    assert "no missing term" in law_text(terms_of_law(flow, laws.law()), flow)
 
 
-def test_smaller_laws_say_how_much_of_the_best_they_explain(flow: System) -> None:
+def test_smaller_laws_have_their_explained_share(flow: System) -> None:
     u, cubed, squared = (laws.term(flow, "u", text) for text in ("u", "u**3", "u**2"))
     path = [
         BestOfSize((), (), 900.0, 3.0),
@@ -195,15 +200,15 @@ def test_smaller_laws_say_how_much_of_the_best_they_explain(flow: System) -> Non
         BestOfSize((u, cubed), (-0.1, 0.02), 100.0, 1.0),
         BestOfSize((u, cubed, squared), (-0.1, 0.02, 0.0), 108.0, 0.99),
     ]
-    [only] = smaller(laws.discovery(laws.law([u, cubed], [-0.1, 0.02]), path=path), flow)
+    [only] = smaller_laws(laws.discovery(laws.law([u, cubed], [-0.1, 0.02]), path=path), flow)
     assert only["terms"] == [{"equation": "u", "term": "u", "coefficient": -0.1, "window": None}]
     assert only["explained"] == pytest.approx((9 - 2.25) / (9 - 1))
-    assert smaller(laws.discovery(laws.law([u], [-0.1]), path=path), flow) == []
-    assert smaller(laws.discovery(laws.law(), path=path), flow) == []
+    assert smaller_laws(laws.discovery(laws.law([u], [-0.1]), path=path), flow) == []
+    assert smaller_laws(laws.discovery(laws.law(), path=path), flow) == []
 
 
 def test_the_law_that_is_reported_is_looked_up_on_the_path(flow: System) -> None:
-    """Not the path's lowest score: causes are weighed after it was walked."""
+    """It is not the lowest score of the path: hypotheses are compared after the path."""
     u, cubed = laws.term(flow, "u", "u"), laws.term(flow, "u", "u**3")
     path = [
         BestOfSize((), (), 900.0, 3.0),
@@ -213,12 +218,12 @@ def test_the_law_that_is_reported_is_looked_up_on_the_path(flow: System) -> None
 
     def on_path(*candidates: Candidate) -> int | None:
         values = [0.1] * len(candidates)
-        return laws.discovery(laws.law(list(candidates), values), path=path).on_path
+        return laws.discovery(laws.law(list(candidates), values), path=path).path_index
 
     assert on_path() == 0
     assert on_path(u) == 1
     assert on_path(cubed, u) == 2
     assert on_path(cubed) is None
     shape = box(Axis("x", 6.0, 32))
-    [local] = localised([u], shape.at((2.0, 0.5, 0.0)))
+    [local] = restrict_to_window([u], shape.at((2.0, 0.5, 0.0)))
     assert on_path(local) is None

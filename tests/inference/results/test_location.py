@@ -1,4 +1,4 @@
-"""Where the law acts: shares, regimes, times and sensors of laws whose place is known."""
+"""Location: shares, regimes, times and sensors of laws with a known location."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ def flow(tmp_path_factory: pytest.TempPathFactory) -> System:
 
 
 def bump(system: System) -> Tensor:
-    """A narrow pulse of u that runs, on a background of 1; lam is smooth."""
+    """A narrow travelling pulse of u on a background of 1; lam is smooth."""
     x = system.grid.coordinates["x"]
     shift = (x - TIMES[:, None] - torch.pi).remainder(2 * torch.pi) - torch.pi
     u = 1 + torch.exp(-((shift / 0.4) ** 2))
     return torch.stack([u, 0.5 + 0.1 * torch.cos(shift)], dim=1)
 
 
-def found(system: System, discovered: Discovery) -> Where:
-    return locate(system, discovered, bump(system), TIMES, NAMES)
+def found(system: System, discovery: Discovery) -> Where:
+    return locate(system, discovery, bump(system), TIMES, NAMES)
 
 
 def rms(system: System, equation: str, states: Tensor) -> float:
@@ -61,7 +61,7 @@ def test_a_parameter_has_its_share_in_every_equation_it_enters(flow: System) -> 
     assert min(shares.values()) > 0.01 and sum(shares.values()) == pytest.approx(1.0)
 
 
-def test_terms_that_read_the_clock_are_taken_at_their_own_times(flow: System) -> None:
+def test_time_dependent_terms_are_evaluated_at_their_times(flow: System) -> None:
     states = bump(flow)
     law = laws.law([laws.term(flow, "u", "t*u")], [1.0])
     size = law_tendency(flow, law, states, TIMES)[:, 0] * rms(flow, "u", states)
@@ -71,9 +71,7 @@ def test_terms_that_read_the_clock_are_taken_at_their_own_times(flow: System) ->
 @pytest.mark.parametrize(
     ("term", "acts"), [("(u - 1)**3", "u > "), ("(u - 2)**2", None), ("u", None)]
 )
-def test_a_regime_is_named_only_where_the_law_does_not_act_everywhere(
-    flow: System, term: str, acts: str | None
-) -> None:
+def test_a_regime_is_given_only_for_a_local_law(flow: System, term: str, acts: str | None) -> None:
     where = found(flow, laws.discovery(laws.law([laws.term(flow, "u", term)], [0.1])))
     states = where["states"]
     if acts is None:
@@ -90,7 +88,7 @@ def test_a_regime_is_named_only_where_the_law_does_not_act_everywhere(
     assert f"({share:.0%} of space and time".replace("%", " %") in text
 
 
-def test_a_regime_of_either_sign_is_a_regime_of_the_size(
+def test_a_regime_of_both_signs_is_a_regime_of_the_magnitude(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
     system = laws.declared(tmp_path_factory.mktemp("pendulum"), laws.PENDULUM)
@@ -100,24 +98,24 @@ def test_a_regime_of_either_sign_is_a_regime_of_the_size(
     assert found is not None
     text = states_text(found, {}, in_space=False)
     assert text.startswith("|omega| > ") and "of the time" in text
-    # The same moments, by the field that the law reads.
+    # The same states, by the field that the law depends on.
     found = active_states(system, states, torch.cos(phase) ** 10, ["theta"])
     assert found is not None
     assert states_text(found, {}, in_space=False).startswith("|theta| < ")
     assert active_states(system, states, torch.zeros(400), []) is None
 
 
-def seen_at(first: float, then: float) -> Law:
-    """A law of one term whose residuals differ from 1 at the first sensor alone."""
+def law_with_residuals(first: float, then: float) -> Law:
+    """A law of one term whose residuals differ from 1 only at the first sensor."""
     law = laws.law([], [])
     law.residuals[:, 0] = first
     law.residuals[20:, 0] = then
     return law
 
 
-def test_a_law_shows_at_the_sensors_where_the_misfit_falls(flow: System) -> None:
+def test_a_law_has_a_gain_where_the_misfit_decreases(flow: System) -> None:
     best = laws.law([laws.term(flow, "u", "u")], [0.1])
-    where = found(flow, laws.discovery(best, nothing=seen_at(3.0, 3.0)))
+    where = found(flow, laws.discovery(best, uncorrected=law_with_residuals(3.0, 3.0)))
     first, second, _ = where["sensors"]
     assert first["name"] == "a" and first["gain"] == pytest.approx(8.0)
     assert first["before"] == pytest.approx(9.0) and first["after"] == pytest.approx(1.0)
@@ -125,27 +123,27 @@ def test_a_law_shows_at_the_sensors_where_the_misfit_falls(flow: System) -> None
     assert second["gain"] == pytest.approx(0.0) and second["p"] == pytest.approx(1.0)
 
 
-def test_the_profile_says_when(flow: System) -> None:
+def test_the_profile_in_time(flow: System) -> None:
     best = laws.law([laws.term(flow, "u", "u")], [0.1])
-    seen = torch.ones(laws.SAMPLES, laws.SENSORS, dtype=torch.bool)
-    seen[5] = False
-    discovered = laws.discovery(best, nothing=seen_at(1.0, 4.0), seen=seen)
-    profile = found(flow, discovered)["profile"]
+    available = torch.ones(laws.SAMPLES, laws.SENSORS, dtype=torch.bool)
+    available[5] = False
+    discovery = laws.discovery(best, uncorrected=law_with_residuals(1.0, 4.0), seen=available)
+    profile = found(flow, discovery)["profile"]
     assert profile["times"] == pytest.approx(TIMES.tolist())
     assert profile["before"][4] == pytest.approx(1.0) and profile["before"][5] is None
     assert profile["before"][30] == pytest.approx(((16 + 1 + 1) / 3) ** 0.5)
 
 
-def test_significance_pays_for_the_search(flow: System) -> None:
+def test_significance_is_corrected_for_the_search(flow: System) -> None:
     u = laws.term(flow, "u", "u")
     # χ² falls from 120·1.1² to 120, by 25.2: p of one coefficient 5.2e-7, fifty tries.
-    close = laws.discovery(laws.law([u], [0.1]), nothing=laws.law(misfit=1.1))
+    close = laws.discovery(laws.law([u], [0.1]), uncorrected=laws.law(misfit=1.1))
     assert found(flow, close)["significance"] == pytest.approx(50 * 5.18e-7, rel=0.01)
-    useless = laws.discovery(laws.law([u], [0.1]), nothing=laws.law(misfit=1.0))
+    useless = laws.discovery(laws.law([u], [0.1]), uncorrected=laws.law(misfit=1.0))
     assert found(flow, useless)["significance"] == 1.0
 
 
-def test_samples_that_a_law_leaves_out_say_nothing_of_its_significance(flow: System) -> None:
+def test_omitted_samples_do_not_change_the_significance(flow: System) -> None:
     law = laws.law([laws.term(flow, "u", "u")], [0.1])
     residuals = law.residuals.clone()
     residuals[3:5, 0] = torch.nan
@@ -155,7 +153,7 @@ def test_samples_that_a_law_leaves_out_say_nothing_of_its_significance(flow: Sys
 
 
 def test_an_empty_law_acts_nowhere(flow: System) -> None:
-    where = found(flow, laws.discovery(laws.law(), nothing=laws.law()))
+    where = found(flow, laws.discovery(laws.law(), uncorrected=laws.law()))
     assert where["equation"] == {"u": 0.0, "lam": 0.0}
     assert where["states"] is None and where["significance"] is None
     assert where["time"] == pytest.approx([0.0, 3.9])

@@ -1,4 +1,4 @@
-"""A parameter's new value does what the law says, where one value can."""
+"""The new value of a parameter has the effect of the law, if there is such a value."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import pytest
 import torch
 
-from dashred.inference.results.corrected_system import correct, with_parameters
+from dashred.inference.results.corrected_system import build_corrected_system, with_parameters
 from dashred.inference.results.parameter_change import is_exact, parameter_change
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
@@ -40,24 +40,24 @@ def tendency(system: System, states: torch.Tensor) -> torch.Tensor:
 
 
 @pytest.mark.parametrize("to", [1.0, 1.6, 2.2, 6.0])
-def test_a_divisor_has_the_value_that_does_the_same(system: System, to: float) -> None:
+def test_a_divisor_has_an_exact_change(system: System, to: float) -> None:
     xi = 2.0**2 * (1 / 2.0 - 1 / to)  # 1/m' = 1/m - xi/m²
     assert parameter_change(system, "m", xi) == pytest.approx(to - 2.0, rel=1e-4)
     assert is_exact(system, "m", xi)
 
 
 @pytest.mark.parametrize("name", ["k", "shift"])
-def test_what_enters_linearly_changes_by_its_coefficient(system: System, name: str) -> None:
+def test_a_linear_parameter_changes_by_its_coefficient(system: System, name: str) -> None:
     assert parameter_change(system, name, -0.37) == -0.37
     assert is_exact(system, name, -0.37)
 
 
-def test_a_power_has_the_value_that_does_the_same(system: System) -> None:
+def test_a_power_has_an_exact_change(system: System) -> None:
     # depth² = 16 + 2·4·xi.
     assert parameter_change(system, "depth", 0.5) == pytest.approx(20**0.5 - 4, rel=1e-8)
 
 
-def test_where_no_value_does_the_same_it_is_the_first_order(system: System) -> None:
+def test_without_an_exact_change_it_is_of_first_order(system: System) -> None:
     assert parameter_change(system, "sharp", 0.05) == 0.05
     assert not is_exact(system, "sharp", 0.05)
 
@@ -76,7 +76,7 @@ def test_a_value_may_change_its_sign(system: System, xi: float) -> None:
 
 
 @pytest.mark.parametrize("name", ["m", "k", "depth", "sharp"])
-def test_the_corrected_system_does_what_the_law_does(system: System, name: str) -> None:
+def test_the_corrected_system_has_the_tendency_of_the_law(system: System, name: str) -> None:
     law = laws.law([laws.parameter(system, name)], [0.3])
     states = torch.randn((20, 2), generator=torch.Generator().manual_seed(0)).double()
     [candidate] = law.candidates
@@ -85,7 +85,7 @@ def test_the_corrected_system_does_what_the_law_does(system: System, name: str) 
         candidate.terms, evaluate_terms(system, candidate.terms, states, 0.0), strict=True
     ):
         added[system.fields.index(term.equation)] += 0.3 * column
-    exact = tendency(correct(system, law), states) - tendency(system, states)
+    exact = tendency(build_corrected_system(system, law), states) - tendency(system, states)
     torch.testing.assert_close(exact, added, rtol=1e-6, atol=1e-9)
     changed = with_parameters(system, {name: system.config.parameters[name] + 0.3})
     same = torch.allclose(tendency(changed, states) - tendency(system, states), added, rtol=1e-3)

@@ -1,4 +1,4 @@
-"""A law is told by the part of the structure that it changes."""
+"""The part of the structure that a law changes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import torch
 from dashred.config import load_config
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.results.structure_change import stays_port_hamiltonian, structure_changes
-from dashred.physics.backends.input_signals import Measured
+from dashred.physics.backends.input_signals import InputSignals
 from dashred.physics.port_hamiltonian import PortHamiltonian
 from dashred.physics.sampled_states import SampledStates
 from dashred.physics.system import System
@@ -28,13 +28,15 @@ from tests.physics.test_port_hamiltonian import (
 Part = tuple[str | None, bool | None]
 
 
-def told(system: System, form: PortHamiltonian, *law: tuple[Candidate, float]) -> list[object]:
+def parts(system: System, form: PortHamiltonian, *law: tuple[Candidate, float]) -> list[object]:
     found = laws.law([candidate for candidate, _ in law], [xi for _, xi in law])
     changes = structure_changes(form, found, smooth(system))
     return [(change.part, change.passive) for change in changes]
 
 
-def stays(system: System, form: PortHamiltonian, *law: tuple[Candidate, float]) -> bool:
+def is_port_hamiltonian(
+    system: System, form: PortHamiltonian, *law: tuple[Candidate, float]
+) -> bool:
     found = laws.law([candidate for candidate, _ in law], [xi for _, xi in law])
     changes = structure_changes(form, found, smooth(system))
     return stays_port_hamiltonian(form, found, changes, smooth(system))
@@ -54,7 +56,7 @@ def stays(system: System, form: PortHamiltonian, *law: tuple[Candidate, float]) 
 def test_a_term_of_a_spring(tmp_path: Path, equation, text, xi, part, passive) -> None:
     system = laws.declared(tmp_path, SPRING)
     form = PortHamiltonian.of(system, SPRING_FORM)
-    assert told(system, form, (laws.term(system, equation, text), xi)) == [(part, passive)]
+    assert parts(system, form, (laws.term(system, equation, text), xi)) == [(part, passive)]
 
 
 @pytest.mark.parametrize(
@@ -65,38 +67,38 @@ def test_a_parameter_of_a_spring(tmp_path: Path, name, change, part, passive) ->
     system = laws.declared(tmp_path, SPRING)
     form = PortHamiltonian.of(system, SPRING_FORM)
     parameter = Candidate(name, None, (), 1.0)
-    assert told(system, form, (parameter, change)) == [(part, passive)]
+    assert parts(system, form, (parameter, change)) == [(part, passive)]
 
 
-def test_states_where_the_structure_has_no_value_say_nothing(tmp_path: Path) -> None:
+def test_states_without_a_finite_structure_are_ignored(tmp_path: Path) -> None:
     system = laws.declared(tmp_path, SPRING.replace("c*p/m", "c*sqrt(q)*p/m"))
     form = PortHamiltonian.of(system, replace(SPRING_FORM, R={"p": {"p": "c*sqrt(q)"}}))
     parameter = Candidate("c", None, (), 1.0)
-    assert told(system, form, (parameter, 0.3)) == [("R", True)]
-    assert stays(system, form, (parameter, 0.3))
-    assert told(system, form, (parameter, -0.5)) == [("R", False)]
-    assert not stays(system, form, (parameter, -0.5))
+    assert parts(system, form, (parameter, 0.3)) == [("R", True)]
+    assert is_port_hamiltonian(system, form, (parameter, 0.3))
+    assert parts(system, form, (parameter, -0.5)) == [("R", False)]
+    assert not is_port_hamiltonian(system, form, (parameter, -0.5))
 
 
-def test_a_pair_that_moves_energy_about_is_of_j(tmp_path: Path) -> None:
+def test_a_pair_that_exchanges_energy_belongs_to_j(tmp_path: Path) -> None:
     system = laws.declared(tmp_path, SPRING)
     form = PortHamiltonian.of(system, SPRING_FORM)
     # δH/δq = 3q, δH/δp = p/2: J gains 0.2 (and -0.2 back), times the other's effort.
     pair = ((laws.term(system, "q", "p"), 0.1), (laws.term(system, "p", "q"), -0.6))
-    assert told(system, form, *pair) == [("J", None), ("J", None)]
+    assert parts(system, form, *pair) == [("J", None), ("J", None)]
 
 
 def test_terms_of_waves(tmp_path: Path) -> None:
     system = laws.declared(tmp_path, WAVE)
     form = PortHamiltonian.of(system, WAVE_FORM)
-    assert told(system, form, (laws.term(system, "v", "v"), -0.1)) == [("R", True)]
-    assert told(system, form, (laws.term(system, "v", "w"), -0.1)) == [("H", None)]
-    assert told(system, form, (laws.term(system, "v", "d(w, x, 4)"), -0.1)) == [("H", None)]
-    assert told(system, form, (laws.term(system, "v", "d(w, x)"), -0.1)) == [(None, None)]
-    assert told(system, form, (laws.term(system, "v", "lap(v)"), 0.1)) == [("R", True)]
-    assert told(system, form, (laws.term(system, "v", "lap(v)"), -0.1)) == [("R", False)]
-    assert told(system, form, (laws.term(system, "v", "d(v, x)"), 0.1)) == [("J", None)]
-    assert told(system, form, (laws.term(system, "v", "w*lap(w)"), 0.1)) == [(None, None)]
+    assert parts(system, form, (laws.term(system, "v", "v"), -0.1)) == [("R", True)]
+    assert parts(system, form, (laws.term(system, "v", "w"), -0.1)) == [("H", None)]
+    assert parts(system, form, (laws.term(system, "v", "d(w, x, 4)"), -0.1)) == [("H", None)]
+    assert parts(system, form, (laws.term(system, "v", "d(w, x)"), -0.1)) == [(None, None)]
+    assert parts(system, form, (laws.term(system, "v", "lap(v)"), 0.1)) == [("R", True)]
+    assert parts(system, form, (laws.term(system, "v", "lap(v)"), -0.1)) == [("R", False)]
+    assert parts(system, form, (laws.term(system, "v", "d(v, x)"), 0.1)) == [("J", None)]
+    assert parts(system, form, (laws.term(system, "v", "w*lap(w)"), 0.1)) == [(None, None)]
 
 
 @pytest.mark.parametrize(
@@ -146,11 +148,11 @@ def test_a_term_of_a_string_between_fixed_ends(text: str, xi: float, expected: P
 def test_a_term_of_a_driven_circuit(
     equation: str, text: str, expected: Part, amplitude: float
 ) -> None:
-    """The voltage begins at 0: at that time alone a term of it would have no power."""
+    """The voltage begins at 0: at that time a term with it has no power."""
     config = load_config(["conf=rlc"], entry="test")
     times = torch.linspace(0, 20, 41, dtype=torch.float64)
     voltage = {"V": amplitude * np.sin(1.1 * times.numpy())}
-    system = System(config.system, config.where, Measured(times.numpy(), voltage))
+    system = System(config.system, config.where, InputSignals(times.numpy(), voltage))
     assert system.config.structure is not None
     form = PortHamiltonian.of(system, system.config.structure)
     visited = SampledStates(torch.stack([torch.cos(times), -torch.sin(times)], dim=1), times)
@@ -159,42 +161,44 @@ def test_a_term_of_a_driven_circuit(
     assert (change.part, change.passive) == expected
 
 
-def test_damping_that_is_taken_back_is_judged_in_sum(tmp_path: Path) -> None:
-    """The spring loses ``c p/m = 0.2 p``: a law that gives less than that leaves it passive."""
+def test_reduced_damping_is_judged_in_total(tmp_path: Path) -> None:
+    """The spring dissipates ``c p/m = 0.2 p``: a law that adds less leaves it passive."""
     system = laws.declared(tmp_path, SPRING)
     form = PortHamiltonian.of(system, SPRING_FORM)
     linear, quadratic = (laws.term(system, "p", text) for text in ("p", "abs(p)*p"))
-    assert stays(system, form, (linear, 0.1))
-    assert not stays(system, form, (linear, 0.3))
-    assert stays(system, form, (linear, 0.1), (quadratic, -0.1))
-    assert not stays(system, form, (linear, 0.3), (quadratic, -0.1))
-    assert stays(system, form, (Candidate("c", None, (), 1.0), -0.3))
-    assert not stays(system, form, (Candidate("c", None, (), 1.0), -0.3), (linear, 0.1))
+    assert is_port_hamiltonian(system, form, (linear, 0.1))
+    assert not is_port_hamiltonian(system, form, (linear, 0.3))
+    assert is_port_hamiltonian(system, form, (linear, 0.1), (quadratic, -0.1))
+    assert not is_port_hamiltonian(system, form, (linear, 0.3), (quadratic, -0.1))
+    assert is_port_hamiltonian(system, form, (Candidate("c", None, (), 1.0), -0.3))
+    assert not is_port_hamiltonian(
+        system, form, (Candidate("c", None, (), 1.0), -0.3), (linear, 0.1)
+    )
 
 
-def test_a_pair_stays_skew_together_alone(tmp_path: Path) -> None:
+def test_a_pair_is_skew_only_together(tmp_path: Path) -> None:
     system = laws.declared(tmp_path, SPRING.replace("c: 0.4", "c: 0.0"))
     form = PortHamiltonian.of(system, SPRING_FORM)
     given, taken = laws.term(system, "q", "p"), laws.term(system, "p", "q")
-    assert stays(system, form, (given, 0.1), (taken, -0.6))
-    assert not stays(system, form, (laws.term(system, "q", "q"), 0.1), (taken, -0.6))
+    assert is_port_hamiltonian(system, form, (given, 0.1), (taken, -0.6))
+    assert not is_port_hamiltonian(system, form, (laws.term(system, "q", "q"), 0.1), (taken, -0.6))
 
 
-def test_a_change_of_the_energy_is_no_loss(tmp_path: Path) -> None:
-    """Of the changed H the damping takes: of the old one the corrected system would gain."""
+def test_a_change_of_the_energy_is_not_dissipation(tmp_path: Path) -> None:
+    """The damping dissipates the changed H; the corrected system would gain energy of the old H."""
     system = laws.declared(tmp_path, SPRING)
     form = PortHamiltonian.of(system, SPRING_FORM)
     cubic, damping = laws.term(system, "p", "q**3"), laws.term(system, "p", "p")
-    assert stays(system, form, (cubic, -0.5))
-    assert stays(system, form, (cubic, -0.5), (damping, -0.1))
-    assert stays(system, form, (Candidate("m", None, (), 1.0), 0.3), (damping, -0.1))
+    assert is_port_hamiltonian(system, form, (cubic, -0.5))
+    assert is_port_hamiltonian(system, form, (cubic, -0.5), (damping, -0.1))
+    assert is_port_hamiltonian(system, form, (Candidate("m", None, (), 1.0), 0.3), (damping, -0.1))
 
 
-def test_short_waves_that_gain_are_found_though_none_was_visited(tmp_path: Path) -> None:
-    """``-0.1 v - 0.01 v_xx`` takes energy from waves longer than 2 alone, and those were seen."""
+def test_growing_short_waves_are_detected_without_samples(tmp_path: Path) -> None:
+    """``-0.1 v - 0.01 v_xx`` damps only waves longer than 2, and only these were sampled."""
     system = laws.declared(tmp_path, WAVE)
     form = PortHamiltonian.of(system, WAVE_FORM)
     uniform = laws.term(system, "v", "v")
     viscous = laws.term(system, "v", "lap(v)")
-    assert stays(system, form, (uniform, -0.1), (viscous, 0.01))
-    assert not stays(system, form, (uniform, -0.1), (viscous, -0.01))
+    assert is_port_hamiltonian(system, form, (uniform, -0.1), (viscous, 0.01))
+    assert not is_port_hamiltonian(system, form, (uniform, -0.1), (viscous, -0.01))

@@ -1,4 +1,4 @@
-"""The verdict: each kind where it belongs, and no law where nothing was fitted to the end."""
+"""The verdict of each kind of law, and of a search that did not converge."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import torch
 
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
-from dashred.inference.results.verdict import unexplained, verdict
+from dashred.inference.results.verdict import unexplained_share, verdict
 from dashred.physics.system import System
 from dashred.physics.window import Window, gate
 from dashred.reporting.text.causes import cause_text
@@ -47,13 +47,13 @@ def test_a_sensor_and_the_start_may_be_the_cause(flow: System) -> None:
     assert found == causes[0]["kind"] == "initial-condition" and causes[0]["start"] == 3.0
     far = laws.law(widened=6.0, score=2.0)
     assert verdict(laws.discovery(laws.law(widened=3.0), far))[0] == "initial-condition"
-    # Both may be true at once: then the law stands first, and each is told.
+    # Both may be true: the law comes first, and both are causes.
     both = laws.law([laws.term(flow, "u", "u")], [1.0], fault=fault)
     found, causes = verdict(laws.discovery(both, laws.law(score=50.0)))
     assert [cause["kind"] for cause in causes[:2]] == ["missing-term", "sensor-fault"]
     assert found == "missing-term" and causes[1]["sensor"] == "s03"
     assert causes[0]["probability"] == causes[1]["probability"]
-    # A law is sure, and the fault beside it is not, where it does nearly as well without.
+    # The law is probable and the fault is not, if the law is nearly as good without it.
     alone = laws.law([laws.term(flow, "u", "u")], [1.0], score=1.0)
     _, [law, doubtful, *_] = verdict(laws.discovery(both, alone, laws.law(score=50.0)))
     assert law["probability"] == pytest.approx(1.0)
@@ -64,7 +64,7 @@ def test_a_sensor_and_the_start_may_be_the_cause(flow: System) -> None:
     assert verdict(laws.discovery(laws.law(fault=fault), other))[0] == "ambiguous"
 
 
-def test_what_a_free_forcing_finds_beyond_the_best_law_lies_outside_of_the_library(
+def test_an_effect_beyond_the_best_law_is_outside_the_library(
     flow: System,
 ) -> None:
     best = laws.law([laws.term(flow, "u", "u")], [0.1])
@@ -74,17 +74,17 @@ def test_what_a_free_forcing_finds_beyond_the_best_law_lies_outside_of_the_libra
     assert nearest["terms"] == ["u: u"]
 
 
-def test_a_law_beyond_the_library_is_said_to_be_that(flow: System) -> None:
-    term = replace(laws.term(flow, "u", "sin(2*u)"), extended=True)
+def test_an_extended_law_is_outside_the_library(flow: System) -> None:
+    term = replace(laws.term(flow, "u", "sin(2*u)"), is_extended=True)
     best = laws.law([term], [0.1])
     found, [cause, *_] = verdict(laws.discovery(best, laws.law(score=50.0)))
     assert found == cause["kind"] == "outside-library"
     assert cause["terms"] == ["u: sin(2*u)"] and "extended library" in str(cause_text(cause))
-    # Where the library does as well, it is left open.
+    # If a law of the library is as good, the verdict is ambiguous.
     near = laws.law([laws.term(flow, "u", "u")], [0.1], score=3.0)
     assert verdict(laws.discovery(best, near))[0] == "ambiguous"
-    # Which wave it is may be open: that it is none of the library's is not.
-    wave = replace(laws.term(flow, "lam", "cos(2*u)"), extended=True)
+    # Several waves may be rivals; all are outside the library.
+    wave = replace(laws.term(flow, "lam", "cos(2*u)"), is_extended=True)
     found, [cause, *_] = verdict(laws.discovery(best, laws.law([wave], [0.1], score=3.0)))
     assert found == "outside-library" and cause["probability"] == pytest.approx(1.0)
 
@@ -106,15 +106,15 @@ def test_a_rival_makes_it_ambiguous_and_the_classes_share_the_probability(flow: 
     assert sum(cause["probability"] or 0.0 for cause in causes) == pytest.approx(1.0)
 
 
-def test_a_larger_law_that_was_searched_to_the_end_is_no_rival(flow: System) -> None:
+def test_a_larger_law_of_an_exhausted_search_is_no_rival(flow: System) -> None:
     u, cubic = laws.term(flow, "u", "u"), laws.term(flow, "u", "u**3")
     both = laws.law([u, cubic], [0.1, 0.0], score=2.0)
     best = laws.law([u], [0.1])
     assert verdict(laws.discovery(best, both))[0] == "missing-term"
-    assert verdict(laws.discovery(best, both, exhausted=False))[0] == "ambiguous"
+    assert verdict(laws.discovery(best, both, is_search_complete=False))[0] == "ambiguous"
 
 
-def test_a_term_somewhere_is_no_rival_of_the_parameter_that_stands_for_it_everywhere(
+def test_a_windowed_term_is_no_rival_of_its_parameter(
     flow: System,
 ) -> None:
     u = laws.term(flow, "u", "u")
@@ -124,19 +124,19 @@ def test_a_term_somewhere_is_no_rival_of_the_parameter_that_stands_for_it_everyw
     assert verdict(laws.discovery(laws.law([nu], [0.1]), larger))[0] == "ambiguous"
     same = laws.law([replace(nu, replaces=(u.key,))], [0.1])
     assert verdict(laws.discovery(same, larger))[0] == "parameter"
-    assert verdict(laws.discovery(same, larger, exhausted=False))[0] == "ambiguous"
+    assert verdict(laws.discovery(same, larger, is_search_complete=False))[0] == "ambiguous"
 
 
-def test_a_walk_that_stopped_half_way_says_so_and_names_no_law(flow: System) -> None:
+def test_an_incomplete_horizon_has_not_converged(flow: System) -> None:
     best = laws.law([laws.term(flow, "u", "u")], [0.1])
-    found, causes = verdict(laws.discovery(best, reached=False))
+    found, causes = verdict(laws.discovery(best, is_horizon_complete=False))
     assert found == "not-converged"
     [cause] = causes
     assert "the first 40 of 40 samples" in str(cause_text(cause)) and "terms" not in cause
 
 
 @pytest.mark.parametrize(("chi2", "kind"), [(1.4, "missing-term"), (1.6, "not-converged")])
-def test_a_misfit_that_all_candidates_together_would_not_leave_is_no_law(
+def test_a_misfit_above_that_of_all_candidates_has_not_converged(
     flow: System, chi2: float, kind: str
 ) -> None:
     best = laws.law([laws.term(flow, "u", "u")], [0.1], chi2=chi2)
@@ -144,14 +144,14 @@ def test_a_misfit_that_all_candidates_together_would_not_leave_is_no_law(
 
 
 @pytest.mark.parametrize("widened", [1.0, 3.0])
-def test_without_a_law_twice_the_noise_is_no_explanation(flow: System, widened: float) -> None:
+def test_twice_the_noise_without_a_law_has_not_converged(flow: System, widened: float) -> None:
     lawless = laws.law(widened=widened)
     kind = "nothing-missing" if widened == 1 else "initial-condition"
     for left in (None, 0.0, 0.74):
         assert verdict(laws.discovery(lawless), left)[0] == kind
     found, [cause] = verdict(laws.discovery(lawless), 0.83)
     assert found == cause["kind"] == "not-converged" and "83 %" in str(cause_text(cause))
-    # What a law, a fault or a free forcing explains is told, with what is left beside it.
+    # A law, a fault or a free forcing has its verdict, whatever share is unexplained.
     law = laws.law([laws.term(flow, "u", "u")], [0.1])
     assert verdict(laws.discovery(law), 0.83)[0] == "missing-term"
     fault = laws.law(fault=SensorFault("drift", "s03", 0.0123, 0.0011, None))
@@ -159,13 +159,13 @@ def test_without_a_law_twice_the_noise_is_no_explanation(flow: System, widened: 
     assert verdict(laws.discovery(lawless, forcing_gain=30.0), 0.83)[0] == "outside-library"
 
 
-def test_unexplained_is_the_share_beyond_the_noise_that_was_stated() -> None:
+def test_the_unexplained_share_is_relative_to_the_stated_noise() -> None:
     seen = torch.ones(10, 2, dtype=torch.bool)
     found = NoiseModel(torch.tensor([0.2, 0.2]).double(), torch.zeros(2).double(), seen)
-    assert unexplained(torch.tensor([0.1, 0.1]), found) == pytest.approx(0.75)
-    assert unexplained(torch.tensor([0.2, 0.2]), found) == pytest.approx(0.0)
-    assert unexplained(torch.tensor([0.4, 0.4]), found) == 0.0
-    assert unexplained(None, found) is None
+    assert unexplained_share(torch.tensor([0.1, 0.1]), found) == pytest.approx(0.75)
+    assert unexplained_share(torch.tensor([0.2, 0.2]), found) == pytest.approx(0.0)
+    assert unexplained_share(torch.tensor([0.4, 0.4]), found) == 0.0
+    assert unexplained_share(None, found) is None
     seen[:, 1] = False
     half = NoiseModel(found.std, found.correlation, seen)
-    assert unexplained(torch.tensor([0.2, 0.01]), half) == pytest.approx(0.0)
+    assert unexplained_share(torch.tensor([0.2, 0.01]), half) == pytest.approx(0.0)

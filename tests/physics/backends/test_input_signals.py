@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import torch
 
-from dashred.physics.backends.input_signals import Array, Measured
-from dashred.physics.solvers.compiled_runge_kutta import CompiledOde
-from dashred.physics.solvers.compiled_simulator import compiled
+from dashred.physics.backends.input_signals import Array, InputSignals
+from dashred.physics.solvers.compiled_runge_kutta import CompiledRungeKutta
+from dashred.physics.solvers.compiled_simulator import compile_system
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.physics.tangents.tangent_linear import tangent_linear
@@ -44,11 +44,11 @@ TIMES = torch.arange(21, dtype=torch.float64) * 0.1
 def driven(folder: Path, text: str, values: Array, every: float = 0.1) -> System:
     system = laws.declared(folder, text)
     times = np.arange(len(values), dtype=np.float64) * every
-    return System(system.config, system.where, Measured(times, {"e": values}))
+    return System(system.config, system.where, InputSignals(times, {"e": values}))
 
 
 def test_between_samples_lies_a_straight_line_and_beyond_them_nothing_changes() -> None:
-    measured = Measured(np.array([1.0, 2.0]), {"e": np.array([3.0, 5.0])})
+    measured = InputSignals(np.array([1.0, 2.0]), {"e": np.array([3.0, 5.0])})
     assert measured.at(1.5)["e"] == 4.0
     np.testing.assert_array_equal(measured.at(np.array([0.0, 9.0]))["e"], [3.0, 5.0])
 
@@ -65,7 +65,7 @@ def test_compiled_runs_are_driven_alike(tmp_path: Path, text: str) -> None:
     system = driven(tmp_path, text, np.sin(np.arange(21) * 0.7))
     start = torch.zeros((2, 1, *system.grid.shape), dtype=torch.float64)
     weights = torch.zeros((2, 0), dtype=torch.float64)
-    fast = compiled(system, ())(start, TIMES, weights)
+    fast = compile_system(system, ())(start, TIMES, weights)
     torch.testing.assert_close(fast, simulate(system, start, TIMES), rtol=0, atol=1e-9)
     assert float(fast.abs().max()) > 0.05
 
@@ -75,7 +75,7 @@ def test_a_term_may_read_an_input(tmp_path: Path) -> None:
     term = laws.term(system, "v", "e*v").terms[0]
     start = torch.full((2, 1), 0.3, dtype=torch.float64)
     weights = torch.tensor([[0.0], [0.4]], dtype=torch.float64)
-    found = CompiledOde(system, (term,))(start, TIMES, weights)
+    found = CompiledRungeKutta(system, (term,))(start, TIMES, weights)
     changed = system.with_terms([(term, 0.4)])
     torch.testing.assert_close(found[1:], simulate(changed, start[1:], TIMES), rtol=0, atol=1e-9)
     torch.testing.assert_close(found[:1], simulate(system, start[:1], TIMES), rtol=0, atol=1e-9)
@@ -98,6 +98,6 @@ def test_two_recordings_of_one_system_do_not_share_their_inputs(tmp_path: Path) 
     for size in (1.0, 2.0):
         system = driven(tmp_path, CIRCUIT, np.full(21, size))
         start = torch.zeros((1, 1), dtype=torch.float64)
-        run = CompiledOde(system, ())
+        run = CompiledRungeKutta(system, ())
         ends.append(float(run(start, TIMES, torch.zeros((1, 0), dtype=torch.float64))[0, -1, 0]))
     assert ends[1] == pytest.approx(2 * ends[0])

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import Name, Number, substitute, to_text
-from dashred.physics.expressions.parser import HIGHEST_ORDER, Vocabulary, parse
+from dashred.physics.expressions.parser import MAX_ORDER, Vocabulary, parse
 
 LINE = Vocabulary(frozenset({"u", "v", "a", "x", "t"}), ("x",), "u")
 PLANE = Vocabulary(frozenset({"u", "v", "a", "x", "y", "t"}), ("x", "y"), "u")
@@ -165,6 +165,6 @@ def order(expr):
 
 
 @settings(max_examples=250)
-@given(st.recursive(leaves, grow, max_leaves=8).filter(lambda expr: order(expr) <= HIGHEST_ORDER))
+@given(st.recursive(leaves, grow, max_leaves=8).filter(lambda expr: order(expr) <= MAX_ORDER))
 def test_reading_what_was_written_gives_the_same_tree(expr):
     assert read(to_text(expr), PLANE) == expr

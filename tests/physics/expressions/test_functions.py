@@ -12,9 +12,9 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dashred.physics.backends.numba_backend import Body, compile_kernel
+from dashred.physics.backends.numba_backend import ChannelTerm, compile_kernel
 from dashred.physics.backends.numpy_backend import Pointwise
-from dashred.physics.backends.scalar_backend import NO_NUMBER, scalar_program
+from dashred.physics.backends.scalar_backend import NON_FINITE_ERRORS, scalar_program
 from dashred.physics.expressions.algebra import Call, Name, Number, substitute
 from dashred.physics.expressions.differentiate import differentiate
 from dashred.physics.expressions.functions import FUNCTIONS, Function, Parity
@@ -39,7 +39,7 @@ def scalar(function: Function, x: float) -> float | None:
 @pytest.fixture(scope="module")
 def by_numba():
     """All functions of numbers ``(point,)``, ``(function, point)``, in machine code."""
-    bodies = [Body(i, call, None) for i, call in enumerate(CALLS)]
+    bodies = [ChannelTerm(i, call, None) for i, call in enumerate(CALLS)]
     kernel = compile_kernel(bodies, ["x"], [])
     count = len(CALLS)
 
@@ -66,7 +66,7 @@ def test_all_backends_agree_with_the_scalar_function(by_numba, x):
         program = scalar_program([call], ["x"])
         if wanted is None:
             assert not any(map(math.isfinite, (in_numba, in_numpy, in_torch.item()))), call
-            with pytest.raises(NO_NUMBER):
+            with pytest.raises(NON_FINITE_ERRORS):
                 program(x)
             continue
         for found in (in_numba, in_numpy, in_torch.item(), *program(x)):

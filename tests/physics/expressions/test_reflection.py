@@ -14,7 +14,7 @@ from dashred.data.sensors import Sensor
 from dashred.physics.forcing_basis import ForcingBasis
 from dashred.physics.library import evaluate_terms, resolve
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
-from dashred.physics.solvers.compiled_simulator import compiled
+from dashred.physics.solvers.compiled_simulator import compile_system
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
@@ -110,7 +110,7 @@ def test_a_state_stays_its_own_image_and_compiled_runs_agree(bent: System) -> No
     found = simulate(bent, start, TIMES, Forcing(terms, weights))
     assert torch.isfinite(found).all()
     torch.testing.assert_close(image(found, odd), found, atol=1e-9, rtol=0)
-    quick = compiled(bent, terms)(start, TIMES, weights)
+    quick = compile_system(bent, terms)(start, TIMES, weights)
     torch.testing.assert_close(quick, found, atol=1e-9, rtol=0)
 
 

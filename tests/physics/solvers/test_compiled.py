@@ -13,9 +13,13 @@ from torch import Tensor
 
 from dashred.core.threads import use_threads
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.solvers.compiled_etdrk4 import CompiledMarch
-from dashred.physics.solvers.compiled_runge_kutta import CompiledOde
-from dashred.physics.solvers.compiled_simulator import CompiledSystem, InterpretedSystem, compiled
+from dashred.physics.solvers.compiled_etdrk4 import CompiledETDRK4
+from dashred.physics.solvers.compiled_runge_kutta import CompiledRungeKutta
+from dashred.physics.solvers.compiled_simulator import (
+    CompiledSystem,
+    InterpretedSystem,
+    compile_system,
+)
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
@@ -119,7 +123,7 @@ def make(tmp_path_factory: pytest.TempPathFactory):
         first = nominal_start(system)
         scale = 1 + 0.02 * torch.arange(6).reshape(-1, *(1,) * (first.dim() - 1))
         weights = torch.where(some, full, 0.0)
-        return Case(system, terms, compiled(system, terms), first * scale, weights)
+        return Case(system, terms, compile_system(system, terms), first * scale, weights)
 
     return declare
 
@@ -142,7 +146,7 @@ def ode(make) -> Case:
 @pytest.mark.parametrize("name", ["ks", "engine", "ode"])
 def test_the_trajectories_are_the_simulator_s(name: str, request: pytest.FixtureRequest) -> None:
     case: Case = request.getfixturevalue(name)
-    assert isinstance(case.run, CompiledOde if name == "ode" else CompiledMarch)
+    assert isinstance(case.run, CompiledRungeKutta if name == "ode" else CompiledETDRK4)
     found, expected = case.run(case.start, TIMES, case.weights), case.simulated()
     assert found.shape == expected.shape and found.dtype == torch.float64
     torch.testing.assert_close(found, expected, rtol=1e-10, atol=1e-10)
@@ -194,7 +198,7 @@ def test_threads_change_no_bit_and_progress_ends_at_one(engine: Case) -> None:
     told: list[float] = []
     use_threads(2)
     try:
-        assert isinstance(engine.run, CompiledMarch)
+        assert isinstance(engine.run, CompiledETDRK4)
         found = engine.run(engine.start, TIMES, engine.weights, progress=told.append)
     finally:
         use_threads(1)

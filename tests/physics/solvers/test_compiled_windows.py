@@ -11,10 +11,10 @@ from torch import Tensor
 
 from dashred.physics.expressions.algebra import multiply
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.solvers.batch_coefficients import Columns
-from dashred.physics.solvers.compiled_etdrk4 import CompiledMarch
-from dashred.physics.solvers.compiled_runge_kutta import CompiledOde
-from dashred.physics.solvers.compiled_simulator import InterpretedSystem, compiled
+from dashred.physics.solvers.batch_coefficients import CoefficientLayout
+from dashred.physics.solvers.compiled_etdrk4 import CompiledETDRK4
+from dashred.physics.solvers.compiled_runge_kutta import CompiledRungeKutta
+from dashred.physics.solvers.compiled_simulator import InterpretedSystem, compile_system
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
@@ -70,8 +70,8 @@ def reference(
 def compare(system: System, listed: tuple[tuple[str, str], ...], windows: list[Window]) -> object:
     terms = tuple(laws.term(system, equation, text).terms[0] for equation, text in listed)
     shapes = window_shapes(system)
-    run = compiled(system, terms, shapes)
-    columns = Columns(len(terms), shapes)
+    run = compile_system(system, terms, shapes)
+    columns = CoefficientLayout(len(terms), shapes)
     start = nominal_start(system)
     many = start.expand(len(windows), *start.shape[1:]).contiguous()
     weights = columns.weights(*rows(windows, len(terms)), windows)
@@ -100,13 +100,13 @@ def test_boxes_gates_and_onsets_on_a_ring(tmp_path: Path) -> None:
         gate("u", 1).at((0.3, math.log(0.2))),
         gate("v", -1).at((0.1, math.log(0.1))),
     ]
-    assert isinstance(compare(system, TERMS, windows), CompiledMarch)
+    assert isinstance(compare(system, TERMS, windows), CompiledETDRK4)
 
 
 def test_an_ode_has_onsets_and_gates(tmp_path: Path) -> None:
     system = laws.declared(tmp_path, SWING + REST)
     windows = [onset().at((0.8, math.log(0.2))), gate("p", -1).at((0.1, math.log(0.1)))]
-    assert isinstance(compare(system, FORCES, windows), CompiledOde)
+    assert isinstance(compare(system, FORCES, windows), CompiledRungeKutta)
     assert {shape.kind for shape in window_shapes(system)} == {"onset", "gate above", "gate below"}
 
 

@@ -10,11 +10,11 @@ import torch
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.library import resolve
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.solvers.compiled_simulator import compiled
+from dashred.physics.solvers.compiled_simulator import compile_system
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
-from dashred.physics.tangents.ode_tangents import supports_ode, tangent_ode
+from dashred.physics.tangents.ode_tangents import has_ode_tangents, tangent_ode
 from tests import laws
 
 TIMES = torch.tensor([0.5, 0.6, 0.93, 1.0, 1.7, 3.1]).double()
@@ -78,7 +78,7 @@ def test_columns_are_the_derivatives_of_the_run(system: System, forcing: Forcing
 def test_a_free_forcing_is_carried_and_differentiated(system: System, forcing: Forcing) -> None:
     start, h = nominal_start(system)[0], 1e-5
     forcing_basis = ForcingBasis.over(system, TIMES, 1, 4)
-    run = compiled(system, forcing.terms)
+    run = compile_system(system, forcing.terms)
     amplitudes = 0.3 * torch.randn(
         (1, *forcing_basis.shape), generator=torch.Generator().manual_seed(0)
     )
@@ -120,6 +120,6 @@ def test_a_trajectory_that_is_lost_is_told_by_its_values(system: System, term: s
 
 
 def test_what_it_cannot_carry_is_told(system: System, tmp_path: Path) -> None:
-    assert supports_ode(system, ())
+    assert has_ode_tangents(system, ())
     adaptive = laws.declared(tmp_path, TEXT.replace("method: rk4", "method: dopri5"))
-    assert not supports_ode(adaptive, ())
+    assert not has_ode_tangents(adaptive, ())

@@ -7,7 +7,7 @@ import math
 import torch
 
 from dashred.inference.initial_state.start_models import LinearStart
-from dashred.pipeline.discovery.first_guess_stage import FittedGuess, ranked
+from dashred.pipeline.discovery.first_guess_stage import FittedGuess, rank_guesses
 
 MODEL = LinearStart(torch.zeros(2).double(), torch.eye(2).double())
 
@@ -17,7 +17,7 @@ def guess(name: str, error: float) -> FittedGuess:
 
 
 def names(*guesses: FittedGuess, near: float = 1.0) -> list[str]:
-    return [found.name for found in ranked(guesses, near)]
+    return [found.name for found in rank_guesses(guesses, near)]
 
 
 def test_the_best_on_validation_comes_first() -> None:

@@ -25,7 +25,7 @@ system:
 """
 
 
-def posed(folder: Path, *words: str) -> Problem:
+def make_problem(folder: Path, *words: str) -> Problem:
     """Return two populations, never negative, as three episodes."""
     (folder / "hares.yaml").write_text(TEXT)
     t = 0.1 * np.arange(30)
@@ -43,7 +43,7 @@ def posed(folder: Path, *words: str) -> Problem:
 
 
 def test_a_field_that_is_never_negative_is_its_own_magnitude(tmp_path: Path) -> None:
-    problem = posed(tmp_path)
+    problem = make_problem(tmp_path)
     apart = keep_identifiable_terms(problem, simulate_nominal(problem, {}).states, problem.times)
     names = {(term.equation, str(term)) for term in apart.library}
     assert {("a", "1"), ("a", "a"), ("a", "a**2"), ("b", "a*b")} <= names
@@ -56,13 +56,13 @@ def test_a_field_that_is_never_negative_is_its_own_magnitude(tmp_path: Path) -> 
 
 
 def test_a_list_of_ones_own_is_refused_with_both_named(tmp_path: Path) -> None:
-    problem = posed(tmp_path, "library={a: [a, abs(a)]}")
+    problem = make_problem(tmp_path, "library={a: [a, abs(a)]}")
     with pytest.raises(InputError, match=r"'a' and 'abs\(a\)' are proportional"):
         keep_identifiable_terms(problem, simulate_nominal(problem, {}).states, problem.times)
 
 
 def test_a_list_that_can_be_told_apart_is_kept(tmp_path: Path) -> None:
-    problem = posed(tmp_path, "library={a: [a, a**2]}")
+    problem = make_problem(tmp_path, "library={a: [a, a**2]}")
     assert (
         keep_identifiable_terms(problem, simulate_nominal(problem, {}).states, problem.times)
         is problem
@@ -71,7 +71,7 @@ def test_a_list_that_can_be_told_apart_is_kept(tmp_path: Path) -> None:
 
 def test_where_nothing_moves_the_user_is_told(tmp_path: Path) -> None:
     still = ["system.start.a=0", "system.start.b=0", "system.equations={a: -a, b: -b}"]
-    problem = posed(tmp_path, *still)
+    problem = make_problem(tmp_path, *still)
     apart = keep_identifiable_terms(problem, simulate_nominal(problem, {}).states, problem.times)
     assert {str(term) for term in apart.library} == {"1"}
     assert build_input(apart)["library_left_out"]["a: a"] == "vanishes"

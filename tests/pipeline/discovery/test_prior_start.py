@@ -29,9 +29,9 @@ def swing(tmp_path_factory: pytest.TempPathFactory) -> Swing:
     return Swing.declared(tmp_path_factory.mktemp("swing"))
 
 
-def posed(swing: Swing, z: tuple[float, float], start: StartModel) -> LeastSquaresProblem:
+def make_objective(swing: Swing, z: tuple[float, float], start: StartModel) -> LeastSquaresProblem:
     recorded = noisy(swing.clean(z, ["x**3"], [-0.3]), SIGMA, 3)
-    return swing.objective(NAMES, recorded, SIGMA, 1.0).about(start)
+    return swing.objective(NAMES, recorded, SIGMA, 1.0).with_start(start)
 
 
 def guess(swing: Swing, z: tuple[float, float], off: tuple[float, float], std: float) -> StartModel:
@@ -49,7 +49,7 @@ def searched(objective: LeastSquaresProblem) -> Selection:
 
 def test_a_law_that_was_bent_to_a_first_guess_is_put_right(swing: Swing) -> None:
     z = (0.8, -0.6)
-    bent = searched(posed(swing, z, guess(swing, z, (0.04, 0.06), 0.002)))
+    bent = searched(make_objective(swing, z, guess(swing, z, (0.04, 0.06), 0.002)))
     assert bent.tried[0].members != TRUE
     found = select_near_prior(swing.start, bent, 6, silent)
     assert found.objective.forward_model.start is swing.start
@@ -59,7 +59,7 @@ def test_a_law_that_was_bent_to_a_first_guess_is_put_right(swing: Swing) -> None
 
 def test_a_start_outside_of_the_prior_stays_with_its_first_guess(swing: Swing) -> None:
     z = (0.8, -0.6)
-    told = searched(posed(swing, z, guess(swing, z, (0.0, 0.0), 0.1)))
+    told = searched(make_objective(swing, z, guess(swing, z, (0.0, 0.0), 0.1)))
     assert told.tried[0].members == TRUE
     far_off = LinearStart(swing.estimate.mean - 3.0, 0.1 * swing.estimate.modes)
     elsewhere = EpisodeStarts((far_off,))
@@ -67,14 +67,14 @@ def test_a_start_outside_of_the_prior_stays_with_its_first_guess(swing: Swing) -
 
 
 def test_of_a_fit_about_the_prior_nothing_more_is_asked(swing: Swing) -> None:
-    law = posed(swing, (0.8, -0.6), swing.start).only(TRUE)
+    law = make_objective(swing, (0.8, -0.6), swing.start).subset(TRUE)
     phi = torch.zeros(law.modes + 1, dtype=torch.float64)
     assert fit_near_prior(swing.start, law, phi) is None
 
 
 def test_the_same_start_is_found_about_the_prior(swing: Swing) -> None:
     z = (0.8, -0.6)
-    law = posed(swing, z, guess(swing, z, (0.02, -0.05), 0.1)).only(TRUE)
+    law = make_objective(swing, z, guess(swing, z, (0.02, -0.05), 0.1)).subset(TRUE)
     fitted = minimise(law, torch.zeros(law.modes + 1, dtype=torch.float64), 10, 1e-6)
     found = fit_near_prior(swing.start, law, fitted.phi)
     assert found is not None

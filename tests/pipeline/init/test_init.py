@@ -111,10 +111,10 @@ def test_a_file_that_is_there_is_left_as_it_is(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("header", "says"),
     [
-        ("t,angle,speed", "call the column 't' 'time'"),
+        ("t,angle,speed", "rename the column 't' to 'time'"),
         ("time,lambda,speed", "lambda"),
         ("time,angle (rad),speed", r"cannot be a name in an equation"),
-        ("time,angle,t", "'t' means something else"),
+        ("time,angle,t", "'t' has another meaning"),
     ],
 )
 def test_headers_that_no_equation_can_hold_are_refused(
@@ -146,9 +146,9 @@ def test_wrong_words_say_what_to_do(words: list[str], says: str) -> None:
 @pytest.mark.parametrize(
     ("fields", "more", "says"),
     [
-        ("length", "", "the field 'length' has the name of how smooth the start is"),
+        ("length", "", "the field 'length' has the name of a key of system.spread"),
         ("x", "", "the field 'x' has the name of a coordinate"),
-        ("u", "north wall", "table.csv:1, column 'note': the column 'note' is no coordinate"),
+        ("u", "north wall", "table.csv:1, column 'note': the column 'note' is not a coordinate"),
     ],
 )
 def test_a_table_that_no_configuration_can_hold_is_refused(
@@ -170,7 +170,7 @@ def test_hundreds_of_columns_are_no_ode(tmp_path: Path) -> None:
     names = ",".join(f"s{i}" for i in range(300))
     rows = [f"{t}," + ",".join(["1.0"] * 300) + "\n" for t in range(30)]
     (tmp_path / "wide.csv").write_text(f"time,{names}\n" + "".join(rows))
-    with pytest.raises(InputError, match="300 columns beside the time") as told:
+    with pytest.raises(InputError, match="300 columns besides time") as told:
         command.main([f"path={tmp_path / 'wide.csv'}", f"output={tmp_path / 'mine.yaml'}"])
     assert "sensors=TABLE.csv" in str(told.value)
 

@@ -11,9 +11,9 @@ from torch import Tensor
 
 from dashred.config import Config, load_config
 from dashred.inference.fit.law import Law
-from dashred.inference.results.corrected_system import correct
+from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.inference.results.parameter_change import is_exact
-from dashred.physics.backends.input_signals import Measured
+from dashred.physics.backends.input_signals import InputSignals
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.pipeline.outputs.corrected_config import write_corrected
@@ -40,7 +40,7 @@ def states(system: System) -> Tensor:
 
 def driven(system: System) -> System:
     inputs = {name: np.array([0.3]) for name in system.config.inputs}
-    return System(system.config, system.where, Measured(np.zeros(1), inputs))
+    return System(system.config, system.where, InputSignals(np.zeros(1), inputs))
 
 
 def added(system: System, law: Law, where: Tensor) -> Tensor:
@@ -150,7 +150,7 @@ def test_of_a_parameter_inside_an_exponential_the_tangent_is_added(tmp_path: Pat
     assert not is_exact(system, "alpha", 0.02)
     # Beside another parameter's new value it is the tangent at the old ones.
     law = laws.law([laws.parameter(system, "alpha"), laws.parameter(system, "q")], [0.02, 0.1])
-    corrected, where = correct(system, law), states(system)
+    corrected, where = build_corrected_system(system, law), states(system)
     torch.testing.assert_close(tendency(corrected, where), added(system, law, where))
     assert corrected.config.parameters == system.config.parameters | {"q": pytest.approx(1.1)}
 

@@ -60,7 +60,7 @@ def test_the_commit_of_another_repository_is_not_reported(monkeypatch) -> None:
 
     monkeypatch.setattr(subprocess, "run", git)
     assert provenance.git_commit() == "unknown"
-    monkeypatch.setattr(provenance, "INSTALLED", True)
+    monkeypatch.setattr(provenance, "IS_INSTALLED", True)
     monkeypatch.setattr(subprocess, "run", lambda *_, **__: pytest.fail("git was asked"))
     assert provenance.git_commit() == "unknown"
 

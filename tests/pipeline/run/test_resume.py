@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import torch
 
-from dashred.config import bundled, frozen_input, load_config
+from dashred.config import bundled_names, frozen_input, load_config
 from dashred.core.errors import InputError
 from dashred.pipeline.run.checkpoints import Checkpoints
 from dashred.pipeline.run.resume import named_folder, read_words
@@ -183,7 +183,7 @@ def test_a_folder_without_a_store_is_refused_and_left_alone(tmp_path, capsys, mo
     assert not (tmp_path / "no").exists()
 
 
-@pytest.mark.parametrize("name", bundled())
+@pytest.mark.parametrize("name", bundled_names())
 def test_a_settled_configuration_reads_back_as_the_same_input(name: str, tmp_path: Path) -> None:
     words = [f"recording.path={tmp_path / 'mine.csv'}", "seed=3", "shred.rate=1e-4"]
     config = load_config([f"conf={name}", *words, "output=there"], entry="train")

@@ -32,13 +32,13 @@ SIGMA, COUNT = torch.tensor([0.01], dtype=torch.float64), 41
 def problem(system: System) -> Any:
     times = torch.arange(COUNT, dtype=torch.float64)
     fit = SimpleNamespace(sensors=[Sensor("s1", "x", ())], names=("s1",), times=times)
-    posed = SimpleNamespace(
+    problem = SimpleNamespace(
         system=system,
         times=times,
         split=SimpleNamespace(fit=fit),
     )
-    posed.episodes = [posed]
-    return posed
+    problem.episodes = [problem]
+    return problem
 
 
 def from_start(value: float, damping: Tensor, system: System) -> Law:

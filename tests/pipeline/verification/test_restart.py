@@ -35,7 +35,7 @@ def law(system: System, start: Tensor) -> Law:
     return Law((laws.term(system, "p", "p"),), damping, one, start, 0.0, 1.0, torch.zeros(1))
 
 
-def posed(
+def make_problem(
     folder: Path, tail: float = 0.0, momentum_off: float | None = None
 ) -> tuple[Problem, Tensor]:
     """Return a recording of the place of a damped swing, whose last fifth may be tampered with.
@@ -60,7 +60,7 @@ def posed(
 
 
 def test_with_the_law_it_is_right_and_without_it_drifts(tmp_path: Path) -> None:
-    problem, states = posed(tmp_path)
+    problem, states = make_problem(tmp_path)
     fit = len(problem.split.fit.times)
     runs = restart(problem, law(problem.system, states[0]), states[:fit])
     assert {run.shape for run in runs.values()} == {(len(TIMES) - fit, 2)}
@@ -74,8 +74,8 @@ def test_with_the_law_it_is_right_and_without_it_drifts(tmp_path: Path) -> None:
 def test_nothing_of_the_held_out_time_has_a_part_in_it(tmp_path: Path) -> None:
     (tmp_path / "one").mkdir()
     (tmp_path / "two").mkdir()
-    problem, states = posed(tmp_path / "one")
-    other, _ = posed(tmp_path / "two", tail=5.0)
+    problem, states = make_problem(tmp_path / "one")
+    other, _ = make_problem(tmp_path / "two", tail=5.0)
     fit = len(problem.split.fit.times)
     assert not np.array_equal(problem.split.heldout.values, other.split.heldout.values)
     found = law(problem.system, states[0])
@@ -85,7 +85,7 @@ def test_nothing_of_the_held_out_time_has_a_part_in_it(tmp_path: Path) -> None:
 
 
 def test_only_the_last_samples_are_fitted(tmp_path: Path) -> None:
-    problem, states = posed(tmp_path)
+    problem, states = make_problem(tmp_path)
     fit = len(problem.split.fit.times)
     found = law(problem.system, states[0])
     runs = restart(problem, found, states[:fit])
@@ -97,8 +97,8 @@ def test_only_the_last_samples_are_fitted(tmp_path: Path) -> None:
 
 def test_a_sensor_at_fault_has_no_part_in_it(tmp_path: Path) -> None:
     (tmp_path / "alone").mkdir()
-    alone, states = posed(tmp_path / "alone")
-    problem, _ = posed(tmp_path, momentum_off=0.7)
+    alone, states = make_problem(tmp_path / "alone")
+    problem, _ = make_problem(tmp_path, momentum_off=0.7)
     fit = len(problem.split.fit.times)
     sound = law(problem.system, states[0])
     faulty = replace(sound, fault=SensorFault("bias", "p", 0.7, 0.01, None))
@@ -110,5 +110,5 @@ def test_a_sensor_at_fault_has_no_part_in_it(tmp_path: Path) -> None:
 
 
 def test_without_held_out_time_there_is_nothing_to_forecast(tmp_path: Path) -> None:
-    problem, states = posed(tmp_path)
+    problem, states = make_problem(tmp_path)
     assert restart(problem, law(problem.system, states[0]), states) == {}

@@ -10,7 +10,7 @@ import torch
 
 from dashred.config import load_config
 from dashred.core.errors import InputError
-from dashred.physics.backends.input_signals import Measured
+from dashred.physics.backends.input_signals import InputSignals
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
@@ -33,7 +33,7 @@ def test_a_port_is_held_against_the_drive_that_was_measured(gain: str, says: str
     assert config.system.structure is not None
     structure = replace(config.system.structure, G={"phi": {"V": gain}})
     times = torch.linspace(0, 3, 16, dtype=torch.float64)
-    drive = Measured(times.numpy(), {"V": np.sin(times.numpy())})
+    drive = InputSignals(times.numpy(), {"V": np.sin(times.numpy())})
     system = System(replace(config.system, structure=structure), config.where, drive)
     states = torch.stack([torch.cos(times), -torch.sin(times)], dim=1)
     if says is None:

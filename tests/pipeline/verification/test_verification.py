@@ -16,13 +16,13 @@ from dashred.pipeline.verification import held_out, verification
 
 
 @pytest.fixture(scope="module")
-def posed(quick, twin_run):
+def problem(quick, twin_run):
     path = twin_run.output / "recording.nc"
     return build_problem(load_config([f"conf={quick}", f"recording.path={path}"], entry="train"))
 
 
-def test_a_refusal_names_the_points_that_would_do(posed) -> None:
-    found = verification.unresolved_findings(posed, Resolution(0.034, 0.01, 2))
+def test_a_refusal_names_the_points_that_would_do(problem) -> None:
+    found = verification.unresolved_findings(problem, Resolution(0.034, 0.01, 2))
     assert found["verdict"] == "unresolved-numerics" and found["causes"] is not None
     [cause] = found["causes"]
     assert cause["enough"] == {"x": 64}
@@ -31,8 +31,8 @@ def test_a_refusal_names_the_points_that_would_do(posed) -> None:
     assert found["terms"] is None and found["latent"]["alg1"] is None
 
 
-def test_a_refusal_says_so_when_twice_the_points_are_not_enough(posed) -> None:
-    found = verification.unresolved_findings(posed, Resolution(0.5, 0.01, None))
+def test_a_refusal_says_so_when_twice_the_points_are_not_enough(problem) -> None:
+    found = verification.unresolved_findings(problem, Resolution(0.5, 0.01, None))
     assert found["causes"] is not None
     assert found["causes"][0]["enough"] is None
     assert "doubling it twice is not enough" in found["causes"][0]["says"]
@@ -53,9 +53,9 @@ def test_a_run_that_blows_up_has_no_error_rather_than_a_small_one() -> None:
     assert np.isnan(held_out.relative_rmse(lost[2:], recorded[2:], np.ones(1)))
 
 
-def test_estimates_are_written_by_method_on_the_grid(posed, tmp_path) -> None:
-    system: System = posed.system
-    times = posed.times[:4]
+def test_estimates_are_written_by_method_on_the_grid(problem, tmp_path) -> None:
+    system: System = problem.system
+    times = problem.times[:4]
     states = torch.arange(4 * 32, dtype=torch.float32).reshape(4, 1, 32)
     path = tmp_path / "estimates.nc"
     field_files.write_estimates(path, system, times, {"shred": states, "dashred": 2 * states})
@@ -67,8 +67,8 @@ def test_estimates_are_written_by_method_on_the_grid(posed, tmp_path) -> None:
     assert [file.name for file in tmp_path.iterdir()] == ["estimates.nc"]
 
 
-def test_the_sources_name_every_sensor_once(posed) -> None:
-    splits = verification.build_input(posed)["splits"]
+def test_the_sources_name_every_sensor_once(problem) -> None:
+    splits = verification.build_input(problem)["splits"]
     assert splits is not None
     roles = [splits["inputs"], splits["extra"], splits["validate"], splits["test"]]
     assert sorted(name for role in roles for name in role) == [f"s{i}" for i in range(1, 7)]

@@ -117,7 +117,7 @@ def test_sensors_run_down_the_map_and_a_dead_one_is_left_out() -> None:
 def test_of_many_sensors_those_that_gain_most_are_shown() -> None:
     figure = where_figure(where(sensors=40))
     told = texts(figure)
-    assert "18 of 41 sensors, those that gain most" in told
+    assert "18 of 41 sensors with the largest gain" in told
     assert "s39" in told and "s22" in told and "s21" not in told
     assert not any(axes.images for axes in figure.axes)
 
@@ -141,7 +141,7 @@ def test_a_law_off_the_path_has_no_ring() -> None:
     assert list(np.asarray(evidence_figure(PATH, TERMS, 3).axes[0].lines[1].get_ydata())) == [11]
     figure = evidence_figure(PATH, TERMS, None)
     assert len(figure.axes[0].lines) == 1
-    assert "reported, none of these:\nu: u³\nchange of nu" in texts(figure)
+    assert "reported (not shown):\nu: u³\nchange of nu" in texts(figure)
 
 
 def test_a_parameters_interval_is_drawn_about_its_change() -> None:
@@ -154,13 +154,13 @@ def test_a_parameters_interval_is_drawn_about_its_change() -> None:
 def test_small_coefficients_do_not_vanish_beside_large_ones() -> None:
     small = TERMS[0] | {"coefficient": 1e-5, "std": 1e-6, "ci95": [8e-6, 1.2e-5]}
     axes = evidence_figure(PATH, [TERMS[0], small], 0).axes[1]
-    assert axes.get_xlabel() == "coefficient / its size"
+    assert axes.get_xlabel() == "coefficient / its magnitude"
     assert [round(bar.get_width(), 6) for bar in bars(axes)] == [-1, 1]
 
 
 def test_a_law_of_nothing_can_be_drawn() -> None:
     figure = evidence_figure([(0, 0.0)], [], 0)
-    assert "nothing is added" in texts(figure) and "ring:\nnothing" in texts(figure)
+    assert "no term is added" in texts(figure) and "ring:\nno term" in texts(figure)
 
 
 def test_three_test_sensors_with_the_recordings_own_scale() -> None:

@@ -92,7 +92,7 @@ def test_the_ring_is_about_the_law_that_is_reported() -> None:
         assert axes.get_xlabel() == "number of terms (ring: reported)"
     for axes in accuracy_against_sparsity(latent, law, None).axes[2:]:
         assert len(axes.get_lines()) == 1
-        assert axes.get_xlabel() == "number of terms (the law reported is none of these)"
+        assert axes.get_xlabel() == "number of terms (the reported law is not shown)"
 
 
 def test_latent_sindy_has_evidence_of_what_it_keeps() -> None:

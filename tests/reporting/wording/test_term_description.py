@@ -119,7 +119,9 @@ def test_the_effect_of_a_term_has_no_size(
     expr = flow.parse(term, "library", equation=equation)
     found = describe_term(flow, equation, expr, 0.04, 0.0003)
     assert found.effect == effect
-    assert found.text == f"{effect}{found.joint}{found.size}" and "0.0400 ± 0.0003" in found.size
+    assert (
+        found.text == f"{effect}{found.separator}{found.size}" and "0.0400 ± 0.0003" in found.size
+    )
 
 
 @pytest.mark.parametrize(

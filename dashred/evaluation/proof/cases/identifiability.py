@@ -26,10 +26,10 @@ from dashred.inference.fit.subset_search import ProfiledProblem, small_sets
 from dashred.inference.forward.candidates import Candidate, indices_by_name
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis
-from dashred.inference.initial_state.start_models import nearest
+from dashred.inference.initial_state.start_models import project_state
 from dashred.physics.system import Term
 from dashred.physics.window import window_shapes
-from dashred.pipeline.discovery.objectives import build_least_squares, exact_simulator
+from dashred.pipeline.discovery.least_squares import build_least_squares, exact_simulator
 from dashred.pipeline.problem import Problem, build_problem
 
 # Kinds whose laws act everywhere; only for these can all rivals be enumerated.
@@ -57,10 +57,10 @@ def score_margin(case: Case, case_truth: CaseTruth, recording: Path) -> float:
     problem = build_problem(load_config(words, entry="train"))
     objective, true = _problem_at_truth(case.system, problem, case_truth)
     normal = objective.linearise(_unknowns(objective, true, case_truth))
-    if not normal.finite:
+    if not normal.is_finite:
         return -torch.inf
     clean = replace(normal, residuals=torch.zeros_like(normal.residuals))
-    eliminated = ProfiledProblem.of(clean, objective.modes)
+    eliminated = ProfiledProblem.from_normal_equations(clean, objective.modes)
     samples, shapes = objective.noise.effective_count, len(window_shapes(problem.system))
 
     def scores(sets: list[tuple[int, ...]]) -> Tensor:
@@ -87,10 +87,10 @@ def _problem_at_truth(
     if name not in SIMULATOR_CACHE:
         SIMULATOR_CACHE[name] = exact_simulator(problem, library)
     weak = problem.config.discovery.weak
-    posed = build_least_squares(problem, SIMULATOR_CACHE[name], start, library, weak)
-    noise = replace(posed.noise, std=problem.noise_of(problem.split.fit.names))
+    objective = build_least_squares(problem, SIMULATOR_CACHE[name], start, library, weak)
+    noise = replace(objective.noise, std=problem.noise_of(problem.split.fit.names))
     true = chain(_terms(library, case_truth), _parameters(library, case_truth))
-    return replace(posed, noise=noise), dict(true)
+    return replace(objective, noise=noise), dict(true)
 
 
 def _terms(library: Sequence[Candidate], case_truth: CaseTruth) -> Iterator[tuple[int, float]]:
@@ -110,7 +110,7 @@ def _parameters(library: Sequence[Candidate], case_truth: CaseTruth) -> Iterator
 def _unknowns(
     objective: LeastSquaresProblem, true: dict[int, float], case_truth: CaseTruth
 ) -> Tensor:
-    z = nearest(objective.forward_model.start, case_truth.truth.states[0])
+    z = project_state(objective.forward_model.start, case_truth.truth.states[0])
     xi = torch.zeros_like(objective.prior_std)
     xi[list(true)] = torch.tensor(list(true.values()), dtype=xi.dtype)
     return torch.cat([z, xi])

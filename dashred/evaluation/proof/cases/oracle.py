@@ -24,16 +24,16 @@ from dashred.evaluation.twins.findings_reader import read_findings
 from dashred.evaluation.twins.recorder import true_expression
 from dashred.evaluation.twins.window_kinds import WindowKind, bounds_kind, region_kind, window_kind
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
+from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate, build_candidates
-from dashred.inference.hypotheses.windows.windowed_hypothesis import Guess, Hypothesis
-from dashred.inference.initial_state.start_models import StartModel, nearest
+from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis, WindowGuess
+from dashred.inference.initial_state.start_models import StartModel, project_state
 from dashred.physics.library import resolve
 from dashred.physics.system import Term
 from dashred.physics.window import window_shapes
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
-from dashred.pipeline.discovery.objectives import build_least_squares, exact_simulator
+from dashred.pipeline.discovery.least_squares import build_least_squares, exact_simulator
 from dashred.pipeline.problem import Problem, build_problem
 from dashred.pipeline.simulation import simulate_nominal
 
@@ -69,14 +69,16 @@ def compute_oracle(
     words = (*case.analysis_words, f"recording.path={folder / 'recording.nc'}")
     simulator = build_problem(load_config([f"conf={case.system}", *words], entry="train"))
     start, library = prior_and_library(case.system, simulator)
-    z, p = nearest(start, truth.states[0]), len(library)
+    z, p = project_state(start, truth.states[0]), len(library)
 
     candidates = _true_candidates(simulator, library, case_truth)
     objective = _objective(simulator, start, candidates, None)
     begin = torch.cat([z, torch.tensor(_coefficients(case_truth), dtype=torch.float64)])
     fitted = minimise(objective, begin, STEPS, TOLERANCE)
     normal = objective.linearise(fitted.phi, fitted.readings)
-    noise = objective.noise_left(fitted.readings, normal.spent(range(len(begin))))
+    noise = objective.estimate_noise(
+        fitted.readings, normal.effective_parameters(range(len(begin)))
+    )
     fitted = minimise(replace(objective, noise=noise), fitted.phi, STEPS, TOLERANCE)
     kinds = [window_kind(term.window) for term in truth.terms]
     kinds += [None] * len(truth.concealed.parameters)
@@ -90,7 +92,7 @@ def compute_oracle(
         )
         found = [region_kind(entry["region"]) for entry in findings["terms"]]
         # In a chaotic system a slightly wrong law cannot be fitted from the true start to its own.
-        begins = (z, nearest(start, _estimated_start(folder, simulator)))
+        begins = (z, project_state(start, _estimated_start(folder, simulator)))
         cost = min(_fit_start(corrected, start, begin, noise).cost for begin in begins)
         returned = cost + _penalty(found, noise, p, simulator)
     # A simulation that blows up from the true start gets the largest loss.
@@ -116,11 +118,11 @@ def _objective(
     """Return the least-squares problem of a law over the fit window."""
     simulator = exact_simulator(problem, candidates)
     weak = problem.config.discovery.weak
-    posed = build_least_squares(problem, simulator, start, candidates, weak)
-    return posed if noise is None else replace(posed, noise=noise)
+    objective = build_least_squares(problem, simulator, start, candidates, weak)
+    return objective if noise is None else replace(objective, noise=noise)
 
 
-def _fit_start(problem: Problem, start: StartModel, z: Tensor, noise: NoiseModel) -> Fitted:
+def _fit_start(problem: Problem, start: StartModel, z: Tensor, noise: NoiseModel) -> FitResult:
     """Fit only the start of an unchanged simulator."""
     return minimise(_objective(problem, start, (), noise), z, STEPS, TOLERANCE)
 
@@ -166,7 +168,7 @@ def _penalty(
         kind = next(kind for kind in kinds if kind is not None)
         shape = next(s for s in window_shapes(problem.system) if kind == (s.of, s.side))
         places = (0.0,) * len(shape.names)
-        guess = Guess(shape, places, places)
+        guess = WindowGuess(shape, places, places)
     hypothesis = Hypothesis(everywhere, inside, guess)
     return hypothesis.penalty(noise.effective_count, p, len(window_shapes(problem.system)))
 

@@ -1,1 +1,1 @@
-"""Hypotheses compared by one score."""
+"""Comparison of hypotheses by one score."""

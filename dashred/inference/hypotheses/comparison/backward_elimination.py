@@ -1,7 +1,7 @@
-"""Simpler explanations begun where the best has ended: what that holds in vain is dropped.
+"""Backward elimination: refit hypotheses without terms from the initial state of the best one.
 
-A fit of the start ends in the nearest of several minima. An explanation without a law may be worse
-than one with it for nothing but its start.
+A fit ends in the nearest of several minima. A hypothesis without terms may therefore score worse
+than one with terms only because its fit began elsewhere.
 """
 
 from __future__ import annotations
@@ -12,47 +12,47 @@ import torch
 from torch import Tensor
 
 from dashred.inference.fit.levenberg_marquardt import minimise
-from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, by_score, ended
-from dashred.inference.hypotheses.sensors.leave_one_sensor_out import beside_the_fault
-from dashred.inference.initial_state.start_models import StartModel, nearest
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, by_score, replace_minimum
+from dashred.inference.hypotheses.sensors.leave_one_sensor_out import add_fault
+from dashred.inference.initial_state.start_models import StartModel, project_state
 
 STEPS, TOLERANCE = 10, 1e-4
 
 
-def eliminate_terms(found: Sequence[HypothesisFit]) -> list[HypothesisFit]:
-    """Return what explanations without a law become from the best one's start, if better.
+def eliminate_terms(fits: Sequence[HypothesisFit]) -> list[HypothesisFit]:
+    """Refit hypotheses without terms from the best one's initial state; return those that improve.
 
     Args:
-        found: explanations.
+        fits: hypotheses.
     """
-    best = min(found, key=by_score)
+    best = min(fits, key=by_score)
     if not best.law.candidates:
         return []
-    begun = [_begun(cause, best) for cause in found if _is_simpler(cause)]
-    return [better for better in begun if better is not None]
+    refits = [_refit_from(fit, best) for fit in fits if _can_be_refitted(fit)]
+    return [fit for fit in refits if fit is not None]
 
 
-def _is_simpler(cause: HypothesisFit) -> bool:
-    """Tell whether an explanation has no law; what fitted a fault has told of it where it ended."""
-    told = cause.law.fault is not None and cause.left_out is None
-    return not cause.law.candidates and not told
+def _can_be_refitted(fit: HypothesisFit) -> bool:
+    """Tell whether a hypothesis has no terms, and no fault among its unknowns."""
+    has_fitted_fault = fit.law.fault is not None and fit.excluded_sensor is None
+    return not fit.law.candidates and not has_fitted_fault
 
 
-def _begun(cause: HypothesisFit, best: HypothesisFit) -> HypothesisFit | None:
-    """Return an explanation fitted from the best one's start; None where that is no better."""
-    if cause.left_out is not None:
-        bare = _begun(cause.left_out.bare, best)
-        return bare and beside_the_fault(bare, cause.left_out.sensor)
-    objective = cause.objective
-    z = _start_of(best, objective.forward_model.start)
-    phi = torch.cat([z, cause.phi[len(z) :]])
-    before, there = objective.values(torch.stack([cause.phi, phi]))[0].tolist()
-    if not there < before:
+def _refit_from(fit: HypothesisFit, best: HypothesisFit) -> HypothesisFit | None:
+    """Return a hypothesis fitted from the best one's initial state; None if F does not improve."""
+    if fit.excluded_sensor is not None:
+        without_fault = _refit_from(fit.excluded_sensor.without_fault, best)
+        return without_fault and add_fault(without_fault, fit.excluded_sensor.sensor)
+    objective = fit.objective
+    z = _express_start(best, objective.forward_model.start)
+    phi = torch.cat([z, fit.phi[len(z) :]])
+    before, after = objective.values(torch.stack([fit.phi, phi]))[0].tolist()
+    if not after < before:
         return None
-    return ended(cause, objective, minimise(objective, phi, STEPS, TOLERANCE))
+    return replace_minimum(fit, objective, minimise(objective, phi, STEPS, TOLERANCE))
 
 
-def _start_of(cause: HypothesisFit, model: StartModel) -> Tensor:
-    """Return an explanation's start as the z of a model, ``(mode,)``."""
-    z, mine = cause.objective.split(cause.phi)[0], cause.objective.forward_model.start
-    return z if mine is model else nearest(model, mine.start(z[None])[0])
+def _express_start(fit: HypothesisFit, model: StartModel) -> Tensor:
+    """Return the initial state of a fit as the z of a start model, ``(mode,)``."""
+    z, own_model = fit.objective.split(fit.phi)[0], fit.objective.forward_model.start
+    return z if own_model is model else project_state(model, own_model.start(z[None])[0])

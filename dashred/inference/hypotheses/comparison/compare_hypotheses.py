@@ -1,6 +1,6 @@
-"""Weigh the law that was found against other causes: a sensor, the start, a law somewhere only.
+"""Compare the law with other hypotheses: a sensor fault, the initial state, a law in a window.
 
-Every explanation is fitted with its own start and compared by the same score
+Every hypothesis is fitted with its own initial state. All are ranked by the same score
 (docs/method.md#comparison-of-hypotheses).
 """
 
@@ -13,37 +13,42 @@ from dataclasses import dataclass, replace
 from torch import Tensor
 
 from dashred.core.progress import Report
-from dashred.inference.fit.law import Law, unlike
+from dashred.inference.fit.law import Law, distinct_laws
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.comparison.backward_elimination import eliminate_terms
 from dashred.inference.hypotheses.comparison.noise_reestimation import (
-    refitted_under,
-    refitted_under_own_noise,
+    refit_under_best_noise,
+    refit_under_noise,
 )
 from dashred.inference.hypotheses.comparison.repeated_screening import repeat_screening
 from dashred.inference.hypotheses.comparison.residual_forcing import (
-    SIMPLE,
+    MAX_SIMPLE_TERMS,
     ResidualForcing,
     fit_residual_forcing,
 )
-from dashred.inference.hypotheses.extended.extended_library import extended_laws
-from dashred.inference.hypotheses.extended.periodic_forcing import periodic_laws
+from dashred.inference.hypotheses.extended.extended_library import fit_extended_laws
+from dashred.inference.hypotheses.extended.periodic_forcing import fit_periodic_laws
 from dashred.inference.hypotheses.forcing_map import ForcingMap
-from dashred.inference.hypotheses.free_forcing import FreeForcing, force
-from dashred.inference.hypotheses.hypothesis_fit import HOPELESS, HypothesisFit, by_score, refitted
-from dashred.inference.hypotheses.result import AMBIGUOUS, MISSING
-from dashred.inference.hypotheses.sensors.sensor_and_start_faults import (
-    sensor_hypotheses,
-    start_hypotheses,
+from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forcing
+from dashred.inference.hypotheses.hypothesis_fit import (
+    REJECTION_MARGIN,
+    HypothesisFit,
+    by_score,
+    refit,
 )
-from dashred.inference.hypotheses.windows.threshold_likelihood import with_profile
-from dashred.inference.hypotheses.windows.windowed_laws import windowed_laws
+from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN, MIN_FORCING_GAIN
+from dashred.inference.hypotheses.sensors.sensor_and_start_faults import (
+    fit_sensor_hypotheses,
+    fit_start_hypotheses,
+)
+from dashred.inference.hypotheses.windows.threshold_likelihood import profile_threshold
+from dashred.inference.hypotheses.windows.windowed_laws import fit_windowed_laws
 
-# χ²/n, under the noise that a free forcing leaves, of what needs no further explanation.
-EXPLAINED = 1.1
+# Below this χ²/n, under the noise that a free forcing leaves, a fit needs no further terms.
+MAX_EXPLAINED_CHI2 = 1.1
 
 
 @dataclass(frozen=True)
@@ -51,182 +56,200 @@ class Additions:
     """What may be added to the simulator.
 
     Attributes:
-        global_count: how many of the candidates, the first, may act everywhere.
-        size: rms of each equation's own tendency, ``(equation,)``.
-        compiled: the simulator with windows in reach: worth its seconds only if they are needed.
-        extended: terms that the library does not have.
+        global_count: number of candidates that may act everywhere; these come first.
+        tendency_rms: rms of each equation's own tendency, ``(equation,)``.
+        windowed_simulator: builds the simulator with windows, which takes seconds to compile.
+        extended_candidates: builds the terms beyond the library.
     """
 
     global_count: int
-    size: Tensor
-    compiled: Callable[[], Simulator]
-    extended: Callable[[], Sequence[Candidate]]
+    tendency_rms: Tensor
+    windowed_simulator: Callable[[], Simulator]
+    extended_candidates: Callable[[], Sequence[Candidate]]
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """All explanations, under one noise.
+    """All hypotheses, scored under the same noise.
 
     Attributes:
-        laws: the best first.
-        nothing: the simulator as it is, with its own best start.
-        noise: under which they were scored.
-        gain: evidence for a free forcing on top of the best.
-        forcing: the map of one on top of the simulator as it is; None where the best law leaves
-            no question, nothing is missing, or no forcing can be fitted.
+        laws: the laws, the best first.
+        uncorrected: the uncorrected simulator with its own best initial state.
+        noise: the noise under which they were scored.
+        forcing_gain: evidence for a free forcing on top of the best law.
+        forcing_map: the map of a forcing on top of the uncorrected simulator; None if the best law
+            is clear, if nothing is missing, or if no forcing can be fitted.
     """
 
     laws: list[Law]
-    nothing: Law
+    uncorrected: Law
     noise: NoiseModel
-    gain: float
-    forcing: ForcingMap | None
+    forcing_gain: float
+    forcing_map: ForcingMap | None
 
 
 def compare_hypotheses(
-    everything: LeastSquaresProblem,
+    full_problem: LeastSquaresProblem,
     best: HypothesisFit,
     null: HypothesisFit,
     rivals: Sequence[HypothesisFit],
     additions: Additions,
     report: Report,
 ) -> Comparison:
-    """Weigh the best law that acts everywhere against other explanations.
+    """Compare the best law that acts everywhere with other hypotheses.
 
     Args:
-        everything: F of all candidates over the whole record.
+        full_problem: F of all candidates over the whole record.
         best: the best law that acts everywhere.
-        null: the simulator as it is.
+        null: the uncorrected simulator.
         rivals: other laws that act everywhere and do about as well as the best.
         additions: what may be added.
         report: progress.
     """
-    contested = len(best.law.candidates) > 1 and bool(rivals)
-    left = fit_residual_forcing(everything, best, null, contested, additions.size, report)
-    found, gain = _without_places(left.best, left.null), left.gain
-    bases = left.bases()
-    if left.fault is not None:
-        found += left.with_fault(bases)
-    waves = _periodic(left, bases, additions)
-    found += waves
-    explained = min(found, key=by_score)
-    simple = len(explained.law.candidates) <= SIMPLE
-    if explained is not found[0] and simple and explained.law.chi2 < EXPLAINED:
-        gain = 0.0
-    elif left.unclear:
-        somewhere, gain = _somewhere(left, additions, waves, report)
-        found += somewhere
-    elif len(left.best.law.candidates) >= SIMPLE:
-        report(0.4, "asking whether one term in a window, or beyond the library, does as well")
-        found += _as_good(left, additions)
-    found += eliminate_terms(found)
-    found += _rivals_of_the_faulty(left, found, rivals)
-    if left.unclear:
-        found = refitted_under_own_noise(found)
-    nothing = min((cause for cause in found if not cause.law.parts), key=by_score)
-    first = min(found, key=by_score)
-    laws = unlike([with_profile(cause) if cause is first else cause.law for cause in found])
-    return Comparison(laws, nothing.law, nothing.objective.noise, gain, left.forcing)
-
-
-def _periodic(
-    left: ResidualForcing, bases: Sequence[HypothesisFit], additions: Additions
-) -> list[HypothesisFit]:
-    """Return laws with a drive that is periodic in time."""
-    bound = min(base.law.score for base in bases) + HOPELESS
-    waves = [
-        wave
-        for base in bases
-        for wave in periodic_laws(base, additions.size, additions.global_count, bound)
-    ]
-    return left.with_fault(waves)
-
-
-def _somewhere(
-    left: ResidualForcing, additions: Additions, waves: Sequence[HypothesisFit], report: Report
-) -> tuple[list[HypothesisFit], float]:
-    """Return laws in windows, and beyond the library, and what a forcing gains on the best."""
-    report(0.4, "screening terms by place, time and state")
-    every, null = range(len(left.everything.prior_std)), left.null.law.score
-    whole = _through(left.everything, additions.compiled())
-
-    def screened(carried: FreeForcing, bound: float) -> list[HypothesisFit]:
-        local = windowed_laws(whole, additions.global_count, every, carried, null, bound)
-        return left.with_fault(local)
-
-    begin = min([left.best, *waves], key=by_score)
-    found, first, nearest, gain = repeat_screening(
-        begin, screened, left.carriers, additions.size, report
+    has_rivals = len(best.law.candidates) > 1 and bool(rivals)
+    residual = fit_residual_forcing(
+        full_problem, best, null, has_rivals, additions.tendency_rms, report
     )
-    if gain > MISSING or len(first.law.candidates) >= SIMPLE:
+    fits, forcing_gain = _fit_global_hypotheses(residual.best, residual.null), residual.forcing_gain
+    base_fits = residual.base_fits()
+    if residual.fault is not None:
+        fits += residual.add_fault(base_fits)
+    periodic_fits = _fit_periodic(residual, base_fits, additions)
+    fits += periodic_fits
+    leader = min(fits, key=by_score)
+    is_simple = len(leader.law.candidates) <= MAX_SIMPLE_TERMS
+    if leader is not fits[0] and is_simple and leader.law.chi2 < MAX_EXPLAINED_CHI2:
+        forcing_gain = 0.0
+    elif residual.is_unclear:
+        more_fits, forcing_gain = _fit_local_and_extended(
+            residual, additions, periodic_fits, report
+        )
+        fits += more_fits
+    elif len(residual.best.law.candidates) >= MAX_SIMPLE_TERMS:
+        report(0.4, "fitting single terms in a window or beyond the library")
+        fits += _fit_single_terms(residual, additions)
+    fits += eliminate_terms(fits)
+    fits += _refit_rivals_beside_fault(residual, fits, rivals)
+    if residual.is_unclear:
+        fits = refit_under_best_noise(fits)
+    uncorrected = min((fit for fit in fits if not fit.law.parts), key=by_score)
+    best_fit = min(fits, key=by_score)
+    laws = distinct_laws([profile_threshold(fit) if fit is best_fit else fit.law for fit in fits])
+    noise = uncorrected.objective.noise
+    return Comparison(laws, uncorrected.law, noise, forcing_gain, residual.forcing_map)
+
+
+def _fit_periodic(
+    residual: ResidualForcing, base_fits: Sequence[HypothesisFit], additions: Additions
+) -> list[HypothesisFit]:
+    """Return laws with a forcing that is periodic in time."""
+    bound = min(base.law.score for base in base_fits) + REJECTION_MARGIN
+    periodic_fits = [
+        fit
+        for base in base_fits
+        for fit in fit_periodic_laws(base, additions.tendency_rms, additions.global_count, bound)
+    ]
+    return residual.add_fault(periodic_fits)
+
+
+def _fit_local_and_extended(
+    residual: ResidualForcing,
+    additions: Additions,
+    periodic_fits: Sequence[HypothesisFit],
+    report: Report,
+) -> tuple[list[HypothesisFit], float]:
+    """Return laws in windows and beyond the library, and the forcing gain on the best of them."""
+    report(0.4, "screening terms by place, time and state")
+    all_candidates = range(len(residual.full_problem.prior_std))
+    null_score = residual.null.law.score
+    windowed_problem = _with_simulator(residual.full_problem, additions.windowed_simulator())
+
+    def screen(forcing: FreeForcing, bound: float) -> list[HypothesisFit]:
+        local_fits = fit_windowed_laws(
+            windowed_problem, additions.global_count, all_candidates, forcing, null_score, bound
+        )
+        return residual.add_fault(local_fits)
+
+    first_fit = min([residual.best, *periodic_fits], key=by_score)
+    fits, best_fit, nearest, forcing_gain = repeat_screening(
+        first_fit, screen, residual.forcings, additions.tendency_rms, report
+    )
+    if forcing_gain > MIN_FORCING_GAIN or len(best_fit.law.candidates) >= MAX_SIMPLE_TERMS:
         report(0.8, "screening terms beyond the library")
-        further = left.with_fault(_extended(left, additions, nearest, math.inf))
-        gain = _gain_of(further, first, gain, additions.size)
-        found += further
-    return found, gain
+        extended_fits = residual.add_fault(_fit_extended(residual, additions, nearest, math.inf))
+        forcing_gain = _update_gain(extended_fits, best_fit, forcing_gain, additions.tendency_rms)
+        fits += extended_fits
+    return fits, forcing_gain
 
 
-def _as_good(left: ResidualForcing, additions: Additions) -> list[HypothesisFit]:
-    """Return laws of one term, in a window or beyond the library, that may do as well."""
-    whole, best = _through(left.everything, additions.compiled()), left.best
-    bound, null = best.law.score + HOPELESS, left.null.law.score
-    alike = _alike(left.everything, best)
-    local = windowed_laws(whole, 0, alike, left.forced, null, bound)
-    return [*local, *_extended(left, additions, left.forced, bound)]
+def _fit_single_terms(residual: ResidualForcing, additions: Additions) -> list[HypothesisFit]:
+    """Return laws of one term, in a window or beyond the library, that may rival the best law."""
+    best, forcing = residual.best, residual.best_forcing
+    windowed_problem = _with_simulator(residual.full_problem, additions.windowed_simulator())
+    bound, null_score = best.law.score + REJECTION_MARGIN, residual.null.law.score
+    indices = _candidates_in_same_equations(residual.full_problem, best)
+    local_fits = fit_windowed_laws(windowed_problem, 0, indices, forcing, null_score, bound)
+    return [*local_fits, *_fit_extended(residual, additions, forcing, bound)]
 
 
-def _extended(
-    left: ResidualForcing, additions: Additions, carried: FreeForcing, bound: float
+def _fit_extended(
+    residual: ResidualForcing, additions: Additions, forcing: FreeForcing, bound: float
 ) -> list[HypothesisFit]:
-    """Return laws with terms that the library does not have, found about a trajectory."""
-    further, library = additions.extended(), additions.global_count
-    return extended_laws(left.everything, further, carried, library, bound)
+    """Return laws with terms beyond the library, searched about the trajectory of a forcing."""
+    candidates, library_size = additions.extended_candidates(), additions.global_count
+    return fit_extended_laws(residual.full_problem, candidates, forcing, library_size, bound)
 
 
-def _without_places(best: HypothesisFit, null: HypothesisFit) -> list[HypothesisFit]:
-    """Return the explanations that need no further term: faults and starts beside the laws."""
-    found = [best, null] if best.law.candidates else [null]
-    found += sensor_hypotheses(null, best.law.score + AMBIGUOUS)
+def _fit_global_hypotheses(best: HypothesisFit, null: HypothesisFit) -> list[HypothesisFit]:
+    """Return the hypotheses that add no term: the laws, sensor faults and initial states."""
+    fits = [best, null] if best.law.candidates else [null]
+    fits += fit_sensor_hypotheses(null, best.law.score + AMBIGUITY_MARGIN)
     if best.law.candidates:
-        found += sensor_hypotheses(best, best.law.score)
-    return found + start_hypotheses(null, best.law.score + HOPELESS)
+        fits += fit_sensor_hypotheses(best, best.law.score)
+    return fits + fit_start_hypotheses(null, best.law.score + REJECTION_MARGIN)
 
 
-def _rivals_of_the_faulty(
-    left: ResidualForcing, found: Sequence[HypothesisFit], rivals: Sequence[HypothesisFit]
+def _refit_rivals_beside_fault(
+    residual: ResidualForcing, fits: Sequence[HypothesisFit], rivals: Sequence[HypothesisFit]
 ) -> list[HypothesisFit]:
-    """Return the best law's rivals, with and without a fault, where it has won beside one itself.
+    """Return the rivals of the best law with and without a sensor fault, if it won with one.
 
-    Each of them alone stands farther from it than from the best law alone.
+    Without the fault their scores could not be compared with that of the best law.
     """
-    first, noise = min(found, key=by_score), left.everything.noise
-    if first.law.fault is None or first.law.keys != left.best.law.keys:
+    best_fit, noise = min(fits, key=by_score), residual.full_problem.noise
+    if best_fit.law.fault is None or best_fit.law.keys != residual.best.law.keys:
         return []
-    if left.fault is not None:
-        without = [refitted(rival, replace(rival.objective, noise=noise)) for rival in rivals]
-        return left.with_fault(without)
-    bound = first.law.score + AMBIGUOUS
-    mine = [refitted_under(rival, noise) for rival in rivals]
-    return [*mine, *(beside for rival in mine for beside in sensor_hypotheses(rival, bound))]
+    if residual.fault is not None:
+        refits = [refit(rival, replace(rival.objective, noise=noise)) for rival in rivals]
+        return residual.add_fault(refits)
+    bound = best_fit.law.score + AMBIGUITY_MARGIN
+    refits = [refit_under_noise(rival, noise) for rival in rivals]
+    with_faults = [fit for rival in refits for fit in fit_sensor_hypotheses(rival, bound)]
+    return [*refits, *with_faults]
 
 
-def _through(everything: LeastSquaresProblem, simulator: Simulator) -> LeastSquaresProblem:
-    """Return F run by another simulator: one with windows in reach."""
-    return replace(everything, forward_model=replace(everything.forward_model, simulator=simulator))
+def _with_simulator(problem: LeastSquaresProblem, simulator: Simulator) -> LeastSquaresProblem:
+    """Return F with another simulator."""
+    return replace(problem, forward_model=replace(problem.forward_model, simulator=simulator))
 
 
-def _alike(everything: LeastSquaresProblem, best: HypothesisFit) -> list[int]:
-    """Return the candidates in the equations of a law."""
+def _candidates_in_same_equations(
+    full_problem: LeastSquaresProblem, best: HypothesisFit
+) -> list[int]:
+    """Return the indices of the candidates in the equations of a law."""
     equations = {candidate.equation for candidate in best.law.candidates}
-    candidates = everything.forward_model.law.candidates
+    candidates = full_problem.forward_model.law.candidates
     return [j for j, candidate in enumerate(candidates) if candidate.equation in equations]
 
 
-def _gain_of(
-    further: Sequence[HypothesisFit], first: HypothesisFit, gain: float, size: Tensor
+def _update_gain(
+    extended_fits: Sequence[HypothesisFit],
+    best_fit: HypothesisFit,
+    forcing_gain: float,
+    tendency_rms: Tensor,
 ) -> float:
-    """Return what a free forcing gains on top of the best of further laws, if that is the best."""
-    nearest = min(further, key=by_score)
-    if nearest.law.score >= first.law.score:
-        return gain
-    return force(nearest.objective, nearest.phi, size)[1]
+    """Return the forcing gain on the best extended law if this is the best law."""
+    best_extended = min(extended_fits, key=by_score)
+    if best_extended.law.score >= best_fit.law.score:
+        return forcing_gain
+    return fit_free_forcing(best_extended.objective, best_extended.phi, tendency_rms)[1]

@@ -1,4 +1,4 @@
-"""The noise under which explanations are compared: what a forcing, or the best of them, leaves."""
+"""Estimates of the noise from the residuals of a free forcing or of the best hypothesis."""
 
 from __future__ import annotations
 
@@ -8,44 +8,46 @@ from dataclasses import replace
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.hypotheses.free_forcing import FreeForcing
 from dashred.inference.hypotheses.hypothesis_fit import (
-    HOPELESS,
+    REJECTION_MARGIN,
     HypothesisFit,
     by_score,
-    refitted,
-    settled,
+    refine,
+    refit,
 )
-from dashred.inference.hypotheses.sensors.leave_one_sensor_out import beside_the_fault
+from dashred.inference.hypotheses.sensors.leave_one_sensor_out import add_fault
 
 
-def noise_left_by(forced: FreeForcing) -> NoiseModel:
-    """Return the noise that is left under a free forcing: no wrong law has a part in it."""
-    objective, phi = forced.objective, forced.phi
+def estimate_noise_under_forcing(forcing: FreeForcing) -> NoiseModel:
+    """Estimate the noise from the residuals of a free forcing, which no wrong law affects."""
+    objective, phi = forcing.objective, forcing.phi
     [readings] = objective.forward_model.readings(*objective.split(phi[None]))
-    spent = forced.normal.spent(range(len(phi)))
-    return replace(objective.noise_left(readings, spent), seen=objective.noise.seen)
+    spent = forcing.normal.effective_parameters(range(len(phi)))
+    return replace(objective.estimate_noise(readings, spent), available=objective.noise.available)
 
 
-def refitted_under_own_noise(found: Sequence[HypothesisFit]) -> list[HypothesisFit]:
-    """Fit all that may still be right again, under the noise that the best of them leaves.
+def refit_under_best_noise(fits: Sequence[HypothesisFit]) -> list[HypothesisFit]:
+    """Refit all plausible hypotheses under the noise that the best one leaves.
 
-    Between its cells and knots a free forcing is not that of the truth: what it leaves is larger
-    than noise, and hides lower minima of the best.
+    A free forcing is coarse in space and time. Its residuals are larger than the noise, and such
+    noise would hide lower minima of the best hypothesis.
     """
-    best = min(found, key=by_score)
+    best = min(fits, key=by_score)
     [readings] = best.objective.forward_model.readings(*best.objective.split(best.phi[None]))
-    noise = best.objective.noise_left(readings, best.normal.spent(range(len(best.phi))))
-    bound = best.law.score + HOPELESS
-    kept = [cause for cause in found if cause.law.score < bound or not cause.law.parts]
-    again = [refitted_under(cause, noise) for cause in kept]
-    best = min(again, key=by_score)
-    lawful = best.law.candidates and best.law.fault is None
-    return [settled(cause) if cause is best and lawful else cause for cause in again]
+    noise = best.objective.estimate_noise(
+        readings, best.normal.effective_parameters(range(len(best.phi)))
+    )
+    bound = best.law.score + REJECTION_MARGIN
+    plausible = [fit for fit in fits if fit.law.score < bound or not fit.law.parts]
+    refits = [refit_under_noise(fit, noise) for fit in plausible]
+    best = min(refits, key=by_score)
+    needs_refinement = best.law.candidates and best.law.fault is None
+    return [refine(fit) if fit is best and needs_refinement else fit for fit in refits]
 
 
-def refitted_under(cause: HypothesisFit, noise: NoiseModel) -> HypothesisFit:
-    """Return an explanation fitted under another noise; the samples that it sees stay its own."""
-    if cause.left_out is not None:
-        bare = refitted_under(cause.left_out.bare, noise)
-        return beside_the_fault(bare, cause.left_out.sensor)
-    before = cause.objective
-    return refitted(cause, replace(before, noise=replace(noise, seen=before.noise.seen)))
+def refit_under_noise(fit: HypothesisFit, noise: NoiseModel) -> HypothesisFit:
+    """Refit a hypothesis to the same samples under another noise."""
+    if fit.excluded_sensor is not None:
+        without_fault = refit_under_noise(fit.excluded_sensor.without_fault, noise)
+        return add_fault(without_fault, fit.excluded_sensor.sensor)
+    problem = fit.objective
+    return refit(fit, replace(problem, noise=replace(noise, available=problem.noise.available)))

@@ -1,4 +1,4 @@
-"""Screen again on top of the best law, while a free forcing still gains there.
+"""Screen repeatedly about the best law while a free forcing on top of it gains evidence.
 
 See docs/method.md#repeated-screening.
 """
@@ -11,56 +11,60 @@ from collections.abc import Callable, Sequence
 from torch import Tensor
 
 from dashred.core.progress import Report
-from dashred.inference.hypotheses.free_forcing import FreeForcing, force
+from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, by_score
-from dashred.inference.hypotheses.result import MISSING
+from dashred.inference.hypotheses.result import MIN_FORCING_GAIN
 
-# How often terms are screened anew about a better law's trajectory.
-ROUNDS = 3
+# Maximum number of screenings about the trajectory of a better law.
+MAX_ROUNDS = 3
 
 
 def repeat_screening(
     best: HypothesisFit,
-    screened: Callable[[FreeForcing, float], list[HypothesisFit]],
-    carriers: Sequence[FreeForcing],
-    size: Tensor,
+    screen: Callable[[FreeForcing, float], list[HypothesisFit]],
+    forcings: Sequence[FreeForcing],
+    tendency_rms: Tensor,
     report: Report,
 ) -> tuple[list[HypothesisFit], HypothesisFit, FreeForcing, float]:
-    """Screen, and screen again about the best law's trajectory while a free forcing gains there.
+    """Screen about free forcings, then about the best law while a forcing on top of it gains.
 
-    A law that is nearly right, under a forcing, comes nearer to the truth than a forcing alone,
-    which is as coarse as its cells
-    (docs/method.md#repeated-screening). So about one in a window terms are screened
-    again in any case.
+    A nearly right law under a forcing comes closer to the truth than a forcing alone, because a
+    forcing is as coarse as its cells (docs/method.md#repeated-screening). Terms are therefore
+    always screened again about a law in a window.
 
     Args:
         best: the best law so far.
-        screened: laws found about a trajectory, of those whose linearised score is below a bound.
-        carriers: of the first trajectories: the next is asked where one has led to nothing better.
-        size: rms of each equation's own tendency, ``(equation,)``.
+        screen: returns the laws found about a trajectory with a linearised score below a bound.
+        forcings: of the first trajectories. The next one is used only if the one before led to no
+            better law.
+        tendency_rms: rms of each equation's own tendency, ``(equation,)``.
         report: progress.
 
     Returns:
-        the laws, the best law now, the forcing that came nearest to the recording, and what one
-        gains on top of the best law.
+        The laws, the best law, the forcing with the lowest F, and the evidence that a forcing gains
+        on top of the best law.
     """
-    found: list[HypothesisFit] = []
-    for carrier in carriers:
-        found += screened(carrier, math.inf)
-        if min([best, *found], key=by_score) is not best:
+    fits: list[HypothesisFit] = []
+    for forcing in forcings:
+        fits += screen(forcing, math.inf)
+        if min([best, *fits], key=by_score) is not best:
             break
-    first = min([best, *found], key=by_score)
-    on_first, gain = force(first.objective, first.phi, size)
-    for turn in range(ROUNDS):
-        # One in a window may imitate what the first trajectory was too far from the truth to show.
-        if gain <= MISSING and (turn or first.law.window is None):
+    best_fit = min([best, *fits], key=by_score)
+    forcing_on_best, gain = fit_free_forcing(best_fit.objective, best_fit.phi, tendency_rms)
+    for round_index in range(MAX_ROUNDS):
+        # The first trajectory may have been too far from the truth: a law in a window may imitate
+        # another law.
+        if gain <= MIN_FORCING_GAIN and (round_index or best_fit.law.window is None):
             break
-        report(0.6 + 0.05 * turn, f"a forcing gains {gain:.0f} on {first.law}: screening on top")
-        found += screened(on_first, first.law.score)
-        nearest = min([first, *found], key=by_score)
-        if nearest is first:
+        report(
+            0.6 + 0.05 * round_index,
+            f"a forcing gains {gain:.0f} on {best_fit.law}: screening",
+        )
+        fits += screen(forcing_on_best, best_fit.law.score)
+        new_best = min([best_fit, *fits], key=by_score)
+        if new_best is best_fit:
             break
-        first = nearest
-        on_first, gain = force(first.objective, first.phi, size)
-    nearest_forced = min(*carriers, on_first, key=lambda each: each.cost)
-    return found, first, nearest_forced, gain
+        best_fit = new_best
+        forcing_on_best, gain = fit_free_forcing(best_fit.objective, best_fit.phi, tendency_rms)
+    nearest_forcing = min(*forcings, forcing_on_best, key=lambda each: each.cost)
+    return fits, best_fit, nearest_forcing, gain

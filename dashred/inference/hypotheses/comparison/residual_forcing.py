@@ -1,4 +1,4 @@
-"""What the best law that acts everywhere leaves unexplained, and how clearly."""
+"""What the best global law leaves unexplained, measured by a free forcing."""
 
 from __future__ import annotations
 
@@ -9,141 +9,162 @@ from torch import Tensor
 from dashred.core.progress import Report
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.hypotheses.comparison.noise_reestimation import noise_left_by, refitted_under
-from dashred.inference.hypotheses.forcing_map import ForcingMap, map_of
-from dashred.inference.hypotheses.free_forcing import FreeForcing, force
+from dashred.inference.hypotheses.comparison.noise_reestimation import (
+    estimate_noise_under_forcing,
+    refit_under_noise,
+)
+from dashred.inference.hypotheses.forcing_map import ForcingMap, build_forcing_map
+from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
-from dashred.inference.hypotheses.result import MISSING
+from dashred.inference.hypotheses.result import MIN_FORCING_GAIN
 from dashred.inference.hypotheses.sensors.faults import Fault
 from dashred.inference.hypotheses.sensors.leave_one_sensor_out import (
-    fault_beneath,
-    faulty_or_not,
-    forced_without,
-    nothing_without,
+    add_fault_or_refit,
+    find_sensor_fault,
+    refit_forcing_without_sensor,
+    refit_simulator_without_sensor,
 )
 
-# A law of more candidates may imitate one that acts somewhere only, or is beyond the library; of so
-# many, one beyond it, or in a window of the same equations.
-SIMPLE = 2
-# But one whose every coefficient stands at least so many of its std from none imitates no other.
-CERTAIN = 30.0
-# Noise this many times as large as under the best law says that a forcing alone has gone astray: it
-# cannot steer chaos over a long record.
-ASTRAY = 1.2
-# And so many times, that nothing found about its trajectory can be trusted.
-LOST = 2.0
+# A law with more terms may imitate a law in a window or beyond the library. A law with just as many
+# may imitate a law beyond the library or a law in a window of the same equations.
+MAX_SIMPLE_TERMS = 2
+# A law whose coefficients are all at least this many standard deviations from zero is no imitation.
+MIN_COEFFICIENT_RATIO = 30.0
+# If a forcing alone leaves this many times the noise of a forcing on the best law, it has lost the
+# recording: it cannot steer chaos over a long record.
+MAX_NOISE_RATIO = 1.2
+# If it leaves this many times the noise, its trajectory is not used at all.
+LOST_NOISE_RATIO = 2.0
 
 
 @dataclass(frozen=True)
 class ResidualForcing:
-    """The best law that acts everywhere, and what a free forcing says of it.
+    """The best global law, and the free forcings on top of it.
 
     Attributes:
-        everything: F of all candidates over the whole record.
-        best: the law.
-        null: the simulator as it is.
-        carriers: forcings about whose trajectories further terms are looked for, in this order; the
-            last leaves least.
-        gain: evidence for a free forcing on top of the law.
-        unclear: whether anything is left to explain, the law contested, or perhaps an imitation;
-            then all fits are under the noise that a free forcing leaves.
-        forcing: the map of one on top of the simulator as it is; None where all is clear, or one
-            alone goes astray.
-        fault: of a sensor, beneath the mismatch: what is forced is without it; None where none is.
+        full_problem: F of all candidates over the whole record.
+        best: the best law that acts everywhere.
+        null: the uncorrected simulator.
+        forcings: free forcings; terms are searched about their trajectories in this order. The last
+            one has the smallest residual.
+        forcing_gain: evidence for a free forcing on top of the law.
+        is_unclear: True if something is unexplained, or if the law has rivals or may imitate
+            another law. All fits then use the noise that a free forcing leaves.
+        forcing_map: the map of a forcing on top of the uncorrected simulator; None if nothing is
+            unclear or if a forcing alone loses the recording.
+        fault: a sensor fault that the forcings do not explain; they are fitted without this sensor.
+            None if there is none.
     """
 
-    everything: LeastSquaresProblem
+    full_problem: LeastSquaresProblem
     best: HypothesisFit
     null: HypothesisFit
-    carriers: tuple[FreeForcing, ...]
-    gain: float
-    unclear: bool
-    forcing: ForcingMap | None = None
+    forcings: tuple[FreeForcing, ...]
+    forcing_gain: float
+    is_unclear: bool
+    forcing_map: ForcingMap | None = None
     fault: Fault | None = None
 
     @property
-    def forced(self) -> FreeForcing:
-        """The forcing that leaves least."""
-        return self.carriers[-1]
+    def best_forcing(self) -> FreeForcing:
+        """The forcing with the smallest residual."""
+        return self.forcings[-1]
 
-    def with_fault(self, laws: list[HypothesisFit]) -> list[HypothesisFit]:
-        """Return laws that were found without a sensor at fault with what is wrong with it."""
-        return laws if self.fault is None else faulty_or_not(laws, self.fault.sensor)
+    def add_fault(self, laws: list[HypothesisFit]) -> list[HypothesisFit]:
+        """Return laws that were fitted without the faulty sensor, with its fault added."""
+        return laws if self.fault is None else add_fault_or_refit(laws, self.fault.sensor)
 
-    def bases(self) -> list[HypothesisFit]:
-        """Return what terms may be added to: the law, if there is one, and the simulator as it is.
+    def base_fits(self) -> list[HypothesisFit]:
+        """Return the fits to which terms may be added: the law, if any, and the null.
 
-        Where a sensor is at fault, the simulator alone, fitted without that sensor.
+        If a sensor is at fault, only the null is returned, fitted without this sensor.
         """
         if self.fault is not None:
-            return [nothing_without(self.null, self.forced, self.everything.noise)]
+            noise = self.full_problem.noise
+            return [refit_simulator_without_sensor(self.null, self.best_forcing, noise)]
         return [self.best, self.null] if self.best.law.candidates else [self.null]
 
 
 def fit_residual_forcing(
-    everything: LeastSquaresProblem,
+    full_problem: LeastSquaresProblem,
     best: HypothesisFit,
     null: HypothesisFit,
-    contested: bool,
-    size: Tensor,
+    has_rivals: bool,
+    tendency_rms: Tensor,
     report: Report,
 ) -> ResidualForcing:
-    """Return what a free forcing on top of a law explains; look into it where that is not clear.
+    """Fit a free forcing on top of the best law; examine further what remains unclear.
 
     Args:
-        everything: F of all candidates over the whole record.
+        full_problem: F of all candidates over the whole record.
         best: the best law that acts everywhere.
-        null: the simulator as it is.
-        contested: whether another law that acts everywhere does as well as the best.
-        size: rms of each equation's own tendency, ``(equation,)``.
+        null: the uncorrected simulator.
+        has_rivals: whether another law that acts everywhere does as well as the best.
+        tendency_rms: rms of each equation's own tendency, ``(equation,)``.
         report: progress.
     """
-    forced, gain = force(best.objective, best.phi, size)
+    forcing, gain = fit_free_forcing(best.objective, best.phi, tendency_rms)
     report(0.2, f"a free forcing gains {gain:.0f}")
-    unclear = gain > MISSING or contested or _may_imitate(best.law)
-    left = ResidualForcing(everything, best, null, (forced,), gain, unclear)
-    return _looked_into(left, size, report) if unclear else left
+    is_unclear = gain > MIN_FORCING_GAIN or has_rivals or _may_imitate(best.law)
+    residual = ResidualForcing(full_problem, best, null, (forcing,), gain, is_unclear)
+    return _resolve_unclear(residual, tendency_rms, report) if is_unclear else residual
 
 
-def _looked_into(left: ResidualForcing, size: Tensor, report: Report) -> ResidualForcing:
-    """Return what is unclear with its noise, a fault beneath it, and where to look on."""
-    carriers, forcing = _carried(left.forced, left.gain, left.best, left.null, size)
-    fault = fault_beneath(carriers[-1])
+def _resolve_unclear(
+    residual: ResidualForcing, tendency_rms: Tensor, report: Report
+) -> ResidualForcing:
+    """Return an unclear case with its forcings, their noise, and a sensor fault if there is one."""
+    forcings, forcing_map = _choose_forcings(residual, tendency_rms)
+    fault = find_sensor_fault(forcings[-1])
     if fault is not None:
-        report(0.3, f"a {fault.kind} beneath the mismatch: looking on without that sensor")
-        carriers = tuple(forced_without(forced, fault.sensor) for forced in carriers)
-    noise = noise_left_by(carriers[-1])
+        report(0.3, f"a sensor fault ({fault.kind}): continuing without this sensor")
+        forcings = tuple(
+            refit_forcing_without_sensor(forcing, fault.sensor) for forcing in forcings
+        )
+    noise = estimate_noise_under_forcing(forcings[-1])
     return replace(
-        left,
-        everything=replace(left.everything, noise=noise),
-        best=refitted_under(left.best, noise),
-        null=refitted_under(left.null, noise),
-        carriers=carriers,
-        forcing=forcing,
+        residual,
+        full_problem=replace(residual.full_problem, noise=noise),
+        best=refit_under_noise(residual.best, noise),
+        null=refit_under_noise(residual.null, noise),
+        forcings=forcings,
+        forcing_map=forcing_map,
         fault=fault,
     )
 
 
-def _carried(
-    on_best: FreeForcing, gain: float, best: HypothesisFit, null: HypothesisFit, size: Tensor
+def _choose_forcings(
+    residual: ResidualForcing, tendency_rms: Tensor
 ) -> tuple[tuple[FreeForcing, ...], ForcingMap | None]:
-    """Return the forcings about whose trajectories to look on, and the map of one.
+    """Return the forcings to search about, and the map of a forcing on the null.
 
-    That is one on the simulator as it is. Where the best law leaves nothing unexplained, it comes
-    nearer to the truth than a forcing, which is as coarse as its cells; and where a forcing alone
-    goes astray, the best law carries it, and there is no map. But a law of many terms may come
-    near to the sensors and take a hidden field far from the truth: then both are asked.
+    By default this is the forcing on the null. There are three exceptions:
+
+    - If the best law leaves nothing unexplained, the forcing on the best law is used. It is closer
+      to the truth than a forcing alone, which is as coarse as its cells.
+    - If a forcing alone loses the recording, the forcing on the best law is used too, and there is
+      no map.
+    - A law of many terms may fit the sensors and take a hidden field far from the truth. Then both
+      forcings are used.
     """
-    alone, missing = (on_best, gain) if best is null else force(null.objective, null.phi, size)
-    ratio = float((noise_left_by(alone).std / noise_left_by(on_best).std).median())
-    forcing = map_of(alone, missing) if ratio <= ASTRAY else None
-    many = len(best.law.candidates) > SIMPLE
-    if ratio <= ASTRAY and (gain > MISSING or (many and ratio <= 1)):
-        return (alone,), forcing
-    return ((alone, on_best) if many and ratio < LOST else (on_best,)), forcing
+    best, null, gain = residual.best, residual.null, residual.forcing_gain
+    forcing_on_best = residual.best_forcing
+    forcing_alone, gain_alone = forcing_on_best, gain
+    if best is not null:
+        forcing_alone, gain_alone = fit_free_forcing(null.objective, null.phi, tendency_rms)
+    noise_alone = estimate_noise_under_forcing(forcing_alone)
+    noise_on_best = estimate_noise_under_forcing(forcing_on_best)
+    ratio = float((noise_alone.std / noise_on_best.std).median())
+    forcing_map = build_forcing_map(forcing_alone, gain_alone) if ratio <= MAX_NOISE_RATIO else None
+    has_many_terms = len(best.law.candidates) > MAX_SIMPLE_TERMS
+    if ratio <= MAX_NOISE_RATIO and (gain > MIN_FORCING_GAIN or (has_many_terms and ratio <= 1)):
+        return (forcing_alone,), forcing_map
+    if has_many_terms and ratio < LOST_NOISE_RATIO:
+        return (forcing_alone, forcing_on_best), forcing_map
+    return (forcing_on_best,), forcing_map
 
 
 def _may_imitate(law: Law) -> bool:
-    """Tell whether a law has so many terms that it may be an imitation of another."""
-    certain = bool((law.coefficients.abs() >= CERTAIN * law.std).all())
-    return len(law.candidates) > SIMPLE and not certain
+    """Tell whether a law has many terms, not all certain, so that it may imitate another law."""
+    is_certain = bool((law.coefficients.abs() >= MIN_COEFFICIENT_RATIO * law.std).all())
+    return len(law.candidates) > MAX_SIMPLE_TERMS and not is_certain

@@ -1,4 +1,4 @@
-"""Laws one step beyond the library, for recordings that no law of it explains.
+"""Laws with a term beyond the library, for recordings that no law of the library explains.
 
 See docs/method.md#extended-library.
 """
@@ -13,18 +13,18 @@ import torch
 from torch import Tensor
 
 from dashred.core.errors import InputError
-from dashred.inference.fit.law import law_of
+from dashred.inference.fit.law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate, build_candidates
 from dashred.inference.hypotheses.extended.nonlinear_constants import (
-    Tunable,
-    moved,
-    slopes_of,
-    tunable,
-    tune,
-    within_reach,
+    TunableTerm,
+    build_slopes,
+    fit_constant,
+    next_constant,
+    parse_tunable_term,
+    solve_within_bounds,
 )
 from dashred.inference.hypotheses.free_forcing import FreeForcing
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
@@ -33,144 +33,161 @@ from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
 
-# Terms that are fitted, of those that screen best.
-TRIED = 4
+# Number of laws that are fitted, the best screened first.
+MAX_FITS = 4
 STEPS, TOLERANCE = 10, 1e-4
 
 
-def extended_candidates(
+def build_extended_candidates(
     system: System, library: list[Term], nominal: Tensor, t: float | Tensor
 ) -> list[Candidate]:
-    """Return terms that are like none of the library's: functions, higher powers, waves.
+    """Return candidates that the library does not contain: functions, higher powers, waves.
 
     Args:
         system: the simulator.
         library: the candidate terms of the analysis.
         nominal: states of the simulator, ``(time, field, *grid)``.
-        t: time of all of them, or of each, ``(time,)``.
+        t: the time of all states, or of each state, ``(time,)``.
     """
     known = {str(term) for term in library}
-    further = []
+    terms = []
     for equation in dict.fromkeys(term.equation for term in library):
-        for text in _texts(system):
+        for text in _extended_texts(system):
             try:
                 [term] = build_library(system, {equation: [text]})
             except InputError:
                 continue
             if str(term) not in known:
-                further.append(term)
-    names = {f"{term.equation}: {term}" for term in further}
-    found = build_candidates(system, [*library, *further], nominal, t)
-    return [replace(c, extended=True) for c in found if str(c) in names]
+                terms.append(term)
+    names = {f"{term.equation}: {term}" for term in terms}
+    candidates = build_candidates(system, [*library, *terms], nominal, t)
+    return [replace(c, is_extended=True) for c in candidates if str(c) in names]
 
 
 @dataclass(frozen=True)
-class _Form:
-    """A law to be asked.
+class _ExtendedLaw:
+    """A law to be screened.
 
     Attributes:
-        members: columns of the linearised problem: a term, a wave's two, or a term and its slope.
-        family: of several that differ in a constant alone the best is fitted.
-        tuned: a term whose constant is fitted; None for others.
+        members: columns of the linearised problem: one term, the sine and cosine of a wave, or a
+            term and its slope.
+        family: key of laws that differ only in a constant. Only the best of a family is fitted.
+        tunable_term: the term whose constant is fitted; None for other laws.
     """
 
     members: tuple[int, ...]
     family: object
-    tuned: Tunable | None = None
+    tunable_term: TunableTerm | None = None
 
     def penalty(self, samples: float, candidates: int) -> float:
-        """Return what its freedom costs; a constant, as much as an edge of a window."""
-        if self.tuned is None:
+        """Return the penalty for its degrees of freedom; a constant costs ``ln n``."""
+        if self.tunable_term is None:
             return Hypothesis(self.members).penalty(samples, candidates, 1)
         return Hypothesis(self.members[:1]).penalty(samples, candidates, 1) + math.log(samples)
 
-    def screened(self, problem: ProfiledProblem) -> tuple[float, Tensor]:
-        """Return F of the linearised problem, and the coefficients there."""
-        if self.tuned is not None:
-            return within_reach(problem, self.members, self.tuned.constant)
+    def screen(self, problem: ProfiledProblem) -> tuple[float, Tensor]:
+        """Return the minimum of F on the linearised problem, and its coefficients."""
+        if self.tunable_term is not None:
+            return solve_within_bounds(problem, self.members, self.tunable_term.constant)
         [cost] = problem.costs([self.members]).tolist()
         return cost, problem.coefficients(self.members)
 
 
-def extended_laws(
-    everything: LeastSquaresProblem,
-    further: Sequence[Candidate],
-    forced: FreeForcing,
-    library: int,
+def fit_extended_laws(
+    full_problem: LeastSquaresProblem,
+    candidates: Sequence[Candidate],
+    forcing: FreeForcing,
+    library_size: int,
     bound: float = math.inf,
 ) -> list[HypothesisFit]:
-    """Return laws of one term from beyond the library, or of a wave whose phase is free.
+    """Fit laws of one term beyond the library, or of a wave with a free phase.
 
-    Where a function has a constant, it may be fitted.
+    The constant of a function may be fitted as well.
 
     Args:
-        everything: F over the whole record, of any terms.
-        further: the terms from beyond the library.
-        forced: a free forcing that explains the recording.
-        library: how many candidates the library has: each more that is asked makes chance likelier.
-        bound: what screens worse is not fitted.
+        full_problem: F over the whole record, of any terms.
+        candidates: the candidates beyond the library.
+        forcing: a free forcing that explains the recording.
+        library_size: number of candidates of the library, for the penalty of the search.
+        bound: laws with a worse screening score are not fitted.
     """
-    columns, asked = list(further), [*further, *slopes_of(further)]
-    # In reach: what is fitted, and what the forcing's trajectory is run with.
-    reach = everything.of([*asked, *forced.objective.forward_model.law.candidates])
-    objective = reach.only(range(len(columns)))
-    problem = profile_out(objective, forced, asked, reach.prior_std[: len(asked)])
-    samples, count = objective.noise.effective_count, library + len(columns)
+    columns, columns_and_slopes = list(candidates), [*candidates, *build_slopes(candidates)]
+    # The simulator needs the terms that are fitted and those of the law under the forcing.
+    whole_problem = full_problem.with_candidates(
+        [*columns_and_slopes, *forcing.objective.forward_model.law.candidates]
+    )
+    objective = whole_problem.subset(range(len(columns)))
+    stds = whole_problem.prior_std[: len(columns_and_slopes)]
+    problem = profile_out(objective, forcing, columns_and_slopes, stds)
+    samples, count = objective.noise.effective_count, library_size + len(columns)
     ranked = []
-    for form in _forms(columns):
-        cost, coefficients = form.screened(problem)
-        penalty = form.penalty(samples, count)
+    for law in _build_laws(columns):
+        cost, coefficients = law.screen(problem)
+        penalty = law.penalty(samples, count)
         if cost + penalty < bound:
-            ranked.append((cost + penalty, penalty, form, coefficients))
-    kept: dict[object, tuple[float, _Form, Tensor]] = {}
-    for _, penalty, form, coefficients in sorted(ranked, key=lambda each: each[0]):
-        kept.setdefault(form.family, (penalty, form, coefficients))
+            ranked.append((cost + penalty, penalty, law, coefficients))
+    best_of_family: dict[object, tuple[float, _ExtendedLaw, Tensor]] = {}
+    for _, penalty, law, coefficients in sorted(ranked, key=lambda each: each[0]):
+        best_of_family.setdefault(law.family, (penalty, law, coefficients))
     return [
-        _fit(objective, forced, form, coefficients, penalty)
-        for penalty, form, coefficients in list(kept.values())[:TRIED]
+        _fit(objective, forcing, law, coefficients, penalty)
+        for penalty, law, coefficients in list(best_of_family.values())[:MAX_FITS]
     ]
 
 
-def _forms(columns: Sequence[Candidate]) -> list[_Form]:
-    """Return the laws of one column, of a wave's two, and of a term and its slope."""
-    inner = [tunable(candidate) for candidate in columns]
-    family = [found.family if found else j for j, found in enumerate(inner)]
-    place = {candidate.key: j for j, candidate in enumerate([*columns, *slopes_of(columns)])}
-    curved = [
-        _Form((j, place[found.slope.key]), family[j], found)
-        for j, found in enumerate(inner)
-        if found
+def _build_laws(columns: Sequence[Candidate]) -> list[_ExtendedLaw]:
+    """Return the laws of one term, of a wave, and of a term and its slope."""
+    tunable_terms = [parse_tunable_term(candidate) for candidate in columns]
+    family = [term.family if term else j for j, term in enumerate(tunable_terms)]
+    index_of_key = {
+        candidate.key: j for j, candidate in enumerate([*columns, *build_slopes(columns)])
+    }
+    tunable_laws = [
+        _ExtendedLaw((j, index_of_key[term.slope.key]), family[j], term)
+        for j, term in enumerate(tunable_terms)
+        if term
     ]
-    waves = [_Form(pair, pair) for pair in _waves(columns)]
-    return [*(_Form((j,), family[j]) for j in range(len(columns))), *waves, *curved]
+    wave_laws = [_ExtendedLaw(pair, pair) for pair in _wave_pairs(columns)]
+    return [
+        *(_ExtendedLaw((j,), family[j]) for j in range(len(columns))),
+        *wave_laws,
+        *tunable_laws,
+    ]
 
 
 def _fit(
     objective: LeastSquaresProblem,
-    forced: FreeForcing,
-    form: _Form,
+    forcing: FreeForcing,
+    law: _ExtendedLaw,
     coefficients: Tensor,
     penalty: float,
 ) -> HypothesisFit:
-    start = forced.phi[: objective.modes]
-    if form.tuned is not None:
-        xi, by_constant = coefficients.tolist()
-        begin = form.tuned.at(moved(form.tuned, xi, by_constant))
-        _, mine, fitted = tune(objective, begin, torch.cat([start, coefficients[:1]]))
+    start = forcing.phi[: objective.modes]
+    if law.tunable_term is not None:
+        xi, xi_k = coefficients.tolist()
+        begin = law.tunable_term.at(next_constant(law.tunable_term, xi, xi_k))
+        _, law_problem, fitted = fit_constant(
+            objective, begin, torch.cat([start, coefficients[:1]])
+        )
     else:
-        mine = objective.of([objective.forward_model.law.candidates[j] for j in form.members])
-        fitted = minimise(mine, torch.cat([start, coefficients]), STEPS, TOLERANCE)
-    return HypothesisFit(law_of(mine, fitted, fitted.cost + penalty), mine, fitted.phi)
+        law_problem = objective.with_candidates(
+            [objective.forward_model.law.candidates[j] for j in law.members]
+        )
+        fitted = minimise(law_problem, torch.cat([start, coefficients]), STEPS, TOLERANCE)
+    fitted_law = build_law(law_problem, fitted, fitted.cost + penalty)
+    return HypothesisFit(fitted_law, law_problem, fitted.phi)
 
 
-def _waves(candidates: Sequence[Candidate]) -> list[tuple[int, int]]:
-    """Return the pairs of a sine and the same cosine: their sum is a wave of any phase."""
-    place = {candidate.key: j for j, candidate in enumerate(candidates)}
-    swapped = {j: key.replace("sin(", "cos(") for key, j in place.items() if "sin(" in key}
-    return [(j, place[key]) for j, key in swapped.items() if key in place]
+def _wave_pairs(candidates: Sequence[Candidate]) -> list[tuple[int, int]]:
+    """Return the pairs of a sine and the same cosine. Their sum is a wave of any phase."""
+    index_of_key = {candidate.key: j for j, candidate in enumerate(candidates)}
+    cosine_keys = {
+        j: key.replace("sin(", "cos(") for key, j in index_of_key.items() if "sin(" in key
+    }
+    return [(j, index_of_key[key]) for j, key in cosine_keys.items() if key in index_of_key]
 
 
-def _texts(system: System) -> Iterator[str]:
+def _extended_texts(system: System) -> Iterator[str]:
     """Yield functions of each field, higher powers, and waves along each axis."""
     for f in system.fields:
         yield from (f"{wave}({k}*{f})" for wave in ("sin", "cos") for k in (1, 2, 3))

@@ -1,7 +1,8 @@
-"""A function's own constant, fitted: k of ``sin(k u)``, ``tanh(k u)``, ``exp(k u)``.
+"""Fit of the constant k of a function: ``sin(k u)``, ``cos(k u)``, ``tanh(k u)``, ``exp(k u)``.
 
-``f(k v)`` and its slope ``∂f/∂k`` are two candidates; fitted together their coefficients ξ, ξ_k say
-how far k is off, ``k + ξ_k/ξ``: Gauss-Newton in k, of which every step is a fit of the law.
+``f(k v)`` and its slope ``∂f/∂k`` are two candidates. A fit of both gives their coefficients ξ and
+ξ_k, and the next constant is ``k + ξ_k/ξ``. This is a Gauss-Newton iteration in k, and each step is
+a fit of the law.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import torch
 from torch import Tensor
 
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
+from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from dashred.inference.fit.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
 from dashred.physics.expressions.algebra import (
@@ -25,29 +26,30 @@ from dashred.physics.expressions.algebra import (
     call,
     multiply,
     split_coefficient,
+    substitute,
 )
-from dashred.physics.expressions.algebra import substitute as put_in
 from dashred.physics.expressions.differentiate import differentiate
 from dashred.physics.system import Term
 
 FUNCTIONS = ("sin", "cos", "tanh", "exp")
-# Stands for the constant while it is varied; no name of a system begins so.
-K = "_k"
-# Of the constant, how far one step may move it, what is close enough, and how a reader is told.
-FARTHEST, CLOSE, DIGITS = 0.4, 2e-3, 4
+# Placeholder name of the constant; names of a system never begin with an underscore.
+CONSTANT_NAME = "_k"
+# Largest relative step of the constant, relative step at convergence, and digits of the result.
+MAX_STEP, CONVERGED, DIGITS = 0.4, 2e-3, 4
 ROUNDS, STEPS, TOLERANCE = 6, 4, 1e-3
-# Factors between which a constant is looked for: beyond, one function mimics another by its tail.
-REACH = (0.2, 5.0)
-# A constant with which F rises by more is none.
-ASTRAY = 1.0
+# Range of the constant, relative to the value in the library of functions. Beyond it one
+# function imitates another.
+FACTOR_BOUNDS = (0.2, 5.0)
+# A step that increases F by more than this is rejected.
+MAX_RISE = 1.0
 
 
 @dataclass(frozen=True)
-class Tunable:
+class TunableTerm:
     """A candidate ``f(k v)``.
 
     Attributes:
-        candidate: it.
+        candidate: the candidate.
         slope: ``∂f/∂k``, per unit of the candidate's coefficient.
         function: f.
         operand: v.
@@ -62,21 +64,22 @@ class Tunable:
 
     @property
     def family(self) -> tuple[str | None, str, Expr]:
-        """What candidates have in common that differ in k alone."""
+        """Key of the candidates that differ only in k."""
         return self.candidate.equation, self.function, self.operand
 
-    def at(self, constant: float) -> Tunable:
-        """Return the same with another constant."""
+    def at(self, constant: float) -> TunableTerm:
+        """Return this term with another constant."""
         [term] = self.candidate.terms
-        moved = Term(term.equation, _inside(self.function, constant, self.operand))
-        candidate = replace(self.candidate, name=str(moved), terms=(moved,))
-        found = tunable(candidate)
-        assert found is not None
-        return found
+        expression = call(self.function, multiply((Number(constant), self.operand)))
+        new_term = Term(term.equation, expression)
+        candidate = replace(self.candidate, name=str(new_term), terms=(new_term,))
+        tunable_term = parse_tunable_term(candidate)
+        assert tunable_term is not None
+        return tunable_term
 
 
-def tunable(candidate: Candidate) -> Tunable | None:
-    """Return a candidate with its constant in reach; None for one that has none."""
+def parse_tunable_term(candidate: Candidate) -> TunableTerm | None:
+    """Return a candidate as a function of a constant; None if it is not one."""
     if candidate.equation is None or len(candidate.terms) != 1:
         return None
     [term] = candidate.terms
@@ -85,84 +88,82 @@ def tunable(candidate: Candidate) -> Tunable | None:
             constant, operand = split_coefficient(inner)
         case _:
             return None
-    open_to_k = call(function, multiply((Name(K), operand)))
-    slope = put_in(differentiate(open_to_k, K), {K: Number(constant)})
-    beside = Candidate(
-        name=f"{candidate.name}, its constant",
+    with_free_constant = call(function, multiply((Name(CONSTANT_NAME), operand)))
+    slope = substitute(
+        differentiate(with_free_constant, CONSTANT_NAME), {CONSTANT_NAME: Number(constant)}
+    )
+    slope_candidate = Candidate(
+        name=f"slope of {candidate.name}",
         equation=candidate.equation,
         terms=(Term(term.equation, slope),),
-        scale=candidate.scale * abs(constant) * FARTHEST,
-        extended=True,
+        scale=candidate.scale * abs(constant) * MAX_STEP,
+        is_extended=True,
     )
-    return Tunable(candidate, beside, function, operand, constant)
+    return TunableTerm(candidate, slope_candidate, function, operand, constant)
 
 
-def slopes_of(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Return the slopes of all candidates that have a constant."""
-    return [found.slope for candidate in candidates if (found := tunable(candidate))]
+def build_slopes(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return the slopes ``∂f/∂k`` of all candidates that have a constant."""
+    return [term.slope for candidate in candidates if (term := parse_tunable_term(candidate))]
 
 
-def moved(tuned: Tunable, xi: float, by_constant: float) -> float:
-    """Return the constant that two coefficients speak for, not too far from the present one."""
-    bound = FARTHEST * abs(tuned.constant)
-    shift = by_constant / xi if xi else 0.0
-    return float(f"{tuned.constant + min(max(shift, -bound), bound):.{DIGITS}g}")
+def next_constant(term: TunableTerm, xi: float, xi_k: float) -> float:
+    """Return the constant ``k + ξ_k/ξ`` after one step, which is bounded and rounded."""
+    bound = MAX_STEP * abs(term.constant)
+    shift = xi_k / xi if xi else 0.0
+    return float(f"{term.constant + min(max(shift, -bound), bound):.{DIGITS}g}")
 
 
-def within_reach(
+def solve_within_bounds(
     problem: ProfiledProblem, places: tuple[int, ...], constant: float
 ) -> tuple[float, Tensor]:
-    """Return F and ξ, ξ_k of the linearised problem, the constant within reach.
+    """Return the minimum of F and its ξ, ξ_k on the linearised problem, with a bounded constant.
 
-    With ``ξ_k = r ξ`` and ξ at its best ``F(r) = c - (a + b r)²/(d + 2 e r + f r²)``, which has one
-    minimum; where that is out of reach, one end is best.
+    With ``ξ_k = r ξ`` and the best ξ, ``F(r) = c - (a + b r)²/(d + 2 e r + f r²)``. This function
+    has one minimum. If it lies out of bounds, one of the two ends is best.
 
     Args:
         problem: the linearised problem.
-        places: of the candidate and of its slope.
-        constant: the present one.
+        places: columns of the candidate and of its slope.
+        constant: the present constant.
     """
     index = list(places)
     a, b = problem.target[index].tolist()
     (d, e), (_, f) = (problem.gram[index][:, index] + torch.diag(problem.precision[index])).tolist()
-    least, most = sorted((factor - 1) * constant for factor in REACH)
-    at_best = (b * d - a * e) / (a * f - b * e) if a * f != b * e else math.inf
-    shifts = [at_best] if least <= at_best <= most else [least, most]
+    least, most = sorted((factor - 1) * constant for factor in FACTOR_BOUNDS)
+    optimum = (b * d - a * e) / (a * f - b * e) if a * f != b * e else math.inf
+    shifts = [optimum] if least <= optimum <= most else [least, most]
     best = [((a + b * r) / (d + 2 * e * r + f * r * r), r) for r in shifts]
     gain, xi, r = max((xi * (a + b * r), xi, r) for xi, r in best)
     return problem.constant - gain, torch.tensor([xi, r * xi], dtype=torch.float64)
 
 
-def tune(
-    objective: LeastSquaresProblem, begin: Tunable, phi: Tensor
-) -> tuple[Candidate, LeastSquaresProblem, Fitted]:
-    """Fit a law of one candidate, its constant and the start.
+def fit_constant(
+    objective: LeastSquaresProblem, begin: TunableTerm, phi: Tensor
+) -> tuple[Candidate, LeastSquaresProblem, FitResult]:
+    """Fit a law of one candidate together with its constant and the initial state.
 
     Args:
         objective: F of any candidates, over the whole record.
-        begin: the candidate, with a first constant.
-        phi: start and coefficient to begin from, ``(mode + 1,)``.
+        begin: the candidate with a first constant.
+        phi: initial state and coefficient at which the fit begins, ``(mode + 1,)``.
 
     Returns:
-        the candidate with its constant, F of it alone, and its minimum.
+        The candidate with its fitted constant, F of this candidate alone, and the minimum of F.
     """
-    modes, tuned, known, least = objective.modes, begin, begin, math.inf
+    modes, term, previous, least = objective.modes, begin, begin, math.inf
     for _ in range(ROUNDS):
-        pair = objective.of([tuned.candidate, tuned.slope])
+        pair = objective.with_candidates([term.candidate, term.slope])
         fitted = minimise(pair, torch.cat([phi, phi.new_zeros(1)]), STEPS, TOLERANCE)
-        if fitted.cost > least + ASTRAY:
-            tuned = known
+        if fitted.cost > least + MAX_RISE:
+            term = previous
             break
-        known, least = tuned, fitted.cost
-        xi, by_constant = fitted.phi[modes:].tolist()
-        constant = moved(tuned, xi, by_constant)
-        close = abs(constant - tuned.constant) <= CLOSE * abs(tuned.constant)
-        phi, tuned = fitted.phi[: modes + 1], tuned.at(constant)
-        if close:
+        previous, least = term, fitted.cost
+        xi, xi_k = fitted.phi[modes:].tolist()
+        constant = next_constant(term, xi, xi_k)
+        is_converged = abs(constant - term.constant) <= CONVERGED * abs(term.constant)
+        phi, term = fitted.phi[: modes + 1], term.at(constant)
+        if is_converged:
             break
-    alone = objective.of([tuned.candidate])
-    return tuned.candidate, alone, minimise(alone, phi, STEPS, TOLERANCE)
-
-
-def _inside(function: str, constant: float, operand: Expr) -> Expr:
-    return call(function, multiply((Number(constant), operand)))
+    alone = objective.with_candidates([term.candidate])
+    return term.candidate, alone, minimise(alone, phi, STEPS, TOLERANCE)

@@ -1,8 +1,8 @@
-"""A forcing that repeats in time, everywhere alike: ``a sin(ωt) + b cos(ωt)`` in one equation.
+"""A forcing that is uniform in space and periodic in time: ``a sin(ωt) + b cos(ωt)``.
 
-A free forcing has a dozen knots in time, and of anything faster it says nothing. What is alike
-everywhere needs one cell only, and so may have many knots; from their columns those of every
-frequency follow by algebra. The best are fitted, the frequency too.
+A free forcing has a dozen knots in time and cannot represent anything faster. A uniform forcing
+needs only one cell and may therefore have many knots. The columns of every frequency are linear
+combinations of the columns of these knots. The best waves are fitted, including their frequency.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.law import law_of
-from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
+from dashred.inference.fit.law import build_law
+from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
@@ -25,17 +25,17 @@ from dashred.physics.forcing_basis import ForcingBasis
 from dashred.physics.library import build_library, resolve
 from dashred.physics.system import System
 
-# Knots in time, and how many of them a period has at least: between two a forcing is straight.
-KNOTS, PER_PERIOD = 64, 2.5
-# Frequencies are this part of a turn over the record apart: one that is found is nearly right.
-APART = 0.05
-# A wave explains this share of what is more than noise, or the base is too far off to ask about.
-SHARE = 0.5
-# Waves that are fitted; of like frequency in one equation one.
-TRIED = 3
-# Rounds of fitting the frequency, the phase at the record's ends by which a last one may move it,
-# and the digits with which a reader is told.
-ROUNDS, CLOSE, DIGITS = 6, 0.1, 4
+# Knots in time, and the smallest number of knots in a period: the forcing is linear between knots.
+KNOTS, KNOTS_PER_PERIOD = 64, 2.5
+# Step between frequencies, in periods over the record.
+FREQUENCY_STEP = 0.05
+# A wave has to explain this share of the misfit beyond noise. Otherwise the linearisation is poor.
+MIN_EXPLAINED_SHARE = 0.5
+# Number of waves that are fitted; waves of similar frequency in one equation count as one.
+MAX_FITS = 3
+# Rounds of fitting the frequency, the phase shift at the ends of the record at convergence, and the
+# digits of the frequency.
+ROUNDS, CONVERGED_PHASE, DIGITS = 6, 0.1, 4
 STEPS, TOLERANCE = 4, 1e-3
 LAST_STEPS, LAST_TOLERANCE = 10, 1e-4
 
@@ -45,7 +45,7 @@ class Wave:
     """``a sin(ωt) + b cos(ωt)`` in an equation.
 
     Attributes:
-        equation: the field that it drives.
+        equation: the field whose equation contains the wave.
         frequency: ω, radians per unit time.
         sine: a.
         cosine: b.
@@ -57,155 +57,162 @@ class Wave:
     cosine: float
 
     def at(self, frequency: float, middle: float) -> Wave:
-        """Return the wave of another frequency that is the same about a time."""
+        """Return the wave with another frequency that agrees with this one at a given time."""
         turn = (frequency - self.frequency) * middle
         sine = self.sine * math.cos(turn) + self.cosine * math.sin(turn)
         cosine = self.cosine * math.cos(turn) - self.sine * math.sin(turn)
         return Wave(self.equation, float(f"{frequency:.{DIGITS}g}"), sine, cosine)
 
-    def like(self, other: Wave, turn: float) -> bool:
-        """Tell whether two waves of one equation differ by no more than a turn over the record."""
+    def is_close_to(self, other: Wave, turn: float) -> bool:
+        """Tell whether two waves of one equation differ in frequency by no more than ``turn``."""
         return self.equation == other.equation and abs(self.frequency - other.frequency) <= turn
 
     @property
     def texts(self) -> list[str]:
-        """Its two terms, as a user would write them."""
+        """Its two terms in the notation of the configuration."""
         return [f"sin({self.frequency!r}*t)", f"cos({self.frequency!r}*t)"]
 
     def slope(self, middle: float) -> str:
-        """Return its derivative by the frequency, the phase at a time held."""
+        """Return its derivative by the frequency at a fixed phase in the middle of the record."""
         sine, cosine = self.texts
         return f"(t - ({middle!r}))*(({self.sine!r})*{cosine} - ({self.cosine!r})*{sine})"
 
 
-def periodic_laws(
-    base: HypothesisFit, size: Tensor, candidates: int, bound: float = math.inf
+def fit_periodic_laws(
+    base: HypothesisFit, tendency_rms: Tensor, candidate_count: int, bound: float = math.inf
 ) -> list[HypothesisFit]:
-    """Return laws with a periodic forcing on top, as far as the evidence promises to be for one.
+    """Fit a periodic forcing on top of a law, if the linearised problem favours one.
 
     Args:
-        base: a law that acts everywhere, or none.
-        size: rms of each equation's own tendency, ``(equation,)``.
-        candidates: how many terms were asked before: the best of many does well by chance.
-        bound: what promises a worse score is not fitted.
+        base: the fit of a law that acts everywhere, or of the uncorrected simulator.
+        tendency_rms: rms of each equation's own tendency, ``(equation,)``.
+        candidate_count: number of terms tried before, for the penalty of the search.
+        bound: waves with a worse predicted score are not fitted.
     """
     objective = base.objective
     system, times = objective.forward_model.simulator.system, objective.forward_model.times
     forcing_basis = ForcingBasis.over(system, times, 1, KNOTS)
-    block = ForcingBlock(forcing_basis, size)
-    whole = objective.extended(replace(objective.forward_model, forcing=block), block.scales)
-    normal = whole.linearise(torch.cat([base.phi, torch.zeros_like(block.scales)]))
-    grid = _frequencies(times)
-    # Frequencies that are less than a turn apart are not told from each other.
-    choices = candidates + len(system.fields) * len(grid) * APART
+    block = ForcingBlock(forcing_basis, tendency_rms)
+    forced_problem = objective.with_unknowns(
+        replace(objective.forward_model, forcing=block), block.scales
+    )
+    normal = forced_problem.linearise(torch.cat([base.phi, torch.zeros_like(block.scales)]))
+    grid = _frequency_grid(times)
+    # Frequencies that differ by less than one period over the record cannot be distinguished.
+    choices = candidate_count + len(system.fields) * len(grid) * FREQUENCY_STEP
     penalty = 3 * math.log(objective.noise.effective_count) + 2 * math.log(choices)
-    enough = min(bound - base.law.score, 0.0) - penalty
+    required_change = min(bound - base.law.score, 0.0) - penalty
     excess = float(normal.residuals.square().sum()) - objective.noise.count
-    waves = _promising(normal, system, forcing_basis, grid, size, min(enough, -SHARE * excess))
-    return [_fit(base, wave, size, penalty) for wave in waves]
+    required_change = min(required_change, -MIN_EXPLAINED_SHARE * excess)
+    waves = _select_waves(normal, system, forcing_basis, grid, tendency_rms, required_change)
+    return [_fit_wave(base, wave, tendency_rms, penalty) for wave in waves]
 
 
-def _frequencies(times: Tensor) -> Tensor:
-    """Return ω from a turn over the record to the fastest that the knots can follow."""
-    turns = torch.arange(1.0, KNOTS / PER_PERIOD, APART, dtype=torch.float64)
+def _frequency_grid(times: Tensor) -> Tensor:
+    """Return ω from one period over the record to the fastest that the knots resolve."""
+    turns = torch.arange(1.0, KNOTS / KNOTS_PER_PERIOD, FREQUENCY_STEP, dtype=torch.float64)
     return 2 * math.pi * turns / float(times.max() - times.min())
 
 
-def _promising(
-    normal: Normal,
+def _select_waves(
+    normal: NormalEquations,
     system: System,
     forcing_basis: ForcingBasis,
     grid: Tensor,
-    size: Tensor,
-    enough: float,
+    tendency_rms: Tensor,
+    required_change: float,
 ) -> list[Wave]:
-    """Return the waves that change F by enough on the linearised problem, the best first."""
+    """Return the waves that decrease F enough on the linearised problem, the best first."""
     fields, knots = system.fields, forcing_basis.knots
     own = len(normal.phi) - forcing_basis.count
     angle = grid[:, None] * knots
     waves = torch.stack([angle.sin(), angle.cos()], dim=1)
     by_knot = normal.jacobian[:, own:].reshape(-1, len(fields), KNOTS)
     columns = torch.einsum("nek,wpk->newp", by_knot, waves).flatten(1)
-    priors = size.repeat_interleave(2 * len(grid)) ** -2 / 2
-    linear = Normal(
+    priors = tendency_rms.repeat_interleave(2 * len(grid)) ** -2 / 2
+    linear = NormalEquations(
         torch.cat([normal.jacobian[:, :own], columns], dim=1),
         torch.cat([normal.precision[:own], priors]),
         torch.cat([normal.phi[:own], torch.zeros(len(priors), dtype=torch.float64)]),
         normal.residuals,
     )
-    problem = _without(linear, own)
+    problem = _profile_out_base(linear, own)
     pairs = [(2 * j, 2 * j + 1) for j in range(len(fields) * len(grid))]
     costs = problem.costs(pairs)
-    found: list[Wave] = []
+    selected: list[Wave] = []
     for j in costs.argsort().tolist():
         equation, turn = divmod(j, len(grid))
         wave = Wave(fields[equation], float(grid[turn]), *problem.coefficients(pairs[j]).tolist())
-        if len(found) == TRIED or float(costs[j]) >= problem.constant + enough:
+        if len(selected) == MAX_FITS or float(costs[j]) >= problem.constant + required_change:
             break
-        if not any(wave.like(other, turn=float(grid[0])) for other in found):
-            found.append(wave)
-    return found
+        if not any(wave.is_close_to(other, turn=float(grid[0])) for other in selected):
+            selected.append(wave)
+    return selected
 
 
-def _without(linear: Normal, own: int) -> ProfiledProblem:
-    """Take out the start and the base's own coefficients, these under their priors."""
-    size = linear.precision[:own].sqrt()
-    scaled = torch.cat([linear.jacobian[:, :own] / size, linear.jacobian[:, own:]], dim=1)
-    unknowns = torch.cat([linear.phi[:own] * size, linear.phi[own:]])
-    return ProfiledProblem.of(replace(linear, jacobian=scaled, phi=unknowns), own)
+def _profile_out_base(linear: NormalEquations, own: int) -> ProfiledProblem:
+    """Profile out the initial state and the base's own coefficients under their priors."""
+    scale = linear.precision[:own].sqrt()
+    scaled = torch.cat([linear.jacobian[:, :own] / scale, linear.jacobian[:, own:]], dim=1)
+    unknowns = torch.cat([linear.phi[:own] * scale, linear.phi[own:]])
+    return ProfiledProblem.from_normal_equations(
+        replace(linear, jacobian=scaled, phi=unknowns), own
+    )
 
 
-def _fit(base: HypothesisFit, wave: Wave, size: Tensor, penalty: float) -> HypothesisFit:
-    """Fit a wave, its frequency, the law beneath and the start."""
+def _fit_wave(
+    base: HypothesisFit, wave: Wave, tendency_rms: Tensor, penalty: float
+) -> HypothesisFit:
+    """Fit a wave and its frequency together with the base law and the initial state."""
     times = base.objective.forward_model.times
     first, last = float(times.min()), float(times.max())
     middle, half = (first + last) / 2, (last - first) / 2
     own, phi = len(base.phi), base.phi
     for _ in range(ROUNDS):
-        mine = _with(base, [*_terms(base, wave, size), _slope(base, wave, middle, half)])
+        slope = _build_slope(base, wave, middle, half)
+        problem = _add_candidates(base, [*_build_wave_terms(base, wave, tendency_rms), slope])
         begin = torch.tensor([wave.sine, wave.cosine, 0.0], dtype=torch.float64)
-        fitted = minimise(mine, torch.cat([phi, begin]), STEPS, TOLERANCE)
+        fitted = minimise(problem, torch.cat([phi, begin]), STEPS, TOLERANCE)
         phi = fitted.phi[:own]
         sine, cosine, shift = fitted.phi[own:].tolist()
         moved = wave.frequency + min(max(shift, -math.pi / half), math.pi / half)
-        # Of less than half a turn sine and cosine are a constant and a slope.
+        # Below half a period over the record, sine and cosine are only a constant and a slope.
         frequency = max(moved, math.pi / 2 / half)
         wave = replace(wave, sine=sine, cosine=cosine).at(frequency, middle)
-        if abs(shift) * half < CLOSE:
+        if abs(shift) * half < CONVERGED_PHASE:
             break
-    terms = _terms(base, wave, size)
-    mine = _with(base, terms)
+    problem = _add_candidates(base, _build_wave_terms(base, wave, tendency_rms))
     begin = torch.tensor([wave.sine, wave.cosine], dtype=torch.float64)
-    fitted = minimise(mine, torch.cat([phi, begin]), LAST_STEPS, LAST_TOLERANCE)
+    fitted = minimise(problem, torch.cat([phi, begin]), LAST_STEPS, LAST_TOLERANCE)
     [before], _ = base.objective.values(base.phi[None])
     score = base.law.score - float(before) + fitted.cost + penalty
-    return HypothesisFit(law_of(mine, fitted, score), mine, fitted.phi)
+    return HypothesisFit(build_law(problem, fitted, score), problem, fitted.phi)
 
 
-def _terms(base: HypothesisFit, wave: Wave, size: Tensor) -> list[Candidate]:
+def _build_wave_terms(base: HypothesisFit, wave: Wave, tendency_rms: Tensor) -> list[Candidate]:
     system = base.objective.forward_model.simulator.system
-    scale = math.sqrt(2) * float(size[system.fields.index(wave.equation)])
-    return list(_candidates(system, wave.equation, wave.texts, scale))
+    scale = math.sqrt(2) * float(tendency_rms[system.fields.index(wave.equation)])
+    return list(_build_candidates(system, wave.equation, wave.texts, scale))
 
 
-def _slope(base: HypothesisFit, wave: Wave, middle: float, half: float) -> Candidate:
+def _build_slope(base: HypothesisFit, wave: Wave, middle: float, half: float) -> Candidate:
     system = base.objective.forward_model.simulator.system
-    [slope] = _candidates(system, wave.equation, [wave.slope(middle)], 1 / half)
+    [slope] = _build_candidates(system, wave.equation, [wave.slope(middle)], 1 / half)
     return slope
 
 
-def _candidates(
+def _build_candidates(
     system: System, equation: str, texts: Sequence[str], scale: float
 ) -> Iterator[Candidate]:
     terms = build_library(system, {equation: list(texts)})
-    for term, ready in zip(terms, resolve(system, terms), strict=True):
-        yield Candidate(str(term), equation, (ready,), scale, extended=True)
+    for term, resolved in zip(terms, resolve(system, terms), strict=True):
+        yield Candidate(str(term), equation, (resolved,), scale, is_extended=True)
 
 
-def _with(base: HypothesisFit, further: Sequence[Candidate]) -> LeastSquaresProblem:
-    """Return F of the base's law and further candidates, their prior their natural scale."""
+def _add_candidates(base: HypothesisFit, candidates: Sequence[Candidate]) -> LeastSquaresProblem:
+    """Return F of the base law and further candidates, with their natural scales as prior."""
     objective = base.objective
-    carried = base.law.candidates
-    whole = objective.of([*carried, *further])
-    prior = torch.cat([objective.prior_std, whole.prior_std[len(carried) :]])
-    return replace(whole, prior_std=prior)
+    base_candidates = base.law.candidates
+    extended = objective.with_candidates([*base_candidates, *candidates])
+    prior = torch.cat([objective.prior_std, extended.prior_std[len(base_candidates) :]])
+    return replace(extended, prior_std=prior)

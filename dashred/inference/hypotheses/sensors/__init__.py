@@ -1,1 +1,1 @@
-"""Faults of sensors, and starts outside of their prior."""
+"""Hypotheses about sensor faults and the initial state."""

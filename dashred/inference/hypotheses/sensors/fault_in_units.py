@@ -1,4 +1,4 @@
-"""A sensor's fault that was found, in the user's units and with its error."""
+"""Sensor faults in the user's units, with standard deviations."""
 
 from __future__ import annotations
 
@@ -10,34 +10,35 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.hypotheses.sensors.faults import Fault, FittedFault
 
 
-def fitted_fault_in_units(objective: LeastSquaresProblem, tested: FittedFault) -> SensorFault:
-    """Return what was found to be wrong with the sensor of a fitted fault, in the user's units.
+def fitted_fault_in_units(objective: LeastSquaresProblem, fitted_fault: FittedFault) -> SensorFault:
+    """Return a fitted fault in the user's units.
 
     Args:
         objective: F of the law, without the fault.
-        tested: the fault, with F of both.
+        fitted_fault: the fault, fitted together with the law.
     """
     first = objective.modes + len(objective.prior_std)
-    normal = tested.objective.linearise(tested.fitted.phi, tested.fitted.readings)
-    stds = normal.covariance(range(len(tested.fitted.phi))).diagonal().sqrt()
-    return fault_in_units(objective, tested.fault, tested.fitted.phi[first:], stds[first:])
+    fitted = fitted_fault.fitted
+    normal = fitted_fault.objective.linearise(fitted.phi, fitted.readings)
+    stds = normal.covariance(range(len(fitted.phi))).diagonal().sqrt()
+    return fault_in_units(objective, fitted_fault.fault, fitted.phi[first:], stds[first:])
 
 
 def fault_in_units(
-    objective: LeastSquaresProblem, fault: Fault, own: Tensor, stds: Tensor
+    objective: LeastSquaresProblem, fault: Fault, parameters: Tensor, stds: Tensor
 ) -> SensorFault:
-    """Return what is wrong with a sensor, in the user's units.
+    """Return a fault in the user's units.
 
     Args:
         objective: F of the law.
-        fault: what it is.
-        own: the numbers that describe it, ``(number,)``.
-        stds: their standard deviations.
+        fault: the fault.
+        parameters: its parameters, ``(parameter,)``.
+        stds: their standard deviations, ``(parameter,)``.
     """
     times = objective.forward_model.times
     block = objective.forward_model.sensors
     name = block.sensors[fault.sensor].name
-    if not len(own):
+    if not len(parameters):
         columns = block.columns_of(fault.sensor)
         index = columns.index(fault.sensor)
         episode = index if len(columns) > 1 else None
@@ -46,8 +47,8 @@ def fault_in_units(
             return SensorFault(fault.kind, name, count, None, None, episode)
         tail = objective.recorded[fault.samples, fault.sensor]
         first = int(torch.nonzero(fault.samples)[0])
-        begin = float(times[first, index])
-        return SensorFault(fault.kind, name, float(tail.nanmean()), None, begin, episode)
+        start_time = float(times[first, index])
+        return SensorFault(fault.kind, name, float(tail.nanmean()), None, start_time, episode)
     length = float((times - times[0]).max()) if fault.kind == "drift" else 1.0
-    value = float(own[0]) if len(own) == 1 else float(own.norm())
+    value = float(parameters[0]) if len(parameters) == 1 else float(parameters.norm())
     return SensorFault(fault.kind, name, value / length, float(stds.norm()) / length, None)

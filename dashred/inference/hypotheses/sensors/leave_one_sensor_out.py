@@ -1,8 +1,8 @@
-"""A sensor at fault beneath a mismatch: found by what the others say of it, then left out.
+"""A sensor fault in addition to a model error: the sensor is detected and then excluded.
 
-While a law is missing too, no fit of the simulator can tell the fault. A free forcing explains what
-the other sensors read, whatever the law; laws are then looked for without that sensor, and what is
-wrong with it is read off the law that was found.
+If a law is missing too, no fit of the simulator can identify the fault. A free forcing explains the
+readings of the other sensors, whatever the law is. Laws are then searched without the faulty
+sensor, and its fault is estimated from the residual of the law.
 """
 
 from __future__ import annotations
@@ -10,102 +10,107 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from dashred.inference.fit.law import law_of
+from dashred.inference.fit.law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.hypotheses.free_forcing import FreeForcing
-from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, LeftOut, refitted
+from dashred.inference.hypotheses.hypothesis_fit import ExcludedSensor, HypothesisFit, refit
 from dashred.inference.hypotheses.sensors.fault_in_units import fault_in_units
-from dashred.inference.hypotheses.sensors.faults import Fault, predicted_faults
-from dashred.inference.hypotheses.sensors.suspects import suspects
+from dashred.inference.hypotheses.sensors.faults import Fault, predict_faults
+from dashred.inference.hypotheses.sensors.suspected_faults import find_suspected_faults
 
-# A forcing is coarse: what it leaves at a sensor may look like a fault that gains as much as this,
-# in units of the misfit that it leaves everywhere.
-COARSE = 40.0
-# Of fewer sensors, none is left out: who contradicts whom, nobody can tell.
-FEWEST = 3
+# Smallest gain of a fault, in units of the mean misfit of the forcing. A forcing is coarse, so its
+# residual at a sound sensor may look like a fault with a smaller gain.
+MIN_MISFITS = 40.0
+# With fewer sensors none is excluded: it cannot be told which of them is wrong.
+MIN_SENSORS = 3
 STEPS, TOLERANCE = 6, 1e-3
 
 
-def fault_beneath(forced: FreeForcing) -> Fault | None:
-    """Return the fault of a sensor that even a free forcing needs; None if it needs none."""
-    objective, phi = forced.objective, forced.phi
+def find_sensor_fault(forcing: FreeForcing) -> Fault | None:
+    """Return the sensor fault that a free forcing cannot explain; None if there is none."""
+    objective, phi = forcing.objective, forcing.phi
     sensors = objective.forward_model.sensors.sensors
-    seen = objective.noise.seen.any(dim=0).tolist()
-    if len({s.name for s, any_ in zip(sensors, seen, strict=True) if any_}) < FEWEST:
+    seen = objective.noise.available.any(dim=0).tolist()
+    if len({s.name for s, is_seen in zip(sensors, seen, strict=True) if is_seen}) < MIN_SENSORS:
         return None
-    faults = suspects(objective, forced.normal)
-    found = predicted_faults(objective, phi, forced.normal, faults)
-    best, fault = min(found, key=lambda pair: pair[0].score)
-    misfit = max(1.0, forced.cost / objective.noise.count)
-    return fault if best.score < forced.cost - COARSE * misfit else None
+    faults = find_suspected_faults(objective, forcing.normal)
+    predictions = predict_faults(objective, phi, forcing.normal, faults)
+    best, fault = min(predictions, key=lambda pair: pair[0].score)
+    misfit = max(1.0, forcing.cost / objective.noise.count)
+    return fault if best.score < forcing.cost - MIN_MISFITS * misfit else None
 
 
-def forced_without(forced: FreeForcing, sensor: int) -> FreeForcing:
-    """Return a free forcing of the same size that one of the sensors has no part in."""
-    noise, sensors = forced.objective.noise, forced.objective.forward_model.sensors
-    seen = noise.seen.clone()
+def refit_forcing_without_sensor(forcing: FreeForcing, sensor: int) -> FreeForcing:
+    """Refit a free forcing with the same levels, without one of the sensors."""
+    noise, sensors = forcing.objective.noise, forcing.objective.forward_model.sensors
+    seen = noise.available.clone()
     seen[:, sensors.columns_of(sensor)] = False
-    mine = replace(forced.objective, noise=replace(noise, seen=seen))
-    fitted = minimise(mine, forced.phi, STEPS, TOLERANCE)
-    normal = mine.linearise(fitted.phi, fitted.readings)
-    return replace(forced, objective=mine, phi=fitted.phi, cost=fitted.cost, normal=normal)
+    problem = replace(forcing.objective, noise=replace(noise, available=seen))
+    fitted = minimise(problem, forcing.phi, STEPS, TOLERANCE)
+    normal = problem.linearise(fitted.phi, fitted.readings)
+    return replace(forcing, objective=problem, phi=fitted.phi, cost=fitted.cost, normal=normal)
 
 
-def nothing_without(null: HypothesisFit, forced: FreeForcing, noise: NoiseModel) -> HypothesisFit:
-    """Return the simulator as it is, fitted without the sensor that a free forcing has left out.
+def refit_simulator_without_sensor(
+    null: HypothesisFit, forcing: FreeForcing, noise: NoiseModel
+) -> HypothesisFit:
+    """Refit the uncorrected simulator without the sensor that a free forcing excludes.
 
     Args:
-        null: its fit to all sensors, which the faulty one may have led anywhere.
-        forced: from whose start it is fitted.
-        noise: that the forcing leaves, of the samples that it has seen.
+        null: the fit to all sensors, which the faulty sensor may have misled.
+        forcing: the forcing from whose initial state the fit begins.
+        noise: the noise under the forcing, with the samples that the forcing used.
     """
-    mine = replace(null.objective, noise=noise)
-    fitted = minimise(mine, forced.phi[: mine.modes], STEPS, TOLERANCE)
-    return HypothesisFit(law_of(mine, fitted, fitted.cost), mine, fitted.phi)
+    problem = replace(null.objective, noise=noise)
+    fitted = minimise(problem, forcing.phi[: problem.modes], STEPS, TOLERANCE)
+    return HypothesisFit(build_law(problem, fitted, fitted.cost), problem, fitted.phi)
 
 
-def beside_the_fault(bare: HypothesisFit, sensor: int) -> HypothesisFit:
-    """Return an explanation that was fitted without a sensor, beside what is wrong with that."""
-    return _with_fault(bare, sensor)[0]
+def add_fault(fit: HypothesisFit, sensor: int) -> HypothesisFit:
+    """Return a hypothesis that was fitted without a sensor, with the fault of this sensor added."""
+    return _add_likeliest_fault(fit, sensor)[0]
 
 
-def _with_fault(bare: HypothesisFit, sensor: int) -> tuple[HypothesisFit, LeftOut]:
-    whole, phi = _whole(bare.objective), bare.phi
-    normal = whole.linearise(phi)
-    own = whole.forward_model.sensors.columns_of(sensor)
-    mine = [fault for fault in suspects(whole, normal) if fault.sensor in own]
-    found = predicted_faults(whole, phi, normal, mine)
-    best, fault = min(found, key=lambda pair: pair[0].score)
-    [cost], _ = bare.objective.values(phi[None])
-    score = bare.law.score - float(cost) + best.score
-    law = replace(bare.law, score=score, fault=fault_in_units(whole, fault, best.own, best.stds))
-    left_out = LeftOut(bare, sensor, normal.least() - best.score)
-    return replace(bare, law=law, left_out=left_out), left_out
+def _add_likeliest_fault(fit: HypothesisFit, sensor: int) -> tuple[HypothesisFit, ExcludedSensor]:
+    full_problem, phi = _with_all_samples(fit.objective), fit.phi
+    normal = full_problem.linearise(phi)
+    columns = full_problem.forward_model.sensors.columns_of(sensor)
+    suspected = find_suspected_faults(full_problem, normal)
+    faults = [fault for fault in suspected if fault.sensor in columns]
+    predictions = predict_faults(full_problem, phi, normal, faults)
+    best, fault = min(predictions, key=lambda pair: pair[0].score)
+    [cost], _ = fit.objective.values(phi[None])
+    score = fit.law.score - float(cost) + best.score
+    in_units = fault_in_units(full_problem, fault, best.parameters, best.stds)
+    law = replace(fit.law, score=score, fault=in_units)
+    excluded_sensor = ExcludedSensor(fit, sensor, normal.minimum() - best.score)
+    return replace(fit, law=law, excluded_sensor=excluded_sensor), excluded_sensor
 
 
-def faulty_or_not(laws: Sequence[HypothesisFit], sensor: int) -> list[HypothesisFit]:
-    """Return laws that were fitted without a sensor as the best of them has it.
+def add_fault_or_refit(laws: Sequence[HypothesisFit], sensor: int) -> list[HypothesisFit]:
+    """Add the sensor's fault to laws fitted without it, or refit them to all sensors.
 
-    Beside the sensor's fault, if that explains what it reads; else fitted to it, too.
+    The fault is added if it improves the best law. Otherwise the sensor is taken to be sound.
     """
     if not laws:
         return []
-    found = [_with_fault(law, sensor) for law in laws]
-    first = min(range(len(laws)), key=lambda j: found[j][0].law.score)
-    best, left_out = found[first]
-    without = _with_all_sensors(laws[first])
-    if left_out.gain <= 0 or without.law.score < best.law.score:
-        return [without if law is laws[first] else _with_all_sensors(law) for law in laws]
-    return [*(beside for beside, _ in found), without]
+    pairs = [_add_likeliest_fault(law, sensor) for law in laws]
+    best_index = min(range(len(laws)), key=lambda j: pairs[j][0].law.score)
+    best, excluded_sensor = pairs[best_index]
+    best_law = laws[best_index]
+    refit_best = _refit_with_all_sensors(best_law)
+    if excluded_sensor.gain <= 0 or refit_best.law.score < best.law.score:
+        return [refit_best if law is best_law else _refit_with_all_sensors(law) for law in laws]
+    return [*(with_fault for with_fault, _ in pairs), refit_best]
 
 
-def _with_all_sensors(bare: HypothesisFit) -> HypothesisFit:
-    """Return an explanation that was fitted without a sensor, fitted to that too."""
-    return refitted(bare, _whole(bare.objective))
+def _refit_with_all_sensors(fit: HypothesisFit) -> HypothesisFit:
+    """Refit a hypothesis that was fitted without a sensor to all sensors."""
+    return refit(fit, _with_all_samples(fit.objective))
 
 
-def _whole(objective: LeastSquaresProblem) -> LeastSquaresProblem:
-    """Return F of all samples that there are."""
-    return replace(objective, noise=replace(objective.noise, seen=~objective.recorded.isnan()))
+def _with_all_samples(objective: LeastSquaresProblem) -> LeastSquaresProblem:
+    """Return F of all recorded samples."""
+    return replace(objective, noise=replace(objective.noise, available=~objective.recorded.isnan()))

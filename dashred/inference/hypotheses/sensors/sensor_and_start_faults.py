@@ -1,4 +1,4 @@
-"""Explanations without a law: a sensor at fault, or a start that lies outside of its prior."""
+"""Hypotheses that add no term: a sensor fault, or an initial state outside its prior."""
 
 from __future__ import annotations
 
@@ -8,146 +8,151 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.law import Law, law_of
-from dashred.inference.fit.least_squares import LeastSquaresProblem, Normal
-from dashred.inference.fit.levenberg_marquardt import Fitted, growing, minimise
+from dashred.inference.fit.law import Law, build_law
+from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
+from dashred.inference.fit.levenberg_marquardt import FitResult, growing_horizon_fits, minimise
 from dashred.inference.hypotheses.free_forcing import evidence
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.sensors.fault_in_units import fitted_fault_in_units
-from dashred.inference.hypotheses.sensors.faults import FittedFault, fit_fault, predicted_faults
-from dashred.inference.hypotheses.sensors.suspects import suspects
+from dashred.inference.hypotheses.sensors.faults import FittedFault, fit_fault, predict_faults
+from dashred.inference.hypotheses.sensors.suspected_faults import find_suspected_faults
 from dashred.inference.initial_state.start_models import ScaledStart
 
-# Faults that are fitted, of those that the linearised problem says explain something; of which so
-# many are fitted on, where they leave less than this share of the misfit.
-FAULTS, FURTHER, MOST = 4, 2, 0.5
-# By how much the start may lie outside of its prior, and how often that is asked.
-WIDER, ROUNDS = (2.5, 3.2, 4.0, 5.0, 6.4, 8.0), 2
+# Number of faults that are fitted, the best by the linearised problem first. MAX_REFITS of them may
+# be refitted over a growing horizon if they reduce the misfit below MAX_MISFIT_SHARE.
+MAX_FAULTS, MAX_REFITS, MAX_MISFIT_SHARE = 4, 2, 0.5
+# Factors by which the prior of the initial state may be wider, and rounds of choosing one.
+FACTORS, MAX_ROUNDS = (2.5, 3.2, 4.0, 5.0, 6.4, 8.0), 2
 STEPS, TOLERANCE = 10, 1e-4
-# A step that gains a smaller share of F ends a fit that leaves far more than noise.
-ROUGH = 0.02
-# What leaves so many times the noise's squares is looked for anew, from so many samples on.
-FAR, FIRST = 1.5, 6
+# Tolerance of a fit that leaves far more than noise.
+ROUGH_TOLERANCE = 0.02
+# A fit with a larger χ²/n is repeated over a growing horizon, which begins with FIRST_SAMPLES.
+MAX_CHI2, FIRST_SAMPLES = 1.5, 6
 
 
-def sensor_hypotheses(cause: HypothesisFit, bound: float) -> list[HypothesisFit]:
-    """Return what a fault of one sensor explains, beside a law or without one.
+def fit_sensor_hypotheses(fit: HypothesisFit, bound: float) -> list[HypothesisFit]:
+    """Return the hypotheses that add a fault of one sensor to a fit.
 
     Args:
-        cause: a law that acts everywhere, or the simulator as it is.
-        bound: faults that are predicted to score worse are left out.
+        fit: a law that acts everywhere, or the uncorrected simulator.
+        bound: faults with a worse predicted score are not fitted.
     """
-    objective, phi = cause.objective, cause.phi
+    objective, phi = fit.objective, fit.phi
     [cost], _ = objective.values(phi[None])
-    freedom, normal = cause.law.score - float(cost), cause.normal
-    every = predicted_faults(objective, phi, normal, suspects(objective, normal))
-    near = [pair for pair in every if pair[0].score + freedom < bound]
-    chosen = sorted(near, key=lambda pair: pair[0].score)[:FAULTS]
-    tests = [fit_fault(objective, fault, phi, best.own) for best, fault in chosen]
-    tests.sort(key=lambda tested: tested.score)
-    found = []
-    for tested in [*(_fitted_on(t, cause.law) for t in tests[:FURTHER]), *tests[FURTHER:]]:
-        law = law_of(tested.objective, tested.fitted, tested.score + freedom)
-        law = replace(law, fault=fitted_fault_in_units(objective, tested))
-        found.append(HypothesisFit(law, tested.objective, tested.fitted.phi))
-    return found
+    penalty, normal = fit.law.score - float(cost), fit.normal
+    faults = find_suspected_faults(objective, normal)
+    predictions = predict_faults(objective, phi, normal, faults)
+    plausible = [pair for pair in predictions if pair[0].score + penalty < bound]
+    chosen = sorted(plausible, key=lambda pair: pair[0].score)[:MAX_FAULTS]
+    fitted_faults = [fit_fault(objective, fault, phi, best.parameters) for best, fault in chosen]
+    fitted_faults.sort(key=lambda fitted_fault: fitted_fault.score)
+    refitted = [_refit_poor_fault(fault, fit.law) for fault in fitted_faults[:MAX_REFITS]]
+    fits = []
+    for fitted_fault in [*refitted, *fitted_faults[MAX_REFITS:]]:
+        law = build_law(fitted_fault.objective, fitted_fault.fitted, fitted_fault.score + penalty)
+        law = replace(law, fault=fitted_fault_in_units(objective, fitted_fault))
+        fits.append(HypothesisFit(law, fitted_fault.objective, fitted_fault.fitted.phi))
+    return fits
 
 
-def _fitted_on(tested: FittedFault, without: Law) -> FittedFault:
-    """Return a fault that explains most, and leaves more than noise, fitted on.
+def _refit_poor_fault(fitted_fault: FittedFault, without: Law) -> FittedFault:
+    """Refit a fault that explains most of the misfit but leaves more than noise.
 
-    The sensor may have led what was fitted to it far from where it belongs.
+    The faulty sensor may have led the first fit far from the right minimum.
     """
-    before, count = tested.fitted, tested.objective.noise.count
-    if not FAR < before.chi2 / count < MOST * without.chi2:
-        return tested
-    fitted = _anywhere(tested.objective, before.phi, math.inf)
-    return replace(tested, fitted=fitted, score=tested.score + fitted.cost - before.cost)
+    previous, count = fitted_fault.fitted, fitted_fault.objective.noise.count
+    if not MAX_CHI2 < previous.chi2 / count < MAX_MISFIT_SHARE * without.chi2:
+        return fitted_fault
+    fitted = _fit_with_growing_horizon(fitted_fault.objective, previous.phi, math.inf)
+    return replace(
+        fitted_fault, fitted=fitted, score=fitted_fault.score + fitted.cost - previous.cost
+    )
 
 
-def start_hypotheses(null: HypothesisFit, bound: float = math.inf) -> list[HypothesisFit]:
-    """Return what a start outside of its prior explains, by Laplace's evidence; or nothing.
+def fit_start_hypotheses(null: HypothesisFit, bound: float = math.inf) -> list[HypothesisFit]:
+    """Return the hypothesis of an initial state outside its prior, or none.
 
-    A wider prior lets F fall in any case: what it may move more is held against it, and that one
-    more number is told. How much wider it is, the linearised problem tells, about the plain prior's
-    fit first.
+    F always decreases under a wider prior. The score therefore contains the Laplace evidence of the
+    wider prior and a penalty for the factor. The linearised problem gives the factor.
 
     Args:
-        null: the simulator as it is.
-        bound: what scores worse is not looked for anew.
+        null: the uncorrected simulator.
+        bound: a fit with a worse F is not repeated over a growing horizon.
     """
     objective, phi, normal = null.objective, null.phi, null.normal
-    factor = _likeliest(normal, 1.0)
-    if _widened(normal, factor) > _widened(normal, 1.0):
+    factor = _best_factor(normal, 1.0)
+    if _evidence_of_factor(normal, factor) > _evidence_of_factor(normal, 1.0):
         return []
     z, start = phi / factor, objective.forward_model.start
-    for _ in range(ROUNDS):
-        mine = objective.about(ScaledStart(start, factor))
-        fitted = _anywhere(mine, z, bound)
-        there = mine.linearise(fitted.phi, fitted.readings)
-        before, factor = factor, _likeliest(there, factor)
-        if factor == before:
+    for _ in range(MAX_ROUNDS):
+        problem = objective.with_start(ScaledStart(start, factor))
+        fitted = _fit_with_growing_horizon(problem, z, bound)
+        normal_there = problem.linearise(fitted.phi, fitted.readings)
+        previous, factor = factor, _best_factor(normal_there, factor)
+        if factor == previous:
             break
-        z = fitted.phi * before / factor
-    plain = replace(there, precision=there.precision * before**2)
-    cost = _volume(_over_all(there, before), there) - _volume(_widened(plain, 1.0), plain)
-    score = fitted.cost + cost + math.log(objective.noise.effective_count)
-    law = replace(law_of(mine, fitted, score, there), widened=before)
-    return [HypothesisFit(law, mine, fitted.phi)]
+        z = fitted.phi * previous / factor
+    plain = replace(normal_there, precision=normal_there.precision * previous**2)
+    wide_penalty = _penalty_part(_mean_evidence(normal_there, previous), normal_there)
+    plain_penalty = _penalty_part(_evidence_of_factor(plain, 1.0), plain)
+    penalty = wide_penalty - plain_penalty
+    score = fitted.cost + penalty + math.log(objective.noise.effective_count)
+    law = replace(build_law(problem, fitted, score, normal_there), start_prior_factor=previous)
+    return [HypothesisFit(law, problem, fitted.phi)]
 
 
-def _anywhere(objective: LeastSquaresProblem, z: Tensor, bound: float) -> Fitted:
-    """Fit from where it is, and where that leaves more than noise, from the first samples.
+def _fit_with_growing_horizon(objective: LeastSquaresProblem, z: Tensor, bound: float) -> FitResult:
+    """Fit from the given unknowns; if that leaves more than noise, also over a growing horizon.
 
-    What was fitted under a prior that keeps it away may have no way to where it belongs. Over more
-    samples F is larger: what is beyond the bound over the first stays there.
+    A fit under a narrow prior may end in a minimum from which the right one cannot be reached. F
+    increases with the number of samples, so a fit above the bound is given up early.
     """
-    fitted = _fitted(objective, z)
-    if not _far(objective, fitted):
+    fitted = _fit_start(objective, z)
+    if not _is_poor(objective, fitted):
         return fitted
     begin = torch.zeros_like(z)
-    for found in growing(objective, begin, FIRST):
-        if found.cost > bound:
+    for grown in growing_horizon_fits(objective, begin, FIRST_SAMPLES):
+        if grown.cost > bound:
             return fitted
-        begin = found.phi
-    return min(fitted, _fitted(objective, begin), key=lambda found: found.cost)
+        begin = grown.phi
+    return min(fitted, _fit_start(objective, begin), key=lambda each: each.cost)
 
 
-def _fitted(objective: LeastSquaresProblem, z: Tensor) -> Fitted:
-    """Fit roughly, and to the end if that leaves no more than noise."""
-    fitted = minimise(objective, z, STEPS, ROUGH)
-    if _far(objective, fitted):
+def _fit_start(objective: LeastSquaresProblem, z: Tensor) -> FitResult:
+    """Fit with a rough tolerance, then until convergence if no more than noise is left."""
+    fitted = minimise(objective, z, STEPS, ROUGH_TOLERANCE)
+    if _is_poor(objective, fitted):
         return fitted
     return minimise(objective, fitted.phi, STEPS, TOLERANCE)
 
 
-def _far(objective: LeastSquaresProblem, fitted: Fitted) -> bool:
+def _is_poor(objective: LeastSquaresProblem, fitted: FitResult) -> bool:
     """Tell whether a fit leaves more than noise."""
-    return not fitted.chi2 < FAR * objective.noise.count
+    return not fitted.chi2 < MAX_CHI2 * objective.noise.count
 
 
-def _over_all(normal: Normal, factor: float) -> float:
-    """Return the evidence over all factors, none preferred, about a fit under one of them.
+def _mean_evidence(normal: NormalEquations, factor: float) -> float:
+    """Return the evidence averaged over all factors, about a fit under one of them.
 
-    The best of many would be found evident by chance.
+    It is averaged because the best of many does well by chance.
     """
-    every = [_widened(normal, wider / factor) for wider in WIDER]
-    least = min(every)
-    shares = sum(math.exp((least - found) / 2) for found in every) / len(every)
+    values = [_evidence_of_factor(normal, wider / factor) for wider in FACTORS]
+    least = min(values)
+    shares = sum(math.exp((least - value) / 2) for value in values) / len(values)
     return least - 2 * math.log(shares)
 
 
-def _volume(found: float, normal: Normal) -> float:
-    """Return what of an evidence is not F's minimum: what freedom costs."""
-    return found - normal.least()
+def _penalty_part(value: float, normal: NormalEquations) -> float:
+    """Return the part of an evidence that is not the minimum of F: the penalty."""
+    return value - normal.minimum()
 
 
-def _likeliest(normal: Normal, factor: float) -> float:
-    """Return how much wider the prior is by the evidence, about a fit under so much of it."""
-    return min(WIDER, key=lambda wider: _widened(normal, wider / factor))
+def _best_factor(normal: NormalEquations, factor: float) -> float:
+    """Return the factor of the prior with the best evidence, about a fit under a given factor."""
+    return min(FACTORS, key=lambda wider: _evidence_of_factor(normal, wider / factor))
 
 
-def _widened(normal: Normal, factor: float) -> float:
-    """Return the evidence of a start whose prior is so many times as wide."""
+def _evidence_of_factor(normal: NormalEquations, factor: float) -> float:
+    """Return the evidence of a prior that is wider by a factor."""
     wide = replace(normal, precision=normal.precision / factor**2)
     return evidence(wide, range(len(normal.phi)))

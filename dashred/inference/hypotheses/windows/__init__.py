@@ -1,1 +1,1 @@
-"""Terms that act in a region, a time span or a range of values."""
+"""Hypotheses with a window: terms that act in a part of space, time or state."""

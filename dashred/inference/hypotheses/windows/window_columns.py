@@ -1,6 +1,7 @@
-"""Windows as columns: cells, onsets and gates of every candidate, and how they are put together.
+"""Windows as sums of columns: cells, onsets and gates of every candidate.
 
-Cells make boxes, around a periodic axis too; two neighbouring edges make one between them.
+Neighbouring cells make a box, also around a periodic axis. Two neighbouring onsets or gates make
+one between them.
 """
 
 from __future__ import annotations
@@ -16,29 +17,30 @@ from torch import Tensor
 
 from dashred.inference.fit.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.hypotheses.windows.windowed_hypothesis import LOG_WIDTH, Guess
-from dashred.physics.expressions.semilinear import NotSeparableError, Separator
+from dashred.inference.hypotheses.windows.windowed_hypothesis import LOG_WIDTH, WindowGuess
+from dashred.physics.expressions.semilinear import NotSemilinearError, SemilinearBuilder
 from dashred.physics.grids.grid import Axis
 from dashred.physics.system import System
 from dashred.physics.window import Shape, Window, box, gate, onset
 
 CELLS, TIMES = 12, 10
-# Thresholds of gates, even between these quantiles of a field: few samples lie between two wells,
-# and yet a gate may. And at some farther out: what acts in one sample of a hundred moves a front.
-THRESHOLDS, TAIL, FARTHER = 9, 0.05, (0.005, 0.02)
-# Two that are closer than this share of the step are one.
-CLOSE = 0.25
-# A run of cells longer than this share of an axis is no region any more.
-LONGEST = 0.75
+# Number of gate thresholds, evenly spaced between two quantiles of a field: a gate may lie between
+# two wells, where there are few samples. Further thresholds lie at FAR_TAILS: a term that acts in
+# one sample of a hundred can move a front.
+THRESHOLDS, TAIL, FAR_TAILS = 9, 0.05, (0.005, 0.02)
+# A far threshold is dropped if another one is closer than this share of the step.
+MIN_DISTANCE = 0.25
+# A box is at most this share of the axis long.
+MAX_LENGTH = 0.75
 
 
 @dataclass(frozen=True)
-class Piece:
-    """A part of a term's effect, of which windows are put together.
+class WindowPiece:
+    """An elementary window of one candidate. Sums of pieces make further windows.
 
     Attributes:
         candidate: index of the candidate.
-        window: where it acts.
+        window: the window.
     """
 
     candidate: int
@@ -47,65 +49,65 @@ class Piece:
 
 def _can_be_local(system: System, candidate: Candidate) -> bool:
     """Tell whether a candidate is pointwise, so that a window can multiply it."""
-    separator = Separator(frozenset(system.fields), tuple(a.name for a in system.axes))
+    separator = SemilinearBuilder(frozenset(system.fields), tuple(a.name for a in system.axes))
     try:
         for term in candidate.terms:
             separator.pointwise(term.expression)
-    except NotSeparableError:
+    except NotSemilinearError:
         return False
     return candidate.equation is not None
 
 
-def pieces_of(
+def build_pieces(
     system: System,
     candidates: Sequence[Candidate],
     windowed: Sequence[int],
     times: Tensor,
     states: Tensor,
-) -> Iterator[Piece]:
-    """Yield every part of a window that a pointwise candidate may act in."""
+) -> Iterator[WindowPiece]:
+    """Yield the pieces of every pointwise candidate that may act in a window."""
     windows = [
-        *(w for axis in system.axes for w in _cells(axis)),
-        *_periods(times),
-        *_states(system, states),
+        *(w for axis in system.axes for w in _build_cells(axis)),
+        *_build_onsets(times),
+        *_build_gates(system, states),
     ]
     for j in windowed:
         if _can_be_local(system, candidates[j]):
-            yield from (Piece(j, window) for window in windows)
+            yield from (WindowPiece(j, window) for window in windows)
 
 
-def _cells(axis: Axis) -> list[Window]:
+def _build_cells(axis: Axis) -> list[Window]:
     width = axis.length / CELLS
     shape = box(axis)
     return [shape.at(((j + 0.5) * width, width / 2, math.log(width / 4))) for j in range(CELLS)]
 
 
-def _periods(times: Tensor) -> list[Window]:
+def _build_onsets(times: Tensor) -> list[Window]:
     edges = np.linspace(float(times.min()), float(times.max()), TIMES + 1)[1:-1]
     width = float(edges[1] - edges[0])
     return [onset().at((float(t), math.log(width / 8))) for t in edges]
 
 
-def _states(system: System, states: Tensor) -> list[Window]:
-    found = []
+def _build_gates(system: System, states: Tensor) -> list[Window]:
+    gates = []
     for field, name in enumerate(system.fields):
         values = states[:, field].flatten()
         low, high = float(values.quantile(TAIL)), float(values.quantile(1 - TAIL))
         step = (high - low) / (THRESHOLDS + 1)
         thresholds = [low + step * (k + 1) for k in range(THRESHOLDS)]
-        for share in (q for tail in FARTHER for q in (tail, 1 - tail)):
+        for share in (q for tail in FAR_TAILS for q in (tail, 1 - tail)):
             far = float(values.quantile(share))
-            if min(abs(far - threshold) for threshold in thresholds) > CLOSE * step:
+            if min(abs(far - threshold) for threshold in thresholds) > MIN_DISTANCE * step:
                 thresholds.append(far)
         width = math.log((high - low) / THRESHOLDS / 2)
-        found += [gate(name, 1).at((threshold, width)) for threshold in sorted(thresholds)]
-    return found
+        gates += [gate(name, 1).at((threshold, width)) for threshold in sorted(thresholds)]
+    return gates
 
 
-def windows_of(
-    problem: ProfiledProblem, system: System, pieces: Sequence[Piece], first: int
-) -> Iterator[tuple[int, Guess, dict[int, float]]]:
-    """Yield candidate, guess and columns of every window that pieces make."""
+def combine_pieces(
+    problem: ProfiledProblem, system: System, pieces: Sequence[WindowPiece], first: int
+) -> Iterator[tuple[int, WindowGuess, dict[int, float]]]:
+    """Yield candidate, first guess and weights of columns of every window that pieces make."""
     by_candidate: dict[int, dict[Shape, list[int]]] = {}
     for column, piece in enumerate(pieces, first):
         shapes = by_candidate.setdefault(piece.candidate, {})
@@ -115,35 +117,36 @@ def windows_of(
     for j, shapes in by_candidate.items():
         for shape, columns in shapes.items():
             if shape in axes:
-                yield from ((j, *run) for run in _runs(shape, axes[shape], columns))
+                yield from ((j, *run) for run in _combine_cells(shape, axes[shape], columns))
             else:
-                yield from ((j, *run) for run in _edges(problem, shape, columns, values, j))
+                yield from ((j, *run) for run in _combine_edges(problem, shape, columns, values, j))
 
 
-def _runs(
+def _combine_cells(
     shape: Shape, axis: Axis, columns: Sequence[int]
-) -> Iterator[tuple[Guess, dict[int, float]]]:
-    """Yield every run of neighbouring cells, around a periodic axis too."""
+) -> Iterator[tuple[WindowGuess, dict[int, float]]]:
+    """Yield every run of neighbouring cells, also around a periodic axis."""
     width = axis.length / CELLS
-    for length in range(1, int(LONGEST * CELLS) + 1):
+    for length in range(1, int(MAX_LENGTH * CELLS) + 1):
         for begin in range(CELLS if axis.periodic else CELLS - length + 1):
             chosen = [columns[(begin + k) % CELLS] for k in range(length)]
             centre = ((begin + length / 2) * width) % axis.length
             place = (centre, length * width / 2, math.log(width / 4))
             spread = (axis.length / 4, axis.length / 8, LOG_WIDTH)
-            yield Guess(shape, place, spread), dict.fromkeys(chosen, 1.0)
+            yield WindowGuess(shape, place, spread), dict.fromkeys(chosen, 1.0)
 
 
-def _edges(
+def _combine_edges(
     problem: ProfiledProblem,
     shape: Shape,
     columns: Sequence[int],
     values: dict[int, tuple[float, ...]],
     candidate: int,
-) -> Iterator[tuple[Guess, dict[int, float]]]:
-    """Yield every onset; every gate above, and below: what is not above, is below.
+) -> Iterator[tuple[WindowGuess, dict[int, float]]]:
+    """Yield every onset, and every gate above or below a threshold.
 
-    A blend of two neighbours stands for an edge between them, as near to either as fits best.
+    A gate below is the candidate minus the gate above. A weighted mean of two neighbours represents
+    an edge between them; the weights are those that fit best.
     """
     places = [values[c][0] for c in columns]
     spread = ((max(places) - min(places)) / 2, LOG_WIDTH)
@@ -154,18 +157,18 @@ def _edges(
     for side, weights in sides:
         edges = list(zip((values[c] for c in columns), weights, strict=True))
         for place, weight in edges:
-            yield Guess(side, place, spread), weight
+            yield WindowGuess(side, place, spread), weight
         for (here, one), (there, other) in pairwise(edges):
-            share = _share(problem, one, other)
+            share = _best_share(problem, one, other)
             if share is not None:
                 place = tuple((1 - share) * a + share * b for a, b in zip(here, there, strict=True))
-                yield Guess(side, place, spread), _blend(one, other, share)
+                yield WindowGuess(side, place, spread), _blend(one, other, share)
 
 
-def _share(
+def _best_share(
     problem: ProfiledProblem, one: dict[int, float], other: dict[int, float]
 ) -> float | None:
-    """Return the second's share of the best blend of two columns; None where one alone is best."""
+    """Return the second column's share of the best mean of two; None if one alone is best."""
     index = sorted({*one, *other})
     weights = torch.tensor([[w.get(j, 0.0) for w in (one, other)] for j in index]).double()
     gram = weights.T @ problem.gram[index][:, index] @ weights

@@ -1,4 +1,4 @@
-"""One explanation to be tested: which candidates act, and where, when or in which states."""
+"""Hypotheses with a window: which candidates act, and where, when or in which states."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.law import found_by
+from dashred.inference.fit.law import fitted_candidates
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import Fitted, minimise
+from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.law_block import LawBlock, WindowedTerms
 from dashred.physics.window import Shape
@@ -21,13 +21,13 @@ LOG_WIDTH = 1.0
 
 
 @dataclass(frozen=True)
-class Guess:
-    """Where a window may be.
+class WindowGuess:
+    """First guess of a window.
 
     Attributes:
-        shape: what kind.
-        values: of its unknowns.
-        spread: how far off they may be, as a prior std.
+        shape: kind of the window.
+        values: first guess of its edges and log width, ``(edge,)``.
+        spread: prior standard deviation of each, ``(edge,)``.
     """
 
     shape: Shape
@@ -42,25 +42,27 @@ class Hypothesis:
     Attributes:
         global_terms: indices of the candidates that act everywhere.
         windowed_terms: indices of those that act within the window.
-        guess: of the window; None without one.
+        guess: first guess of the window; None without a window.
     """
 
     global_terms: tuple[int, ...] = ()
     windowed_terms: tuple[int, ...] = ()
-    guess: Guess | None = None
+    guess: WindowGuess | None = None
 
     @property
     def kind(self) -> str:
-        """The kind of its window, or how many candidates act everywhere."""
+        """The kind of its window, or the number of candidates that act everywhere."""
         return self.guess.shape.kind if self.guess else f"{len(self.global_terms)} everywhere"
 
     def penalty(self, samples: float, candidates: int, windows: int) -> float:
-        """Return what its freedom costs, beside its priors (docs/method.md#windows).
+        """Return the penalty for its degrees of freedom, without its priors.
+
+        See docs/method.md#windows.
 
         Args:
-            samples: n, the effective number.
-            candidates: p.
-            windows: shapes that are tried: the best of many does well by chance.
+            samples: n, the effective number of samples.
+            candidates: p, the number of candidates.
+            windows: number of window shapes that are tried.
         """
         n, p = math.log(samples), math.log(candidates)
         cost = len(self.global_terms) * (n + 2 * p)
@@ -72,35 +74,35 @@ class Hypothesis:
 
 
 @dataclass(frozen=True)
-class Tested:
-    """A hypothesis that was fitted.
+class HypothesisTrial:
+    """A hypothesis after a fit of a few steps.
 
     Attributes:
-        hypothesis: what was fitted.
+        hypothesis: the hypothesis.
         objective: F, in its own unknowns.
-        fitted: its minimum.
+        fitted: the fit.
         score: ``F + penalty``, lower is better.
     """
 
     hypothesis: Hypothesis
     objective: LeastSquaresProblem
-    fitted: Fitted
+    fitted: FitResult
     score: float
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
         """Its candidates as terms, windows and all."""
-        return found_by(self.objective, self.fitted.phi)
+        return fitted_candidates(self.objective, self.fitted.phi)
 
 
 def build_problem(objective: LeastSquaresProblem, hypothesis: Hypothesis) -> LeastSquaresProblem:
-    """Return F of one hypothesis.
+    """Build the least-squares problem of a hypothesis.
 
     Args:
         objective: F of all candidates, acting everywhere.
-        hypothesis: some of them.
+        hypothesis: the hypothesis.
     """
-    plain, guess = objective.only(hypothesis.global_terms), hypothesis.guess
+    plain, guess = objective.subset(hypothesis.global_terms), hypothesis.guess
     if guess is None:
         return plain
     windowed = WindowedTerms(
@@ -111,24 +113,26 @@ def build_problem(objective: LeastSquaresProblem, hypothesis: Hypothesis) -> Lea
     law = LawBlock(plain.forward_model.law.candidates, windowed)
     coefficients = objective.prior_std[list(hypothesis.windowed_terms)]
     edges = torch.tensor(guess.spread, dtype=torch.float64)
-    return plain.extended(replace(plain.forward_model, law=law), torch.cat([coefficients, edges]))
+    return plain.with_unknowns(
+        replace(plain.forward_model, law=law), torch.cat([coefficients, edges])
+    )
 
 
-def test(
+def fit_trial(
     objective: LeastSquaresProblem,
     hypothesis: Hypothesis,
     phi: Tensor,
     steps: int,
     tolerance: float,
     penalty: float,
-) -> Tested:
-    """Fit a hypothesis from some unknowns on."""
-    mine = build_problem(objective, hypothesis)
-    fitted = minimise(mine, phi, steps, tolerance)
-    return Tested(hypothesis, mine, fitted, fitted.cost + penalty)
+) -> HypothesisTrial:
+    """Fit a hypothesis for some steps, beginning at ``phi``."""
+    problem = build_problem(objective, hypothesis)
+    fitted = minimise(problem, phi, steps, tolerance)
+    return HypothesisTrial(hypothesis, problem, fitted, fitted.cost + penalty)
 
 
-def first_unknowns(z: Tensor, coefficients: Sequence[float], guess: Guess | None) -> Tensor:
-    """Return the unknowns to begin a fit from: the window where it is guessed to be."""
+def first_unknowns(z: Tensor, coefficients: Sequence[float], guess: WindowGuess | None) -> Tensor:
+    """Return the unknowns at which a fit begins, with the window at its first guess."""
     edges = len(guess.values) if guess else 0
     return torch.cat([z, torch.tensor([*coefficients, *[0.0] * edges], dtype=torch.float64)])

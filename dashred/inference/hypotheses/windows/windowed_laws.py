@@ -1,7 +1,8 @@
-"""Fit the laws that screening finds: single terms with windows, and pairs that act everywhere.
+"""Fits of the laws that screening finds: single terms with windows, and pairs without a window.
 
-Successive halving: all that screen well get a few steps, the best of these are fitted to the end,
-edges, widths and all (docs/method.md#windows).
+The fits use successive halving (docs/method.md#windows). All laws that screen well are fitted for a
+few steps. The best of them are fitted until convergence, including the edges and widths of the
+windows.
 """
 
 from __future__ import annotations
@@ -12,138 +13,153 @@ from collections.abc import Iterable, Sequence
 
 from torch import Tensor
 
-from dashred.inference.fit.law import law_of
+from dashred.inference.fit.law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import grow, minimise_on
+from dashred.inference.fit.levenberg_marquardt import minimise_growing_horizon, minimise_in_rounds
 from dashred.inference.hypotheses.free_forcing import FreeForcing
-from dashred.inference.hypotheses.hypothesis_fit import HOPELESS, HypothesisFit, by_score, settled
-from dashred.inference.hypotheses.result import AMBIGUOUS
-from dashred.inference.hypotheses.windows.screening import Screened, screen
+from dashred.inference.hypotheses.hypothesis_fit import (
+    REJECTION_MARGIN,
+    HypothesisFit,
+    by_score,
+    refine,
+)
+from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN
+from dashred.inference.hypotheses.windows.screening import ScreenedHypothesis, screen
 from dashred.inference.hypotheses.windows.window_restarts import restart_windows
 from dashred.inference.hypotheses.windows.windowed_hypothesis import (
     Hypothesis,
-    Tested,
+    HypothesisTrial,
     build_problem,
     first_unknowns,
-    test,
+    fit_trial,
 )
 
-# Hypotheses that are fitted, of which so many to the end; of one kind of window, and of one kind
-# and law, not more than some: before its edges are fitted, a window screens worse than it is.
-TRIED, FINALISTS, KIND, ALIKE = 24, 8, 8, 2
+# Number of hypotheses that are fitted for a few steps and until convergence, and the largest number
+# with one kind of window, and with one kind and law. The choice is kept diverse because a window
+# screens worse than it fits, before its edges are fitted.
+MAX_TRIALS, MAX_FINALISTS, MAX_OF_KIND, MAX_OF_LAW = 24, 8, 8, 2
 FIRST_STEPS, FIRST_TOLERANCE = 3, 1e-2
 LAST_STEPS, LAST_TOLERANCE = 10, 1e-4
-# How many are fitted first; where all get lost, how many grow, from what share of the record, and
-# by how much at once: a front that is out of step by its own width has lost its way back.
-PROBES, AGAIN, BEGIN, GROWTH = 4, 6, 0.25, 1.15
+# Number of hypotheses that are fitted first. If all of these lose the recording, MAX_REGROWN are
+# fitted over a horizon that begins with FIRST_SHARE of the record and grows by GROWTH. The factor
+# is small, because a front that is displaced by its own width is not found again.
+PROBES, MAX_REGROWN, FIRST_SHARE, GROWTH = 4, 6, 0.25, 1.15
 
 
-def windowed_laws(
+def fit_windowed_laws(
     objective: LeastSquaresProblem,
     global_count: int,
     windowed: Sequence[int],
-    forced: FreeForcing,
-    nothing: float,
+    forcing: FreeForcing,
+    null_score: float,
     bound: float = math.inf,
 ) -> list[HypothesisFit]:
-    """Return laws that act somewhere only, and others that screening finds.
+    """Screen laws with and without a window, and fit the best of them.
 
     Args:
-        objective: F of all candidates, its simulator with windows in reach.
-        global_count: how many of these, the first, may act everywhere.
-        windowed: those that may act in a window.
-        forced: a free forcing that explains the recording, on top of a law or of none.
-        nothing: score of the simulator as it is.
-        bound: what screens worse is not fitted.
+        objective: F of all candidates; its simulator has windows.
+        global_count: number of candidates that may act everywhere; these come first.
+        windowed: indices of the candidates that may act in a window.
+        forcing: a free forcing that explains the recording, on top of a law or of none.
+        null_score: score of the uncorrected simulator.
+        bound: laws with a worse screening score are not fitted.
     """
-    forward_model = forced.objective.forward_model
-    states = forward_model.sampled_states(*forced.objective.split(forced.phi))
-    screened = screen(objective, global_count, windowed, forced, states)
-    near = [found for found in screened if _expected(objective, found) < bound]
-    ranked = sorted(near, key=lambda found: _expected(objective, found))
-    chosen = _various(ranked, ALIKE, TRIED)
-    z = forced.phi[: objective.modes]
-    tried = _tries(objective, chosen, z)
-    best = min((tested.score for tested in tried), default=nothing)
-    kept = [tested for tested in _finalists(tried) if tested.score < min(best + HOPELESS, nothing)]
-    done = [(tested.hypothesis, _finish(tested)) for tested in kept]
-    parts = _parts(objective, *min(done, key=lambda pair: by_score(pair[1]))) if done else []
-    finished = sorted([*(cause for _, cause in done), *parts], key=by_score)
-    finished = sorted([*finished, *restart_windows(finished)], key=by_score)
-    return [*map(settled, finished[:1]), *finished[1:]]
+    forward_model = forcing.objective.forward_model
+    states = forward_model.sampled_states(*forcing.objective.split(forcing.phi))
+    screened = screen(objective, global_count, windowed, forcing, states)
+    plausible = [each for each in screened if _predicted_score(objective, each) < bound]
+    ranked = sorted(plausible, key=lambda each: _predicted_score(objective, each))
+    chosen = _select_diverse(ranked, MAX_OF_LAW, MAX_TRIALS)
+    z = forcing.phi[: objective.modes]
+    trials = _fit_trials(objective, chosen, z)
+    best = min((trial.score for trial in trials), default=null_score)
+    bound = min(best + REJECTION_MARGIN, null_score)
+    finalists = [trial for trial in _select_finalists(trials) if trial.score < bound]
+    pairs = [(trial.hypothesis, _fit_until_convergence(trial)) for trial in finalists]
+    fits = [fit for _, fit in pairs]
+    if pairs:
+        fits += _fit_terms_alone(objective, *min(pairs, key=lambda pair: by_score(pair[1])))
+    fits.sort(key=by_score)
+    fits = sorted([*fits, *restart_windows(fits)], key=by_score)
+    return [*map(refine, fits[:1]), *fits[1:]]
 
 
-def _finalists(tried: Sequence[Tested]) -> list[Tested]:
-    """Return what did best in its first steps, and whatever screens best.
+def _select_finalists(trials: Sequence[HypothesisTrial]) -> list[HypothesisTrial]:
+    """Return the best trials, and the trials of the hypotheses that screen best.
 
-    The edges of a window take more than the first steps to find their place.
+    The edges of a window may need more steps than a trial has.
     """
-    ranked = sorted(range(len(tried)), key=lambda j: tried[j].score)
-    return [tried[j] for j in sorted({*ranked[:FINALISTS], *range(min(PROBES, len(tried)))})]
+    ranked = sorted(range(len(trials)), key=lambda j: trials[j].score)
+    return [trials[j] for j in sorted({*ranked[:MAX_FINALISTS], *range(min(PROBES, len(trials)))})]
 
 
-def _parts(
+def _fit_terms_alone(
     objective: LeastSquaresProblem, hypothesis: Hypothesis, pair: HypothesisFit
 ) -> list[HypothesisFit]:
-    """Return each term of a pair alone, fitted from where the pair is.
+    """Fit each term of a pair alone, from the minimum of the pair.
 
-    From the trajectory of a forcing one may not get there, and the other is spurious.
+    One of the terms may be spurious, and a fit of the other one from the trajectory of a forcing
+    may not arrive at this minimum.
     """
     if len(hypothesis.global_terms) < 2:
         return []
     z, xi = objective.split(pair.phi)
-    alone = []
+    fits = []
     for j, coefficient in zip(hypothesis.global_terms, xi.tolist(), strict=False):
         part = Hypothesis((j,))
         begin = first_unknowns(z, [coefficient], None)
         penalty = _penalty(objective, part)
-        tested = test(objective, part, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
-        alone.append(_finish(tested))
-    return alone
+        trial = fit_trial(objective, part, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
+        fits.append(_fit_until_convergence(trial))
+    return fits
 
 
-def _various(ranked: Iterable[Screened], alike: int, most: int) -> list[Screened]:
-    """Return the best, but of one kind, and of one kind and law, not more than a few."""
+def _select_diverse(
+    ranked: Iterable[ScreenedHypothesis], max_of_law: int, max_count: int
+) -> list[ScreenedHypothesis]:
+    """Return the best hypotheses, but only a few of one kind, and of one kind and law."""
     kinds: Counter[str] = Counter()
     laws: Counter[object] = Counter()
     chosen = []
-    for found in ranked:
-        h = found.hypothesis
+    for screened in ranked:
+        h = screened.hypothesis
         law = h.kind, h.global_terms, h.windowed_terms
-        if kinds[h.kind] < KIND and laws[law] < alike:
+        if kinds[h.kind] < MAX_OF_KIND and laws[law] < max_of_law:
             kinds[h.kind] += 1
             laws[law] += 1
-            chosen.append(found)
-        if len(chosen) == most:
+            chosen.append(screened)
+        if len(chosen) == max_count:
             break
     return chosen
 
 
-def _tries(objective: LeastSquaresProblem, chosen: Sequence[Screened], z: Tensor) -> list[Tested]:
-    """Give what screens well a few steps.
+def _fit_trials(
+    objective: LeastSquaresProblem, chosen: Sequence[ScreenedHypothesis], z: Tensor
+) -> list[HypothesisTrial]:
+    """Fit the hypotheses that screen well for a few steps.
 
-    Over a long record an edge that is a little off may carry the trajectory away from the
-    recording. What gets lost so is fitted over a horizon that grows; and where the first do all
-    of them, the others would too.
+    Over a long record an edge that is slightly wrong may drive the trajectory away from the
+    recording. Such a hypothesis is fitted over a growing horizon. If all of the first hypotheses
+    are lost, the others would be lost too.
     """
 
-    def lost(found: Screened, tested: Tested) -> bool:
-        return tested.score > _expected(objective, found) + objective.noise.count
+    def is_lost(screened: ScreenedHypothesis, trial: HypothesisTrial) -> bool:
+        return trial.score > _predicted_score(objective, screened) + objective.noise.count
 
     first, rest = chosen[:PROBES], chosen[PROBES:]
-    tried = [_try(objective, found, z) for found in first]
-    again = [found for found, tested in zip(first, tried, strict=True) if lost(found, tested)]
-    if len(again) < len(first):
-        tried += [_try(objective, found, z) for found in rest]
+    trials = [_fit_screened(objective, each, z) for each in first]
+    regrown = [each for each, trial in zip(first, trials, strict=True) if is_lost(each, trial)]
+    if len(regrown) < len(first):
+        trials += [_fit_screened(objective, each, z) for each in rest]
     else:
-        again = _various(chosen, 1, AGAIN)
-    samples = round(len(objective.recorded) * BEGIN)
-    return tried + [_try(objective, found, z, samples) for found in again]
+        regrown = _select_diverse(chosen, 1, MAX_REGROWN)
+    samples = round(len(objective.recorded) * FIRST_SHARE)
+    return trials + [_fit_screened(objective, each, z, samples) for each in regrown]
 
 
-def _expected(objective: LeastSquaresProblem, found: Screened) -> float:
-    """Return the score that the linearised problem promises."""
-    return found.cost + _penalty(objective, found.hypothesis)
+def _predicted_score(objective: LeastSquaresProblem, screened: ScreenedHypothesis) -> float:
+    """Return the score predicted by the linearised problem."""
+    return screened.cost + _penalty(objective, screened.hypothesis)
 
 
 def _penalty(objective: LeastSquaresProblem, hypothesis: Hypothesis) -> float:
@@ -152,18 +168,24 @@ def _penalty(objective: LeastSquaresProblem, hypothesis: Hypothesis) -> float:
     return hypothesis.penalty(objective.noise.effective_count, count, windows)
 
 
-def _try(
-    objective: LeastSquaresProblem, found: Screened, z: Tensor, samples: int | None = None
-) -> Tested:
-    begin = first_unknowns(z, found.coefficients, found.hypothesis.guess)
+def _fit_screened(
+    objective: LeastSquaresProblem,
+    screened: ScreenedHypothesis,
+    z: Tensor,
+    samples: int | None = None,
+) -> HypothesisTrial:
+    hypothesis = screened.hypothesis
+    begin = first_unknowns(z, screened.coefficients, hypothesis.guess)
     if samples is not None:
-        begin = grow(build_problem(objective, found.hypothesis), begin, samples, GROWTH)
-    penalty = _penalty(objective, found.hypothesis)
-    return test(objective, found.hypothesis, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
+        begin = minimise_growing_horizon(
+            build_problem(objective, hypothesis), begin, samples, GROWTH
+        )
+    penalty = _penalty(objective, hypothesis)
+    return fit_trial(objective, hypothesis, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
 
 
-def _finish(tested: Tested) -> HypothesisFit:
-    mine, before = tested.objective, tested.fitted
-    fitted = minimise_on(mine, before.phi, LAST_STEPS, LAST_TOLERANCE, AMBIGUOUS)
-    score = tested.score - before.cost + fitted.cost
-    return HypothesisFit(law_of(mine, fitted, score), mine, fitted.phi)
+def _fit_until_convergence(trial: HypothesisTrial) -> HypothesisFit:
+    problem, before = trial.objective, trial.fitted
+    fitted = minimise_in_rounds(problem, before.phi, LAST_STEPS, LAST_TOLERANCE, AMBIGUITY_MARGIN)
+    score = trial.score - before.cost + fitted.cost
+    return HypothesisFit(build_law(problem, fitted, score), problem, fitted.phi)

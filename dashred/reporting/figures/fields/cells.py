@@ -1,4 +1,4 @@
-"""The cells in which a map draws values that stand at points."""
+"""Cells of an image whose values are given at points."""
 
 import numpy as np
 from jaxtyping import Float
@@ -8,13 +8,13 @@ Extent = tuple[float, float, float, float]
 Points = Float[np.ndarray, " point"]
 
 
-def cells_about(x: Points, y: Points) -> Extent:
-    """Return the extent of an image whose cells have their middles at the points, evenly spaced."""
+def image_extent(x: Points, y: Points) -> Extent:
+    """Return the extent of an image whose cells are centred at evenly spaced points."""
     return (*_edges(x), *_edges(y))
 
 
 def frame_points(axes: Axes, x: Points, y: Points) -> None:
-    """Let the axes end where the points do: half a cell beyond the end of a rod there is no rod."""
+    """Limit the axes to the points: the outer half cells are outside the domain."""
     axes.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
 
 

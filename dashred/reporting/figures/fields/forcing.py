@@ -1,4 +1,4 @@
-"""The map of a free forcing: its amplitude by place and time, and its uncertainty."""
+"""Map of a free forcing: amplitude by place and time, and its uncertainty."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,14 +12,15 @@ from matplotlib.image import AxesImage
 from dashred.reporting.figures.fields.space_time import mark_sensors
 from dashred.reporting.figures.style import BLUE, VERMILION, new_figure, style
 
-# Cells within so many standard deviations of zero are dotted.
-SURE = 2.0
+# Cells within this number of standard deviations of zero are dotted.
+SIGNIFICANCE = 2.0
 SIGNED = LinearSegmentedColormap.from_list(
     "signed", ["#08306b", BLUE, "#ffffff", VERMILION, "#4a1500"]
 )
-TITLE = "What a free forcing adds to the simulation"
-EXPLAINED = (
-    f"dotted: within {SURE:g} standard deviations of zero; the laws identify the equation better"
+TITLE = "Free forcing added to the simulation"
+LEGEND = (
+    f"dotted: within {SIGNIFICANCE:g} standard deviations of zero; "
+    "the laws identify the equation better"
 )
 
 
@@ -30,21 +31,21 @@ def forcing_figure(
     sensors: Sequence[float],
     clock: str = "time",
 ) -> Figure:
-    """Draw ``findings["where"]["forcing"]`` of a system on a line, one panel an equation.
+    """Draw ``findings["where"]["forcing"]`` of a system with one axis, one panel per equation.
 
     Args:
-        forcing: as in the findings.
+        forcing: the forcing in the findings.
         axis: label of the coordinate.
-        length: of the axis.
+        length: length of the axis.
         sensors: positions of the fit sensors, marked at the left edge.
-        clock: label of the time's axis.
+        clock: label of the time axis.
     """
-    found = {
+    result = {
         field: np.asarray(values, float)
         for field, values in forcing["amplitude"].items()
-        if np.any(np.abs(values) > SURE * np.asarray(forcing["std"][field], float))
+        if np.any(np.abs(values) > SIGNIFICANCE * np.asarray(forcing["std"][field], float))
     }
-    shown = found or {f: np.asarray(v, float) for f, v in forcing["amplitude"].items()}
+    shown = result or {f: np.asarray(v, float) for f, v in forcing["amplitude"].items()}
     limit = max(float(np.abs(values).max()) for values in shown.values()) or 1.0
     times = np.asarray(forcing["times"], float)
     with style():
@@ -53,13 +54,13 @@ def forcing_figure(
         for axes, (field, values) in zip(grid, shown.items(), strict=True):
             std = np.asarray(forcing["std"][field], float)
             image = _draw(axes, times, length, values, limit)
-            _dot(axes, times, length, np.abs(values) < SURE * std)
+            _mark_cells(axes, times, length, np.abs(values) < SIGNIFICANCE * std)
             mark_sensors(axes, sensors)
             axes.set_ylabel(axis)
             axes.set_title(f"equation of {field}", fontsize=9)
-            figure.colorbar(image, ax=axes, label="share of its\ntendency", pad=0.015, aspect=14)
+            figure.colorbar(image, ax=axes, label="fraction of its\ntendency", pad=0.015, aspect=14)
         grid[-1].set_xlabel(clock)
-        figure.suptitle(f"{TITLE}\n{EXPLAINED}", x=0.01, ha="left", fontsize=10)
+        figure.suptitle(f"{TITLE}\n{LEGEND}", x=0.01, ha="left", fontsize=10)
     return figure
 
 
@@ -82,8 +83,8 @@ def _draw(
     return image
 
 
-def _dot(axes: Axes, times: np.ndarray, length: float, unsure: np.ndarray) -> None:
-    """Mark the cells whose forcing is not significant."""
-    cells, knots = np.nonzero(unsure)
-    places = (cells + 0.5) * length / len(unsure)
+def _mark_cells(axes: Axes, times: np.ndarray, length: float, insignificant: np.ndarray) -> None:
+    """Mark cells with dots."""
+    cells, knots = np.nonzero(insignificant)
+    places = (cells + 0.5) * length / len(insignificant)
     axes.plot(times[knots], places, ".", color="#7a7a7a", markersize=2.5, linewidth=0)

@@ -1,4 +1,4 @@
-"""A front that runs around a ring: where it stands, and how steep it is."""
+"""Position and width of a front on a periodic axis."""
 
 from __future__ import annotations
 
@@ -7,44 +7,46 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Points of the finer grid for one of the field's own: read on those alone, the steepest slope
-# would rise and fall as the front passes them.
-FINER = 8
+# Refinement of the grid: on the original grid, the steepest slope would oscillate as the front
+# moves from point to point.
+REFINEMENT = 8
 
 
 def follow_front(values: Array, length: float) -> tuple[Array, Array]:
-    """Return place and width of the steepest slope, ``(time,)`` each.
+    """Return position and width of the steepest slope, ``(time,)`` each.
 
-    The place is counted on around the ring; the width is ``(max u − min u) / max |∂u/∂x|``. All
-    extrema are those of the Fourier series, read between the grid points.
+    The position is unwrapped, so it continues to increase or decrease after a period. The width is
+    ``(max u − min u) / max |∂u/∂x|``. All extrema are those of the Fourier series, interpolated
+    between grid points.
 
     Args:
-        values: of a field, ``(time, point)``, evenly around the ring.
-        length: around it.
+        values: values of a field at evenly spaced points, ``(time, point)``.
+        length: period of the axis.
     """
     points = values.shape[1]
-    spacing = length / (FINER * points)
+    spacing = length / (REFINEMENT * points)
     series = np.fft.rfft(values, axis=1)
     if points % 2 == 0:
-        # The highest wave of an even grid stands for two, of which the finer grid has one.
+        # The Nyquist mode of an even grid is shared by two modes of the refined grid.
         series[:, -1] /= 2
     k = 2j * np.pi / length * np.arange(series.shape[1])
     fine, slope = (
-        FINER * np.fft.irfft(part, n=FINER * points, axis=1) for part in (series, k * series)
+        REFINEMENT * np.fft.irfft(part, n=REFINEMENT * points, axis=1)
+        for part in (series, k * series)
     )
-    # A pulse has two sides: the steeper one is its front, and stays it.
+    # The front of a pulse is its steeper side, the same at all times.
     slope = slope if slope.max() > -slope.min() else -slope
     at, steepest = _peak(slope)
     extent = _peak(fine)[1] + _peak(-fine)[1]
-    place = np.unwrap(at * spacing, period=length)
-    return place, extent / np.where(steepest > 0, steepest, np.inf)
+    position = np.unwrap(at * spacing, period=length)
+    return position, extent / np.where(steepest > 0, steepest, np.inf)
 
 
 def _peak(values: Array) -> tuple[Array, Array]:
-    """Return place, in points, and height of the largest value, by a parabola through three.
+    """Return position, in points, and height of the maximum, by a parabola through three points.
 
     Args:
-        values: ``(time, point)`` around a ring.
+        values: values at points of a periodic axis, ``(time, point)``.
     """
     at, rows = values.argmax(axis=1), np.arange(len(values))
     left, here, right = (values[rows, (at + by) % values.shape[1]] for by in (-1, 0, 1))

@@ -1,4 +1,4 @@
-"""Where the law acts: on the map of space and time, in time, at each sensor, by equation."""
+"""Where the law acts: in space and time, at each sensor, and in which equation."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from dashred.core.formatting import percent
 from dashred.core.units import NO_UNITS, label_with_unit, time_label
-from dashred.reporting.figures.fields.cells import cells_about, frame_points
+from dashred.reporting.figures.fields.cells import frame_points, image_extent
 from dashred.reporting.figures.fields.space_time import mark_sensors
 from dashred.reporting.figures.style import (
     BLUE,
@@ -27,9 +27,9 @@ from dashred.reporting.figures.style import (
 )
 from dashred.reporting.text.verdict import extent
 
-MOST_SENSORS = 18
+MAX_SENSORS = 18
 WITHOUT, WITH = "without the law", "with the law"
-# White where the law does nothing, so that what is seen is where it acts.
+# White where the law is zero.
 INTENSITY = LinearSegmentedColormap.from_list(
     "intensity", ["#ffffff", "#f9ddb9", "#efaa62", VERMILION, "#7a2a00", "#2b0d00"]
 )
@@ -37,13 +37,13 @@ INTENSITY = LinearSegmentedColormap.from_list(
 
 @dataclass(frozen=True)
 class LawMap:
-    """The law's tendency on a line.
+    """Tendency of the law by position and time, for a system with one axis.
 
     Attributes:
-        axis: the coordinate's name.
-        x: its points.
-        times: clock of the map.
-        size: |law| in units of the rms of the simulator's own tendency.
+        axis: name of the axis.
+        x: positions, ``(x,)``.
+        times: times, ``(time,)``.
+        size: |law| in units of the RMS of the simulator's tendency, ``(time, x)``.
         sensors: position of each sensor.
     """
 
@@ -55,23 +55,23 @@ class LawMap:
 
 
 def where_figure(
-    where: Mapping[str, Any], on_a_line: LawMap | None = None, units: Mapping[str, str] = NO_UNITS
+    where: Mapping[str, Any], law_map: LawMap | None = None, units: Mapping[str, str] = NO_UNITS
 ) -> Figure:
-    """Draw ``findings["where"]``; with the map where the system has one spatial axis."""
-    sensors = _choose(where["sensors"], on_a_line)
+    """Plot ``findings["where"]``, with a map if the system has one axis."""
+    sensors = _choose(where["sensors"], law_map)
     shares = where["equation"] if len(where["equation"]) > 1 else {}
     rows = max(len(sensors), 4)
-    height = max(3.4 if on_a_line is None else 5.6, 1.4 + 0.2 * rows + (0.7 if shares else 0))
+    height = max(3.4 if law_map is None else 5.6, 1.4 + 0.2 * rows + (0.7 if shares else 0))
     with style():
         figure = new_figure(9.6, height)
         left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(5.6, 4.0), wspace=0.05)[
             0
         ]
-        if on_a_line is None:
+        if law_map is None:
             profile = left.subplots()
         else:
             panels = left.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-            _draw_map(left, panels[0], on_a_line, where, units)
+            _draw_map(left, panels[0], law_map, where, units)
             profile = panels[1]
         _draw_profile(profile, where["profile"], time_label(units))
         if shares:
@@ -81,7 +81,7 @@ def where_figure(
             below = right.subplots()
         _draw_sensors(below, sensors, len(where["sensors"]))
         figure.suptitle("Where the law acts", x=0.01, ha="left")
-        # Beside the title, where no curve can run through it.
+        # The legend is beside the title, where it covers no curve.
         handles, labels = profile.get_legend_handles_labels()
         figure.legend(handles, labels, loc="upper right", ncols=2)
     return figure
@@ -95,7 +95,7 @@ def _draw_map(
         law.size.T,
         origin="lower",
         aspect="auto",
-        extent=cells_about(law.times, law.x),
+        extent=image_extent(law.times, law.x),
         cmap=INTENSITY,
         vmin=0,
         vmax=float(np.nanpercentile(law.size, 99.8)) or 1.0,
@@ -103,7 +103,7 @@ def _draw_map(
     )
     frame_points(axes, law.times, law.x)
     mark_sensors(axes, list(law.sensors.values()))
-    label = "law / rms of the simulation's\nown tendency"
+    label = "law / RMS of the\nsimulation's tendency"
     figure.colorbar(image, ax=axes, label=label, pad=0.015, aspect=16)
     axes.set_ylabel(label_with_unit(law.axis, units.get(law.axis)))
     axes.set_title(f"it acts {extent(where, units)}", fontsize=9)
@@ -141,7 +141,7 @@ def _draw_shares(axes: Axes, shares: Mapping[str, float]) -> None:
 
 
 def _draw_sensors(axes: Axes, sensors: Sequence[Mapping[str, Any]], total: int) -> None:
-    """Draw each sensor's fall of the misfit as a line from before to after."""
+    """Draw the misfit of each sensor without and with the law, joined by a line."""
     axes.grid(False, axis="y")
     axes.grid(True, axis="x")
     for row, sensor in enumerate(sensors):
@@ -155,7 +155,7 @@ def _draw_sensors(axes: Axes, sensors: Sequence[Mapping[str, Any]], total: int) 
     axes.spines["left"].set_visible(False)
     axes.set_ylim(len(sensors) - 0.4, -0.6)
     axes.set_xlabel("misfit / noise σ")
-    shown = f"{len(sensors)} of {total} sensors, those that gain most"
+    shown = f"{len(sensors)} of {total} sensors with the largest gain"
     title = "at each fit sensor" if len(sensors) == total else shown
     axes.set_title(title, fontsize=9)
     known = [np.sqrt(sensor[key]) for sensor in sensors for key in ("before", "after")]
@@ -163,15 +163,15 @@ def _draw_sensors(axes: Axes, sensors: Sequence[Mapping[str, Any]], total: int) 
 
 
 def _choose(
-    sensors: Sequence[Mapping[str, Any]], on_a_line: LawMap | None
+    sensors: Sequence[Mapping[str, Any]], law_map: LawMap | None
 ) -> list[Mapping[str, Any]]:
-    """The sensors that gain most; from the top of the map down, where there is one."""
+    """Return the sensors with the largest gain, in the order of the map if there is one."""
     known = [sensor for sensor in sensors if sensor["gain"] is not None]
-    kept = sorted(known, key=lambda sensor: -sensor["gain"])[:MOST_SENSORS]
-    if on_a_line is None:
-        return kept
-    places = on_a_line.sensors
-    return sorted(kept, key=lambda sensor: -places.get(sensor["name"], 0.0))
+    chosen = sorted(known, key=lambda sensor: -sensor["gain"])[:MAX_SENSORS]
+    if law_map is None:
+        return chosen
+    places = law_map.sensors
+    return sorted(chosen, key=lambda sensor: -places.get(sensor["name"], 0.0))
 
 
 def _scale(axes: Axes, values: Float[np.ndarray, " n"], *, along_x: bool) -> None:

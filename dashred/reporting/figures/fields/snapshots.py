@@ -1,4 +1,4 @@
-"""Snapshots of a field on a plane: one time and field per row, one method per column."""
+"""Snapshots of fields with two axes: one field and time per row, one method per column."""
 
 from collections.abc import Mapping, Sequence
 
@@ -9,13 +9,13 @@ from matplotlib.figure import Figure
 
 from dashred.core.findings.methods import method_label
 from dashred.core.units import NO_UNITS, TIME, label_with_unit, with_unit
-from dashred.reporting.figures.fields.cells import Extent, cells_about, frame_points
+from dashred.reporting.figures.fields.cells import Extent, frame_points, image_extent
 from dashred.reporting.figures.style import new_figure, style
 
 Field = Float[np.ndarray, "time x y"]
 
-# Of the fit window: its beginning, its middle, and its end.
-SHOWN = (0.1, 0.5, 1.0)
+# Times of the snapshots, as fractions of the fit window.
+FRACTIONS = (0.1, 0.5, 1.0)
 
 
 def snapshot_panels(
@@ -25,18 +25,23 @@ def snapshot_panels(
     sensors: Mapping[str, Sequence[tuple[float, ...]]],
     units: Mapping[str, str] = NO_UNITS,
 ) -> Figure:
-    """Draw each field at three times for each method, a row on one colour scale.
+    """Draw each field at three times for each method, with one colour scale per row.
 
-    Where a method called `truth` is among them, the others' panels tell their error against it at
-    that time, in units of the true field's standard deviation. `coordinates` are those of the two
-    axes, `fields` maps field to method to values, `sensors` gives the places of each field's,
-    `units` those of fields, axes and time as `t`.
+    If there is a method `truth`, the panels of the others show their error at that time, in units
+    of the standard deviation of the true field.
+
+    Args:
+        times: times of the values.
+        coordinates: coordinates of the two axes, by name.
+        fields: values by field and method.
+        sensors: positions of the sensors of each field.
+        units: units of fields, axes, and of time as `t`.
     """
-    shown = [round(share * (len(times) - 1)) for share in SHOWN]
+    shown = [round(share * (len(times) - 1)) for share in FRACTIONS]
     rows = [(field, index) for field in fields for index in shown]
     columns = list(dict.fromkeys(method for kinds in fields.values() for method in kinds))
     (x_name, x), (y_name, y) = coordinates.items()
-    frame = cells_about(x, y)
+    frame = image_extent(x, y)
     with style():
         figure = new_figure(1.3 + 2.05 * len(columns), 0.7 + 2.0 * len(rows))
         grid = figure.subplots(len(rows), len(columns), sharex=True, sharey=True, squeeze=False)
@@ -64,7 +69,7 @@ def _draw_row(
     frame: Extent,
     label: str,
 ) -> None:
-    # A wild reconstruction must not wash out the others: the reference alone sets the scale.
+    # The reference alone sets the scale, so that a bad reconstruction does not.
     reference = kinds.get("truth", next(iter(kinds.values())))
     low, high = np.nanpercentile(reference[index], (0.2, 99.8))
     middle = (low + high) / 2
@@ -87,7 +92,7 @@ def _draw_row(
 
 
 def _mark(axes: Axes, places: Sequence[tuple[float, ...]]) -> None:
-    """Mark the places of sensors."""
+    """Mark the positions of sensors."""
     if places:
         x, y = zip(*places, strict=True)
         axes.plot(x, y, "o", markersize=3.2, color="white", markeredgecolor="black", linewidth=0)

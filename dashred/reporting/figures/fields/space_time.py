@@ -1,4 +1,4 @@
-"""Space-time panels: one field per pair of rows, one method per column."""
+"""Space-time panels: values and errors of each field in rows, methods in columns."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,13 +10,13 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from dashred.core.findings.methods import method_label
-from dashred.reporting.figures.fields.cells import Extent, cells_about, frame_points
+from dashred.reporting.figures.fields.cells import Extent, frame_points, image_extent
 from dashred.reporting.figures.style import GREY, new_figure, style
 
 Field = Float[np.ndarray, "time x"]
 
 NOTE: dict[str, Any] = {"fontsize": 8, "color": "#5a5a5a"}
-EXPLAINED = (
+ERROR_NOTE = (
     "error = method \N{MINUS SIGN} truth,\nits RMSE in units of the\nstandard deviation of truth"
 )
 
@@ -32,12 +32,20 @@ def space_time_panels(
     time_end: float | None = None,
     clock: str = "time",
 ) -> Figure:
-    """Draw each field over time and space for each method, all on one colour scale.
+    """Draw each field against time and space for each method, with one colour scale per field.
 
-    Where a method called `truth` is among them, a second row shows each other method's error
-    against it, with its RMSE in units of the true field's standard deviation. `fields` maps field
-    to method to values; `sensors` gives each field's sensor positions, drawn at the left edge;
-    `axis_name` and `clock` are labels of the axes.
+    If there is a method `truth`, a second row shows the errors of the others, with the RMSE in
+    units of the standard deviation of the true field.
+
+    Args:
+        times: times of the values.
+        axis_name: label of the spatial axis.
+        x: positions.
+        fields: values by field and method.
+        sensors: positions of the sensors of each field, marked at the left edge.
+        meanings: meaning of each field, for labels.
+        time_end: end of the fit window, marked by a dashed line.
+        clock: label of the time axis.
     """
     meanings = meanings or {}
     columns = list(dict.fromkeys(method for kinds in fields.values() for method in kinds))
@@ -46,7 +54,7 @@ def space_time_panels(
     with style():
         figure = new_figure(1.2 + 2.35 * len(columns), 0.9 + 1.75 * rows)
         grid = figure.subplots(rows, len(columns), sharex=True, sharey=True, squeeze=False)
-        frame = cells_about(times, x)
+        frame = image_extent(times, x)
         for index, (field, kinds) in enumerate(fields.items()):
             top = index * (2 if with_error else 1)
             named = f"{field}\n{meanings[field]}" if field in meanings else field
@@ -63,7 +71,7 @@ def space_time_panels(
             axes.set_title(method_label(method))
         if with_error and columns[0] == "truth":
             cell = grid[1, 0]
-            cell.text(0.5, 0.5, EXPLAINED, transform=cell.transAxes, ha="center", **NOTE)
+            cell.text(0.5, 0.5, ERROR_NOTE, transform=cell.transAxes, ha="center", **NOTE)
         _label_axes(grid, axis_name, clock)
         _add_note(figure, bool(any(sensors.values())), time_end)
     return figure
@@ -77,7 +85,7 @@ def _draw_values(
     frame: Extent,
     label: str,
 ) -> None:
-    # A wild reconstruction must not wash out the others: the reference alone sets the scale.
+    # The reference alone sets the scale, so that a bad reconstruction does not.
     reference = kinds.get("truth", next(iter(kinds.values())))
     limits = tuple(np.nanpercentile(reference, (0.2, 99.8)))
     if not limits[1] > limits[0]:
@@ -106,8 +114,8 @@ def _draw_errors(
             axes.set_axis_off()
     if truth is None or not errors:
         return
-    spread = np.concatenate([np.abs(error).ravel() for error in errors.values()])
-    limit = float(np.nanpercentile(spread, 99)) or 1.0
+    magnitudes = np.concatenate([np.abs(error).ravel() for error in errors.values()])
+    limit = float(np.nanpercentile(magnitudes, 99)) or 1.0
     limits = (-limit, limit)
     for axes, method in zip(row, columns, strict=True):
         if method not in errors:
@@ -149,7 +157,7 @@ def _extend(kinds: Mapping[str, Field], limits: tuple[float, ...]) -> str:
 
 
 def mark_sensors(axes: Axes, positions: Sequence[float]) -> None:
-    """Mark the places of sensors at the left edge of a map over time."""
+    """Mark the positions of sensors at the left edge of a map."""
     if not axes.axison:
         return
     axes.scatter(
@@ -181,5 +189,5 @@ def _label_axes(grid: np.ndarray, axis_name: str, clock: str) -> None:
 def _add_note(figure: Figure, sensors: bool, time_end: float | None) -> None:
     parts = ["▷ sensors"] if sensors else []
     if time_end is not None:
-        parts.append("dashed: end of the fitted time")
+        parts.append("dashed: end of the fit window")
     figure.supxlabel("    ".join(parts), x=0.01, ha="left", **NOTE)

@@ -1,4 +1,4 @@
-"""The state of a system without space against time, by method."""
+"""The state of a system without axes against time, by method."""
 
 from collections.abc import Mapping
 
@@ -8,10 +8,10 @@ from matplotlib.figure import Figure
 
 from dashred.core.findings.methods import method_label
 from dashred.core.units import NO_UNITS, label_with_unit, time_label
-from dashred.reporting.figures.style import legend_above, method_look, new_figure, style
+from dashred.reporting.figures.style import legend_above, method_style, new_figure, style
 
-# The error axis begins at this share of the truth's standard deviation.
-SMALLEST = 1e-5
+# Lower limit of the error axis, relative to the standard deviation of the truth.
+MIN_ERROR = 1e-5
 
 Trace = Float[np.ndarray, " time"]
 
@@ -22,10 +22,13 @@ def state_traces(
     meanings: Mapping[str, str],
     units: Mapping[str, str] = NO_UNITS,
 ) -> Figure:
-    """Draw each field against time, one line a method, and below it the errors against `truth`.
+    """Plot each field against time, one line per method, and below it the errors.
 
-    `fields` maps field to method to values, `truth` among them; `meanings` tells what a field is,
-    `units` in what it is measured, and time as `t`.
+    Args:
+        times: times of the values.
+        fields: values by field and method, with `truth` among the methods.
+        meanings: meaning of each field, for labels.
+        units: units of the fields, and of time as `t`.
     """
     with style():
         figure = new_figure(8.6, 0.6 + 2.6 * len(fields))
@@ -35,11 +38,11 @@ def state_traces(
         for index, (field, kinds) in enumerate(fields.items()):
             values, errors = grid[2 * index], grid[2 * index + 1]
             for place, (method, trace) in enumerate(kinds.items()):
-                look = method_look(method, place)
-                values.plot(times, trace, label=method_label(method), **look)
+                line_style = method_style(method, place)
+                values.plot(times, trace, label=method_label(method), **line_style)
                 if method != "truth":
-                    errors.semilogy(times, np.abs(trace - kinds["truth"]), **look)
-            errors.set_ylim(bottom=SMALLEST * (np.std(kinds["truth"]) or 1.0))
+                    errors.semilogy(times, np.abs(trace - kinds["truth"]), **line_style)
+            errors.set_ylim(bottom=MIN_ERROR * (np.std(kinds["truth"]) or 1.0))
             named = label_with_unit(field, units.get(field))
             values.set_ylabel(f"{named}\n{meanings[field]}" if field in meanings else named)
             errors.set_ylabel("error")

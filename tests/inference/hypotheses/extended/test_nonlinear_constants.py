@@ -1,4 +1,4 @@
-"""A function's own constant: its slope is right, and Gauss-Newton in it arrives."""
+"""The constant of a function: its slope is right, and the Gauss-Newton iteration converges."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from torch import Tensor
 from dashred.inference.fit.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.extended.nonlinear_constants import (
-    moved,
-    tunable,
-    tune,
-    within_reach,
+    fit_constant,
+    next_constant,
+    parse_tunable_term,
+    solve_within_bounds,
 )
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
@@ -31,12 +31,12 @@ def system(tmp_path: Path) -> System:
 
 
 def candidate(system: System, text: str) -> Candidate:
-    return replace(laws.term(system, "u", text), extended=True)
+    return replace(laws.term(system, "u", text), is_extended=True)
 
 
 @pytest.mark.parametrize("text", ["sin(2*u)", "cos(3*v)", "tanh(u)", "exp(-1.5*v)"])
-def test_the_slope_is_that_of_a_difference(system: System, text: str) -> None:
-    found = tunable(candidate(system, text))
+def test_the_slope_agrees_with_finite_differences(system: System, text: str) -> None:
+    found = parse_tunable_term(candidate(system, text))
     assert found is not None
     h = 1e-6 * abs(found.constant)
     generator = torch.Generator().manual_seed(0)
@@ -48,22 +48,22 @@ def test_the_slope_is_that_of_a_difference(system: System, text: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["u**4", "abs(u)", "exp(-u**2)*u", "u*sin(x)", "sin(x)*v"])
-def test_what_is_no_function_of_a_constant_has_none(system: System, text: str) -> None:
-    assert tunable(candidate(system, text)) is None
+def test_other_expressions_have_no_constant(system: System, text: str) -> None:
+    assert parse_tunable_term(candidate(system, text)) is None
     parameter = Candidate("nu", None, (Term("u", system.parse("u", "test")),), 1.0)
-    assert tunable(parameter) is None
+    assert parse_tunable_term(parameter) is None
 
 
-def test_a_step_goes_where_the_coefficients_say_but_not_too_far(system: System) -> None:
-    found = tunable(candidate(system, "sin(2*u)"))
+def test_a_step_follows_the_coefficients_and_is_bounded(system: System) -> None:
+    found = parse_tunable_term(candidate(system, "sin(2*u)"))
     assert found is not None
-    assert moved(found, 0.5, 0.05) == pytest.approx(2.1)
-    assert moved(found, 0.01, -5.0) == pytest.approx(1.2)
-    assert moved(found, 0.0, 1.0) == pytest.approx(2.0)
+    assert next_constant(found, 0.5, 0.05) == pytest.approx(2.1)
+    assert next_constant(found, 0.01, -5.0) == pytest.approx(1.2)
+    assert next_constant(found, 0.0, 1.0) == pytest.approx(2.0)
 
 
 def linearised(shift: float) -> ProfiledProblem:
-    """Return a problem of two columns whose target is the first and so much of the second."""
+    """Return a problem of two columns whose target is the first plus ``shift`` times the second."""
     generator = torch.Generator().manual_seed(1)
     columns = torch.randn((40, 2), generator=generator, dtype=torch.float64)
     goal = columns @ torch.tensor([2.0, 2.0 * shift], dtype=torch.float64)
@@ -73,9 +73,9 @@ def linearised(shift: float) -> ProfiledProblem:
 
 @pytest.mark.parametrize("constant", [1.5, -1.5])
 @pytest.mark.parametrize("shift", [0.4, -0.7, 20.0, -20.0])
-def test_a_constant_is_the_best_one_within_reach(constant: float, shift: float) -> None:
+def test_the_constant_is_the_best_one_within_bounds(constant: float, shift: float) -> None:
     problem = linearised(shift)
-    cost, found = within_reach(problem, (0, 1), constant)
+    cost, found = solve_within_bounds(problem, (0, 1), constant)
     gram = problem.gram + torch.diag(problem.precision)
 
     def left(xi: Tensor) -> float:
@@ -91,16 +91,16 @@ def test_a_constant_is_the_best_one_within_reach(constant: float, shift: float) 
         assert left(best * along) >= cost - 1e-9 * problem.constant
 
 
-def test_the_constant_is_found_through_the_simulator(tmp_path: Path) -> None:
+def test_the_constant_is_fitted_through_the_simulator(tmp_path: Path) -> None:
     waves = Waves.declared(tmp_path)
-    offered = tunable({str(c): c for c in waves.extended}["u: tanh(u)"])
+    offered = parse_tunable_term({str(c): c for c in waves.extended}["u: tanh(u)"])
     assert offered is not None
     recorded = waves.recorded(SIGMA, 3, [(offered.at(1.42).candidate, -0.2)])
     objective = waves.objective(recorded, SIGMA)
     begin = torch.zeros(objective.modes + 1, dtype=torch.float64)
     begin[-1] = -0.2
-    found, alone, fitted = tune(objective, offered, begin)
-    inner = tunable(found)
+    found, alone, fitted = fit_constant(objective, offered, begin)
+    inner = parse_tunable_term(found)
     assert inner is not None and inner.constant == pytest.approx(1.42, abs=0.05)
     assert [c.key for c in alone.forward_model.law.candidates] == [found.key]
     assert fitted.chi2 / objective.noise.count < 1.2

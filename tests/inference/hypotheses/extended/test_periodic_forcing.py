@@ -1,4 +1,4 @@
-"""A forcing that repeats faster than a free forcing can follow is found, and none where none is."""
+"""A periodic forcing too fast for a free forcing is found; none is found if there is none."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import math
 import pytest
 import torch
 
-from dashred.inference.fit.law import law_of
+from dashred.inference.fit.law import build_law
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.hypotheses.extended.periodic_forcing import Wave, periodic_laws
+from dashred.inference.hypotheses.extended.periodic_forcing import Wave, fit_periodic_laws
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.physics.library import build_library, evaluate_terms, resolve
 from tests.waves import Waves, fitted
@@ -20,7 +20,7 @@ FREQUENCY = 6.33
 
 
 def hum(waves: Waves, frequency: float) -> Candidate:
-    """Return a wave in time, with no constant that the search would try by itself."""
+    """Return a wave in time whose frequency and phase are not on the search grid."""
     library = build_library(waves.system, {"u": [f"sin({frequency}*t + 0.7)"]})
     return Candidate(str(library[0]), "u", resolve(waves.system, library), 1.0)
 
@@ -31,40 +31,40 @@ def null_of(
     recorded = waves.recorded(sigma, 3, [(hum(waves, frequency), xi)] if xi else [])
     null = waves.objective(recorded, sigma)
     found = minimise(null, fitted(null), 6, 1e-4)
-    return HypothesisFit(law_of(null, found, found.cost), null, found.phi)
+    return HypothesisFit(build_law(null, found, found.cost), null, found.phi)
 
 
 def test_a_wave_in_time_is_found(waves: Waves) -> None:
     null = null_of(waves, 0.6, 0.005)
-    found = sorted(periodic_laws(null, waves.size, 9), key=lambda cause: cause.law.score)
+    found = sorted(fit_periodic_laws(null, waves.size, 9), key=lambda fit: fit.law.score)
     best = found[0].law
     sine, cosine = best.candidates
-    assert [c.equation for c in (sine, cosine)] == ["u", "u"] and best.extended
+    assert [c.equation for c in (sine, cosine)] == ["u", "u"] and best.is_extended
     assert float(sine.name[4:-3]) == pytest.approx(FREQUENCY, rel=0.01)
     assert float(best.coefficients.norm()) == pytest.approx(0.6, rel=0.05)
     assert best.score < null.law.score - 50 and best.chi2 < 1.1
-    # The other equation may make it, too, and is asked as well; not twice at one frequency.
-    assert {cause.law.candidates[0].equation for cause in found[1:]} <= {"u", "v"}
+    # A wave in the other equation may fit as well. Each frequency occurs only once per equation.
+    assert {fit.law.candidates[0].equation for fit in found[1:]} <= {"u", "v"}
 
 
-def test_what_drifts_is_not_made_a_wave_of_no_frequency(waves: Waves) -> None:
+def test_a_drift_does_not_become_a_wave_of_zero_frequency(waves: Waves) -> None:
     null = null_of(waves, 0.3, 0.005, frequency=0.02)
-    found = [float(c.law.candidates[0].name[4:-3]) for c in periodic_laws(null, waves.size, 9)]
-    # Half a turn over the record of ten.
+    found = [float(c.law.candidates[0].name[4:-3]) for c in fit_periodic_laws(null, waves.size, 9)]
+    # Half a period over the record, which is 10 long.
     assert found and min(found) == pytest.approx(math.pi / 10, rel=1e-3)
 
 
-def test_of_noise_no_wave_is_made(waves: Waves) -> None:
-    assert periodic_laws(null_of(waves, 0.0), waves.size, 9) == []
+def test_no_wave_is_found_in_noise(waves: Waves) -> None:
+    assert fit_periodic_laws(null_of(waves, 0.0), waves.size, 9) == []
 
 
-def test_a_wave_that_the_noise_hides_is_left_alone(waves: Waves) -> None:
+def test_a_wave_below_the_noise_is_not_found(waves: Waves) -> None:
     null = null_of(waves, 0.01)
-    assert all(c.law.score > null.law.score - 6 for c in periodic_laws(null, waves.size, 9))
+    assert all(c.law.score > null.law.score - 6 for c in fit_periodic_laws(null, waves.size, 9))
 
 
 @pytest.mark.parametrize("middle", [0.0, 5.0, 12.3])
-def test_a_wave_of_another_frequency_is_the_same_about_a_time(middle: float) -> None:
+def test_waves_of_two_frequencies_agree_at_the_given_time(middle: float) -> None:
     wave = Wave("u", 3.0, 0.3, -0.8)
     other = wave.at(3.01, middle)
 
@@ -75,16 +75,16 @@ def test_a_wave_of_another_frequency_is_the_same_about_a_time(middle: float) -> 
     assert math.hypot(other.sine, other.cosine) == pytest.approx(math.hypot(0.3, 0.8))
 
 
-def test_the_slope_is_the_derivative_by_the_frequency(waves: Waves) -> None:
+def test_the_slope_is_the_derivative_by_frequency(waves: Waves) -> None:
     wave, middle, step = Wave("u", 3.0, 0.3, -0.8), 5.0, 1e-3
     times = [4.0, 5.0, 6.3]
     slope = build_library(waves.system, {"u": [wave.slope(middle)]})
     states = torch.zeros((1, 2, 32), dtype=torch.float64)
     found = [float(evaluate_terms(waves.system, slope, states, t)[0, 0, 0]) for t in times]
     before, after = wave.at(3.0 - step, middle), wave.at(3.0 + step, middle)
-    for t, mine in zip(times, found, strict=True):
+    for t, derivative in zip(times, found, strict=True):
         values = [
             of.sine * math.sin(of.frequency * t) + of.cosine * math.cos(of.frequency * t)
             for of in (before, after)
         ]
-        assert mine == pytest.approx((values[1] - values[0]) / (2 * step), abs=1e-5)
+        assert derivative == pytest.approx((values[1] - values[0]) / (2 * step), abs=1e-5)

@@ -1,4 +1,4 @@
-"""A sensor that is made faulty is named, with its fault; where none is, none explains anything."""
+"""A faulty sensor is found with its fault; sound sensors are not suspected."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.sensors.fault_in_units import fitted_fault_in_units
-from dashred.inference.hypotheses.sensors.faults import fit_fault, predicted
-from dashred.inference.hypotheses.sensors.sensor_and_start_faults import sensor_hypotheses
-from dashred.inference.hypotheses.sensors.suspects import suspects
+from dashred.inference.hypotheses.sensors.faults import fit_fault, predict_fault
+from dashred.inference.hypotheses.sensors.sensor_and_start_faults import fit_sensor_hypotheses
+from dashred.inference.hypotheses.sensors.suspected_faults import find_suspected_faults
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
 from dashred.physics.solvers.simulate import simulate
 from tests import laws
@@ -64,13 +64,13 @@ def spiky(values: Tensor) -> Tensor:
     return values
 
 
-def expect(objective: LeastSquaresProblem) -> tuple[float, list[SensorFault], float]:
-    """Return the score without a fault, and what faults explain, the best first."""
+def fit_faults(objective: LeastSquaresProblem) -> tuple[float, list[SensorFault], float]:
+    """Return the score without a fault, the faults with the best first, and the best score."""
     phi = fitted(objective)
     [cost], _ = objective.values(phi[None])
     law = laws.law(score=float(cost))
-    causes = sensor_hypotheses(HypothesisFit(law, objective, phi), float(cost))
-    found = sorted((cause.law for cause in causes), key=lambda law: law.score)
+    fits = fit_sensor_hypotheses(HypothesisFit(law, objective, phi), float(cost))
+    found = sorted((fit.law for fit in fits), key=lambda law: law.score)
     assert all(not law.candidates for law in found)
     best = found[0].score if found else float("inf")
     return float(cost), [law.fault for law in found if law.fault], best
@@ -89,7 +89,7 @@ def test_the_faulty_sensor_and_its_fault_are_found(
     waves: Waves, break_: Callable[[Tensor], Tensor], kind: str, sensor: str, value: float | None
 ) -> None:
     recorded = break_(waves.recorded(SIGMA, seed=3))
-    without, found, best = expect(waves.objective(recorded, SIGMA))
+    without, found, best = fit_faults(waves.objective(recorded, SIGMA))
     assert (found[0].kind, found[0].sensor) == (kind, sensor)
     assert best < without - 20
     if value is None:
@@ -104,7 +104,7 @@ def test_the_faulty_sensor_and_its_fault_are_found(
 def test_a_sensor_that_never_worked_is_stuck_from_the_first_sample(waves: Waves) -> None:
     recorded = waves.recorded(SIGMA, seed=3)
     recorded[:, 1] = 2.0
-    without, found, best = expect(waves.objective(recorded, SIGMA))
+    without, found, best = fit_faults(waves.objective(recorded, SIGMA))
     assert (found[0].kind, found[0].sensor, found[0].begin) == ("stuck", "s1", float(TIMES[0]))
     assert found[0].value == 2.0 and best < without - 20
 
@@ -119,32 +119,32 @@ def test_a_misplaced_sensor_is_found_with_its_distance(waves: Waves, off: float)
     believed = ObservationOperator(sensors, waves.system)
     forward_model = replace(objective.forward_model, sensors=SensorBlock(believed))
     wrong = replace(objective, forward_model=forward_model)
-    without, [best, *_], score = expect(wrong)
+    without, [best, *_], score = fit_faults(wrong)
     assert (best.kind, best.sensor) == ("misplaced", "s0") and score < without - 20
     assert best.std is not None and best.value == pytest.approx(off, abs=4 * best.std)
 
 
 def test_sound_sensors_are_not_suspected(waves: Waves) -> None:
     objective = waves.objective(waves.recorded(SIGMA, seed=5), SIGMA)
-    _, found, _ = expect(objective)
+    _, found, _ = fit_faults(objective)
     assert found == []
 
 
-def unknowns(objective: LeastSquaresProblem) -> dict[str, set[tuple[int, float]]]:
-    """Return of each kind how many numbers are fitted, and for how many it is charged."""
+def count_parameters(objective: LeastSquaresProblem) -> dict[str, set[tuple[int, float]]]:
+    """Return by kind the numbers of fitted parameters and of parameters in the penalty."""
     phi = torch.zeros(objective.modes, dtype=torch.float64)
     normal = objective.linearise(phi)
     [states] = objective.forward_model.states(*objective.split(phi[None]))
     found: dict[str, set[tuple[int, float]]] = {}
-    for fault in suspects(objective, normal):
-        own = predicted(objective, normal, fault, states).own
+    for fault in find_suspected_faults(objective, normal):
+        own = predict_fault(objective, normal, fault, states).parameters
         if len(own):
-            found.setdefault(fault.kind, set()).add((len(own), fault.parameters))
+            found.setdefault(fault.kind, set()).add((len(own), fault.parameter_count))
     return found
 
 
-def test_a_fault_is_charged_for_every_number_that_is_fitted(waves: Waves, tmp_path: Path) -> None:
-    ring = unknowns(waves.objective(waves.recorded(SIGMA, seed=5), SIGMA))
+def test_the_penalty_counts_every_parameter_that_is_fitted(waves: Waves, tmp_path: Path) -> None:
+    ring = count_parameters(waves.objective(waves.recorded(SIGMA, seed=5), SIGMA))
     assert ring == {"bias": {(1, 1.0)}, "drift": {(1, 1.0)}, "misplaced": {(1, 1.0)}}
 
     system = laws.declared(tmp_path, PLANE)
@@ -157,21 +157,21 @@ def test_a_fault_is_charged_for_every_number_that_is_fitted(waves: Waves, tmp_pa
     block, times = SensorBlock(operator), stack_times([TIMES])
     forward_model = ForwardModel(simulator, start, LawBlock([]), block, times)
     none = torch.zeros(0, dtype=torch.float64)
-    plane = unknowns(
+    plane = count_parameters(
         LeastSquaresProblem(forward_model, recorded, waves.noise(recorded, SIGMA), none)
     )
     assert plane == ring | {"misplaced": {(2, 2.0)}}
 
 
-def test_the_prediction_is_the_fit_where_the_readings_are_nearly_linear(waves: Waves) -> None:
+def test_the_prediction_agrees_with_the_fit_if_the_readings_are_nearly_linear(waves: Waves) -> None:
     objective = waves.objective(biased(waves.recorded(SIGMA, seed=3)), SIGMA)
     phi = fitted(objective)
     normal = objective.linearise(phi)
     [states] = objective.forward_model.states(*objective.split(phi[None]))
-    every = list(suspects(objective, normal))
+    every = list(find_suspected_faults(objective, normal))
     assert {fault.kind for fault in every} >= {"bias", "drift", "misplaced"}
     right = next(f for f in every if (f.kind, f.sensor) == ("bias", 2))
-    found = predicted(objective, normal, right, states)
-    tested = fit_fault(objective, right, phi, found.own)
+    found = predict_fault(objective, normal, right, states)
+    tested = fit_fault(objective, right, phi, found.parameters)
     assert found.score == pytest.approx(tested.score, abs=15)
     assert fitted_fault_in_units(objective, tested).sensor == "s2"

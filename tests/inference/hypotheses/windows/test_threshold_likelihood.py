@@ -1,4 +1,4 @@
-"""A gate's threshold has the interval of its profile: F rises to its ends as it should."""
+"""The profile interval of a gate's threshold: F rises to its ends as it should."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dataclasses import replace
 import pytest
 import torch
 
-from dashred.inference.fit.law import Z95, law_of
+from dashred.inference.fit.law import Z95, build_law
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
-from dashred.inference.hypotheses.windows.threshold_likelihood import with_profile
-from dashred.inference.hypotheses.windows.window_restarts import moved_window
+from dashred.inference.hypotheses.windows.threshold_likelihood import profile_threshold
+from dashred.inference.hypotheses.windows.window_restarts import move_window
 from dashred.physics.window import gate, onset
 from tests.waves import LOCAL_SIGMA, Waves, in_window
 
@@ -24,42 +24,42 @@ def waves(tmp_path_factory: pytest.TempPathFactory) -> Waves:
     return Waves.declared(tmp_path_factory.mktemp("waves"))
 
 
-def held(cause: HypothesisFit, threshold: float) -> float:
-    """Return F at its lowest in all else, the threshold held by the tightest of priors."""
-    windowed = cause.objective.forward_model.law.windowed
+def minimum_at(fit: HypothesisFit, threshold: float) -> float:
+    """Return the minimum of F at a fixed threshold, which a narrow prior holds."""
+    windowed = fit.objective.forward_model.law.windowed
     assert windowed is not None
     place = len(windowed.guess)
     guess = windowed.guess.clone()
     moved = threshold - float(guess[0])
     guess[0] = threshold
-    prior = cause.objective.prior_std.clone()
+    prior = fit.objective.prior_std.clone()
     spread = float(prior[-place])
     prior[-place] = 1e-9
-    mine = replace(moved_window(cause.objective, guess), prior_std=prior)
-    phi = cause.phi.clone()
+    problem = replace(move_window(fit.objective, guess), prior_std=prior)
+    phi = fit.phi.clone()
     phi[-place] = 0.0
-    return minimise(mine, phi, 12, 1e-7).cost + (moved / spread) ** 2
+    return minimise(problem, phi, 12, 1e-7).cost + (moved / spread) ** 2
 
 
 def test_f_rises_by_four_to_the_ends(waves: Waves) -> None:
-    cause = in_window(waves, gate("u", 1), (TRUE, math.log(0.1)))
-    law = with_profile(cause)
+    fit = in_window(waves, gate("u", 1), (TRUE, math.log(0.1)))
+    law = profile_threshold(fit)
     assert law.threshold is not None and law.window is not None
     low, high = law.threshold
     assert low < law.window.values[0] < high and low < TRUE < high
     assert law.edges[0] == pytest.approx(
-        max(high - law.window.values[0], law.window.values[0] - low, Z95 * cause.law.edges[0]) / Z95
+        max(high - law.window.values[0], law.window.values[0] - low, Z95 * fit.law.edges[0]) / Z95
     )
-    [lowest], _ = cause.objective.values(cause.phi[None])
+    [lowest], _ = fit.objective.values(fit.phi[None])
     for end in (low, high):
-        assert held(cause, end) - float(lowest) == pytest.approx(Z95**2, abs=2.5)
+        assert minimum_at(fit, end) - float(lowest) == pytest.approx(Z95**2, abs=2.5)
 
 
-def test_other_windows_and_laws_stay_as_they_are(waves: Waves) -> None:
-    cause = in_window(waves, onset(), (4.0, math.log(0.2)))
-    assert with_profile(cause) is cause.law
+def test_other_windows_and_laws_are_unchanged(waves: Waves) -> None:
+    fit = in_window(waves, onset(), (4.0, math.log(0.2)))
+    assert profile_threshold(fit) is fit.law
     recorded = waves.recorded(LOCAL_SIGMA, 4)
     null = waves.objective(recorded, LOCAL_SIGMA)
     found = minimise(null, torch.zeros(null.modes, dtype=torch.float64), 4, 1e-3)
-    plain = HypothesisFit(law_of(null, found, found.cost), null, found.phi)
-    assert with_profile(plain) is plain.law
+    plain = HypothesisFit(build_law(null, found, found.cost), null, found.phi)
+    assert profile_threshold(plain) is plain.law

@@ -1,4 +1,4 @@
-"""What discovery minimises, of a posed problem: the simulator, the sensors and their noise."""
+"""The least-squares problem of discovery: simulator, sensors and noise."""
 
 from __future__ import annotations
 
@@ -22,32 +22,34 @@ from dashred.physics.runs.resolution import Resolution
 from dashred.physics.window import Shape
 from dashred.pipeline.problem import Problem
 
-# σ is taken for at least this share of a trace's std until residuals tell it: a recording may be
-# finer than any law that could be found in it, and a search that believes it gets stuck.
-FLOOR = 0.01
+# Lower bound of the noise σ, as a share of the std of a trace, before the residuals give an
+# estimate. With less noise than this the search would stop at laws that fit the recording only
+# approximately.
+MIN_NOISE_SHARE = 0.01
 
 
 def exact_simulator(problem: Problem, candidates: Sequence[Candidate]) -> Simulator:
-    """Return the simulator with all candidates in reach; its derivative takes longer steps."""
+    """Return the simulator with all candidates; its derivative uses longer time steps."""
     return simulator_with(problem, candidates)
 
 
 def simulator_with(
     problem: Problem, candidates: Sequence[Candidate], shapes: tuple[Shape, ...] = ()
 ) -> Simulator:
-    """Return the simulator of every episode, compiled once where no input tells them apart."""
+    """Return the simulator of every episode; without inputs it is compiled only once."""
     dt = problem.ensemble_system.dt
     first = CandidateSimulator(problem.system, dt, candidates, shapes)
     if not problem.system.inputs:
         return Simulator([first] * len(problem.episodes))
-    further = (CandidateSimulator(e.system, dt, candidates, shapes) for e in problem.others)
-    return Simulator([first, *further])
+    others = (CandidateSimulator(e.system, dt, candidates, shapes) for e in problem.others)
+    return Simulator([first, *others])
 
 
-def rough_simulator(problem: Problem, simulator: Simulator, resolution: Resolution) -> Simulator:
-    """Return the simulator that is good enough while the horizon grows.
+def coarse_simulator(problem: Problem, simulator: Simulator, resolution: Resolution) -> Simulator:
+    """Return the simulator that is used while the horizon is extended.
 
-    With the derivative's longer steps, if their error, of fourth order, stays far below the noise.
+    It has the longer time steps of the derivative if their error stays below a third of the noise.
+    The error grows with the fourth power of the step.
     """
     noise = float(noise_share(problem).median())
     longer = simulator.tangent.dt / simulator.system.dt
@@ -66,27 +68,29 @@ def noise_share(problem: Problem) -> Tensor:
 
 
 def fit_noise(problem: Problem) -> NoiseModel:
-    """Return the noise of the fit sensors, as far as it is known before any fit."""
+    """Return the noise of the fit sensors before any fit."""
     names = problem.split.fit.names
-    # A sensor is as noisy in one episode as in the others.
+    # A sensor has the same noise in all episodes.
     largest = trace_std(problem).reshape(-1, len(names)).amax(dim=0)
-    std = for_each_episode(problem, torch.maximum(problem.noise_of(names), FLOOR * largest))
+    std = for_each_episode(
+        problem, torch.maximum(problem.noise_of(names), MIN_NOISE_SHARE * largest)
+    )
     return NoiseModel(std, torch.zeros_like(std), ~torch.isnan(_recorded(problem)))
 
 
-def sound_noise(problem: Problem, law: Law) -> NoiseModel:
-    """Return the same of one episode, in which a sensor that is at fault is not seen.
+def noise_of_sound_sensors(problem: Problem, law: Law) -> NoiseModel:
+    """Return the noise of one episode, with the samples of a faulty sensor marked as missing.
 
-    The only sensor that there is stays: without it nothing could be fitted at all.
+    If there is only one sensor it is kept, because there would be nothing to fit.
     """
     noise, names = fit_noise(problem), problem.split.fit.names
     if law.fault is not None and len(names) > 1:
-        noise.seen[:, names.index(law.fault.sensor)] = False
+        noise.available[:, names.index(law.fault.sensor)] = False
     return noise
 
 
 def for_each_episode(problem: Problem, values: Tensor) -> Tensor:
-    """Return values of the sensors ``(sensor,)`` once for every episode."""
+    """Repeat values of the sensors, ``(sensor,)``, for every episode, ``(episode·sensor,)``."""
     return values.repeat(len(problem.episodes))
 
 
@@ -101,15 +105,15 @@ def build_least_squares(
     candidates: Sequence[Candidate],
     prior: float,
 ) -> LeastSquaresProblem:
-    """Return F over the fit window.
+    """Return the least-squares problem over the fit window.
 
     Args:
-        problem: the recording.
-        simulator: with at least these candidates in reach.
-        start: where it is looked for.
-        candidates: what may be missing.
-        prior: std of each coefficient, in units of its natural scale
-        (docs/method.md#scales-and-priors).
+        problem: recording and settings.
+        simulator: simulator with at least these candidates.
+        start: model of the start.
+        candidates: terms that may be missing.
+        prior: prior std of each coefficient in units of its natural scale
+            (docs/method.md#scales-and-priors).
     """
     episodes = problem.episodes
     sensors = SensorBlock(problem.operator(problem.split.fit), len(episodes))
