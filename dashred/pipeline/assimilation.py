@@ -165,7 +165,7 @@ def _latent_problem(problem: Problem, nominal: NominalRun) -> LatentProblem:
     return LatentProblem(
         system=problem.system,
         library=problem.library,
-        scales=term_scales(problem.system, problem.library, nominal.states[:count], times),
+        scales=term_scales(problem.system, problem.library, nominal.references[0][:count], times),
         operator=problem.operator(fit.select(problem.split.inputs)),
         times=times,
         windows=sensor_data(problem).windows[:count],

@@ -7,13 +7,23 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dashred.config import Config, config_sha256
+from dashred.core.errors import InputError
 from dashred.core.tracking import RunTracker
+from dashred.inference.hypotheses.result import Discovery
+from dashred.inference.segments.search import SegmentSearch
+from dashred.inference.segments.segment_laws import law_from_segments, states_by_sample
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline import assimilation, simulation, surrogate, training, trajectories
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.discovery import discovery
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
+from dashred.pipeline.discovery.segment_stage import (
+    discover_in_segments,
+    is_chaotic,
+    is_explained,
+    search_in_segments,
+)
 from dashred.pipeline.outputs import report
 from dashred.pipeline.problem import Problem, build_problem
 from dashred.pipeline.run import provenance
@@ -36,12 +46,14 @@ class SimulationRuns:
         nominal: run from the nominal start.
         resolution: numerical error of that run.
         ensemble: randomised runs for training; None if the simulator is not resolved.
+        segments: laws of a system without axes, found over segments; None for other systems.
     """
 
     problem: Problem
     nominal: NominalRun
     resolution: Resolution
     ensemble: Ensemble | None
+    segments: SegmentSearch | None = None
 
 
 def simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
@@ -51,13 +63,21 @@ def simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
         InputError: the simulation blows up, or the library has indistinguishable terms.
     """
     nominal = simulation.simulate_nominal(problem, seconds)
-    problem = keep_identifiable_terms(problem, nominal.states, problem.times)
-    check_structure(problem.system, problem.times, nominal.states)
+    problem = keep_identifiable_terms(problem, nominal.references[0], problem.times)
+    check_structure(problem.system, problem.times, nominal.references[0])
     resolution = simulation.check_discretisation(problem, nominal, seconds)
-    ensemble = None
-    if resolution.resolved:
+    if not resolution.resolved:
+        return SimulationRuns(problem, nominal, resolution, None)
+    problem, segments = search_in_segments(problem, nominal, seconds)
+    try:
         ensemble = simulation.simulate_ensemble(problem, nominal, seconds)
-    return SimulationRuns(problem, nominal, resolution, ensemble)
+    except InputError:
+        if segments is None:
+            raise
+        law = law_from_segments(segments, segments.best)
+        states = states_by_sample(segments, segments.best)
+        ensemble = simulation.simulate_corrected_ensemble(problem, law, states, seconds)
+    return SimulationRuns(problem, nominal, resolution, ensemble, segments)
 
 
 def discover(
@@ -85,9 +105,7 @@ def discover(
     )
     discovered = checkpoints.stage(
         "discover",
-        lambda: discovery.discover(
-            problem, nominal, simulated.resolution, ensemble, network, assimilated, run, seconds
-        ),
+        lambda: _discover_law(simulated, ensemble, network, assimilated, run, seconds),
     )
     runs = trajectories.simulate_trajectories(problem, nominal, discovered, seconds)
     corrected_network, (corrected_shred, *others) = checkpoints.stage(
@@ -104,6 +122,26 @@ def discover(
         corrected_shred,
         tuple(others),
     )
+
+
+def _discover_law(
+    simulated: SimulationRuns,
+    ensemble: Ensemble,
+    network: training.TrainedNetwork,
+    assimilated: assimilation.AssimilationResult,
+    run: RunTracker,
+    seconds: dict[str, float],
+) -> Discovery:
+    """Discover the law along one trajectory, or over segments where none can be followed."""
+    problem, nominal, segments = simulated.problem, simulated.nominal, simulated.segments
+    if segments is not None and (nominal.restarted or is_chaotic(segments)):
+        return discover_in_segments(problem, segments, run, seconds)
+    discovered = discovery.discover(
+        problem, nominal, simulated.resolution, ensemble, network, assimilated, run, seconds
+    )
+    if segments is not None and not discovered.is_horizon_complete and is_explained(segments):
+        return discover_in_segments(problem, segments, run, seconds)
+    return discovered
 
 
 def analyse_equations(config: Config) -> Path:

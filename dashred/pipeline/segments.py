@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from dashred.data.sensors import Sensor
 from dashred.inference.segments.first_nodes import first_nodes
 from dashred.inference.segments.natural_scales import field_sizes
 from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import Array, cut
 from dashred.inference.segments.state_sensors import StateSensors
 from dashred.physics.runs.initial_state_prior import StartPrior
+from dashred.physics.runs.resolution import Resolution, minimum_scale
+from dashred.physics.tangents.ode_tangents import has_ode_tangents
 from dashred.pipeline.problem import Problem
 
 # A numerical error of this share of the noise, over one segment, changes nothing.
 NOISE_SHARE = 0.05
 MOST_SUBSTEPS = 64
+# A simulation farther from its start than so many standard deviations of a field has gone astray.
+LOST = 50.0
 # How far a field that no sensor reads may go, in spreads of its start.
 SPREADS = 7.0
 
@@ -88,6 +94,78 @@ def segment_record(problem: Problem, start: Tensor, prior: StartPrior | None) ->
     nodes = first_nodes(simulator.of_step(problem.system.dt), sensors, means, size)
     fine = _fine_enough(simulator, sensors, nodes[-1], noise)
     return SegmentedRecord(fine, sensors, noise, means, std, size, nodes)
+
+
+def can_restart(problem: Problem) -> bool:
+    """Return whether a simulator can be restarted along the readings: equations without axes."""
+    system = problem.system
+    return not system.axes and problem.snapshots is None and has_ode_tangents(system, ())
+
+
+def restarted_where_lost(problem: Problem, start: Tensor, path: Tensor) -> tuple[Tensor, ...]:
+    """Return the simulator restarted along the readings, where its own run goes astray.
+
+    Args:
+        problem: the recording.
+        start: nominal state at the first sample, ``(field,)``.
+        path: simulation from there, ``(time, field)``.
+
+    Returns:
+        The states of each fitted episode at its times; empty if the simulation stays within range.
+        Beyond the fitted part, whose readings alone are used, they are repeated.
+    """
+    record = segment_record(problem, start, None)
+    scale = torch.from_numpy(record.size)
+    if bool((torch.isfinite(path) & ((path - start).abs() < LOST * scale)).all()):
+        return ()
+    return tuple(
+        states[torch.arange(len(episode.times)) % len(states)]
+        for episode, states in zip(problem.episodes, record.restarted(), strict=True)
+    )
+
+
+def local_resolution(
+    problem: Problem,
+    sensors: Sequence[Sensor],
+    references: Sequence[Tensor],
+    noise: Tensor,
+    limit: float,
+) -> Resolution:
+    """Return the change of the readings at half the time step, over one segment.
+
+    Over the whole record a chaotic trajectory would turn any change into another trajectory.
+
+    Args:
+        problem: the recording.
+        sensors: whose readings are compared.
+        references: states of each episode, from which the segments start.
+        noise: σ of the sensors, ``(sensor,)``.
+        limit: allowed change, as a share of a trace's std.
+    """
+    system, episodes = problem.system, problem.episodes
+    if system.tableau is None:
+        return Resolution(0.0, limit, 1)
+    clocks = [episode.times.numpy() for episode in episodes]
+    segments = cut(clocks, [states.numpy() for states in references])
+    simulator = SegmentSimulator([e.system for e in episodes], segments, 1).of_step(system.dt)
+    read = StateSensors(sensors, system)
+    traces = read.read(np.concatenate([states.numpy() for states in references]))
+    reads = [sensor.reads for sensor in sensors]
+    least = minimum_scale(torch.from_numpy(traces), noise, reads, limit).numpy()
+    scale = np.maximum(np.maximum(traces.std(axis=0), least), 1e-12)
+    nodes = segments.readings[:, 0]
+    runs = [simulator.with_substeps(factor * simulator.substeps) for factor in (1, 2, 4)]
+    coarse, fine, finest = (read.read(run.run(nodes, (), np.zeros(0))) for run in runs)
+    error, next_error = (_rms_change(pair, scale) for pair in ((coarse, fine), (fine, finest)))
+    enough = 1 if error <= limit else (2 if next_error <= limit else None)
+    return Resolution(error, limit, enough)
+
+
+def _rms_change(pair: tuple[Array, Array], scale: Array) -> float:
+    """Return the largest rms change of a trace, in units of its scale."""
+    change = (pair[1] - pair[0]) / scale
+    rms = float(np.sqrt(np.square(change).mean(axis=(0, 1))).max())
+    return rms if np.isfinite(rms) else np.inf
 
 
 def start_std(prior: StartPrior) -> Array:

@@ -53,10 +53,12 @@ class SegmentSearch:
 
     Attributes:
         problem: F as the sets were refitted.
+        natural: scales.
         laws: every set, the best first.
     """
 
     problem: WeakConstraintProblem
+    natural: NaturalScales
     laws: list[SegmentLaw]
 
     @property
@@ -86,10 +88,13 @@ def search(
     for q, prior in ALL_TERMS:
         weighted = _weighted(problem, natural, q, prior)
         point = fit_nodes(weighted, point, everything, ANNEALING_STEPS).point
-    return _select(_weighted(problem, natural, SELECTION, PRIOR), weighted, point)
+    tight = _weighted(problem, natural, SELECTION, PRIOR)
+    return SegmentSearch(tight, natural, _select(tight, weighted, point))
 
 
-def _state_alone(problem: WeakConstraintProblem, nodes: np.ndarray, natural: NaturalScales) -> NodeFit:
+def _state_alone(
+    problem: WeakConstraintProblem, nodes: np.ndarray, natural: NaturalScales
+) -> NodeFit:
     """Fit the nodes under the simulator as it is, with a model error that shrinks."""
     fit = NodeFit(Point(nodes, np.zeros(len(problem.candidates))), math.inf)
     for q in STATE_ALONE:
@@ -106,9 +111,9 @@ def _weighted(
 
 def _select(
     problem: WeakConstraintProblem, loose: WeakConstraintProblem, point: Point
-) -> SegmentSearch:
+) -> list[SegmentLaw]:
     """Refit promising sets about the winner of each round, until it stays."""
-    fits: dict[Set, NodeFit] = {}
+    fits: dict[Set, NodeFit] = {(): fit_nodes(problem, point, (), REFIT_STEPS)}
     everything, seen = range(len(problem.candidates)), problem.segments.seen
     about, winner = loose, None
     for _ in range(ROUNDS):
@@ -124,7 +129,7 @@ def _select(
         if not math.isfinite(best.score) or best.members == winner:
             break
         point, about, winner = best.fit.point, problem, best.members
-    return SegmentSearch(problem, _ranked(problem, fits))
+    return _ranked(problem, fits)
 
 
 def _in_coefficients(
@@ -160,8 +165,7 @@ def _promising(profiled: ProfiledProblem, fits: dict[Set, NodeFit], seen: int) -
         found = dict(zip(sets, profiled.costs(sets).tolist(), strict=True))
         kept = sorted(sets, key=found.__getitem__)[:BEAM]
         costs |= {members: found[members] for members in kept}
-    lowest = min(costs.values())
-    level = min(level, lowest / seen) if math.isinf(level) else level
+    level = min(level, min(costs.values()) / seen)
     return sorted(costs, key=lambda s: costs[s] / level + price * len(s))[:REFITTED]
 
 

@@ -59,8 +59,7 @@ def states_by_sample(search: SegmentSearch, found: SegmentLaw) -> list[Tensor]:
     states = problem.simulator.run(point.nodes, candidates, point.xi[members])
     segments = problem.segments
     return [
-        torch.from_numpy(segments.join(states, episode))
-        for episode in range(len(segments.begins))
+        torch.from_numpy(segments.join(states, episode)) for episode in range(len(segments.begins))
     ]
 
 
@@ -70,4 +69,3 @@ def _by_sample(segments: Segments, values: Array) -> Tensor:
     longest = max(map(len, episodes))
     padded = [np.pad(v, ((0, longest - len(v)), (0, 0)), constant_values=np.nan) for v in episodes]
     return torch.from_numpy(np.concatenate(padded, axis=1))
-

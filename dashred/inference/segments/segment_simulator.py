@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.segments.segments import Array, Segments
 from dashred.physics.backends.numpy_backend import Pointwise
+from dashred.physics.expressions.algebra import Expr
 from dashred.physics.expressions.differentiate import differentiate
 from dashred.physics.runge_kutta import CLASSICAL, Tableau
 from dashred.physics.solvers.schedule import round_up
@@ -62,11 +63,11 @@ class Tendency:
         return Pointwise([*functions, *slopes])
 
     @property
-    def _own(self) -> list:  # type: ignore[type-arg]
+    def _own(self) -> list[Expr]:
         return [self.system.resolved[name] for name in self.system.fields]
 
     @property
-    def _terms(self) -> list:  # type: ignore[type-arg]
+    def _terms(self) -> list[Expr]:
         return [term.expression for c in self.candidates for term in c.terms]
 
     def rates(self, x: Array, xi: Array, clock: Mapping[str, Array]) -> Array:
@@ -199,7 +200,8 @@ class SegmentSimulator:
         """
         tendency = self._tendency(candidates)
         with np.errstate(all="ignore"):
-            rates, _, terms = tendency.linearise(nodes, np.zeros(len(candidates)), self._clock(0, 0))
+            xi = np.zeros(len(candidates))
+            rates, _, terms = tendency.linearise(nodes, xi, self._clock(0, 0))
         return rates, terms, tendency.equations, tendency.owners
 
     def forecast(self, node: Array, segment: int) -> Array:
@@ -224,7 +226,7 @@ class SegmentSimulator:
         found = {"t": t}
         for episode, system in enumerate(self.systems):
             mine = self.segments.episode == episode
-            for name, values in system.measured.at(t[mine]).items():
+            for name, values in system.input_signals.at(t[mine]).items():
                 found.setdefault(name, np.empty_like(t))[mine] = values
         return found
 

@@ -88,9 +88,7 @@ class WeakConstraintProblem:
     def linearise(self, point: Point, members: Sequence[int]) -> BlockNormal | None:
         """Return the normal equations in the nodes and some candidates; None if one blows up."""
         chosen = list(members)
-        states, columns = self.simulator.linearise(
-            point.nodes, self._of(chosen), point.xi[chosen]
-        )
+        states, columns = self.simulator.linearise(point.nodes, self._of(chosen), point.xi[chosen])
         if not (np.isfinite(states).all() and np.isfinite(columns).all()):
             return None
         segments, fields = self.segments, self.simulator.fields

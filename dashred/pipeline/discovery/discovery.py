@@ -75,7 +75,9 @@ def discover(
         run: tracker of the parent run.
         seconds: run time by stage, updated.
     """
-    candidates = build_candidates(problem.system, problem.library, nominal.states, problem.times)
+    candidates = build_candidates(
+        problem.system, problem.library, nominal.references[0], problem.times
+    )
     proposals = _proposals(problem, candidates, assimilated)
     with run.child("discover") as child:
         with stage("fit the first guesses", seconds) as report:

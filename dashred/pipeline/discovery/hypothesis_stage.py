@@ -73,7 +73,7 @@ def compare_explanations(
         # A sensor fault can cause this. Laws that were fitted with such noise are not meaningful.
         reached, objective = False, replace(objective, noise=fit_noise(problem))
     known = list(objective.forward_model.law.candidates)
-    local = replaced_terms(problem.system, problem.library, known, nominal.states, times)
+    local = replaced_terms(problem.system, problem.library, known, nominal.references[0], times)
     everything = _with_candidates(objective, local, problem.config.discovery.weak)
     if samples < len(objective.recorded):
         everything = everything.with_start(guess.start)
@@ -97,10 +97,10 @@ def compare_explanations(
     rivals = [fit for fit in fits[1:] if fit.law.score < laws[0].score + AMBIGUITY_MARGIN]
     additions = Additions(
         global_count=len(known),
-        tendency_rms=_tendency_size(problem.system, nominal.states, times),
+        tendency_rms=_tendency_size(problem.system, nominal.references[0], times),
         windowed_simulator=lambda: _with_windows(problem, [*known, *local]),
         extended_candidates=lambda: build_extended_candidates(
-            problem.system, problem.library, nominal.states, times
+            problem.system, problem.library, nominal.references[0], times
         ),
     )
     comparison = compare_hypotheses(

@@ -1,0 +1,34 @@
+"""How much an error of the start grows over the record, from segment to segment."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from dashred.inference.segments.search import SegmentSearch
+
+
+def error_growth(search: SegmentSearch) -> float:
+    """Return the natural logarithm of the largest growth of a start's error in any episode.
+
+    The propagators ``∂Φ(x_k)/∂x_k`` of the best law are multiplied by QR, in units of each field's
+    size (Benettin et al., *Meccanica* 15, 1980).
+    """
+    problem, best = search.problem, search.best
+    members = list(best.members)
+    chosen = [problem.candidates[j] for j in members]
+    point, fields = best.fit.point, problem.simulator.fields
+    _, columns = problem.simulator.linearise(point.nodes, chosen, point.xi[members])
+    size = search.natural.size
+    steps = columns[:, -1, :, :fields] / size[:, None] * size
+    largest, grown, basis = 0.0, np.zeros(fields), np.eye(fields)
+    for k, step in enumerate(steps):
+        if k and not problem.segments.follows[k - 1]:
+            grown, basis = np.zeros(fields), np.eye(fields)
+        if not np.isfinite(step).all():
+            return math.inf
+        basis, triangle = np.linalg.qr(step @ basis)
+        grown = grown + np.log(np.maximum(np.abs(triangle.diagonal()), 1e-300))
+        largest = max(largest, float(grown.max()))
+    return largest

@@ -1,0 +1,188 @@
+"""Discover the law of an ODE system over segments: where one trajectory cannot be followed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from dashred.core.mlflow.metric_names import metric_name
+from dashred.core.progress import stage
+from dashred.core.tracking import RunTracker
+from dashred.inference.fit.noise_model import NoiseModel
+from dashred.inference.forward.candidates import build_candidates
+from dashred.inference.hypotheses.result import BestOfSize, Discovery
+from dashred.inference.segments.equivalent_laws import merge_equivalent
+from dashred.inference.segments.error_growth import error_growth
+from dashred.inference.segments.natural_scales import natural_scales
+from dashred.inference.segments.search import SegmentLaw, SegmentSearch, search
+from dashred.inference.segments.segment_laws import law_from_segments, segment_noise
+from dashred.inference.segments.weak_constraint import WeakConstraintProblem
+from dashred.physics.library import build_library, default_terms
+from dashred.physics.tangents.ode_tangents import has_ode_tangents
+from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
+from dashred.pipeline.discovery.least_squares import fit_noise
+from dashred.pipeline.problem import Problem
+from dashred.pipeline.segments import can_restart, segment_record
+from dashred.pipeline.simulation import NominalRun
+
+# The state at the first sample may lie this many prior standard deviations off.
+START_FACTOR = 3.0
+# Laws that are reported, and how far from the best.
+MAX_LAWS, SCORE_MARGIN = 8, 12.0
+# A wider library has to leave less than this share of the misfit.
+GAIN = 0.5
+# A misfit this many times the noise's is not noise.
+EXPLAINED = 1.7
+# A start's error that grows by more than this factor over the record: no single trajectory is
+# fitted.
+CHAOTIC = math.log(1e4)
+
+
+def search_in_segments(
+    problem: Problem, nominal: NominalRun, seconds: dict[str, float]
+) -> tuple[Problem, SegmentSearch | None]:
+    """Return the laws of a system without axes; None if its equations have no derivative.
+
+    If the default library leaves much more than noise, candidates are tried in the equations that
+    look like definitions, too: ``x' = y`` may lack a term as any other.
+
+    Args:
+        problem: recording, system and library.
+        nominal: simulation that gives the prior of the start and the scales.
+        seconds: run time by stage, updated.
+
+    Returns:
+        The problem, with the library that was needed; and the laws.
+    """
+    if not can_restart(problem):
+        return problem, None
+    with stage("search over segments", seconds) as report, np.errstate(all="ignore"):
+        found = _search(problem, nominal)
+        closed = set(problem.system.fields) - {term.equation for term in problem.library}
+        if problem.config.library is None and closed and (found is None or not is_explained(found)):
+            wider = _with_all_equations(problem, nominal)
+            again = _search(wider, nominal)
+            if again is not None and (found is None or again.level < GAIN * found.level):
+                problem, found = wider, again
+        if found is None:
+            report(1.0, "no set of terms could be fitted")
+        else:
+            report(1.0, f"{_text(found, found.best)}, χ²/n {found.level:.2f}")
+    return problem, found
+
+
+def _with_all_equations(problem: Problem, nominal: NominalRun) -> Problem:
+    """Return the problem with default terms in every equation."""
+    system = problem.system
+    terms = default_terms(system)
+    library = build_library(system, dict.fromkeys(system.fields, terms))
+    wider = replace(
+        problem,
+        library=library,
+        others=tuple(replace(episode, library=library) for episode in problem.others),
+        whole=tuple(replace(episode, library=library) for episode in problem.whole),
+    )
+    return keep_identifiable_terms(wider, nominal.references[0], problem.times)
+
+
+def _search(problem: Problem, nominal: NominalRun) -> SegmentSearch | None:
+    system = problem.system
+    candidates = build_candidates(system, problem.library, nominal.references[0], problem.times)
+    terms = [term for candidate in candidates for term in candidate.terms]
+    if not has_ode_tangents(system, terms):
+        return None
+    record = segment_record(problem, nominal.prior.centre, nominal.prior)
+    scales = natural_scales(
+        record.simulator, record.sensors, candidates, record.guesses[-1], record.size
+    )
+    weak = WeakConstraintProblem(
+        simulator=record.simulator,
+        sensors=record.sensors,
+        candidates=tuple(candidates),
+        noise_std=record.noise_std,
+        model_error=np.ones(len(record.size)),
+        start_mean=record.start_mean,
+        start_std=START_FACTOR * record.start_std,
+        prior_std=scales.coefficient,
+    )
+    found = search(weak, record.guesses, scales)
+    return merge_equivalent(found) if math.isfinite(found.best.score) else None
+
+
+def is_explained(found: SegmentSearch) -> bool:
+    """Return whether the best law leaves nothing but noise."""
+    return found.level < EXPLAINED
+
+
+def is_chaotic(found: SegmentSearch) -> bool:
+    """Return whether a start's error grows so much that no single trajectory can be fitted."""
+    return error_growth(found) > CHAOTIC
+
+
+@torch.no_grad()
+def discover_in_segments(
+    problem: Problem, found: SegmentSearch, run: RunTracker, seconds: dict[str, float]
+) -> Discovery:
+    """Return the findings of a segment search.
+
+    Args:
+        problem: the recording.
+        found: the laws.
+        run: tracker of the parent run.
+        seconds: run time by stage, updated.
+    """
+    explained = is_explained(found)
+    near = [law for law in found.laws if law.score < found.best.score + SCORE_MARGIN][:MAX_LAWS]
+    empty = next(law for law in found.laws if not law.members)
+    with run.child("discover") as child, stage("fit the law to the end", seconds) as report:
+        laws = [law_from_segments(found, law) for law in near]
+        uncorrected = law_from_segments(found, empty)
+        path = _best_by_size(found)
+        for best in path:
+            scores = {"evidence/score": best.score, "evidence/rmse": best.rmse}
+            coefficients = {
+                metric_name("coef", candidate.equation or "parameter", candidate.name): value
+                for candidate, value in zip(best.candidates, best.coefficients, strict=True)
+            }
+            child.log_metrics(scores | coefficients, len(best.candidates))
+        report(1.0, str(laws[0]))
+    count, level = len(problem.split.fit.times), found.level
+    noise: NoiseModel = segment_noise(found, fit_noise(problem))
+    return Discovery(
+        laws=laws,
+        uncorrected=uncorrected,
+        noise=noise,
+        first_guesses={},
+        first_guess="segments",
+        levels=[(count, level)],
+        is_horizon_complete=True,
+        free_chi2=laws[0].chi2,
+        is_search_complete=True,
+        path=path,
+        refit_count=len(found.laws),
+        forcing_gain=0.0 if explained else (level - 1) * found.problem.segments.seen,
+    )
+
+
+def _best_by_size(found: SegmentSearch) -> list[BestOfSize]:
+    best: dict[int, SegmentLaw] = {}
+    for law in found.laws:
+        if math.isfinite(law.score):
+            best.setdefault(len(law.members), law)
+    return [
+        BestOfSize(
+            tuple(found.problem.candidates[j] for j in law.members),
+            tuple(float(law.fit.point.xi[j]) for j in law.members),
+            law.score,
+            math.sqrt(law.fit.cost / found.problem.segments.seen / found.level),
+        )
+        for _, law in sorted(best.items())
+    ]
+
+
+def _text(found: SegmentSearch, law: SegmentLaw) -> str:
+    parts = [f"{found.problem.candidates[j]} × {law.fit.point.xi[j]:.4g}" for j in law.members]
+    return ", ".join(parts) or "nothing"
