@@ -21,7 +21,7 @@ from dashred.physics.tangents.ode_tangents import has_ode_tangents
 from dashred.pipeline.problem import Problem
 
 # A numerical error of this share of the noise, over one segment, changes nothing.
-NOISE_SHARE = 0.05
+NOISE_SHARE = 0.02
 MOST_SUBSTEPS = 64
 # A simulation farther from its start than so many standard deviations of a field has gone astray.
 LOST = 50.0

@@ -27,7 +27,13 @@ Set = tuple[int, ...]
 STATE_ALONE = (0.3, 0.1, 0.05)
 ALL_TERMS = ((0.1, 0.1), (0.03, 0.2), (0.01, 0.3))
 SELECTION, PRIOR = 0.003, 0.3
-ANNEALING_STEPS, REFIT_STEPS = 6, 8
+# A set is refitted under a looser model error first: most of its candidates have just left it.
+LOOSER = 0.03
+# All candidates together leave about this share of the noise's squares; if they leave far less, the
+# noise was overestimated.
+EXPECTED, OVERESTIMATED, NOISE_ROUNDS = 0.5, 0.15, 3
+ANNEALING_STEPS, LOOSER_STEPS, REFIT_STEPS = 6, 4, 8
+LOOSE_TOLERANCE = 0.01
 # The largest set, how many of each size are extended, and how many are refitted in a round.
 LARGEST, BEAM, REFITTED, ROUNDS = 4, 12, 8, 4
 
@@ -85,9 +91,16 @@ def search(
     everything = tuple(range(len(problem.candidates)))
     states = [_state_alone(problem, nodes, natural) for nodes in guesses]
     point = min(states, key=lambda fit: fit.cost).point
-    for q, prior in ALL_TERMS:
-        weighted = _weighted(problem, natural, q, prior)
-        point = fit_nodes(weighted, point, everything, ANNEALING_STEPS).point
+    for _ in range(NOISE_ROUNDS):
+        for q, prior in ALL_TERMS:
+            weighted = _weighted(problem, natural, q, prior)
+            fit = fit_nodes(weighted, point, everything, ANNEALING_STEPS)
+            point = fit.point
+        left = fit.cost / problem.segments.seen
+        if left > OVERESTIMATED:
+            break
+        # Differences of readings overestimate σ where the samples are few in a period.
+        problem = problem.with_noise(problem.noise_std * math.sqrt(left / EXPECTED))
     tight = _weighted(problem, natural, SELECTION, PRIOR)
     return SegmentSearch(tight, natural, _select(tight, weighted, point))
 
@@ -113,7 +126,7 @@ def _select(
     problem: WeakConstraintProblem, loose: WeakConstraintProblem, point: Point
 ) -> list[SegmentLaw]:
     """Refit promising sets about the winner of each round, until it stays."""
-    fits: dict[Set, NodeFit] = {(): fit_nodes(problem, point, (), REFIT_STEPS)}
+    fits: dict[Set, NodeFit] = {(): _refit(problem, point, ())}
     everything, seen = range(len(problem.candidates)), problem.segments.seen
     about, winner = loose, None
     for _ in range(ROUNDS):
@@ -124,12 +137,21 @@ def _select(
         sets = _promising(_in_coefficients(profiled, point.xi, about.prior_std), fits, seen)
         for members in sets:
             if members not in fits:
-                fits[members] = fit_nodes(problem, point, members, REFIT_STEPS)
+                fits[members] = _refit(problem, point, members)
         best = _ranked(problem, fits)[0]
         if not math.isfinite(best.score) or best.members == winner:
             break
         point, about, winner = best.fit.point, problem, best.members
     return _ranked(problem, fits)
+
+
+def _refit(problem: WeakConstraintProblem, point: Point, members: Set) -> NodeFit:
+    """Fit one set, under a looser model error first."""
+    looser = problem.with_weights(
+        LOOSER / SELECTION * problem.model_error, problem.prior_std
+    )
+    begun = fit_nodes(looser, point, members, LOOSER_STEPS, LOOSE_TOLERANCE)
+    return fit_nodes(problem, begun.point, members, REFIT_STEPS)
 
 
 def _in_coefficients(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -13,8 +15,14 @@ from dashred.inference.segments.segments import Array, Segments
 
 
 def segment_noise(search: SegmentSearch, noise: NoiseModel) -> NoiseModel:
-    """Return the noise that the best law's residuals speak for."""
-    return noise.scaled(float(np.sqrt(search.level)))
+    """Return the noise that the residuals of the best law indicate.
+
+    Args:
+        search: the laws.
+        noise: gives the readings that are available; of all episodes, one after the other.
+    """
+    std = torch.from_numpy(search.problem.noise_std * np.sqrt(search.level))
+    return replace(noise, std=std.repeat(len(noise.std) // len(std)))
 
 
 def law_from_segments(search: SegmentSearch, found: SegmentLaw) -> Law:

@@ -69,6 +69,10 @@ class WeakConstraintProblem:
         """Return F with other q and d."""
         return replace(self, model_error=model_error, prior_std=prior_std)
 
+    def with_noise(self, noise_std: Array) -> WeakConstraintProblem:
+        """Return F with another σ."""
+        return replace(self, noise_std=noise_std)
+
     def cost(self, point: Point, members: Sequence[int]) -> float:
         """Return F with some candidates alone; infinite where a segment blows up."""
         chosen = list(members)
