@@ -10,10 +10,11 @@ import torch
 from torch import Tensor
 
 from dashred.data.sensors import Sensor
+from dashred.inference.forward.candidates import Candidate
 from dashred.inference.segments.first_nodes import first_nodes
 from dashred.inference.segments.natural_scales import field_sizes
 from dashred.inference.segments.segment_simulator import SegmentSimulator
-from dashred.inference.segments.segments import Array, cut
+from dashred.inference.segments.segments import SAMPLES, Array, cut
 from dashred.inference.segments.state_sensors import StateSensors
 from dashred.physics.runs.initial_state_prior import StartPrior
 from dashred.physics.runs.resolution import Resolution, minimum_scale
@@ -22,7 +23,6 @@ from dashred.pipeline.problem import Problem
 
 # A numerical error of this share of the noise, over one segment, changes nothing.
 NOISE_SHARE = 0.02
-MOST_SUBSTEPS = 64
 # A simulation farther from its start than so many standard deviations of a field has gone astray.
 LOST = 50.0
 # How far a field that no sensor reads may go, in spreads of its start.
@@ -69,19 +69,28 @@ class SegmentedRecord:
         ]
 
 
-def segment_record(problem: Problem, start: Tensor, prior: StartPrior | None) -> SegmentedRecord:
+def segment_record(
+    problem: Problem,
+    start: Tensor,
+    prior: StartPrior | None,
+    samples: int = SAMPLES,
+    substeps: int = 1,
+) -> SegmentedRecord:
     """Cut the fitted part of the recording, and guess the states.
 
     Args:
         problem: the recording of a system without axes.
         start: expected state at the first sample, ``(field,)``.
         prior: distribution of that state; None where only its mean is known.
+        samples: from one node to the next.
+        substeps: steps from sample to sample, at least.
     """
     episodes = problem.episodes
     fits = [episode.split.fit for episode in episodes]
     segments = cut(
         [e.times[: len(fit.times)].numpy() for e, fit in zip(episodes, fits, strict=True)],
         [fit.values for fit in fits],
+        samples,
     )
     sensors = StateSensors(problem.split.fit.sensors, problem.system)
     mean = start.numpy()
@@ -89,10 +98,10 @@ def segment_record(problem: Problem, start: Tensor, prior: StartPrior | None) ->
     size = field_sizes(segments, sensors, np.maximum(SPREADS * spread, 1e-6 + np.abs(mean)))
     std = np.maximum(spread, 1e-6 * size)
     noise = problem.noise_of(problem.split.fit.names).numpy()
-    simulator = SegmentSimulator([e.system for e in episodes], segments, 1)
+    simulator = SegmentSimulator([e.system for e in episodes], segments, substeps)
     means = np.repeat(mean[None], len(episodes), axis=0)
     nodes = first_nodes(simulator.of_step(problem.system.dt), sensors, means, size)
-    fine = _fine_enough(simulator, sensors, nodes[-1], noise)
+    fine = resolve_steps(simulator, sensors, noise, nodes[-1], (), np.zeros(0))
     return SegmentedRecord(fine, sensors, noise, means, std, size, nodes)
 
 
@@ -176,14 +185,30 @@ def start_std(prior: StartPrior) -> Array:
     return found
 
 
-def _fine_enough(
-    simulator: SegmentSimulator, sensors: StateSensors, nodes: Array, noise: Array
+def resolve_steps(
+    simulator: SegmentSimulator,
+    sensors: StateSensors,
+    noise: Array,
+    nodes: Array,
+    candidates: Sequence[Candidate],
+    xi: Array,
 ) -> SegmentSimulator:
-    """Return the simulator with so many steps that twice as many change no reading."""
-    coarse = sensors.read(simulator.run(nodes, (), np.zeros(0)))
-    while simulator.substeps < MOST_SUBSTEPS:
-        finer = simulator.with_substeps(2 * simulator.substeps)
-        fine = sensors.read(finer.run(nodes, (), np.zeros(0)))
+    """Return the simulator with so many steps that twice as many change no reading.
+
+    Args:
+        simulator: of the segments.
+        sensors: what they read.
+        noise: σ of each, ``(sensor,)``.
+        nodes: states, ``(segment, field)``.
+        candidates: terms that are added.
+        xi: their coefficients.
+    """
+    coarse = sensors.read(simulator.run(nodes, candidates, xi))
+    # The system's own step is fine enough, as its resolution was checked.
+    most = simulator.of_step(simulator.systems[0].dt).substeps
+    while simulator.substeps < most:
+        finer = simulator.with_substeps(min(most, 2 * simulator.substeps))
+        fine = sensors.read(finer.run(nodes, candidates, xi))
         change = np.abs(fine - coarse).max(axis=1) / noise
         known = np.isfinite(change).all(axis=1)
         # A state that was guessed badly may blow up; nine of ten decide.

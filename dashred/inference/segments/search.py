@@ -34,6 +34,8 @@ LOOSER = 0.03
 EXPECTED, OVERESTIMATED, NOISE_ROUNDS = 0.5, 0.15, 3
 ANNEALING_STEPS, LOOSER_STEPS, REFIT_STEPS = 6, 4, 8
 LOOSE_TOLERANCE = 0.01
+# A fit that the linearisation about a better one undercuts by so much, in σ², has got stuck.
+STUCK = 10.0
 # The largest set, how many of each size are extended, and how many are refitted in a round.
 LARGEST, BEAM, REFITTED, ROUNDS = 4, 12, 8, 4
 
@@ -135,21 +137,38 @@ def _select(
         if profiled is None:
             break
         sets = _promising(_in_coefficients(profiled, point.xi, about.prior_std), fits, seen)
-        for members in sets:
-            if members not in fits:
-                fits[members] = _refit(problem, point, members)
+        _refit_all(problem, point, sets, fits)
         best = _ranked(problem, fits)[0]
+        # From afar the fit of a smaller set may get stuck; from the winner it has no excuse.
+        while smaller := _without_one(best.members):
+            _refit_all(problem, best.fit.point, smaller, fits)
+            before, best = best, _ranked(problem, fits)[0]
+            if best.members == before.members:
+                break
         if not math.isfinite(best.score) or best.members == winner:
             break
         point, about, winner = best.fit.point, problem, best.members
     return _ranked(problem, fits)
 
 
+def _refit_all(
+    problem: WeakConstraintProblem, point: Point, sets: Sequence[Set], fits: dict[Set, NodeFit]
+) -> None:
+    """Refit sets from a point; an earlier, better fit stands."""
+    for members in sets:
+        fit = _refit(problem, point, members)
+        if members not in fits or fit.cost < fits[members].cost:
+            fits[members] = fit
+
+
+def _without_one(members: Set) -> list[Set]:
+    """Return the sets with one candidate fewer, but for the empty one."""
+    return [tuple(j for j in members if j != out) for out in members] if len(members) > 1 else []
+
+
 def _refit(problem: WeakConstraintProblem, point: Point, members: Set) -> NodeFit:
     """Fit one set, under a looser model error first."""
-    looser = problem.with_weights(
-        LOOSER / SELECTION * problem.model_error, problem.prior_std
-    )
+    looser = problem.with_weights(LOOSER / SELECTION * problem.model_error, problem.prior_std)
     begun = fit_nodes(looser, point, members, LOOSER_STEPS, LOOSE_TOLERANCE)
     return fit_nodes(problem, begun.point, members, REFIT_STEPS)
 
@@ -188,7 +207,8 @@ def _promising(profiled: ProfiledProblem, fits: dict[Set, NodeFit], seen: int) -
         kept = sorted(sets, key=found.__getitem__)[:BEAM]
         costs |= {members: found[members] for members in kept}
     level = min(level, min(costs.values()) / seen)
-    return sorted(costs, key=lambda s: costs[s] / level + price * len(s))[:REFITTED]
+    ranked = sorted(costs, key=lambda s: costs[s] / level + price * len(s))[:REFITTED]
+    return [s for s in ranked if s not in fits or costs[s] < fits[s].cost - STUCK * level]
 
 
 def _ranked(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -> list[SegmentLaw]:

@@ -82,15 +82,16 @@ class Segments:
         return float(np.median(self.times[:, -1] - self.times[:, 0]))
 
 
-def cut(times: Sequence[Array], readings: Sequence[Array]) -> Segments:
+def cut(times: Sequence[Array], readings: Sequence[Array], samples: int = SAMPLES) -> Segments:
     """Return the segments of some episodes.
 
     Args:
         times: clock of each episode, ``(time,)``.
         readings: of each, ``(time, sensor)``; NaN where missing.
+        samples: from one node to the next; more if there would be too many segments.
     """
     total = sum(map(len, times))
-    intervals = max(SAMPLES, -(-total // LARGEST_COUNT))
+    intervals = max(samples, -(-total // LARGEST_COUNT))
     parts = [
         _cut_episode(clock, values, intervals, episode)
         for episode, (clock, values) in enumerate(zip(times, readings, strict=True))

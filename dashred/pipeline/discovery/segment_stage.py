@@ -12,7 +12,7 @@ from dashred.core.mlflow.metric_names import metric_name
 from dashred.core.progress import stage
 from dashred.core.tracking import RunTracker
 from dashred.inference.fit.noise_model import NoiseModel
-from dashred.inference.forward.candidates import build_candidates
+from dashred.inference.forward.candidates import Candidate, build_candidates
 from dashred.inference.hypotheses.result import BestOfSize, Discovery
 from dashred.inference.segments.equivalent_laws import merge_equivalent
 from dashred.inference.segments.error_growth import error_growth
@@ -25,13 +25,20 @@ from dashred.physics.tangents.ode_tangents import has_ode_tangents
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
 from dashred.pipeline.discovery.least_squares import fit_noise
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.segments import can_restart, segment_record
+from dashred.pipeline.segments import (
+    SegmentedRecord,
+    can_restart,
+    resolve_steps,
+    segment_record,
+)
 from dashred.pipeline.simulation import NominalRun
 
 # The state at the first sample may lie this many prior standard deviations off.
 START_FACTOR = 3.0
 # Laws that are reported, and how far from the best.
 MAX_LAWS, SCORE_MARGIN = 8, 12.0
+# Segments are shortened where the simulator blows up within them.
+SEGMENT_SAMPLES, LOST = (4, 2, 1), 1e3
 # A wider library has to leave less than this share of the misfit.
 GAIN = 0.5
 # A misfit this many times the noise's is not noise.
@@ -94,7 +101,41 @@ def _search(problem: Problem, nominal: NominalRun) -> SegmentSearch | None:
     terms = [term for candidate in candidates for term in candidate.terms]
     if not has_ode_tangents(system, terms):
         return None
-    record = segment_record(problem, nominal.prior.centre, nominal.prior)
+    found = None
+    for samples in SEGMENT_SAMPLES:
+        found = _search_once(problem, nominal, candidates, samples)
+        if found is not None and found.level < LOST:
+            break
+    return None if found is None else merge_equivalent(found)
+
+
+def _search_once(
+    problem: Problem, nominal: NominalRun, candidates: list[Candidate], samples: int
+) -> SegmentSearch | None:
+    """Search over segments of so many samples; None if no set of terms can be fitted.
+
+    The steps were chosen at guessed states under an incomplete law. Once both are known they are
+    chosen again, and if they have to be shorter, the search is repeated.
+    """
+    substeps = 1
+    while True:
+        record = segment_record(problem, nominal.prior.centre, nominal.prior, samples, substeps)
+        found = _search_record(record, candidates)
+        if found is None:
+            return None
+        best, weak = found.best, found.problem
+        chosen = [weak.candidates[j] for j in best.members]
+        xi = best.fit.point.xi[list(best.members)]
+        noise = weak.noise_std * np.sqrt(found.level)
+        resolved = resolve_steps(
+            weak.simulator, weak.sensors, noise, best.fit.point.nodes, chosen, xi
+        )
+        if resolved.substeps == weak.simulator.substeps or found.level > LOST:
+            return found
+        substeps = resolved.substeps
+
+
+def _search_record(record: SegmentedRecord, candidates: list[Candidate]) -> SegmentSearch | None:
     scales = natural_scales(
         record.simulator, record.sensors, candidates, record.guesses[-1], record.size
     )
@@ -109,7 +150,7 @@ def _search(problem: Problem, nominal: NominalRun) -> SegmentSearch | None:
         prior_std=scales.coefficient,
     )
     found = search(weak, record.guesses, scales)
-    return merge_equivalent(found) if math.isfinite(found.best.score) else None
+    return found if math.isfinite(found.best.score) else None
 
 
 def is_explained(found: SegmentSearch) -> bool:
