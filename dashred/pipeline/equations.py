@@ -21,7 +21,6 @@ from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_term
 from dashred.pipeline.discovery.segment_stage import (
     discover_in_segments,
     is_chaotic,
-    is_explained,
     search_in_segments,
 )
 from dashred.pipeline.outputs import report
@@ -135,13 +134,19 @@ def _discover_law(
     """Discover the law along one trajectory, or over segments where none can be followed."""
     problem, nominal, segments = simulated.problem, simulated.nominal, simulated.segments
     if segments is not None and (nominal.restarted or is_chaotic(segments)):
-        return discover_in_segments(problem, segments, run, seconds)
-    discovered = discovery.discover(
-        problem, nominal, simulated.resolution, ensemble, network, assimilated, run, seconds
+        with run.child("discover") as child:
+            return discover_in_segments(problem, segments, child, seconds)
+    return discovery.discover(
+        problem,
+        nominal,
+        simulated.resolution,
+        ensemble,
+        network,
+        assimilated,
+        segments,
+        run,
+        seconds,
     )
-    if segments is not None and not discovered.is_horizon_complete and is_explained(segments):
-        return discover_in_segments(problem, segments, run, seconds)
-    return discovered
 
 
 def analyse_equations(config: Config) -> Path:

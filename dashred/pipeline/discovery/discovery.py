@@ -22,6 +22,7 @@ from dashred.inference.fit.stepwise_selection import (
 from dashred.inference.forward.candidates import Candidate, build_candidates, indices_by_name
 from dashred.inference.hypotheses.comparison.compare_hypotheses import Comparison
 from dashred.inference.hypotheses.result import MIN_FORCING_GAIN, BestOfSize, Discovery
+from dashred.inference.segments.search import SegmentSearch
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline.assimilation import AssimilationResult
@@ -38,6 +39,7 @@ from dashred.pipeline.discovery.least_squares import (
     exact_simulator,
 )
 from dashred.pipeline.discovery.prior_start import select_near_prior
+from dashred.pipeline.discovery.segment_stage import discover_in_segments, is_explained
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation import NominalRun
 from dashred.pipeline.training import TrainedNetwork
@@ -58,6 +60,7 @@ def discover(
     ensemble: Ensemble,
     network: TrainedNetwork,
     assimilated: AssimilationResult,
+    segments: SegmentSearch | None,
     run: RunTracker,
     seconds: dict[str, float],
 ) -> Discovery:
@@ -72,6 +75,8 @@ def discover(
         ensemble: simulations from which first guesses are made.
         network: SHRED, with its errors on test members.
         assimilated: reconstructed fields and the terms that latent SINDy proposes.
+        segments: laws found over segments, which are returned if no first guess can be followed to
+            the end of the record and they explain it; None if there are none.
         run: tracker of the parent run.
         seconds: run time by stage, updated.
     """
@@ -95,6 +100,8 @@ def discover(
         with stage("grow the horizon", seconds) as report:
             guess, horizon = fit_from_first_guesses(problem, coarse, candidates, guesses, report)
             child.set_tags({"seed of the start": guess.name})
+        if segments is not None and not horizon.is_complete and is_explained(segments):
+            return discover_in_segments(problem, segments, child, seconds)
         for samples, level in horizon.levels:
             child.log_metrics({"horizon/chi2": level}, samples)
             run.log_metrics({"horizon/chi2": level}, samples)

@@ -10,7 +10,7 @@ import torch
 
 from dashred.core.mlflow.metric_names import metric_name
 from dashred.core.progress import stage
-from dashred.core.tracking import RunTracker
+from dashred.core.tracking import StageTracker
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate, build_candidates
 from dashred.inference.hypotheses.result import BestOfSize, Discovery
@@ -45,7 +45,7 @@ GAIN = 0.5
 EXPLAINED = 1.7
 # A start's error that grows by more than this factor over the record: no single trajectory is
 # fitted.
-CHAOTIC = math.log(1e4)
+CHAOTIC = math.log(1e3)
 
 
 def search_in_segments(
@@ -165,20 +165,20 @@ def is_chaotic(found: SegmentSearch) -> bool:
 
 @torch.no_grad()
 def discover_in_segments(
-    problem: Problem, found: SegmentSearch, run: RunTracker, seconds: dict[str, float]
+    problem: Problem, found: SegmentSearch, run: StageTracker, seconds: dict[str, float]
 ) -> Discovery:
     """Return the findings of a segment search.
 
     Args:
         problem: the recording.
         found: the laws.
-        run: tracker of the parent run.
+        run: tracker of the child run of the discovery.
         seconds: run time by stage, updated.
     """
     explained = is_explained(found)
     near = [law for law in found.laws if law.score < found.best.score + SCORE_MARGIN][:MAX_LAWS]
     empty = next(law for law in found.laws if not law.members)
-    with run.child("discover") as child, stage("fit the law to the end", seconds) as report:
+    with stage("fit the law to the end", seconds) as report:
         laws = [law_from_segments(found, law) for law in near]
         uncorrected = law_from_segments(found, empty)
         path = _best_by_size(found)
@@ -188,7 +188,7 @@ def discover_in_segments(
                 metric_name("coef", candidate.equation or "parameter", candidate.name): value
                 for candidate, value in zip(best.candidates, best.coefficients, strict=True)
             }
-            child.log_metrics(scores | coefficients, len(best.candidates))
+            run.log_metrics(scores | coefficients, len(best.candidates))
         report(1.0, str(laws[0]))
     count, level = len(problem.split.fit.times), found.level
     noise: NoiseModel = segment_noise(found, fit_noise(problem))

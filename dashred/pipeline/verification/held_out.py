@@ -117,10 +117,13 @@ def _fitted_std(name: str, fitted: Sequence[Problem]) -> float:
 
 
 def relative_rmse(read: np.ndarray, recorded: np.ndarray, scale: np.ndarray) -> float:
-    """Return the RMSE over all sensors in units of their std; not finite if a run blows up.
+    """Return the RMSE over all sensors in units of their std; infinite if a run blows up.
 
     Only missing recorded samples are excluded; simulated values that are not finite are included.
     """
     seen = ~np.isnan(recorded)
-    error = ((read - recorded) / scale)[seen]
-    return float(np.sqrt(np.mean(error**2))) if seen.any() else math.nan
+    if not seen.any():
+        return math.nan
+    with np.errstate(over="ignore"):
+        rmse = float(np.sqrt(np.mean(np.square(((read - recorded) / scale)[seen]))))
+    return math.inf if math.isnan(rmse) else rmse

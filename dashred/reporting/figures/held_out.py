@@ -1,5 +1,6 @@
 """Errors with and without the law on held-out data."""
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -18,6 +19,8 @@ from dashred.reporting.figures.style import (
 from dashred.reporting.figures.traces import draw_sensor
 
 MAX_SENSORS = 3
+# Bars are cut off above so many standard deviations, and so many times the smallest.
+MAX_BAR, MAX_RATIO = 5.0, 20.0
 COMPARED = ("simulation_same_start", "simulation_refit", "corrected")
 LABELS = {
     "test_sensors": "test sensors",
@@ -96,21 +99,35 @@ def _draw_errors(axes: Axes, errors: Mapping[str, Mapping[str, float | None]]) -
     groups = [
         key for key in LABELS if any(errors.get(key, {}).get(m) is not None for m in COMPARED)
     ]
-    largest = max((errors[g].get(m) or 0.0 for g in groups for m in COMPARED), default=1.0) or 1.0
+    values = [v for g in groups for m in COMPARED if (v := errors[g].get(m)) is not None]
+    top = _bar_limit(values)
     ticks = []
     for place, group in enumerate(groups):
         for slot, method in enumerate(COMPARED):
             value = errors[group].get(method)
             if value is None:
                 continue
-            at = place + (slot - 1) * 0.27
+            at, height = place + (slot - 1) * 0.27, min(value, top)
             label = None if place else method_label(method)
-            axes.bar(at, value, width=0.24, color=COLOURS[method], label=label)
-            axes.text(at, value + 0.015 * largest, f"{value:.2g}", ha="center", fontsize=8)
+            axes.bar(at, height, width=0.24, color=COLOURS[method], label=label)
+            text = f"{value:.2g}" if value <= top else f"↑ {value:.2g}"
+            axes.text(at, height + 0.015 * top, text, ha="center", fontsize=8)
         ticks.append(LABELS[group])
     axes.set_xticks(range(len(groups)), ticks, fontsize=9)
     axes.tick_params(axis="x", length=0)
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)
-    axes.set_ylim(0, 1.12 * largest)
+    axes.set_ylim(0, 1.12 * top)
     axes.set_title("RMSE / standard deviation", fontsize=9)
+
+
+def _bar_limit(values: Sequence[float]) -> float:
+    """Return the height at which bars are cut off, so that the small ones stay visible.
+
+    A simulation that diverges has an error of many orders of magnitude, or an infinite one.
+    """
+    finite = [value for value in values if math.isfinite(value)]
+    if not finite:
+        return 1.0
+    cut = max(MAX_BAR, MAX_RATIO * min(finite))
+    return min(max(finite), cut) or 1.0

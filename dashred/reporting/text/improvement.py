@@ -1,10 +1,13 @@
 """The errors on held-out data with and without the law, in plain sentences."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 from dashred.core.formatting import number
 
+# A run whose error, in standard deviations of the readings, is larger than this has diverged.
+HUGE = 1e4
 # Verdicts for a simulator that is given as snapshots: no law was fitted through it.
 UNTESTED = ("mismatch", "no-mismatch-seen")
 HELD_OUT = {
@@ -22,14 +25,14 @@ def improvements(fit: Mapping[str, Any]) -> list[str]:
         errors = fit.get(key, {})
         names = ("simulation_same_start", "simulation_refit", "corrected")
         same_start, refit, corrected = (errors.get(name) for name in names)
-        if refit is None or corrected is None:
+        if refit is None and corrected is None:
             continue
         parts = [
-            f"{refit:.3g} for the simulation from its best start",
-            f"{corrected:.3g} for the corrected simulation",
+            f"{_size(refit)} for the simulation from its best start",
+            f"{_size(corrected)} for the corrected simulation",
         ]
-        if same_start is not None:
-            parts.insert(0, f"{same_start:.3g} for the simulation")
+        if "simulation_same_start" in errors:
+            parts.insert(0, f"{_size(same_start)} for the simulation")
         lines.append(f"{place} the error is {', '.join(parts)}: {_factor(refit, corrected)}.")
     return lines
 
@@ -67,7 +70,19 @@ def assimilation_gains(findings: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def _factor(before: float, after: float) -> str:
+def _size(error: float | None) -> str:
+    """Return an error; a run that blows up has none, and null stands for it in the findings."""
+    if error is None or not math.isfinite(error) or error > HUGE:
+        return "beyond all bounds"
+    return f"{error:.3g}"
+
+
+def _factor(before: float | None, after: float | None) -> str:
+    lost = [error is None or not error <= HUGE for error in (before, after)]
+    if before is None or after is None or any(lost):
+        if all(lost):
+            return "both runs diverge"
+        return f"the run {'without' if lost[0] else 'with'} the law diverges"
     if after <= 0 or before <= 0:
         return "the factor is undefined"
     ratio = before / after
