@@ -1,0 +1,83 @@
+"""A convection model in three modes whose damping the simulator leaves out; chaotic."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from dashred.data.sensors import Sensor
+from dashred.inference.forward.candidates import Candidate
+from dashred.inference.segments.segment_simulator import SegmentSimulator
+from dashred.inference.segments.segments import Array, Segments, cut
+from dashred.inference.segments.state_sensors import StateSensors
+from dashred.physics.system import System
+from tests import laws
+
+TEXT = """
+system:
+  title: convection in three modes
+  fields: {x: flow, y: temperature across, z: temperature up}
+  equations: {x: 10*(y - x), y: 28*x - x*z, z: x*y - 8/3*z}
+  start: {x: -6, y: -9, z: 21}
+  spread: {x: 1, y: 1, z: 1}
+  integrator: {method: rk4, dt: 0.005}
+recording: {twin: a, sensors: 2, noise: 0, duration: 4, every: 0.05}
+"""
+TERMS = ("x", "y", "z", "x*y", "x*z", "y*z", "x**2", "sin(y)")
+TIMES = np.linspace(0, 12, 241)
+NOISE = 0.15
+
+
+@dataclass(frozen=True)
+class Convection:
+    """The recording and its simulator.
+
+    Attributes:
+        system: without the damping of y.
+        candidates: terms of its three equations.
+        states: of the complete system, ``(time, field)``.
+        readings: of x and y, ``(time, sensor)``.
+    """
+
+    system: System
+    candidates: tuple[Candidate, ...]
+    states: Array
+    readings: Array
+
+    @property
+    def segments(self) -> Segments:
+        """The recording, cut."""
+        return cut([TIMES], [self.readings])
+
+    @property
+    def simulator(self) -> SegmentSimulator:
+        """The simulator over the segments."""
+        return SegmentSimulator([self.system], self.segments, 4)
+
+    @property
+    def sensors(self) -> StateSensors:
+        """The sensors of x and y."""
+        return StateSensors((Sensor("x", "x"), Sensor("y", "y")), self.system)
+
+    def index(self, name: str) -> int:
+        """Return the index of a candidate, ``equation: term``."""
+        return [str(candidate) for candidate in self.candidates].index(name)
+
+
+@pytest.fixture(scope="session")
+def convection(tmp_path_factory: pytest.TempPathFactory) -> Convection:
+    system = laws.declared(tmp_path_factory.mktemp("convection"), TEXT)
+    candidates = tuple(laws.term(system, f, text) for f in system.fields for text in TERMS)
+
+    def tendency(_: float, u: Array) -> list[float]:
+        x, y, z = u
+        return [10 * (y - x), 28 * x - x * z - y, x * y - 8 / 3 * z]
+
+    states = solve_ivp(
+        tendency, (0, TIMES[-1]), [-6, -9, 21], t_eval=TIMES, rtol=1e-10, atol=1e-10
+    ).y.T
+    noise = NOISE * np.random.default_rng(1).standard_normal((len(TIMES), 2))
+    return Convection(system, candidates, states, states[:, :2] + noise)

@@ -1,0 +1,101 @@
+"""The search finds a term that a chaotic simulator leaves out, though a field is not measured."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dashred.inference.segments.equivalent_laws import merge_equivalent
+from dashred.inference.segments.error_growth import error_growth
+from dashred.inference.segments.first_nodes import first_nodes
+from dashred.inference.segments.gauss_newton import NodeFit, fit_nodes
+from dashred.inference.segments.natural_scales import field_sizes, natural_scales
+from dashred.inference.segments.search import SegmentLaw, SegmentSearch, search
+from dashred.inference.segments.segment_laws import law_from_segments, states_by_sample
+from dashred.inference.segments.weak_constraint import Point, WeakConstraintProblem
+from tests.inference.segments.conftest import NOISE, Convection
+
+MEAN, SPREAD = np.array([[-6.5, -9.4, 21.5]]), np.full(3, 3.0)
+
+
+def weak_problem(convection: Convection) -> WeakConstraintProblem:
+    return WeakConstraintProblem(
+        simulator=convection.simulator,
+        sensors=convection.sensors,
+        candidates=convection.candidates,
+        noise_std=np.full(2, NOISE),
+        model_error=np.full(3, 0.1),
+        start_mean=MEAN,
+        start_std=SPREAD,
+        prior_std=np.ones(len(convection.candidates)),
+    )
+
+
+@pytest.fixture(scope="module")
+def found(convection: Convection) -> SegmentSearch:
+    simulator, sensors = convection.simulator, convection.sensors
+    size = field_sizes(convection.segments, sensors, np.full(3, 8.0))
+    guesses = first_nodes(simulator, sensors, MEAN, size)
+    scales = natural_scales(simulator, sensors, convection.candidates, guesses[-1], size)
+    return search(weak_problem(convection), guesses, scales)
+
+
+def test_the_missing_damping_is_found(convection: Convection, found: SegmentSearch) -> None:
+    law = law_from_segments(found, found.best)
+    assert [str(candidate) for candidate in law.candidates] == ["y: y"]
+    low, high = law.interval(0)
+    assert low < -1.0 < high and high - low < 0.1
+    assert found.level == pytest.approx(1.0, abs=0.25)
+
+
+def test_the_unmeasured_field_is_reconstructed(
+    convection: Convection, found: SegmentSearch
+) -> None:
+    [states] = states_by_sample(found, found.best)
+    error = np.sqrt(np.square(states.numpy() - convection.states).mean(axis=0))
+    assert (error < [NOISE, NOISE, 0.3]).all()
+
+
+def test_an_error_of_the_start_grows_as_lyapunov_says(found: SegmentSearch) -> None:
+    # The largest exponent of this model is 0.906 (Sparrow, The Lorenz equations, 1982).
+    assert error_growth(found) == pytest.approx(0.906 * 12, rel=0.25)
+
+
+def test_the_gradient_of_the_cost(convection: Convection) -> None:
+    problem, members = weak_problem(convection), (1, 9, 12)
+    rng = np.random.default_rng(3)
+    nodes = convection.states[::4][: convection.segments.count] + 0.1
+    point = Point(nodes, 0.05 * rng.standard_normal(len(convection.candidates)))
+    normal = problem.linearise(point, members)
+    assert normal is not None
+    assert normal.cost == pytest.approx(problem.cost(point, members))
+    step, along = 1e-6, rng.standard_normal(nodes.shape)
+    xi_along = np.zeros(len(point.xi))
+    xi_along[list(members)] = rng.standard_normal(3)
+    costs = [
+        problem.cost(Point(nodes + s * along, point.xi + s * xi_along), members)
+        for s in (step, -step)
+    ]
+    slope = -2 * (
+        np.sum(normal.node_gradient * along) + normal.shared_gradient @ xi_along[list(members)]
+    )
+    assert (costs[0] - costs[1]) / (2 * step) == pytest.approx(slope, rel=1e-5)
+
+
+def test_a_fit_that_begins_where_a_segment_blows_up_has_no_cost(convection: Convection) -> None:
+    lost = Point(np.full((convection.segments.count, 3), 1e200), np.zeros(24))
+    assert fit_nodes(weak_problem(convection), lost, (), 3).cost == np.inf
+
+
+def test_the_plainest_of_equivalent_laws_stays(
+    convection: Convection, found: SegmentSearch
+) -> None:
+    damping = convection.index("y: y")
+    plain = found.best
+    # About zero, sin(y) is y; here a law with both stands for it, at a slightly better score.
+    both = tuple(sorted((damping, convection.index("y: sin(y)"))))
+    fit = NodeFit(plain.fit.point, plain.fit.cost)
+    double = SegmentLaw(both, fit, plain.score - 1)
+    merged = merge_equivalent(SegmentSearch(found.problem, found.natural, [double, plain]))
+    assert [law.members for law in merged.laws] == [(damping,)]
+    assert merged.best.score == double.score
