@@ -1,0 +1,91 @@
+"""A simulator that blows up without the term it lacks is restarted along the readings."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from dashred.config import load_config
+from dashred.core.errors import InputError
+from dashred.pipeline.problem import build_problem
+from dashred.pipeline.simulation import check_discretisation, simulate_nominal
+
+TEXT = """
+system:
+  title: jerk circuit
+  fields: {x: voltage, y: its rate, z: its jerk}
+  equations: {x: y, y: z, z: -1.1*z - 0.9*x + 0.75*x**2}
+  start: {x: 0.1, y: 0.1, z: 0.1}
+  spread: {x: 0.05, y: 0.05, z: 0.05}
+  integrator: {method: rk4, dt: 0.02}
+recording: {path: recording.csv}
+splits: {sensors: {validate: 0, test: 0, extra: 0}}
+simulation: {members: 24, held_out: 6, terms: 1}
+shred: {lags: 5, latent: 8, decoder: [16], modes: 3, epochs: 2, steps: 4, batch: 8}
+assimilation: {epochs: 2, width: 8}
+latent_sindy: {steps: [1, 2], bootstraps: 3, begins: 3}
+surrogate: {members: 12}
+threads: 1
+tracking: {model: false}
+"""
+TIMES = np.linspace(0, 30, 301)
+# The coefficient of y in the equation of z.
+TERM = -1.15
+
+
+@pytest.fixture(scope="module")
+def circuit(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The configuration beside its recording."""
+
+    def tendency(_: float, u: np.ndarray) -> list[float]:
+        x, y, z = u
+        return [y, z, -1.1 * z - 0.9 * x + 0.75 * x**2 + TERM * y]
+
+    exact = solve_ivp(tendency, (0, 30), [0.12, 0.08, 0.11], t_eval=TIMES, rtol=1e-9, atol=1e-9).y.T
+    readings = exact + 0.02 * exact.std(axis=0) * np.random.default_rng(5).standard_normal((301, 3))
+    folder = tmp_path_factory.mktemp("circuit")
+    rows = np.column_stack([TIMES, readings])
+    np.savetxt(folder / "recording.csv", rows, delimiter=",", header="time,x,y,z", comments="")
+    (folder / "circuit.yaml").write_text(TEXT)
+    return folder / "circuit.yaml"
+
+
+def test_scales_come_from_restarted_runs(circuit: Path) -> None:
+    problem = build_problem(load_config([f"conf={circuit}"], entry="test"))
+    nominal = simulate_nominal(problem, {})
+    assert not np.isfinite(nominal.states.numpy()).all()
+    [reference] = nominal.references
+    assert reference.shape == nominal.states.shape and np.isfinite(reference.numpy()).all()
+    assert float(reference.abs().max()) < 10 * np.abs(problem.split.fit.values).max()
+    assert check_discretisation(problem, nominal, {}).error < 1e-4
+
+
+def test_the_term_that_keeps_it_bounded_is_found(circuit: Path, train) -> None:
+    ended = train(f"conf={circuit}", f"recording.path={circuit.parent / 'recording.csv'}")
+    assert ended.code == 0, ended.err
+    findings = json.loads(ended.read("findings.json"))
+    assert findings["verdict"] == "missing-term"
+    [term] = findings["terms"]
+    assert (term["equation"], term["term"]) == ("z", "y")
+    low, high = term["ci95"]
+    assert low < TERM < high
+    errors = findings["fit"]["heldout_time"]
+    assert errors["simulation_refit"] is None and errors["corrected"] < 0.2
+    assert "the run without the law diverges" in ended.out
+
+
+def test_a_field_that_blows_up_in_space_is_an_error(tmp_path: Path) -> None:
+    text = TEXT.replace("fields:", "axes: {s: {length: 1, points: 16}}\n  fields:")
+    (tmp_path / "sensors.csv").write_text("name,field,s\nx,x,0\ny,y,0.3\nz,z,0.6\n")
+    rows = np.column_stack([TIMES, np.zeros((301, 3)) + TIMES[:, None]])
+    np.savetxt(tmp_path / "r.csv", rows, delimiter=",", header="time,x,y,z", comments="")
+    text = text.replace("method: rk4, ", "")
+    text = text.replace("path: recording.csv", f"path: {tmp_path}/r.csv, sensors: sensors.csv")
+    (tmp_path / "s.yaml").write_text(text)
+    problem = build_problem(load_config([f"conf={tmp_path / 's.yaml'}"], entry="test"))
+    with pytest.raises(InputError, match="blows up"):
+        simulate_nominal(problem, {})
