@@ -34,6 +34,12 @@ from dashred.physics.system import System, Term
 FEWEST_TO_HOLD_OUT = 3
 
 
+# Lower bound of the noise σ, as a share of the std of a trace, before the residuals give an
+# estimate. With less noise than this the search would stop at laws that fit the recording only
+# approximately.
+MIN_NOISE_SHARE = 0.01
+
+
 @dataclass(frozen=True)
 class Problem:
     """The input of all later stages for one episode, with the other episodes.
@@ -88,6 +94,16 @@ class Problem:
     def noise_of(self, names: tuple[str, ...]) -> Tensor:
         """Return the noise σ of the named sensors, ``(sensor,)``."""
         return torch.tensor([self.noise[name] for name in names], dtype=torch.float64)
+
+    def fit_noise_std(self) -> Tensor:
+        """Return the noise σ of the fit sensors before any fit, ``(sensor,)``.
+
+        A sensor has the same noise in all episodes.
+        """
+        names = self.split.fit.names
+        traces = [torch.from_numpy(e.split.fit.trace_std()) for e in self.episodes]
+        largest = torch.stack(traces).amax(dim=0)
+        return torch.maximum(self.noise_of(names), MIN_NOISE_SHARE * largest)
 
     def fault_details(self, fault: SensorFault) -> FaultySensor:
         """Return a sensor fault as data, with the field that the sensor reads."""

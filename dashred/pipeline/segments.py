@@ -97,7 +97,7 @@ def segment_record(
     spread = np.abs(mean) if prior is None else start_std(prior)
     size = field_sizes(segments, sensors, np.maximum(SPREADS * spread, 1e-6 + np.abs(mean)))
     std = np.maximum(spread, 1e-6 * size)
-    noise = problem.noise_of(problem.split.fit.names).numpy()
+    noise = problem.fit_noise_std().numpy()
     simulator = SegmentSimulator([e.system for e in episodes], segments, substeps)
     means = np.repeat(mean[None], len(episodes), axis=0)
     nodes = first_nodes(simulator.of_step(problem.system.dt), sensors, means, size)

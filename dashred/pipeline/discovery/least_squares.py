@@ -22,11 +22,6 @@ from dashred.physics.runs.resolution import Resolution
 from dashred.physics.window import Shape
 from dashred.pipeline.problem import Problem
 
-# Lower bound of the noise σ, as a share of the std of a trace, before the residuals give an
-# estimate. With less noise than this the search would stop at laws that fit the recording only
-# approximately.
-MIN_NOISE_SHARE = 0.01
-
 
 def exact_simulator(problem: Problem, candidates: Sequence[Candidate]) -> Simulator:
     """Return the simulator with all candidates; its derivative uses longer time steps."""
@@ -69,12 +64,7 @@ def noise_share(problem: Problem) -> Tensor:
 
 def fit_noise(problem: Problem) -> NoiseModel:
     """Return the noise of the fit sensors before any fit."""
-    names = problem.split.fit.names
-    # A sensor has the same noise in all episodes.
-    largest = trace_std(problem).reshape(-1, len(names)).amax(dim=0)
-    std = for_each_episode(
-        problem, torch.maximum(problem.noise_of(names), MIN_NOISE_SHARE * largest)
-    )
+    std = for_each_episode(problem, problem.fit_noise_std())
     return NoiseModel(std, torch.zeros_like(std), ~torch.isnan(_recorded(problem)))
 
 
