@@ -9,7 +9,7 @@ from os.path import abspath
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
-from omegaconf import DictConfig, OmegaConf, ValidationError
+from omegaconf import DictConfig, ListConfig, OmegaConf, ValidationError
 
 from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import Where, child, describe_kind, kind_at, optional, required
@@ -81,8 +81,10 @@ def merge(defaults: Source, system: Source, overrides: Source) -> Settings:
     lines: dict[str, str] = {}
     for layer in _keep_one_recording([defaults, system, overrides]):
         lines |= layer.lines
+        values = _as_attributes(layer.values)
+        _check_containers(tree, values, "", where_in(lines))
         try:
-            merged = OmegaConf.merge(tree, _as_attributes(layer.values))
+            merged = OmegaConf.merge(tree, values)
         except ValidationError as error:
             raise _merge_error(error, layer.values, where_in(lines)) from None
         assert isinstance(merged, DictConfig)
@@ -94,6 +96,31 @@ def merge(defaults: Source, system: Source, overrides: Source) -> Settings:
     assert isinstance(settings, Settings)
     _fill_derived_values(settings, where_in(lines))
     return settings
+
+
+def _check_containers(tree: DictConfig, values: dict[str, Any], parent: str, where: Where) -> None:
+    """Check that no section of keys replaces a list, nor a list a section.
+
+    Keys that take values of several types may do so, and OmegaConf cannot merge them.
+
+    Raises:
+        InputError: one does.
+    """
+    if tree._is_none():
+        return
+    for name, value in values.items():
+        before = tree._get_node(name) if name in tree else None
+        key = f"{parent}{name}"
+        both = isinstance(before, DictConfig | ListConfig) and isinstance(value, dict | list)
+        if both and isinstance(before, ListConfig) != isinstance(value, list):
+            was, now = (
+                ("a list", "a section of keys")
+                if isinstance(before, ListConfig)
+                else ("a section of keys", "a list")
+            )
+            raise InputError(f"{key} must be {was}, as before; got {now}", where=where(key))
+        if isinstance(before, DictConfig) and isinstance(value, dict):
+            _check_containers(before, value, f"{key}.", where)
 
 
 def _as_attributes(values: dict[str, Any]) -> dict[str, Any]:

@@ -510,3 +510,18 @@ print(code, sorted({"torch", "lightning", "mlflow", "numpy"} & set(sys.modules))
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.stdout == "2 []\n"
     assert done.stderr.startswith("error: command line: ")
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "expected"),
+    [
+        ("[]", "{a: b}", "must be a list, as before; got a section of keys"),
+        ("{a: 1}", "[s1]", "must be a section of keys, as before; got a list"),
+    ],
+)
+def test_a_list_and_a_section_do_not_replace_each_other(
+    write: Any, first: str, second: str, expected: str
+) -> None:
+    text = SYSTEM + f"splits: {{sensors: {{validate: {first}}}}}\n"
+    error = refused(write, f"splits.sensors.validate={second}", text=text)
+    assert expected in error.what and "splits.sensors.validate" in error.what

@@ -170,7 +170,7 @@ def test_a_proof_from_the_draw_to_the_document(tmp_path) -> None:
     assert not any(record["problem"] for record in records)
     assert sum(record["right"] or record["listed"] for record in records) >= 2
     page = (tmp_path / "proof.md").read_text()
-    assert "this is a draw for practice" in page
+    assert "this is a practice draw, not the proof" in page
     for folder in ("case-0", "case-1", "null-0"):
         frozen, opened = (tmp_path / folder / n for n in ("freeze.json", "sealed.nc"))
         assert frozen.stat().st_mtime <= opened.stat().st_mtime
