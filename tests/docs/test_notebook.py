@@ -35,6 +35,8 @@ def test_it_runs_without_the_real_recording(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", str(CHECKOUT))
+    # The notebook shows its figures by the inline backend.
+    monkeypatch.delenv("MPLBACKEND", raising=False)
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path / "ipython"))
     with warnings.catch_warnings():
         # Those of Jupyter's own code are nothing that we could act on.

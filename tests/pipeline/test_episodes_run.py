@@ -115,7 +115,7 @@ def test_a_damped_oscillator_in_three_episodes(train, tmp_path: Path) -> None:
     assert np.sqrt(np.mean(error**2)) < SIGMA
     for name in ("sensor_traces.png", "sensor_traces_2.png", "held_out_episode.png"):
         assert (ended.output / name).is_file()
-    assert "held out whole" in ended.out
+    assert "kept back" in ended.out and "held out, its start" in ended.out
 
 
 def test_inputs_of_their_own_drive_two_episodes(train, tmp_path: Path) -> None:
