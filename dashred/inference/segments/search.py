@@ -31,10 +31,10 @@ SELECTION, PRIOR = 0.003, 0.3
 LOOSER = 0.03
 # All candidates together leave about this share of the noise's squares; if they leave far less, the
 # noise was overestimated.
-EXPECTED, OVERESTIMATED, NOISE_ROUNDS = 0.5, 0.15, 3
+EXPECTED, OVERESTIMATED, LEAST, NOISE_ROUNDS = 0.5, 0.15, 1e-6, 3
 ANNEALING_STEPS, LOOSER_STEPS, REFIT_STEPS = 6, 4, 8
 LOOSE_TOLERANCE = 0.01
-# A fit that the linearisation about a better one undercuts by so much, in σ², has got stuck.
+# A set is refitted again if the linearisation about the winner predicts an F lower by this, in σ².
 STUCK = 10.0
 # The largest set, how many of each size are extended, and how many are refitted in a round.
 LARGEST, BEAM, REFITTED, ROUNDS = 4, 12, 8, 4
@@ -102,7 +102,8 @@ def search(
         if left > OVERESTIMATED:
             break
         # Differences of readings overestimate σ where the samples are few in a period.
-        problem = problem.with_noise(problem.noise_std * math.sqrt(left / EXPECTED))
+        factor = math.sqrt(max(left, LEAST) / EXPECTED)
+        problem = problem.with_noise(factor * problem.noise_std)
     tight = _weighted(problem, natural, SELECTION, PRIOR)
     return SegmentSearch(tight, natural, _select(tight, weighted, point))
 
@@ -139,7 +140,7 @@ def _select(
         sets = _promising(_in_coefficients(profiled, point.xi, about.prior_std), fits, seen)
         _refit_all(problem, point, sets, fits)
         best = _ranked(problem, fits)[0]
-        # From afar the fit of a smaller set may get stuck; from the winner it has no excuse.
+        # The fit of a smaller set may get stuck far from its minimum; the winner is near to it.
         while smaller := _without_one(best.members):
             _refit_all(problem, best.fit.point, smaller, fits)
             before, best = best, _ranked(problem, fits)[0]
@@ -229,4 +230,4 @@ def _level(costs: Iterator[float], seen: int) -> float:
 
 def _price(candidates: int, seen: int) -> float:
     """Return the cost of one candidate more, ``ln n + 2 ln p``."""
-    return math.log(seen) + 2 * math.log(candidates)
+    return math.log(seen) + 2 * math.log(max(candidates, 1))

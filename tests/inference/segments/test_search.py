@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,8 +14,10 @@ from dashred.inference.segments.gauss_newton import NodeFit, fit_nodes
 from dashred.inference.segments.natural_scales import field_sizes, natural_scales
 from dashred.inference.segments.search import SegmentLaw, SegmentSearch, search
 from dashred.inference.segments.segment_laws import law_from_segments, states_by_sample
+from dashred.inference.segments.segment_simulator import SegmentSimulator
+from dashred.inference.segments.segments import cut
 from dashred.inference.segments.weak_constraint import Point, WeakConstraintProblem
-from tests.inference.segments.conftest import NOISE, Convection
+from tests.inference.segments.conftest import NOISE, TIMES, Convection
 
 MEAN, SPREAD = np.array([[-6.5, -9.4, 21.5]]), np.full(3, 3.0)
 
@@ -80,6 +84,35 @@ def test_the_gradient_of_the_cost(convection: Convection) -> None:
         np.sum(normal.node_gradient * along) + normal.shared_gradient @ xi_along[list(members)]
     )
     assert (costs[0] - costs[1]) / (2 * step) == pytest.approx(slope, rel=1e-5)
+
+
+@pytest.mark.parametrize("samples", [3, 5, 9])
+def test_a_record_of_one_or_two_segments(convection: Convection, samples: int) -> None:
+    segments = cut([TIMES[:samples]], [convection.readings[:samples]])
+    simulator = SegmentSimulator([convection.system], segments, 4)
+    size = field_sizes(segments, convection.sensors, np.full(3, 8.0))
+    guesses = first_nodes(simulator, convection.sensors, MEAN, size)
+    scales = natural_scales(simulator, convection.sensors, convection.candidates, guesses[-1], size)
+    short = replace(weak_problem(convection), simulator=simulator)
+    assert np.isfinite(search(short, guesses, scales).best.fit.cost)
+
+
+def test_a_library_without_terms_leaves_the_empty_law(
+    convection: Convection, found: SegmentSearch
+) -> None:
+    problem = replace(weak_problem(convection), candidates=(), prior_std=np.zeros(0))
+    scales = replace(found.natural, coefficient=np.zeros(0))
+    [law] = search(problem, [found.best.fit.point.nodes], scales).laws
+    assert law.members == () and law.fit.cost > found.best.fit.cost
+
+
+def test_equal_terms_do_not_stop_the_search(convection: Convection, found: SegmentSearch) -> None:
+    damping = convection.candidates[convection.index("y: y")]
+    problem = replace(weak_problem(convection), candidates=(damping, damping), prior_std=np.ones(2))
+    scales = replace(found.natural, coefficient=np.ones(2))
+    again = search(problem, [found.best.fit.point.nodes], scales)
+    assert len(again.best.members) == 1
+    assert again.best.fit.point.xi[list(again.best.members)] == pytest.approx(-1.0, abs=0.05)
 
 
 def test_a_fit_that_begins_where_a_segment_blows_up_has_no_cost(convection: Convection) -> None:
