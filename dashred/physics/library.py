@@ -53,6 +53,7 @@ def _equations_with_candidates(system: System) -> list[str]:
     An equation such as ``θ' = ω`` or ``q' = p/m`` only defines ω or p. A missing term there is
     equivalent to a redefinition of ω and a term in the equation of ω; sensors of θ cannot
     distinguish the two. Such equations get no candidates, unless all equations are of this kind.
+    A negative factor makes a force: ``p' = -k q`` gets candidates.
     """
     fields = system.fields
     # With snapshots there are no equations, so every field gets candidates.

@@ -150,7 +150,7 @@ def test_columns_are_the_terms_values(make_system):
 
 @pytest.mark.parametrize("m", [1.0, 2.0])
 @pytest.mark.parametrize(
-    ("force", "opened"), [("-k*sin(q)", {"p"}), ("-k*q - q**3", {"p"}), ("-k*q", {"q", "p"})]
+    ("force", "opened"), [("-k*sin(q)", {"p"}), ("-k*q - q**3", {"p"}), ("-k*q", {"p"})]
 )
 def test_an_equation_that_says_what_a_field_is_has_no_terms_whatever_its_parameter(
     make_system, m, force, opened
@@ -164,6 +164,16 @@ def test_an_equation_that_says_what_a_field_is_has_no_terms_whatever_its_paramet
     """)
     assert {term.equation for term in build_library(system, None)} == opened
     assert {term.equation for term in build_library(system, {"q": ["q"]})} == {"q"}
+
+
+def test_equations_that_only_define_fields_all_have_terms(make_system):
+    system = make_system("""
+        fields: {q: charge (C), p: flux (V s)}
+        equations: {q: p, p: 2*q}
+        start: {q: 1, p: 0}
+        integrator: {dt: 0.1}
+    """)
+    assert {term.equation for term in build_library(system, None)} == {"q", "p"}
 
 
 DRIVEN = """

@@ -31,7 +31,7 @@ def improvements(fit: Mapping[str, Any]) -> list[str]:
             f"{_size(refit)} for the simulation from its best start",
             f"{_size(corrected)} for the corrected simulation",
         ]
-        if "simulation_same_start" in errors:
+        if same_start is not None:
             parts.insert(0, f"{_size(same_start)} for the simulation")
         lines.append(f"{place} the error is {', '.join(parts)}: {_factor(refit, corrected)}.")
     return lines
