@@ -87,6 +87,14 @@ class Problem:
         dt = self.config.simulation.dt
         return self.system if dt is None else self.system.with_step(dt)
 
+    def with_library(self, library: list[Term]) -> Problem:
+        """Return the problem with other candidate terms, in every episode."""
+        others, whole = (
+            tuple(replace(episode, library=library) for episode in episodes)
+            for episodes in (self.others, self.whole)
+        )
+        return replace(self, library=library, others=others, whole=whole)
+
     def operator(self, recording: Recording) -> ObservationOperator:
         """Return the observation operator H of the sensors of a part of the recording."""
         return ObservationOperator(recording.sensors, self.system)

@@ -14,7 +14,7 @@ from dashred.inference.forward.candidates import Candidate
 from dashred.inference.segments.first_nodes import first_nodes
 from dashred.inference.segments.natural_scales import field_sizes
 from dashred.inference.segments.segment_simulator import SegmentSimulator
-from dashred.inference.segments.segments import SAMPLES, Array, cut
+from dashred.inference.segments.segments import SAMPLES, Array, Segments, cut
 from dashred.inference.segments.state_sensors import StateSensors
 from dashred.physics.runs.initial_state_prior import StartPrior
 from dashred.physics.runs.resolution import Resolution, minimum_scale
@@ -85,24 +85,40 @@ def segment_record(
         samples: from one node to the next.
         substeps: steps from sample to sample, at least.
     """
-    episodes = problem.episodes
-    fits = [episode.split.fit for episode in episodes]
-    segments = cut(
-        [e.times[: len(fit.times)].numpy() for e, fit in zip(episodes, fits, strict=True)],
-        [fit.values for fit in fits],
-        samples,
-    )
-    sensors = StateSensors(problem.split.fit.sensors, problem.system)
-    mean = start.numpy()
-    spread = np.abs(mean) if prior is None else start_std(prior)
-    size = field_sizes(segments, sensors, np.maximum(SPREADS * spread, 1e-6 + np.abs(mean)))
-    std = np.maximum(spread, 1e-6 * size)
+    episodes, mean = problem.episodes, start.numpy()
+    segments, sensors = _cut(problem, samples), _state_sensors(problem)
+    size = _sizes(segments, sensors, mean, prior)
+    std = np.maximum(_spread(mean, prior), 1e-6 * size)
     noise = problem.fit_noise_std().numpy()
     simulator = SegmentSimulator([e.system for e in episodes], segments, substeps)
     means = np.repeat(mean[None], len(episodes), axis=0)
     nodes = first_nodes(simulator.of_step(problem.system.dt), sensors, means, size)
     fine = resolve_steps(simulator, sensors, noise, nodes[-1], (), np.zeros(0))
     return SegmentedRecord(fine, sensors, noise, means, std, size, nodes)
+
+
+def _cut(problem: Problem, samples: int = SAMPLES) -> Segments:
+    """Cut the fitted part of every episode."""
+    fits = [(episode.times, episode.split.fit) for episode in problem.episodes]
+    clocks = [times[: len(fit.times)].numpy() for times, fit in fits]
+    return cut(clocks, [fit.values for _, fit in fits], samples)
+
+
+def _state_sensors(problem: Problem) -> StateSensors:
+    return StateSensors(problem.split.fit.sensors, problem.system)
+
+
+def _sizes(
+    segments: Segments, sensors: StateSensors, mean: Array, prior: StartPrior | None
+) -> Array:
+    """Return the standard deviation of every field over the record, ``(field,)``."""
+    unread = np.maximum(SPREADS * _spread(mean, prior), 1e-6 + np.abs(mean))
+    return field_sizes(segments, sensors, unread)
+
+
+def _spread(mean: Array, prior: StartPrior | None) -> Array:
+    """Return the standard deviation of every field of the start, ``(field,)``."""
+    return np.abs(mean) if prior is None else start_std(prior)
 
 
 def can_restart(problem: Problem) -> bool:
@@ -123,10 +139,11 @@ def restarted_where_lost(problem: Problem, start: Tensor, path: Tensor) -> tuple
         The states of each fitted episode at its times; empty if the simulation stays within range.
         Beyond the fitted part, whose readings alone are used, they are repeated.
     """
-    record = segment_record(problem, start, None)
-    scale = torch.from_numpy(record.size)
+    segments, sensors = _cut(problem), _state_sensors(problem)
+    scale = torch.from_numpy(_sizes(segments, sensors, start.numpy(), None))
     if bool((torch.isfinite(path) & ((path - start).abs() < LOST * scale)).all()):
         return ()
+    record = segment_record(problem, start, None)
     return tuple(
         states[torch.arange(len(episode.times)) % len(states)]
         for episode, states in zip(problem.episodes, record.restarted(), strict=True)
@@ -163,16 +180,22 @@ def local_resolution(
     least = minimum_scale(torch.from_numpy(traces), noise, reads, limit).numpy()
     scale = np.maximum(np.maximum(traces.std(axis=0), least), 1e-12)
     nodes = segments.readings[:, 0]
-    runs = [simulator.with_substeps(factor * simulator.substeps) for factor in (1, 2, 4)]
-    coarse, fine, finest = (read.read(run.run(nodes, (), np.zeros(0))) for run in runs)
-    error, next_error = (_rms_change(pair, scale) for pair in ((coarse, fine), (fine, finest)))
-    enough = 1 if error <= limit else (2 if next_error <= limit else None)
-    return Resolution(error, limit, enough)
+
+    def readings(factor: int) -> Array:
+        finer = simulator.with_substeps(factor * simulator.substeps)
+        return read.read(finer.run(nodes, (), np.zeros(0)))
+
+    fine = readings(2)
+    error = _rms_change(readings(1), fine, scale)
+    if error <= limit:
+        return Resolution(error, limit, 1)
+    next_error = _rms_change(fine, readings(4), scale)
+    return Resolution(error, limit, 2 if next_error <= limit else None)
 
 
-def _rms_change(pair: tuple[Array, Array], scale: Array) -> float:
+def _rms_change(coarse: Array, fine: Array, scale: Array) -> float:
     """Return the largest rms change of a trace, in units of its scale."""
-    change = (pair[1] - pair[0]) / scale
+    change = (fine - coarse) / scale
     rms = float(np.sqrt(np.square(change).mean(axis=(0, 1))).max())
     return rms if np.isfinite(rms) else np.inf
 

@@ -42,8 +42,7 @@ def merge_equivalent(search: SegmentSearch) -> SegmentSearch:
 def _tendency(search: SegmentSearch, law: SegmentLaw) -> Array:
     """Return what a law adds to the equations at the best law's nodes, ``(field, segment)``."""
     problem = search.problem
-    chosen = [problem.candidates[j] for j in law.members]
-    nodes, xi = search.best.fit.point.nodes, law.fit.point.xi[list(law.members)]
+    nodes, (chosen, xi) = search.best.fit.point.nodes, search.terms(law)
     _, terms, equations, owners = problem.simulator.tendencies(nodes, chosen)
     found = np.zeros((nodes.shape[1], len(nodes)))
     np.add.at(found, equations, xi[owners, None] * terms)
@@ -53,9 +52,8 @@ def _tendency(search: SegmentSearch, law: SegmentLaw) -> Array:
 
 def _complexity(search: SegmentSearch, law: SegmentLaw) -> tuple[int, int, int]:
     """Return what laws are ordered by: number of terms, special functions, size."""
-    expressions = [
-        term.expression for j in law.members for term in search.problem.candidates[j].terms
-    ]
+    chosen, _ = search.terms(law)
+    expressions = [term.expression for candidate in chosen for term in candidate.terms]
     special = sum(map(_speciality, expressions))
     return len(law.members), special, sum(len(str(expr)) for expr in expressions)
 

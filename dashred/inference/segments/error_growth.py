@@ -16,10 +16,8 @@ def error_growth(search: SegmentSearch) -> float:
     size (Benettin et al., *Meccanica* 15, 1980).
     """
     problem, best = search.problem, search.best
-    members = list(best.members)
-    chosen = [problem.candidates[j] for j in members]
-    point, fields = best.fit.point, problem.simulator.fields
-    _, columns = problem.simulator.linearise(point.nodes, chosen, point.xi[members])
+    fields = problem.simulator.fields
+    _, columns = problem.simulator.linearise(best.fit.point.nodes, *search.terms(best))
     size = search.natural.size
     steps = columns[:, -1, :, :fields] / size[:, None] * size
     largest, grown, basis = 0.0, np.zeros(fields), np.eye(fields)

@@ -16,6 +16,7 @@ import numpy as np
 import torch
 
 from dashred.inference.fit.subset_search import ProfiledProblem
+from dashred.inference.forward.candidates import Candidate
 from dashred.inference.segments.gauss_newton import NodeFit, fit_nodes
 from dashred.inference.segments.natural_scales import NaturalScales
 from dashred.inference.segments.weak_constraint import Point, WeakConstraintProblem
@@ -73,6 +74,15 @@ class SegmentSearch:
     def level(self) -> float:
         """Misfit per reading of the best law: σ² in units of what it was taken for."""
         return max(self.best.fit.cost / self.problem.segments.seen, 1e-12)
+
+    def terms(self, law: SegmentLaw) -> tuple[tuple[Candidate, ...], np.ndarray]:
+        """Return the candidates of a law and their coefficients, ``(candidate,)``."""
+        members = list(law.members)
+        return tuple(self.problem.candidates[j] for j in members), law.fit.point.xi[members]
+
+    def states(self, law: SegmentLaw) -> np.ndarray:
+        """Return the states of a law in every segment, ``(segment, sample, field)``."""
+        return self.problem.simulator.run(law.fit.point.nodes, *self.terms(law))
 
     @property
     def best(self) -> SegmentLaw:

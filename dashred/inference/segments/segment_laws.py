@@ -35,25 +35,25 @@ def law_from_segments(search: SegmentSearch, found: SegmentLaw) -> Law:
         search: gives the problem and the noise.
         found: the set.
     """
-    problem, point, members = search.problem, found.fit.point, list(found.members)
-    candidates = tuple(problem.candidates[j] for j in members)
-    states = problem.simulator.run(point.nodes, candidates, point.xi[members])
-    normal = problem.linearise(point, members)
+    problem, nodes, members = search.problem, found.fit.point.nodes, found.members
+    segments, (candidates, xi) = problem.segments, search.terms(found)
+    residuals = problem.sensors.read(search.states(found)) - segments.readings
+    normal = problem.linearise(found.fit.point, members)
     profiled = None if normal is None else normal.profiled()
     covariance = np.full((len(members), len(members)), np.inf)
     if profiled is not None and members:
         scale = np.sqrt(np.maximum(profiled[0].diagonal(), 1e-300))
         inverse = np.linalg.pinv(profiled[0] / scale[:, None] / scale, hermitian=True)
         covariance = search.level * inverse / scale[:, None] / scale
-    seen, segments = problem.segments.seen, problem.segments
+    misfit = float(np.nansum(np.square(residuals / problem.noise_std)))
     return Law(
         candidates=candidates,
-        coefficients=torch.from_numpy(point.xi[members]),
+        coefficients=torch.from_numpy(xi),
         covariance=torch.from_numpy(covariance),
-        start=torch.from_numpy(point.nodes[segments.begins]),
+        start=torch.from_numpy(nodes[segments.begins]),
         score=found.score,
-        chi2=problem.misfit(point, members) / seen / search.level,
-        residuals=_by_sample(segments, problem.sensors.read(states) - segments.readings),
+        chi2=misfit / segments.seen / search.level,
+        residuals=_by_sample(segments, residuals),
     )
 
 
@@ -62,10 +62,7 @@ def states_by_sample(search: SegmentSearch, found: SegmentLaw) -> list[Tensor]:
 
     They follow the law within the segments, and jump by the model error between them.
     """
-    problem, point, members = search.problem, found.fit.point, list(found.members)
-    candidates = tuple(problem.candidates[j] for j in members)
-    states = problem.simulator.run(point.nodes, candidates, point.xi[members])
-    segments = problem.segments
+    segments, states = search.problem.segments, search.states(found)
     return [
         torch.from_numpy(segments.join(states, episode)) for episode in range(len(segments.begins))
     ]

@@ -127,7 +127,7 @@ class SegmentSimulator:
 
     def with_substeps(self, substeps: int) -> SegmentSimulator:
         """Return the same with other steps."""
-        return SegmentSimulator(self.systems, self.segments, substeps)
+        return self._with(self.segments, substeps)
 
     def of_step(self, dt: float) -> SegmentSimulator:
         """Return the same with steps of at most ``dt``."""
@@ -206,13 +206,14 @@ class SegmentSimulator:
 
     def forecast(self, node: Array, segment: int) -> Array:
         """Return the state at the end of one segment, ``(field,)``, without any candidate."""
-        alone = SegmentSimulator(
-            [self.systems[self.segments.episode[segment]]],
-            self.segments.only(segment),
-            self.substeps,
-        )
-        alone._tendencies = self._tendencies
+        alone = self._with(self.segments.only(segment), self.substeps)
         return alone.run(node[None], (), np.zeros(0))[0, -1]
+
+    def _with(self, segments: Segments, substeps: int) -> SegmentSimulator:
+        """Return a simulator of the same systems, which shares their differentiated equations."""
+        other = SegmentSimulator(self.systems, segments, substeps)
+        other._tendencies = self._tendencies
+        return other
 
     def _tendency(self, candidates: Sequence[Candidate]) -> Tendency:
         key = tuple(candidates)
@@ -222,7 +223,17 @@ class SegmentSimulator:
 
     def _clock(self, step: int, stage: int) -> dict[str, Array]:
         """Return time and inputs at one stage, ``(segment,)`` each."""
-        t = self._begins[step] + self.tableau.c[stage] * self._steps[step]
+        return self._clocks[step][stage]
+
+    @cached_property
+    def _clocks(self) -> list[list[dict[str, Array]]]:
+        """Time and inputs at every stage of every step: every run needs the same."""
+        return [
+            [self._clock_at(begin + node * h) for node in self.tableau.c]
+            for begin, h in zip(self._begins, self._steps, strict=True)
+        ]
+
+    def _clock_at(self, t: Array) -> dict[str, Array]:
         found = {"t": t}
         for episode, system in enumerate(self.systems):
             mine = self.segments.episode == episode

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,27 +34,31 @@ class Segments:
     readings: Array
     episode: NDArray[np.intp]
 
+    @cached_property
+    def available(self) -> NDArray[np.bool_]:
+        """Which readings there are, ``(segment, 1 + interval, sensor)``."""
+        return np.isfinite(self.readings)
+
     @property
     def count(self) -> int:
         """Number of segments."""
         return len(self.times)
 
-    @property
+    @cached_property
     def follows(self) -> NDArray[np.bool_]:
         """Whether each segment but the last continues in the next one, ``(segment - 1,)``."""
         found: NDArray[np.bool_] = self.episode[1:] == self.episode[:-1]
         return found
 
-    @property
+    @cached_property
     def begins(self) -> NDArray[np.intp]:
         """Index of the first segment of every episode, ``(episode,)``."""
         return np.flatnonzero(np.r_[True, ~self.follows])
 
     def only(self, segment: int) -> Segments:
-        """Return one segment alone, as an episode of its own."""
+        """Return one segment alone."""
         chosen = slice(segment, segment + 1)
-        own = np.zeros(1, dtype=np.intp)
-        return Segments(self.times[chosen], self.readings[chosen], own)
+        return Segments(self.times[chosen], self.readings[chosen], self.episode[chosen])
 
     def join(self, values: Array, episode: int) -> Array:
         """Return values of one episode's segments one after the other, ``(time, …)``.
@@ -71,10 +76,10 @@ class Segments:
         )
         return joined
 
-    @property
+    @cached_property
     def seen(self) -> int:
         """Number of readings."""
-        return int(np.isfinite(self.readings).sum())
+        return int(self.available.sum())
 
     @property
     def span(self) -> float:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -83,12 +82,6 @@ class WeakConstraintProblem:
             found = self._misfit(states) + self._penalty(point, chosen)
         return found if np.isfinite(found) else np.inf
 
-    def misfit(self, point: Point, members: Sequence[int]) -> float:
-        """Return ``Σ ‖(H Φ - y)/σ‖²`` alone."""
-        chosen = list(members)
-        states = self.simulator.run(point.nodes, self._of(chosen), point.xi[chosen])
-        return float(np.square(self._residuals(states)).sum())
-
     def linearise(self, point: Point, members: Sequence[int]) -> BlockNormal | None:
         """Return the normal equations in the nodes and some candidates; None if one blows up."""
         chosen = list(members)
@@ -97,8 +90,7 @@ class WeakConstraintProblem:
             return None
         segments, fields = self.segments, self.simulator.fields
         residuals, slopes = self._residuals(states), self.sensors.slopes(states)
-        seen = np.isfinite(segments.readings)
-        slopes = np.where(seen[..., None], slopes / self.noise_std[:, None], 0.0)
+        slopes = np.where(segments.available[..., None], slopes / self.noise_std[:, None], 0.0)
         jacobian = (slopes @ columns).reshape(segments.count, -1, columns.shape[-1])
         flat = residuals.reshape(segments.count, -1, 1)
         hessian = jacobian.swapaxes(1, 2) @ jacobian
@@ -128,17 +120,13 @@ class WeakConstraintProblem:
         cost = self._misfit(states) + self._penalty(point, chosen)
         return BlockNormal(diagonal, upper, border, corner, node_gradient, shared, cost)
 
-    @cached_property
-    def _recorded(self) -> Array:
-        return np.nan_to_num(self.segments.readings)
-
     def _of(self, members: Sequence[int]) -> tuple[Candidate, ...]:
         return tuple(self.candidates[j] for j in members)
 
     def _residuals(self, states: Array) -> Array:
         """Return ``(H Φ - y)/σ``, ``(segment, sample, sensor)``; missing ones are zero."""
-        seen = np.isfinite(self.segments.readings)
-        return np.where(seen, (self.sensors.read(states) - self._recorded) / self.noise_std, 0.0)
+        apart = (self.sensors.read(states) - self.segments.readings) / self.noise_std
+        return np.where(self.segments.available, apart, 0.0)
 
     def _defects(self, nodes: Array, states: Array) -> Array:
         """Return ``(Φ(x_k) - x_{k+1})/q``, ``(segment - 1, field)``; zero between episodes."""

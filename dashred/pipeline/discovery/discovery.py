@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import torch
 
-from dashred.core.mlflow.metric_names import metric_name
 from dashred.core.progress import stage
 from dashred.core.tracking import RunTracker
 from dashred.inference.fit.law import Law, build_selected_law
@@ -33,6 +32,7 @@ from dashred.pipeline.discovery.horizon_stage import (
     with_residual_noise,
 )
 from dashred.pipeline.discovery.hypothesis_stage import compare_explanations, is_noise_inflated
+from dashred.pipeline.discovery.law_metrics import log_best_by_size
 from dashred.pipeline.discovery.least_squares import (
     build_least_squares,
     coarse_simulator,
@@ -135,9 +135,7 @@ def discover(
             )
             report(1.0, str(comparison.laws[0]))
         path = _best_by_size(selection, nothing)
-        for best in path:
-            scores = {"evidence/score": best.score, "evidence/rmse": best.rmse}
-            child.log_metrics(scores | _coefficients(best), len(best.candidates))
+        log_best_by_size(child, path)
     part = selection.objective
     free = part.noise.whiten(horizon.readings - part.recorded).square().sum()
     return Discovery(
@@ -158,14 +156,6 @@ def discover(
         forcing_gain=comparison.forcing_gain,
         forcing_map=comparison.forcing_map,
     )
-
-
-def _coefficients(best: BestOfSize) -> dict[str, float]:
-    """Return the coefficients of the best law of a size, by their names in MLflow."""
-    return {
-        metric_name("coef", candidate.equation or "parameter", candidate.name): value
-        for candidate, value in zip(best.candidates, best.coefficients, strict=True)
-    }
 
 
 def _is_explained(problem: Problem, comparison: Comparison) -> bool:

@@ -33,8 +33,4 @@ def keep_identifiable_terms(problem: Problem, states: Tensor, t: float | Tensor)
         return problem
     left_out = uninformative_terms(system, library, states, t)
     identifiable = [term for term in library if term not in left_out]
-    others, whole = (
-        tuple(replace(episode, library=identifiable) for episode in episodes)
-        for episodes in (problem.others, problem.whole)
-    )
-    return replace(problem, library=identifiable, left_out=left_out, others=others, whole=whole)
+    return replace(problem.with_library(identifiable), left_out=left_out)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import torch
 
-from dashred.core.mlflow.metric_names import metric_name
 from dashred.core.progress import stage
 from dashred.core.tracking import StageTracker
 from dashred.inference.fit.noise_model import NoiseModel
@@ -23,6 +21,7 @@ from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 from dashred.physics.library import build_library, default_terms
 from dashred.physics.tangents.ode_tangents import has_ode_tangents
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
+from dashred.pipeline.discovery.law_metrics import log_best_by_size
 from dashred.pipeline.discovery.least_squares import fit_noise
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.segments import (
@@ -77,7 +76,8 @@ def search_in_segments(
         if found is None:
             report(1.0, "no set of terms could be fitted")
         else:
-            report(1.0, f"{_text(found, found.best)}, χ²/n {found.level:.2f}")
+            law = law_from_segments(found, found.best)
+            report(1.0, f"{law}, χ²/n {found.level:.2f}")
     return problem, found
 
 
@@ -86,13 +86,9 @@ def _with_all_equations(problem: Problem, nominal: NominalRun) -> Problem:
     system = problem.system
     terms = default_terms(system)
     library = build_library(system, dict.fromkeys(system.fields, terms))
-    wider = replace(
-        problem,
-        library=library,
-        others=tuple(replace(episode, library=library) for episode in problem.others),
-        whole=tuple(replace(episode, library=library) for episode in problem.whole),
+    return keep_identifiable_terms(
+        problem.with_library(library), nominal.references[0], problem.times
     )
-    return keep_identifiable_terms(wider, nominal.references[0], problem.times)
 
 
 def _search(problem: Problem, nominal: NominalRun) -> SegmentSearch | None:
@@ -123,13 +119,10 @@ def _search_once(
         found = _search_record(record, candidates)
         if found is None:
             return None
-        best, weak = found.best, found.problem
-        chosen = [weak.candidates[j] for j in best.members]
-        xi = best.fit.point.xi[list(best.members)]
+        weak, nodes = found.problem, found.best.fit.point.nodes
         noise = weak.noise_std * np.sqrt(found.level)
-        resolved = resolve_steps(
-            weak.simulator, weak.sensors, noise, best.fit.point.nodes, chosen, xi
-        )
+        terms = found.terms(found.best)
+        resolved = resolve_steps(weak.simulator, weak.sensors, noise, nodes, *terms)
         if resolved.substeps == weak.simulator.substeps or found.level > LOST:
             return found
         substeps = resolved.substeps
@@ -182,13 +175,7 @@ def discover_in_segments(
         laws = [law_from_segments(found, law) for law in near]
         uncorrected = law_from_segments(found, empty)
         path = _best_by_size(found)
-        for best in path:
-            scores = {"evidence/score": best.score, "evidence/rmse": best.rmse}
-            coefficients = {
-                metric_name("coef", candidate.equation or "parameter", candidate.name): value
-                for candidate, value in zip(best.candidates, best.coefficients, strict=True)
-            }
-            run.log_metrics(scores | coefficients, len(best.candidates))
+        log_best_by_size(run, path)
         report(1.0, str(laws[0]))
     count, level = len(problem.split.fit.times), found.level
     noise: NoiseModel = segment_noise(found, fit_noise(problem))
@@ -213,17 +200,10 @@ def _best_by_size(found: SegmentSearch) -> list[BestOfSize]:
     for law in found.laws:
         if math.isfinite(law.score):
             best.setdefault(len(law.members), law)
-    return [
-        BestOfSize(
-            tuple(found.problem.candidates[j] for j in law.members),
-            tuple(float(law.fit.point.xi[j]) for j in law.members),
-            law.score,
-            math.sqrt(law.fit.cost / found.problem.segments.seen / found.level),
-        )
-        for _, law in sorted(best.items())
-    ]
-
-
-def _text(found: SegmentSearch, law: SegmentLaw) -> str:
-    parts = [f"{found.problem.candidates[j]} × {law.fit.point.xi[j]:.4g}" for j in law.members]
-    return ", ".join(parts) or "nothing"
+    seen = found.problem.segments.seen
+    path = []
+    for _, law in sorted(best.items()):
+        candidates, xi = found.terms(law)
+        rmse = math.sqrt(law.fit.cost / seen / found.level)
+        path.append(BestOfSize(candidates, tuple(xi.tolist()), law.score, rmse))
+    return path
