@@ -1,4 +1,4 @@
-"""The recording of an ODE system in segments: its simulator restarted along the readings."""
+"""Segments of the recording of an ODE system, and its simulator restarted along the readings."""
 
 from __future__ import annotations
 
@@ -21,11 +21,12 @@ from dashred.physics.runs.resolution import Resolution, minimum_scale
 from dashred.physics.tangents.ode_tangents import has_ode_tangents
 from dashred.pipeline.problem import Problem
 
-# A numerical error of this share of the noise, over one segment, changes nothing.
+# A numerical error below this share of the noise, over one segment, is negligible.
 NOISE_SHARE = 0.02
-# A simulation farther from its start than so many standard deviations of a field has gone astray.
+# A simulation has left the range of the recording if it is farther from its start than this many
+# standard deviations of a field.
 LOST = 50.0
-# How far a field that no sensor reads may go, in spreads of its start.
+# Standard deviation of a field that no sensor reads, in spreads of its start.
 SPREADS = 7.0
 
 
@@ -34,7 +35,7 @@ class SegmentedRecord:
     """A recording and its simulator, cut into segments.
 
     Attributes:
-        simulator: of all segments, with steps that are as fine as the noise asks for.
+        simulator: of all segments, with steps whose error is negligible against the noise.
         sensors: the fit sensors.
         noise_std: σ of each, ``(sensor,)``.
         start_mean: expected state at the first sample, ``(episode, field)``.
@@ -128,7 +129,7 @@ def can_restart(problem: Problem) -> bool:
 
 
 def restarted_where_lost(problem: Problem, start: Tensor, path: Tensor) -> tuple[Tensor, ...]:
-    """Return the simulator restarted along the readings, where its own run goes astray.
+    """Return the simulator restarted along the readings if its own run leaves their range.
 
     Args:
         problem: the recording.
@@ -216,7 +217,7 @@ def resolve_steps(
     candidates: Sequence[Candidate],
     xi: Array,
 ) -> SegmentSimulator:
-    """Return the simulator with so many steps that twice as many change no reading.
+    """Return the simulator with the fewest steps whose numerical error is negligible.
 
     Args:
         simulator: of the segments.
@@ -234,7 +235,7 @@ def resolve_steps(
         fine = sensors.read(finer.run(nodes, candidates, xi))
         change = np.abs(fine - coarse).max(axis=1) / noise
         known = np.isfinite(change).all(axis=1)
-        # A state that was guessed badly may blow up; nine of ten decide.
+        # A badly guessed state may blow up, so the 90 % quantile over the segments decides.
         if known.mean() > 0.5 and np.quantile(change[known], 0.9) < NOISE_SHARE:
             return simulator
         simulator, coarse = finer, fine

@@ -1,4 +1,4 @@
-"""Laws that the recording cannot tell apart are one law, told by its plainest member."""
+"""Merge laws that the recording cannot distinguish; the plainest of them is reported."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dashred.physics.expressions.algebra import Call, Expr, Power, children
 # Laws whose tendencies differ by less than this share over the record, and whose scores differ by
 # less than this, are equivalent.
 TENDENCY_SHARE, SCORE_MARGIN = 0.05, 6.0
-# From plain to special: what a term is made of.
+# These functions are plainer than sines and exponentials, and less plain than polynomials.
 PIECEWISE = frozenset({"abs", "sign", "step"})
 
 
@@ -51,7 +51,7 @@ def _tendency(search: SegmentSearch, law: SegmentLaw) -> Array:
 
 
 def _complexity(search: SegmentSearch, law: SegmentLaw) -> tuple[int, int, int]:
-    """Return what laws are ordered by: number of terms, special functions, size."""
+    """Return the sort key of a law: number of terms, special functions, length of the text."""
     chosen, _ = search.terms(law)
     expressions = [term.expression for candidate in chosen for term in candidate.terms]
     special = sum(map(_speciality, expressions))
@@ -59,7 +59,7 @@ def _complexity(search: SegmentSearch, law: SegmentLaw) -> tuple[int, int, int]:
 
 
 def _speciality(expr: Expr) -> int:
-    """Return 0 for a polynomial, more for powers that are none, jumps and other functions."""
+    """Return 0 for a polynomial, and more for each other power or function."""
     own = 0
     if isinstance(expr, Call):
         own = 1 if expr.function in PIECEWISE else 2

@@ -1,4 +1,4 @@
-"""How much an error of the start grows over the record, from segment to segment."""
+"""Growth of an error of the start over the record."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from dashred.inference.segments.search import SegmentSearch
 
 
 def error_growth(search: SegmentSearch) -> float:
-    """Return the natural logarithm of the largest growth of a start's error in any episode.
+    """Return the natural logarithm of the largest growth of an error of the start.
 
     The propagators ``∂Φ(x_k)/∂x_k`` of the best law are multiplied by QR, in units of each field's
-    size (Benettin et al., *Meccanica* 15, 1980).
+    size (Benettin et al., *Meccanica* 15, 1980). The largest value over the episodes is returned.
     """
     problem, best = search.problem, search.best
     fields = problem.simulator.fields

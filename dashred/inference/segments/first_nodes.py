@@ -18,8 +18,8 @@ def first_nodes(
     """Return first guesses of the nodes, ``(segment, field)`` each.
 
     A field that a sensor reads is taken from the readings. The others are forecast from node to
-    node by the simulator as it is, which is set to the readings at each; or they stay at their
-    start, where a forecast goes astray.
+    node by the uncorrected simulator, in which the measured fields are set to the readings at each
+    node. A second guess keeps them at their start, because a forecast may diverge.
 
     Args:
         simulator: of the segments.

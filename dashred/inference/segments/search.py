@@ -28,10 +28,10 @@ Set = tuple[int, ...]
 STATE_ALONE = (0.3, 0.1, 0.05)
 ALL_TERMS = ((0.1, 0.1), (0.03, 0.2), (0.01, 0.3))
 SELECTION, PRIOR = 0.003, 0.3
-# A set is refitted under a looser model error first: most of its candidates have just left it.
+# A set is refitted under a larger model error first, because most candidates have been removed.
 LOOSER = 0.03
-# All candidates together leave about this share of the noise's squares; if they leave far less, the
-# noise was overestimated.
+# Expected misfit per reading of all candidates together. If the misfit is far smaller, the noise
+# was overestimated.
 EXPECTED, OVERESTIMATED, LEAST, NOISE_ROUNDS = 0.5, 0.15, 1e-6, 3
 ANNEALING_STEPS, LOOSER_STEPS, REFIT_STEPS = 6, 4, 8
 LOOSE_TOLERANCE = 0.01
@@ -58,7 +58,7 @@ class SegmentLaw:
 
 @dataclass(frozen=True)
 class SegmentSearch:
-    """What the search has found.
+    """The result of a search.
 
     Attributes:
         problem: F as the sets were refitted.
@@ -72,7 +72,7 @@ class SegmentSearch:
 
     @property
     def level(self) -> float:
-        """Misfit per reading of the best law: σ² in units of what it was taken for."""
+        """Misfit per reading of the best law: the ratio of estimated to assumed σ²."""
         return max(self.best.fit.cost / self.problem.segments.seen, 1e-12)
 
     def terms(self, law: SegmentLaw) -> tuple[tuple[Candidate, ...], np.ndarray]:
@@ -234,7 +234,7 @@ def _ranked(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -> list[Se
 
 
 def _level(costs: Iterator[float], seen: int) -> float:
-    """Return the misfit per reading of the best fit: σ² in units of what it was taken for."""
+    """Return the misfit per reading of the best fit: the ratio of estimated to assumed σ²."""
     return min(costs, default=math.inf) / seen
 
 

@@ -1,4 +1,4 @@
-"""The laws of a segment search, as every other search returns them."""
+"""Convert the results of a segment search to laws and states by sample."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def segment_noise(search: SegmentSearch, noise: NoiseModel) -> NoiseModel:
 def law_from_segments(search: SegmentSearch, found: SegmentLaw) -> Law:
     """Return one set of candidates as a law.
 
-    Its covariance is that of the profiled problem, all nodes eliminated. Its start is the first
-    node of every episode. Its residuals are those within the segments.
+    The covariance is that of the profiled problem, from which all nodes are eliminated. The start
+    is the first node of each episode. The residuals are those within the segments.
 
     Args:
         search: gives the problem and the noise.

@@ -1,4 +1,4 @@
-"""All segments of an ODE system marched side by side, with their sensitivities.
+"""Integrate all segments of an ODE system together, with their sensitivities.
 
 With the state x of one segment, started at its node x_k, and ``S = ∂x/∂(x_k, ξ)``::
 
@@ -25,7 +25,7 @@ from dashred.physics.runge_kutta import CLASSICAL, Tableau
 from dashred.physics.solvers.schedule import round_up
 from dashred.physics.system import System
 
-# Stands for the adaptive methods, whose derivative would depend on their choice of steps.
+# Used instead of an adaptive method, whose derivative would depend on its choice of steps.
 FALLBACK: Tableau = CLASSICAL
 
 
@@ -188,7 +188,7 @@ class SegmentSimulator:
     def tendencies(
         self, nodes: Array, candidates: Sequence[Candidate]
     ) -> tuple[Array, Array, NDArray[np.intp], NDArray[np.intp]]:
-        """Return what moves the nodes: of the equations as they are, and of every term.
+        """Return the tendencies at the nodes: of the uncorrected equations, and of every term.
 
         Args:
             nodes: ``(segment, field)``.

@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 # Samples from one node to the next: few enough for a chaotic trajectory to be followed.
 SAMPLES = 4
-# More segments than this cost more than they help: then they get longer.
+# With more segments than this, each segment gets longer.
 LARGEST_COUNT = 400
 
 

@@ -1,4 +1,4 @@
-"""Discover the law of an ODE system over segments: where one trajectory cannot be followed."""
+"""Discover the law of an ODE system over segments, if no single trajectory can be fitted."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ from dashred.pipeline.segments import (
 )
 from dashred.pipeline.simulation import NominalRun
 
-# The state at the first sample may lie this many prior standard deviations off.
+# The prior standard deviation of the first state is widened by this factor.
 START_FACTOR = 3.0
 # Laws that are reported, and how far from the best.
 MAX_LAWS, SCORE_MARGIN = 8, 12.0
-# Segments are shortened where the simulator blows up within them.
+# Samples per segment; shorter segments are tried if the misfit is above this limit.
 SEGMENT_SAMPLES, LOST = (4, 2, 1), 1e3
-# A wider library has to leave less than this share of the misfit.
+# A larger library is used if it reduces the misfit below this share.
 GAIN = 0.5
-# A misfit this many times the noise's is not noise.
+# The law explains the record if its misfit per reading is below this limit.
 EXPLAINED = 1.7
-# A start's error that grows by more than this factor over the record: no single trajectory is
-# fitted.
+# If an error of the start grows by more than this factor over the record, no single trajectory is
+# fitted (natural logarithm).
 CHAOTIC = math.log(1e3)
 
 
@@ -52,8 +52,8 @@ def search_in_segments(
 ) -> tuple[Problem, SegmentSearch | None]:
     """Return the laws of a system without axes; None if its equations have no derivative.
 
-    If the default library leaves much more than noise, candidates are tried in the equations that
-    look like definitions, too: ``x' = y`` may lack a term as any other.
+    If the default library does not explain the record, the search is repeated with candidates in
+    all equations, including those that look like definitions, such as ``x' = y``.
 
     Args:
         problem: recording, system and library.
@@ -110,8 +110,8 @@ def _search_once(
 ) -> SegmentSearch | None:
     """Search over segments of so many samples; None if no set of terms can be fitted.
 
-    The steps were chosen at guessed states under an incomplete law. Once both are known they are
-    chosen again, and if they have to be shorter, the search is repeated.
+    The time steps are first chosen at the guessed states and without candidates. They are checked
+    again with the law and the states of the search. If they are too long, the search is repeated.
     """
     substeps = 1
     while True:
@@ -147,12 +147,12 @@ def _search_record(record: SegmentedRecord, candidates: list[Candidate]) -> Segm
 
 
 def is_explained(found: SegmentSearch) -> bool:
-    """Return whether the best law leaves nothing but noise."""
+    """Return whether the residuals of the best law are noise."""
     return found.level < EXPLAINED
 
 
 def is_chaotic(found: SegmentSearch) -> bool:
-    """Return whether a start's error grows so much that no single trajectory can be fitted."""
+    """Return whether an error of the start grows too much to fit a single trajectory."""
     return error_growth(found) > CHAOTIC
 
 
