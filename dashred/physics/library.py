@@ -15,6 +15,7 @@ from dashred.physics.grids.grid_value import Value
 from dashred.physics.system import System, Term
 
 COLLINEARITY_TOLERANCE = 1e-9
+ANGLE_UNITS = frozenset({"rad", "deg", "°"})
 
 
 def build_library(system: System, listed: Mapping[str, Sequence[str]] | None) -> list[Term]:
@@ -79,7 +80,7 @@ def default_terms(system: System) -> list[str]:
     # An input may act with another strength, or on another equation.
     terms += list(system.inputs)
     if not system.axes:
-        return terms + list(_pointwise(fields))
+        return terms + list(_pointwise(fields, _angles(system)))
     if len(system.axes) == 1:
         return terms + list(_derivatives_on_a_line(fields, system.axes[0].name))
     return terms + list(_derivatives_in_the_plane(fields, [axis.name for axis in system.axes]))
@@ -92,9 +93,32 @@ def _monomials(fields: Sequence[str], degree: int) -> Iterator[str]:
             yield "*".join(factors)
 
 
-def _pointwise(fields: Sequence[str]) -> Iterator[str]:
+def _angles(system: System) -> set[str]:
+    """Return the fields that are angles: a sine of a length or a concentration means nothing.
+
+    A field is an angle if an equation contains its sine or cosine, or if its description or its
+    unit says so.
+    """
+    waves = [e for expr in system.resolved.values() for e in _calls(expr, {"sin", "cos"})]
+    found = set().union(*(algebra.names(e) for e in waves))
+    stated = {f for f in system.fields if system.units.get(f) in ANGLE_UNITS}
+    described = {f for f, text in system.config.fields.items() if "angle" in text.lower()}
+    return (found & set(system.fields)) | stated | described
+
+
+def _calls(expr: algebra.Expr, functions: Set[str]) -> Iterator[algebra.Expr]:
+    """Yield the calls of some functions within an expression."""
+    if isinstance(expr, algebra.Call) and expr.function in functions:
+        yield expr
+    for child in algebra.children(expr):
+        yield from _calls(child, functions)
+
+
+def _pointwise(fields: Sequence[str], angles: Set[str]) -> Iterator[str]:
     for f in fields:
-        yield from (f"sin({f})", f"cos({f})", f"sin(2*{f})", f"abs({f})*{f}", f"sign({f})")
+        if f in angles or len(fields) == 1:
+            yield from (f"sin({f})", f"cos({f})", f"sin(2*{f})")
+        yield from (f"abs({f})*{f}", f"sign({f})")
     if len(fields) == 1:
         f = fields[0]
         yield from (f"cos(2*{f})", f"tanh({f})", f"exp(-{f}**2)", f"abs({f})")

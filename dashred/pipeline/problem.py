@@ -55,6 +55,8 @@ class Problem:
         noise: standard deviation σ of the noise by sensor, in the unit of the sensor, as stated or
             estimated. It covers the fit and validation sensors and uses no held-out data.
         name: name of the episode.
+        extensions: terms of the library that were added to it, because without them it could not
+            explain the recording.
         left_out: default terms that the data cannot identify, with the reason: the term to which
             each is proportional, or a word. Empty until the simulation has run.
         others: the other fitted episodes; this one is the longest.
@@ -71,6 +73,7 @@ class Problem:
     split: Split
     noise: dict[str, float]
     name: str = ""
+    extensions: tuple[Term, ...] = ()
     left_out: Mapping[Term, str | Term] = field(default_factory=dict)
     others: tuple[Problem, ...] = ()
     whole: tuple[Problem, ...] = ()
@@ -94,6 +97,10 @@ class Problem:
             for episodes in (self.others, self.whole)
         )
         return replace(self, library=library, others=others, whole=whole)
+
+    def with_extensions(self, terms: Sequence[Term]) -> Problem:
+        """Return the problem with terms that its library does not contain."""
+        return replace(self.with_library([*self.library, *terms]), extensions=tuple(terms))
 
     def operator(self, recording: Recording) -> ObservationOperator:
         """Return the observation operator H of the sensors of a part of the recording."""

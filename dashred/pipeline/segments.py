@@ -26,6 +26,8 @@ NOISE_SHARE = 0.02
 # A simulation has left the range of the recording if it is farther from its start than this many
 # standard deviations of a field.
 LOST = 50.0
+# A field stands still if it moves by less than this share of its standard deviation.
+STILL = 1e-6
 # Standard deviation of a field that no sensor reads, in spreads of its start.
 SPREADS = 7.0
 
@@ -129,7 +131,9 @@ def can_restart(problem: Problem) -> bool:
 
 
 def restarted_where_lost(problem: Problem, start: Tensor, path: Tensor) -> tuple[Tensor, ...]:
-    """Return the simulator restarted along the readings if its own run leaves their range.
+    """Return the simulator restarted along the readings if its own run cannot represent them.
+
+    It cannot if it leaves their range, or if a field stands still, as from a start at rest.
 
     Args:
         problem: the recording.
@@ -142,7 +146,9 @@ def restarted_where_lost(problem: Problem, start: Tensor, path: Tensor) -> tuple
     """
     segments, sensors = _cut(problem), _state_sensors(problem)
     scale = torch.from_numpy(_sizes(segments, sensors, start.numpy(), None))
-    if bool((torch.isfinite(path) & ((path - start).abs() < LOST * scale)).all()):
+    away = (path - start).abs() / scale
+    stands_still = bool((away.amax(dim=0) < STILL).any())
+    if bool((away < LOST).all()) and not stands_still:
         return ()
     record = segment_record(problem, start, None)
     return tuple(

@@ -58,7 +58,11 @@ class Candidate:
 
 
 def build_candidates(
-    system: System, library: Sequence[Term], nominal: Tensor, t: float | Tensor
+    system: System,
+    library: Sequence[Term],
+    nominal: Tensor,
+    t: float | Tensor,
+    extensions: Sequence[Term] = (),
 ) -> list[Candidate]:
     """Return the parameters and the library terms as candidates, without collinear ones.
 
@@ -71,11 +75,12 @@ def build_candidates(
         library: the candidate terms.
         nominal: states of the simulator, ``(time, field, *grid)``.
         t: time of all states, or of each, ``(time,)``.
+        extensions: terms of ``library`` that were added to it.
     """
     parameters = [_parameter(system, name) for name in system.config.parameters]
     resolved = resolve(system, library)
     terms = [
-        Candidate(str(term), term.equation, (ready,), 1.0)
+        Candidate(str(term), term.equation, (ready,), 1.0, is_extended=term in extensions)
         for term, ready in zip(library, resolved, strict=True)
     ]
     found = [c for c in parameters if c.terms] + terms

@@ -27,7 +27,7 @@ Set = tuple[int, ...]
 # units of their natural scales.
 STATE_ALONE = (0.3, 0.1, 0.05)
 ALL_TERMS = ((0.1, 0.1), (0.03, 0.2), (0.01, 0.3))
-SELECTION, PRIOR = 0.003, 0.3
+SELECTION, PRIOR = 0.003, 3.0
 # A set is refitted under a larger model error first, because most candidates have been removed.
 LOOSER = 0.03
 # Expected misfit per reading of all candidates together. If the misfit is far smaller, the noise
@@ -37,8 +37,9 @@ ANNEALING_STEPS, LOOSER_STEPS, REFIT_STEPS = 6, 4, 8
 LOOSE_TOLERANCE = 0.01
 # A set is refitted again if the linearisation about the winner predicts an F lower by this, in σ².
 STUCK = 10.0
-# The largest set, how many of each size are extended, and how many are refitted in a round.
-LARGEST, BEAM, REFITTED, ROUNDS = 4, 12, 8, 4
+# The largest set of the beam search, how many of each size are extended, and how many are refitted
+# in a round. Later rounds may add one candidate each to the winner of the round before.
+LARGEST, BEAM, REFITTED, ROUNDS = 4, 12, 8, 8
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,10 @@ class SegmentSearch:
 
 
 def search(
-    problem: WeakConstraintProblem, guesses: Sequence[np.ndarray], natural: NaturalScales
+    problem: WeakConstraintProblem,
+    guesses: Sequence[np.ndarray],
+    natural: NaturalScales,
+    proposals: Sequence[Set] = (),
 ) -> SegmentSearch:
     """Return the laws that explain the record.
 
@@ -99,6 +103,7 @@ def search(
         problem: F with its noise and starts; q and d are set here.
         guesses: first guesses of the nodes, ``(segment, field)`` each.
         natural: scales.
+        proposals: sets that are refitted in any case.
     """
     everything = tuple(range(len(problem.candidates)))
     states = [_state_alone(problem, nodes, natural) for nodes in guesses]
@@ -115,7 +120,7 @@ def search(
         factor = math.sqrt(max(left, LEAST) / EXPECTED)
         problem = problem.with_noise(factor * problem.noise_std)
     tight = _weighted(problem, natural, SELECTION, PRIOR)
-    return SegmentSearch(tight, natural, _select(tight, weighted, point))
+    return SegmentSearch(tight, natural, _select(tight, weighted, point, proposals))
 
 
 def _state_alone(
@@ -136,10 +141,14 @@ def _weighted(
 
 
 def _select(
-    problem: WeakConstraintProblem, loose: WeakConstraintProblem, point: Point
+    problem: WeakConstraintProblem,
+    loose: WeakConstraintProblem,
+    point: Point,
+    proposals: Sequence[Set],
 ) -> list[SegmentLaw]:
     """Refit promising sets about the winner of each round, until it stays."""
-    fits: dict[Set, NodeFit] = {(): _refit(problem, point, ())}
+    fits: dict[Set, NodeFit] = {}
+    _refit_all(problem, point, [(), *proposals], fits)
     everything, seen = range(len(problem.candidates)), problem.segments.seen
     about, winner = loose, None
     for _ in range(ROUNDS):
@@ -147,7 +156,8 @@ def _select(
         profiled = None if normal is None else normal.profiled()
         if profiled is None:
             break
-        sets = _promising(_in_coefficients(profiled, point.xi, about.prior_std), fits, seen)
+        linear = _in_coefficients(profiled, point.xi, about.prior_std)
+        sets = _promising(linear, fits, winner or (), seen)
         _refit_all(problem, point, sets, fits)
         best = _ranked(problem, fits)[0]
         # The fit of a smaller set may get stuck far from its minimum; the winner is near to it.
@@ -159,6 +169,7 @@ def _select(
         if not math.isfinite(best.score) or best.members == winner:
             break
         point, about, winner = best.fit.point, problem, best.members
+    _refit_all(problem, _ranked(problem, fits)[0].fit.point, [(), *proposals], fits)
     return _ranked(problem, fits)
 
 
@@ -200,26 +211,39 @@ def _in_coefficients(
     )
 
 
-def _promising(profiled: ProfiledProblem, fits: dict[Set, NodeFit], seen: int) -> list[Set]:
-    """Return the sets with the best predicted scores."""
+def _promising(
+    profiled: ProfiledProblem, fits: dict[Set, NodeFit], winner: Set, seen: int
+) -> list[Set]:
+    """Return the sets with the best predicted scores, from a beam search and about the winner."""
     level = _level((fit.cost for fit in fits.values()), seen)
     price = _price(len(profiled.target), seen)
     costs: dict[Set, float] = {(): profiled.constant}
     kept: list[Set] = [()]
     for _ in range(min(LARGEST, len(profiled.target))):
-        grown = {
-            tuple(sorted((*members, j)))
-            for members in kept
-            for j in range(len(profiled.target))
-            if j not in members
-        }
-        sets = sorted(grown)
-        found = dict(zip(sets, profiled.costs(sets).tolist(), strict=True))
-        kept = sorted(sets, key=found.__getitem__)[:BEAM]
+        found = _predicted(profiled, _with_one(kept, len(profiled.target)))
+        kept = sorted(found, key=found.__getitem__)[:BEAM]
         costs |= {members: found[members] for members in kept}
+    costs |= _predicted(profiled, _with_one([winner], len(profiled.target)))
     level = min(level, min(costs.values()) / seen)
     ranked = sorted(costs, key=lambda s: costs[s] / level + price * len(s))[:REFITTED]
     return [s for s in ranked if s not in fits or costs[s] < fits[s].cost - STUCK * level]
+
+
+def _with_one(sets: Sequence[Set], candidates: int) -> list[Set]:
+    """Return the sets with one candidate more."""
+    grown = {
+        tuple(sorted((*members, j)))
+        for members in sets
+        for j in range(candidates)
+        if j not in members
+    }
+    return sorted(grown)
+
+
+def _predicted(profiled: ProfiledProblem, sets: Sequence[Set]) -> dict[Set, float]:
+    """Return F of sets on the linearised problem."""
+    costs = profiled.costs(sets).tolist() if sets else []
+    return dict(zip(sets, costs, strict=True))
 
 
 def _ranked(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -> list[SegmentLaw]:

@@ -39,7 +39,8 @@ from dashred.pipeline.discovery.least_squares import (
     exact_simulator,
 )
 from dashred.pipeline.discovery.prior_start import select_near_prior
-from dashred.pipeline.discovery.segment_stage import discover_in_segments, is_explained
+from dashred.pipeline.discovery.library_choice import is_explained
+from dashred.pipeline.discovery.segment_stage import discover_in_segments
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation import NominalRun
 from dashred.pipeline.training import TrainedNetwork
@@ -81,7 +82,11 @@ def discover(
         seconds: run time by stage, updated.
     """
     candidates = build_candidates(
-        problem.system, problem.library, nominal.references[0], problem.times
+        problem.system,
+        problem.library,
+        nominal.references[0],
+        problem.times,
+        problem.extensions,
     )
     proposals = _proposals(problem, candidates, assimilated)
     with run.child("discover") as child:

@@ -16,7 +16,7 @@ def keep_identifiable_terms(problem: Problem, states: Tensor, t: float | Tensor)
     Of two proportional terms of the default library the later one is removed, such as ``abs(u)``
     for a field that is never negative. Terms that vanish, such as ``exp(-u**2)`` for a pressure in
     pascals, or that are not finite are removed too. In a library that the user lists, such terms
-    are errors.
+    are errors. Terms that were added to a library are removed like default terms.
 
     Args:
         problem: problem with the full library.
@@ -29,8 +29,9 @@ def keep_identifiable_terms(problem: Problem, states: Tensor, t: float | Tensor)
     """
     system, library = problem.system, problem.library
     if problem.config.library is not None:
-        check_collinear(system, library, states, t)
-        return problem
+        listed = [term for term in library if term not in problem.extensions]
+        check_collinear(system, listed, states, t)
     left_out = uninformative_terms(system, library, states, t)
     identifiable = [term for term in library if term not in left_out]
-    return replace(problem.with_library(identifiable), left_out=left_out)
+    extensions = tuple(term for term in problem.extensions if term not in left_out)
+    return replace(problem.with_library(identifiable), left_out=left_out, extensions=extensions)

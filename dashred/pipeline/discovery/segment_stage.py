@@ -10,38 +10,19 @@ import torch
 from dashred.core.progress import stage
 from dashred.core.tracking import StageTracker
 from dashred.inference.fit.noise_model import NoiseModel
-from dashred.inference.forward.candidates import Candidate, build_candidates
 from dashred.inference.hypotheses.result import BestOfSize, Discovery
-from dashred.inference.segments.equivalent_laws import merge_equivalent
 from dashred.inference.segments.error_growth import error_growth
-from dashred.inference.segments.natural_scales import natural_scales
-from dashred.inference.segments.search import SegmentLaw, SegmentSearch, search
+from dashred.inference.segments.search import SegmentLaw, SegmentSearch
 from dashred.inference.segments.segment_laws import law_from_segments, segment_noise
-from dashred.inference.segments.weak_constraint import WeakConstraintProblem
-from dashred.physics.library import build_library, default_terms
-from dashred.physics.tangents.ode_tangents import has_ode_tangents
-from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
 from dashred.pipeline.discovery.law_metrics import log_best_by_size
 from dashred.pipeline.discovery.least_squares import fit_noise
+from dashred.pipeline.discovery.library_choice import is_explained, search_libraries
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.segments import (
-    SegmentedRecord,
-    can_restart,
-    resolve_steps,
-    segment_record,
-)
+from dashred.pipeline.segments import can_restart
 from dashred.pipeline.simulation import NominalRun
 
-# The prior standard deviation of the first state is widened by this factor.
-START_FACTOR = 3.0
 # Laws that are reported, and how far from the best.
 MAX_LAWS, SCORE_MARGIN = 8, 12.0
-# Samples per segment; shorter segments are tried if the misfit is above this limit.
-SEGMENT_SAMPLES, LOST = (4, 2, 1), 1e3
-# A larger library is used if it reduces the misfit below this share.
-GAIN = 0.5
-# The law explains the record if its misfit per reading is below this limit.
-EXPLAINED = 1.7
 # If an error of the start grows by more than this factor over the record, no single trajectory is
 # fitted (natural logarithm).
 CHAOTIC = math.log(1e3)
@@ -51,9 +32,6 @@ def search_in_segments(
     problem: Problem, nominal: NominalRun, seconds: dict[str, float]
 ) -> tuple[Problem, SegmentSearch | None]:
     """Return the laws of a system without axes; None if its equations have no derivative.
-
-    If the default library does not explain the record, the search is repeated with candidates in
-    all equations, including those that look like definitions, such as ``x' = y``.
 
     Args:
         problem: recording, system and library.
@@ -66,89 +44,13 @@ def search_in_segments(
     if not can_restart(problem):
         return problem, None
     with stage("search over segments", seconds) as report, np.errstate(all="ignore"):
-        found = _search(problem, nominal)
-        closed = set(problem.system.fields) - {term.equation for term in problem.library}
-        if problem.config.library is None and closed and (found is None or not is_explained(found)):
-            wider = _with_all_equations(problem, nominal)
-            again = _search(wider, nominal)
-            if again is not None and (found is None or again.level < GAIN * found.level):
-                problem, found = wider, again
+        problem, found = search_libraries(problem, nominal)
         if found is None:
             report(1.0, "no set of terms could be fitted")
         else:
             law = law_from_segments(found, found.best)
             report(1.0, f"{law}, χ²/n {found.level:.2f}")
     return problem, found
-
-
-def _with_all_equations(problem: Problem, nominal: NominalRun) -> Problem:
-    """Return the problem with default terms in every equation."""
-    system = problem.system
-    terms = default_terms(system)
-    library = build_library(system, dict.fromkeys(system.fields, terms))
-    return keep_identifiable_terms(
-        problem.with_library(library), nominal.references[0], problem.times
-    )
-
-
-def _search(problem: Problem, nominal: NominalRun) -> SegmentSearch | None:
-    system = problem.system
-    candidates = build_candidates(system, problem.library, nominal.references[0], problem.times)
-    terms = [term for candidate in candidates for term in candidate.terms]
-    if not has_ode_tangents(system, terms):
-        return None
-    found = None
-    for samples in SEGMENT_SAMPLES:
-        found = _search_once(problem, nominal, candidates, samples)
-        if found is not None and found.level < LOST:
-            break
-    return None if found is None else merge_equivalent(found)
-
-
-def _search_once(
-    problem: Problem, nominal: NominalRun, candidates: list[Candidate], samples: int
-) -> SegmentSearch | None:
-    """Search over segments of so many samples; None if no set of terms can be fitted.
-
-    The time steps are first chosen at the guessed states and without candidates. They are checked
-    again with the law and the states of the search. If they are too long, the search is repeated.
-    """
-    substeps = 1
-    while True:
-        record = segment_record(problem, nominal.prior.centre, nominal.prior, samples, substeps)
-        found = _search_record(record, candidates)
-        if found is None:
-            return None
-        weak, nodes = found.problem, found.best.fit.point.nodes
-        noise = weak.noise_std * np.sqrt(found.level)
-        terms = found.terms(found.best)
-        resolved = resolve_steps(weak.simulator, weak.sensors, noise, nodes, *terms)
-        if resolved.substeps == weak.simulator.substeps or found.level > LOST:
-            return found
-        substeps = resolved.substeps
-
-
-def _search_record(record: SegmentedRecord, candidates: list[Candidate]) -> SegmentSearch | None:
-    scales = natural_scales(
-        record.simulator, record.sensors, candidates, record.guesses[-1], record.size
-    )
-    weak = WeakConstraintProblem(
-        simulator=record.simulator,
-        sensors=record.sensors,
-        candidates=tuple(candidates),
-        noise_std=record.noise_std,
-        model_error=np.ones(len(record.size)),
-        start_mean=record.start_mean,
-        start_std=START_FACTOR * record.start_std,
-        prior_std=scales.coefficient,
-    )
-    found = search(weak, record.guesses, scales)
-    return found if math.isfinite(found.best.score) else None
-
-
-def is_explained(found: SegmentSearch) -> bool:
-    """Return whether the residuals of the best law are noise."""
-    return found.level < EXPLAINED
 
 
 def is_chaotic(found: SegmentSearch) -> bool:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -49,7 +49,22 @@ def build_extended_candidates(
         nominal: states of the simulator, ``(time, field, *grid)``.
         t: the time of all states, or of each state, ``(time,)``.
     """
-    known = {str(term) for term in library}
+    terms = extended_terms(system, library)
+    candidates = build_candidates(system, [*library, *terms], nominal, t, terms)
+    return [candidate for candidate in candidates if candidate.is_extended]
+
+
+def extended_terms(system: System, library: Sequence[Term]) -> list[Term]:
+    """Return the terms one step beyond a library, in the equations that it covers.
+
+    Friction, drag and saturation come first: a wave or an exponential is told only if none of
+    these explains the recording as well.
+
+    Args:
+        system: the simulator.
+        library: the candidate terms of the analysis.
+    """
+    known = {(term.equation, str(term)) for term in library}
     terms = []
     for equation in dict.fromkeys(term.equation for term in library):
         for text in _extended_texts(system):
@@ -57,11 +72,10 @@ def build_extended_candidates(
                 [term] = build_library(system, {equation: [text]})
             except InputError:
                 continue
-            if str(term) not in known:
+            if (equation, str(term)) not in known:
+                known.add((equation, str(term)))
                 terms.append(term)
-    names = {f"{term.equation}: {term}" for term in terms}
-    candidates = build_candidates(system, [*library, *terms], nominal, t)
-    return [replace(c, is_extended=True) for c in candidates if str(c) in names]
+    return terms
 
 
 @dataclass(frozen=True)
@@ -190,10 +204,13 @@ def _wave_pairs(candidates: Sequence[Candidate]) -> list[tuple[int, int]]:
 def _extended_texts(system: System) -> Iterator[str]:
     """Yield functions of each field, higher powers, and waves along each axis."""
     for f in system.fields:
+        yield from (f"sign({f})", f"abs({f})*{f}", f"sqrt(abs({f}))*sign({f})")
+        yield from (f"{name}*{f}" for name in system.inputs)
+    for f in system.fields:
         yield from (f"{wave}({k}*{f})" for wave in ("sin", "cos") for k in (1, 2, 3))
         yield f"exp({f})"
         yield from (f"tanh({f})", f"tanh(3*{f})", f"exp(-{f})", f"exp(-{f}**2)")
-        yield from (f"abs({f})", f"abs({f})*{f}", f"{f}**4", f"{f}**5")
+        yield from (f"abs({f})", f"{f}**4", f"{f}**5")
     for axis in system.axes:
         turn = f"2*pi*{axis.name}/{axis.length!r}"
         yield from (f"sin({turn})", f"cos({turn})")
