@@ -9,7 +9,8 @@ from dataclasses import replace
 import torch
 
 from dashred.core.progress import stage
-from dashred.core.tracking import RunTracker
+from dashred.core.tracking import RunTracker, StageTracker
+from dashred.inference.fit.growing_horizon import HorizonFit
 from dashred.inference.fit.law import Law, build_selected_law
 from dashred.inference.fit.stepwise_selection import (
     RefittedSet,
@@ -25,7 +26,7 @@ from dashred.inference.segments.search import SegmentSearch
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline.assimilation import AssimilationResult
-from dashred.pipeline.discovery.first_guess_stage import fit_first_guesses
+from dashred.pipeline.discovery.first_guess_stage import FittedGuess, fit_first_guesses
 from dashred.pipeline.discovery.horizon_stage import (
     extend_horizon,
     fit_from_first_guesses,
@@ -40,6 +41,7 @@ from dashred.pipeline.discovery.least_squares import (
 )
 from dashred.pipeline.discovery.prior_start import select_near_prior
 from dashred.pipeline.discovery.library_choice import is_explained
+from dashred.pipeline.discovery.segment_horizon import follow_segments
 from dashred.pipeline.discovery.segment_stage import discover_in_segments
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation import NominalRun
@@ -90,27 +92,30 @@ def discover(
     )
     proposals = _proposals(problem, candidates, assimilated)
     with run.child("discover") as child:
-        with stage("fit the first guesses", seconds) as report:
-            simulator = exact_simulator(problem, candidates)
-            coarse = coarse_simulator(problem, simulator, resolution)
-            guesses = fit_first_guesses(
-                problem, coarse, nominal, ensemble, network, assimilated, report
-            )
-            report(
-                1.0,
-                ", ".join(f"{g.name} {g.error:.2f}" for g in guesses) + " σ error at the sensors",
-            )
-        errors = {f"seed/{g.name}": g.error for g in guesses if math.isfinite(g.error)}
-        child.log_metrics(errors, 0)
-        with stage("grow the horizon", seconds) as report:
-            guess, horizon = fit_from_first_guesses(problem, coarse, candidates, guesses, report)
-            child.set_tags({"seed of the start": guess.name})
-        if segments is not None and not horizon.is_complete and is_explained(segments):
-            return discover_in_segments(problem, segments, child, seconds)
-        for samples, level in horizon.levels:
-            child.log_metrics({"horizon/chi2": level}, samples)
-            run.log_metrics({"horizon/chi2": level}, samples)
+        simulator = exact_simulator(problem, candidates)
         weak = problem.config.discovery.weak
+        followed = None
+        if segments is not None and is_explained(segments):
+            with stage("fit one trajectory to the record", seconds):
+                objective = build_least_squares(problem, simulator, nominal.start, candidates, weak)
+                followed = follow_segments(objective, segments)
+        if followed is not None:
+            guesses, (guess, horizon) = [followed[0]], followed
+        else:
+            with stage("fit the first guesses", seconds) as report:
+                coarse = coarse_simulator(problem, simulator, resolution)
+                guesses = fit_first_guesses(
+                    problem, coarse, nominal, ensemble, network, assimilated, report
+                )
+                errors = ", ".join(f"{g.name} {g.error:.2f}" for g in guesses)
+                report(1.0, f"{errors} σ error at the sensors")
+            with stage("grow the horizon", seconds) as report:
+                guess, horizon = fit_from_first_guesses(
+                    problem, coarse, candidates, guesses, report
+                )
+            if segments is not None and not horizon.is_complete and is_explained(segments):
+                return discover_in_segments(problem, segments, child, seconds)
+        _log_first_guesses(run, child, guesses, guess, horizon)
         objective = build_least_squares(problem, simulator, guess.start, candidates, weak)
         objective = with_residual_noise(objective, horizon)
         with stage("select the law", seconds) as report:
@@ -161,6 +166,21 @@ def discover(
         forcing_gain=comparison.forcing_gain,
         forcing_map=comparison.forcing_map,
     )
+
+
+def _log_first_guesses(
+    run: RunTracker,
+    child: StageTracker,
+    guesses: Sequence[FittedGuess],
+    guess: FittedGuess,
+    horizon: HorizonFit,
+) -> None:
+    """Log the errors of the first guesses, which of them was used, and the growing horizon."""
+    child.log_metrics({f"seed/{g.name}": g.error for g in guesses if math.isfinite(g.error)}, 0)
+    child.set_tags({"seed of the start": guess.name})
+    for samples, level in horizon.levels:
+        child.log_metrics({"horizon/chi2": level}, samples)
+        run.log_metrics({"horizon/chi2": level}, samples)
 
 
 def _is_explained(problem: Problem, comparison: Comparison) -> bool:

@@ -1,0 +1,56 @@
+"""Fit one trajectory over the whole record, from the law and the states found over segments.
+
+This is the limit q → 0 of the model error. It replaces the growing horizon where it succeeds.
+"""
+
+from __future__ import annotations
+
+import torch
+
+from dashred.inference.fit.growing_horizon import HorizonFit
+from dashred.inference.fit.least_squares import LeastSquaresProblem
+from dashred.inference.fit.levenberg_marquardt import minimise, minimise_growing_horizon
+from dashred.inference.forward.candidates import indices_by_name
+from dashred.inference.initial_state.start_models import project_state
+from dashred.inference.segments.search import SegmentSearch
+from dashred.pipeline.discovery.first_guess_stage import FittedGuess
+
+STEPS, TOLERANCE = 20, 1e-4
+# The trajectory has to fit the readings about as well as the segments do.
+MAX_RATIO = 1.3
+# First samples of a fit over a growing horizon.
+FIRST_SAMPLES = 6
+
+
+def follow_segments(
+    objective: LeastSquaresProblem, segments: SegmentSearch
+) -> tuple[FittedGuess, HorizonFit] | None:
+    """Return the start and the fit of one trajectory; None if it does not follow the record.
+
+    Args:
+        objective: F of all candidates over the whole record.
+        segments: laws found over segments.
+    """
+    best = segments.best
+    candidates, xi = segments.terms(best)
+    index = indices_by_name(objective.forward_model.law.candidates)
+    members = [index[str(candidate)] for candidate in candidates]
+    order = sorted(range(len(members)), key=members.__getitem__)
+    chosen = tuple(members[j] for j in order)
+    begins = best.fit.point.nodes[segments.problem.segments.begins]
+    z = project_state(objective.forward_model.start, torch.from_numpy(begins))
+    phi = torch.cat([z, torch.from_numpy(xi)[order]])
+    law = objective.subset(chosen)
+    fitted = minimise(law, phi, STEPS, TOLERANCE)
+    limit = MAX_RATIO * max(1.0, segments.level) * objective.noise.count
+    if not fitted.chi2 < limit:
+        grown = minimise_growing_horizon(law, phi, FIRST_SAMPLES)
+        fitted = minimise(law, grown, STEPS, TOLERANCE)
+    # Written with "not", because the misfit is NaN after a blow-up.
+    if not fitted.chi2 < limit:
+        return None
+    samples, level = len(objective.recorded), fitted.chi2 / max(1, objective.noise.count)
+    whole = objective.embed(fitted.phi, chosen)
+    horizon = HorizonFit(whole, chosen, fitted.readings, samples, True, [(samples, level)])
+    start, z = objective.forward_model.start, fitted.phi[: objective.modes]
+    return FittedGuess("segments", start, z, level**0.5), horizon
