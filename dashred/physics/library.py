@@ -116,9 +116,11 @@ def _calls(expr: algebra.Expr, functions: Set[str]) -> Iterator[algebra.Expr]:
 
 def _pointwise(fields: Sequence[str], angles: Set[str]) -> Iterator[str]:
     for f in fields:
+        yield from (f"abs({f})*{f}", f"sign({f})")
         if f in angles or len(fields) == 1:
             yield from (f"sin({f})", f"cos({f})", f"sin(2*{f})")
-        yield from (f"abs({f})*{f}", f"sign({f})")
+        else:
+            yield from (f"abs({f})", f"sqrt(abs({f}))*sign({f})", f"tanh({f})")
     if len(fields) == 1:
         f = fields[0]
         yield from (f"cos(2*{f})", f"tanh({f})", f"exp(-{f}**2)", f"abs({f})")

@@ -56,6 +56,8 @@ class Discovery:
         forcing_gain: evidence for a free forcing on top of the best law.
         forcing_map: the map of a free forcing on top of the uncorrected simulator; None if none was
             needed.
+        also_supported: terms that the evidence supports beside the best law, and that its forecast
+            does not need.
     """
 
     laws: list[Law]
@@ -71,6 +73,7 @@ class Discovery:
     refit_count: int
     forcing_gain: float = 0.0
     forcing_map: ForcingMap | None = None
+    also_supported: tuple[Candidate, ...] = ()
 
     @property
     def best(self) -> Law:

@@ -40,6 +40,7 @@ from dashred.pipeline.discovery.least_squares import (
     exact_simulator,
 )
 from dashred.pipeline.discovery.prior_start import select_near_prior
+from dashred.pipeline.discovery.headline_law import with_headline
 from dashred.pipeline.discovery.library_choice import is_explained
 from dashred.pipeline.discovery.segment_horizon import follow_segments
 from dashred.pipeline.discovery.segment_stage import discover_in_segments
@@ -148,7 +149,7 @@ def discover(
         log_best_by_size(child, path)
     part = selection.objective
     free = part.noise.whiten(horizon.readings - part.recorded).square().sum()
-    return Discovery(
+    found = Discovery(
         laws=comparison.laws,
         uncorrected=comparison.uncorrected,
         noise=comparison.noise,
@@ -166,6 +167,7 @@ def discover(
         forcing_gain=comparison.forcing_gain,
         forcing_map=comparison.forcing_map,
     )
+    return with_headline(found, selection.objective, selection.tried)
 
 
 def _log_first_guesses(

@@ -1,0 +1,79 @@
+"""The law in the headline: of a law of many terms, those that its forecast needs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from torch import Tensor
+
+from dashred.inference.fit.forecast_choice import (
+    FITTED_SHARE,
+    MOST_TERMS,
+    Forecast,
+    forecast_of,
+    smallest_sufficient,
+)
+from dashred.inference.fit.law import Law, build_law
+from dashred.inference.fit.least_squares import LeastSquaresProblem
+from dashred.inference.fit.levenberg_marquardt import minimise
+from dashred.inference.fit.stepwise_selection import RefittedSet
+from dashred.inference.hypotheses.result import Discovery
+
+STEPS, TOLERANCE = 10, 1e-4
+
+
+def with_headline(
+    discovery: Discovery, objective: LeastSquaresProblem, tried: Sequence[RefittedSet]
+) -> Discovery:
+    """Return the discovery with the smallest law that forecasts as well as its best law.
+
+    A law of a few terms, and any law beside another cause, stays as it is.
+
+    Args:
+        discovery: its best law may have many terms.
+        objective: F of all candidates over the whole record.
+        tried: fits of sets of candidates.
+    """
+    best = discovery.best
+    if len(best.candidates) <= MOST_TERMS or discovery.path_index is None:
+        return discovery
+    path = _best_by_size(tried, len(best.candidates))
+    chosen = path[smallest_sufficient([_forecast(objective, each) for each in path])]
+    if len(chosen.members) == len(best.candidates):
+        return discovery
+    law = objective.subset(chosen.members)
+    fitted = minimise(law, chosen.phi[objective.indices(chosen.members)], STEPS, TOLERANCE)
+    told = build_law(law, fitted, best.score)
+    return told_instead(discovery, told)
+
+
+def told_instead(discovery: Discovery, told: Law) -> Discovery:
+    """Return the discovery with a part of its best law in the headline."""
+    supported = tuple(c for c in discovery.best.candidates if c.key not in told.keys)
+    smaller = [law for law in discovery.laws[1:] if len(law.candidates) <= len(told.candidates)]
+    kept = [law for law in smaller if law.keys != told.keys]
+    return replace(discovery, laws=[told, *kept], also_supported=supported, free_chi2=told.chi2)
+
+
+def _best_by_size(tried: Sequence[RefittedSet], largest: int) -> list[RefittedSet]:
+    """Return the best set of each size, from one candidate to the largest."""
+    best: dict[int, RefittedSet] = {}
+    for each in sorted(tried, key=lambda found: found.cost):
+        best.setdefault(len(each.members), each)
+    return [best[size] for size in sorted(best) if 0 < size <= largest]
+
+
+def _forecast(objective: LeastSquaresProblem, tried: RefittedSet) -> Forecast:
+    """Return the forecast of the last part of the record, from a fit of one set to the rest."""
+    law = objective.subset(tried.members)
+    samples = round(FITTED_SHARE * len(objective.recorded))
+    begin = tried.phi[objective.indices(tried.members)]
+    fitted = minimise(law.truncate(samples), begin, STEPS, TOLERANCE)
+    [readings] = law.forward_model.readings(*(part[None] for part in law.split(fitted.phi)))
+    return forecast_of(_scaled_errors(law, readings)[samples:])
+
+
+def _scaled_errors(law: LeastSquaresProblem, readings: Tensor) -> Tensor:
+    errors = (readings - law.recorded) / law.noise.std
+    return errors.where(law.noise.available, float("nan"))
