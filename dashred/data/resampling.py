@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -38,12 +37,13 @@ def resample(recording: Recording, every: float | None) -> tuple[Recording, str]
 
     Args:
         recording: the samples.
-        every: step of the clock, in the unit of time; None keeps the recording's own step.
+        every: step of the clock, in the unit of time; None keeps the recording's own step, or a
+            longer one where most samples of a clock at the own step would be empty: at random
+            times, in bursts, or if the own step is the offset between two clocks.
 
     Raises:
         InputError: ``every`` is shorter than the recording's own step, leaves fewer than 20
-            samples, or gives too many samples; or it is None and the recording's own step is the
-            offset between two clocks.
+            samples, or gives too many samples.
     """
     own = native_step(recording.times)
     step = _usable_step(recording) if every is None else every
@@ -79,7 +79,7 @@ def resample_all(episodes: Episodes, every: float | None) -> tuple[Episodes, str
     """
     parts = episodes.episodes
     if len(parts) > 1 and every is None:
-        every = max(_usable_steps(parts))
+        every = max(_usable_step(part.recording) for part in parts)
     sampled, notes = [], []
     for part in parts:
         with name_episode_in_errors(part.name):
@@ -126,27 +126,9 @@ def _mostly_empty(recording: Recording, step: float) -> bool:
 
 
 def _usable_step(recording: Recording) -> float:
-    """Return the recording's own step.
-
-    Raises:
-        InputError: a clock at that step would be mostly empty.
-    """
-    step, coarser = native_step(recording.times), coarser_step(recording)
-    if coarser is None:
-        return step
-    span = float(recording.times[-1] - recording.times[0])
-    problem = (
-        f"at the recording's own step of {step:.6g} nearly all of {span / step:.0f} samples would "
-        f"be empty: the recording has {len(recording.times)}"
-    )
-    hint = f"does the table mix two clocks? Set recording.every={coarser:g}"
-    raise InputError(problem, where="recording.every", hint=hint)
-
-
-def _usable_steps(parts: Sequence[Episode]) -> Iterator[float]:
-    for part in parts:
-        with name_episode_in_errors(part.name):
-            yield _usable_step(part.recording)
+    """Return the recording's own step, or a longer one if that clock would be mostly empty."""
+    coarser = coarser_step(recording)
+    return native_step(recording.times) if coarser is None else coarser
 
 
 def _interpolate_off_clock_sensors(

@@ -147,16 +147,13 @@ def two_loggers(late: float, step: float = 0.1, other: float = 0.1, count: int =
     [two_loggers(0.003), two_loggers(0.003, count=61), two_loggers(0.013, other=0.1003)],
     ids=["late", "late, odd", "drifting"],
 )
-def test_the_offset_between_two_clocks_is_refused_as_a_step_and_the_hint_works(recording):
-    for every in (
-        lambda: resample(recording, None),
-        lambda: resample_all(Episodes((Episode("", recording), Episode("b", recording))), None),
-    ):
-        with pytest.raises(InputError, match=r"nearly all of .* samples would be empty") as refused:
-            every()
-        assert "does the table mix two clocks? Set recording.every=0.1" in str(refused.value.hint)
-    sampled, says = resample(recording, 0.1)
+def test_the_offset_between_two_clocks_is_no_step(recording):
+    sampled, says = resample(recording, None)
     assert "interpolated" in says
+    np.testing.assert_allclose(np.diff(sampled.times), 0.1, rtol=5e-3)
+    both = Episodes((Episode("", recording), Episode("b", recording)))
+    for episode in resample_all(both, None)[0].episodes:
+        np.testing.assert_array_equal(episode.recording.times, sampled.times)
     assert np.isnan(sampled.values).mean() < 0.05
     known = ~np.isnan(sampled.values[:, 1])
     truth = np.cos(sampled.times[known])
@@ -165,12 +162,16 @@ def test_the_offset_between_two_clocks_is_refused_as_a_step_and_the_hint_works(r
 
 def test_bursts_of_the_same_sensors_have_an_intermediate_step():
     times = np.sort(np.concatenate([0.1 * np.arange(60), 0.003 + 0.1 * np.arange(60)]))
-    with pytest.raises(InputError) as refused:
-        resample(recorded(times), None)
-    step = float(str(refused.value.hint).rpartition("=")[2])
-    assert 0.04 < step < 0.06
-    sampled, _ = resample(recorded(times), step)
+    sampled, _ = resample(recorded(times), None)
+    assert 0.04 < np.diff(sampled.times).mean() < 0.06
     assert not np.isnan(sampled.values).any()
+
+
+def test_random_times_have_their_mean_step():
+    times = np.cumsum(np.random.default_rng(3).exponential(0.25, size=240))
+    sampled, says = resample(recorded(times), None)
+    assert np.diff(sampled.times).mean() == pytest.approx(np.diff(times).mean(), rel=1e-3)
+    assert says.startswith("interpolated")
 
 
 def test_a_long_gap_or_loggers_by_turns_do_not_make_a_clock_empty():

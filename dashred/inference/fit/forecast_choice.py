@@ -1,8 +1,8 @@
 """Choose the smallest law of a path whose forecast is about as good as the best.
 
-A law of many terms usually makes up for something that no term of the library expresses: each term
-lowers the misfit, and few of them matter. The forecast of the last part of the fitted record, from a
-fit to the rest, tells which (docs/method.md#the-law-in-the-headline). No held-out data are used.
+A law of many terms usually makes up for something that no term of the library expresses. Each term
+lowers the misfit, but few of them matter. The forecast of the last part of the fitted record, from
+a fit to the rest, tells which (docs/method.md#the-law-in-the-headline). No held-out data are used.
 """
 
 from __future__ import annotations

@@ -27,6 +27,7 @@ from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline.assimilation import AssimilationResult
 from dashred.pipeline.discovery.first_guess_stage import FittedGuess, fit_first_guesses
+from dashred.pipeline.discovery.headline_law import with_headline
 from dashred.pipeline.discovery.horizon_stage import (
     extend_horizon,
     fit_from_first_guesses,
@@ -39,9 +40,8 @@ from dashred.pipeline.discovery.least_squares import (
     coarse_simulator,
     exact_simulator,
 )
-from dashred.pipeline.discovery.prior_start import select_near_prior
-from dashred.pipeline.discovery.headline_law import with_headline
 from dashred.pipeline.discovery.library_choice import is_explained
+from dashred.pipeline.discovery.prior_start import select_near_prior
 from dashred.pipeline.discovery.segment_horizon import follow_segments
 from dashred.pipeline.discovery.segment_stage import discover_in_segments
 from dashred.pipeline.problem import Problem
