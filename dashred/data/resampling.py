@@ -23,6 +23,9 @@ MIN_FILLED = 0.25
 # A sensor is sampled off the clock if it has values at fewer clock samples than this share of the
 # number that interpolation would give.
 MIN_ON_CLOCK = 0.25
+# A distance between samples that differs by more than this from every multiple of the step, in
+# steps, is random.
+RANDOM_OFFSET = 0.1
 # More samples than this indicate an error in the times.
 MAX_SAMPLES = 10_000_000
 
@@ -96,14 +99,16 @@ def native_step(times: NDArray[np.float64]) -> float:
 
 
 def coarser_step(recording: Recording) -> float | None:
-    """Return a longer step if a clock at the native step would be mostly empty, else None.
+    """Return a longer step if a clock at the native step would be unsuited, else None.
+
+    It is unsuited if it would be mostly empty, or if the times are random.
 
     In a table with two clocks, the shortest step is only the offset between the clocks. The
     longest native step of a single sensor is tried first, then the mean step.
     """
     times = recording.times
     own = native_step(times)
-    if not _mostly_empty(recording, own):
+    if not (_mostly_empty(recording, own) or _is_random(times, own)):
         return None
     seen = [times[~np.isnan(column)] for column in recording.values.T]
     steps = [native_step(known) for known in seen if len(known) >= MIN_SAMPLES]
@@ -114,6 +119,13 @@ def coarser_step(recording: Recording) -> float | None:
             if np.isnan(sampled.values).mean() < 1 / 2:
                 return tried
     return None
+
+
+def _is_random(times: NDArray[np.float64], step: float) -> bool:
+    """Tell whether most of the distances between samples are no multiples of a step."""
+    counts = np.diff(times) / step
+    off_clock = (np.abs(counts - np.round(counts)) > RANDOM_OFFSET) | (counts < 1 / 2)
+    return float(off_clock.mean()) > 1 / 2
 
 
 def _mostly_empty(recording: Recording, step: float) -> bool:
