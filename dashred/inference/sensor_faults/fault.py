@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from dashred.core.findings.fault_kinds import FAULT_KINDS
+from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.forward.sensor_block import SensorErrors
 
 
@@ -81,3 +82,9 @@ class Fault:
         """Return the penalty for its parameters and for the choice of its kind and sensor."""
         choice = 2 * math.log(len(FAULT_KINDS) * sensors)
         return self.complexity.penalty(information, samples) + choice
+
+
+def count_sensors(objective: LeastSquaresProblem) -> int:
+    """Return the number of sensors with readings; a sensor counts once for all episodes."""
+    sensors, seen = objective.forward_model.sensors.sensors, objective.noise.available.any(dim=0)
+    return len({s.name for s, is_seen in zip(sensors, seen.tolist(), strict=True) if is_seen})

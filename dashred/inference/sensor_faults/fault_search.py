@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
-from dashred.inference.sensor_faults.fault import Fault
+from dashred.inference.sensor_faults.fault import Fault, count_sensors
 from dashred.inference.sensor_faults.fault_table import fault_candidates
 from dashred.inference.sensor_faults.linearised_fit import Columns, LinearisedFit
 
@@ -191,9 +191,7 @@ def without_samples(objective: LeastSquaresProblem, fault: Fault) -> LeastSquare
 
 def largest_count(objective: LeastSquaresProblem) -> int:
     """Return how many sensors may be faulty: the sound ones must be more, except for one fault."""
-    sensors, seen = objective.forward_model.sensors.sensors, objective.noise.available.any(dim=0)
-    names = {s.name for s, is_seen in zip(sensors, seen.tolist(), strict=True) if is_seen}
-    return max(1, (len(names) - 1) // 2)
+    return max(1, (count_sensors(objective) - 1) // 2)
 
 
 def _add_all(problem: FaultProblem, faults: Sequence[Fault]) -> FaultProblem:

@@ -15,6 +15,7 @@ from dashred.inference.sensor_faults.fault import (
     CountedParameters,
     Fault,
     MarginalAmplitudes,
+    count_sensors,
 )
 from dashred.inference.sensor_faults.linearised_fit import LinearisedFit
 
@@ -39,7 +40,7 @@ def wandering(
     """Yield an error that wanders slowly, for several sizes of the wandering."""
     block = objective.forward_model.sensors
     is_first = block.columns_of(sensor)[0] == sensor
-    if not is_first or len(block.operator.sensors) < MIN_SENSORS:
+    if not is_first or count_sensors(objective) < MIN_SENSORS:
         return
     curves = curve_errors(
         objective.forward_model.times,

@@ -17,6 +17,7 @@ from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.hypotheses.free_forcing import FreeForcing
 from dashred.inference.hypotheses.hypothesis_fit import ExcludedSensors, HypothesisFit, refit
+from dashred.inference.sensor_faults.fault import count_sensors
 from dashred.inference.sensor_faults.fault_search import (
     FaultProblem,
     FaultSet,
@@ -40,12 +41,10 @@ def find_faults_beside_forcing(forcing: FreeForcing) -> FaultSet:
     """Return the sensor faults that a free forcing cannot explain."""
     objective, normal = forcing.objective, forcing.normal
     problem = FaultProblem.at(objective, forcing.phi, normal)
-    sensors = objective.forward_model.sensors.sensors
-    seen = objective.noise.available.any(dim=0).tolist()
-    if len({s.name for s, is_seen in zip(sensors, seen, strict=True) if is_seen}) < MIN_SENSORS:
+    if count_sensors(objective) < MIN_SENSORS:
         return problem.faults
     margin = MIN_MISFITS * max(1.0, forcing.cost / objective.noise.count)
-    columns, count = range(len(sensors)), largest_count(objective)
+    columns, count = range(objective.recorded.shape[1]), largest_count(objective)
     found = find_faults(problem, columns, FAULT_KINDS, count, margin)
     wanders = any(fault.kind == "wandering" for fault in found.faults)
     if not wanders or found.cost < MAX_CHI2 * objective.noise.count:
