@@ -28,6 +28,7 @@ from dashred.inference.initial_state.start_models import LinearStart
 from dashred.inference.sensor_faults.fault_search import FaultProblem, FaultSet, find_faults
 from dashred.inference.sensor_faults.fault_table import SEARCHED_KINDS
 from dashred.physics.solvers.simulate import simulate
+from dashred.physics.system import Term
 from tests import laws
 
 TEXT = """
@@ -72,7 +73,7 @@ class Oscillator:
         """Return noisy readings; the damping is what the simulator lacks, ``(time, sensor)``."""
         system = self.simulator.system
         term = system.parse("v", "test", equation="v")
-        other = system.with_terms([(laws.Term("v", term), -damping)])
+        other = system.with_terms([(Term("v", term), -damping)])
         generator = torch.Generator().manual_seed(seed)
         begin = torch.tensor([[1.1, -0.2]], dtype=torch.float64)
         clean = ObservationOperator(SENSORS, system)(simulate(other, begin, TIMES))[0]
