@@ -73,7 +73,7 @@ def law(
     misfit: float = 1.0,
     chi2: float = 1.0,
     edges: tuple[float, ...] = (),
-    fault: SensorFault | None = None,
+    faults: Sequence[SensorFault] = (),
     widened: float = 1.0,
 ) -> Law:
     """Return a law whose residuals are all ``misfit``."""
@@ -86,7 +86,7 @@ def law(
         chi2=chi2,
         residuals=torch.full((SAMPLES, SENSORS), misfit, dtype=torch.float64),
         edges=edges,
-        fault=fault,
+        faults=tuple(faults),
         start_prior_factor=widened,
     )
 

@@ -13,6 +13,8 @@ from dashred.data.sensors import Sensor
 
 # A lagged window, the fit window and the held-out window need at least this many samples.
 MIN_SAMPLES = 20
+# Beside an episode of that length, others may be shorter: they share the law with it.
+MIN_EPISODE_SAMPLES = 6
 # Larger numbers are sentinels of a missing value or damage, and their squares overflow.
 MAX_ABS_VALUE = 1e100
 
@@ -27,6 +29,7 @@ def checked_recording(
     *,
     path: str,
     place: Locate,
+    fewest: int = MIN_SAMPLES,
 ) -> Recording:
     """Return a recording after checking its times and values.
 
@@ -36,6 +39,7 @@ def checked_recording(
         values: shape ``(time, sensor)``; NaN where a value is missing.
         path: the file, for error messages.
         place: returns the location of a sample for error messages.
+        fewest: smallest number of samples (:func:`fewest_samples`).
 
     Raises:
         InputError: for too few samples, times that are missing or do not increase, infinite
@@ -43,12 +47,17 @@ def checked_recording(
     """
     if not sensors:
         raise InputError("the recording has no sensors", where=path)
-    if len(times) < MIN_SAMPLES:
-        problem = f"{len(times)} samples are too few: at least {MIN_SAMPLES} are needed"
+    if len(times) < fewest:
+        problem = f"{len(times)} samples are too few: at least {fewest} are needed"
         raise InputError(problem, where=path)
     _check_times(times, place)
     _check_values([sensor.name for sensor in sensors], values, path, place)
     return Recording(tuple(sensors), times, values)
+
+
+def fewest_samples(counts: Sequence[int]) -> int:
+    """Return how many samples an episode needs, given the number of samples of all episodes."""
+    return MIN_EPISODE_SAMPLES if max(counts) >= MIN_SAMPLES else MIN_SAMPLES
 
 
 def check_input(

@@ -91,6 +91,11 @@ class EpisodeRows:
     name: str
     rows: slice
 
+    @property
+    def count(self) -> int:
+        """Number of rows."""
+        return int(self.rows.stop - self.rows.start)
+
     def location(self, path: str) -> str:
         """Return the location for error messages: the file, and the episode if it has a name."""
         return f"{path}, episode {self.name!r}" if self.name else path

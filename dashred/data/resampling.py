@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
-from dashred.data.checks import MIN_SAMPLES
+from dashred.data.checks import MIN_SAMPLES, fewest_samples
 from dashred.data.episodes import Episode, Episodes, name_episode_in_errors
 from dashred.data.recording import Recording
 
@@ -30,7 +30,9 @@ RANDOM_OFFSET = 0.1
 MAX_SAMPLES = 10_000_000
 
 
-def resample(recording: Recording, every: float | None) -> tuple[Recording, str]:
+def resample(
+    recording: Recording, every: float | None, fewest: int = MIN_SAMPLES
+) -> tuple[Recording, str]:
     """Return the recording on the clock t₀, t₀ + every, …, and a sentence describing the method.
 
     Samples on the clock are kept unchanged (decimation). Otherwise each sensor is interpolated
@@ -43,14 +45,15 @@ def resample(recording: Recording, every: float | None) -> tuple[Recording, str]
         every: step of the clock, in the unit of time; None keeps the recording's own step, or a
             longer one where most samples of a clock at the own step would be empty: at random
             times, in bursts, or if the own step is the offset between two clocks.
+        fewest: smallest number of samples that must be left.
 
     Raises:
-        InputError: ``every`` is shorter than the recording's own step, leaves fewer than 20
-            samples, or gives too many samples.
+        InputError: ``every`` is shorter than the recording's own step, leaves too few samples, or
+            gives too many samples.
     """
     own = native_step(recording.times)
     step = _usable_step(recording) if every is None else every
-    clock = _clock(recording.times, own, step)
+    clock = _clock(recording.times, own, step, fewest)
     nearest = _nearest(recording.times, clock)
     distance = np.abs(recording.times[nearest] - clock)
     found = distance <= own / 2
@@ -84,9 +87,11 @@ def resample_all(episodes: Episodes, every: float | None) -> tuple[Episodes, str
     if len(parts) > 1 and every is None:
         every = max(_usable_step(part.recording) for part in parts)
     sampled, notes = [], []
+    spans = [float(part.recording.times[-1] - part.recording.times[0]) for part in parts]
+    fewest = MIN_SAMPLES if every is None else fewest_samples([1 + round(s / every) for s in spans])
     for part in parts:
         with name_episode_in_errors(part.name):
-            recording, note = resample(part.recording, every)
+            recording, note = resample(part.recording, every, fewest)
         sampled.append(Episode(part.name, recording))
         notes.append(f"{part.name}: {note}" if part.name else note)
     return Episodes(tuple(sampled)), " ".join(notes)
@@ -156,15 +161,15 @@ def _interpolate_off_clock_sensors(
     return [name for name, off in zip(recording.names, off_clock, strict=True) if off]
 
 
-def _clock(times: NDArray[np.float64], own: float, step: float) -> NDArray[np.float64]:
+def _clock(times: NDArray[np.float64], own: float, step: float, fewest: int) -> NDArray[np.float64]:
     if step < own * (1 - CLOCK_TOLERANCE):
         problem = f"a step of {step:g} is shorter than the recording's own step, {own:.6g}"
         hint = f"set recording.every to null or to {own:.6g} or more"
         raise InputError(problem, where="recording.every", hint=hint)
     count = int(np.floor((times[-1] - times[0]) / step + CLOCK_TOLERANCE)) + 1
-    if count < MIN_SAMPLES:
-        problem = f"a step of {step:g} leaves {count} samples: at least {MIN_SAMPLES} are needed"
-        hint = f"set recording.every to {(times[-1] - times[0]) / MIN_SAMPLES:.3g} or less"
+    if count < fewest:
+        problem = f"a step of {step:g} leaves {count} samples: at least {fewest} are needed"
+        hint = f"set recording.every to {(times[-1] - times[0]) / fewest:.3g} or less"
         raise InputError(problem, where="recording.every", hint=hint)
     if count > MAX_SAMPLES:
         problem = f"a step of {step:.6g} from {times[0]:g} to {times[-1]:g} gives {count} samples"

@@ -17,8 +17,8 @@ from dashred.data.sensors import check_names
 
 # A separate random stream, so that no other use of the seed changes the roles of the sensors.
 RNG_STREAM = 0x5E25
-# With fewer sensors than this, no sensors are drawn to be held out.
-MIN_SENSORS = 5
+# No more sensors are drawn to be held out than leave this many to be fitted.
+MIN_FITTED = 4
 # With at least this many fit sensors, a third of them is kept from SHRED's input by default.
 MIN_SENSORS_FOR_EXTRA = 6
 # Share, and minimum number, of the samples of a held-out episode that determine its start.
@@ -73,8 +73,7 @@ def split_recording(recording: Recording, splits: Splits, seed: int) -> Split:
     """Assign a role to every sensor and split the time.
 
     Where ``splits.sensors`` gives a number, that many sensors are drawn with the seed, spread
-    over the domain; where it gives names, those sensors are taken. Fewer than 5 sensors are all
-    fitted, unless the configuration names some to hold out.
+    over the domain, but at least 4 are fitted; where it gives names, those sensors are taken.
 
     Raises:
         InputError: a named sensor does not exist or has two roles, no input sensor would be
@@ -105,7 +104,7 @@ def split_recording(recording: Recording, splits: Splits, seed: int) -> Split:
         tested=recording.select(test),
         time_end=float(times[last]),
         fit_end=float(times[fit_last]),
-        note=_note(recording, validate, test, float(times[fit_last]), float(times[last])),
+        note=_note(recording, splits, validate, test, float(times[fit_last]), float(times[last])),
     )
 
 
@@ -140,11 +139,11 @@ def _held_out(
     named = {"validate": splits.sensors.validate, "test": splits.sensors.test}
     roles = {role: _named(recording, role, wanted) for role, wanted in named.items()}
     check_names([*roles["validate"], *roles["test"]], "splits.sensors")
-    counts = {role: _count(recording, wanted) for role, wanted in named.items()}
+    counts = _counts(recording, splits)
     taken = [recording.names.index(name) for names in roles.values() for name in names]
     free = [index for index in range(len(recording.sensors)) if index not in taken]
-    if len(free) <= sum(counts.values()):
-        raise _too_few(recording, len(taken) + sum(counts.values()))
+    if not free:
+        raise _too_few(recording)
     drawn = farthest_points(
         _positions(recording), sum(counts.values()), rng, candidates=free, already_chosen=taken
     )
@@ -166,14 +165,22 @@ def _named(recording: Recording, role: str, wanted: Any) -> list[str]:
     return list(wanted)
 
 
-def _count(recording: Recording, wanted: Any) -> int:
-    few = len(recording.sensors) < MIN_SENSORS
-    return wanted if isinstance(wanted, int) and not few else 0
+def _counts(recording: Recording, splits: Splits) -> dict[str, int]:
+    """Return how many sensors are drawn for each role; few sensors keep the ratio of the roles."""
+    wanted = {"validate": splits.sensors.validate, "test": splits.sensors.test}
+    numbers = {role: value if isinstance(value, int) else 0 for role, value in wanted.items()}
+    named = sum(0 if isinstance(value, int) else len(value) for value in wanted.values())
+    total = sum(numbers.values())
+    most = max(0, len(recording.sensors) - named - MIN_FITTED)
+    if total <= most:
+        return numbers
+    test = round(most * numbers["test"] / total)
+    return {"validate": most - test, "test": test}
 
 
-def _too_few(recording: Recording, held_out: int) -> InputError:
-    problem = f"{len(recording.sensors)} sensors are too few to hold out {held_out} of them"
-    hint = "lower splits.sensors.validate or splits.sensors.test: at least one sensor is fitted"
+def _too_few(recording: Recording) -> InputError:
+    problem = f"all {len(recording.sensors)} sensors are held out"
+    hint = "name fewer in splits.sensors.validate or splits.sensors.test: at least one is fitted"
     return InputError(problem, where="splits.sensors", hint=hint)
 
 
@@ -217,6 +224,7 @@ def _ordered(recording: Recording, names: set[str]) -> tuple[str, ...]:
 
 def _note(
     recording: Recording,
+    splits: Splits,
     validate: Sequence[str],
     test: Sequence[str],
     fit_end: float,
@@ -233,4 +241,10 @@ def _note(
         if validate
         else f"their samples in {fit_end:.6g} < t <= {time_end:.6g} are used for validation"
     )
-    return f"{sensors}, {validated}, {len(test)} are test sensors; {held}."
+    wanted = sum(
+        value if isinstance(value, int) else len(value)
+        for value in (splits.sensors.validate, splits.sensors.test)
+    )
+    fewer = len(validate) + len(test) < wanted
+    why = f" With so few sensors, not all {wanted} are held out." if fewer else ""
+    return f"{sensors}, {validated}, {len(test)} are test sensors; {held}.{why}"

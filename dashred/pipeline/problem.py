@@ -126,8 +126,12 @@ class Problem:
         parts = (split.fit, split.validation, split.tested)
         reads = {s.name: s.reads for part in parts for s in part.sensors}
         episode = None if fault.episode is None else self.episodes[fault.episode].name
+        described = describe_fault(fault)
+        if len(self.episodes) > 1:
+            for curve, own in zip(described["curve"] or [], self.episodes, strict=False):
+                curve["episode"] = own.name
         return {
-            **describe_fault(fault),
+            **described,
             "reads": reads.get(fault.sensor),
             "axis": axes[0].name if len(axes) == 1 else None,
             "episode": episode,

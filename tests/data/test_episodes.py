@@ -124,8 +124,10 @@ def test_each_episode_keeps_its_own_clock_and_all_have_one_step():
 
 def test_a_step_that_leaves_too_little_of_an_episode_is_refused():
     episodes = Episodes((of("a", 0.0, 0.1, 100), of("b", 0.0, 0.1, 25)))
-    with pytest.raises(InputError, match=r"episode 'b': a step of 0\.2 leaves 13 samples"):
-        resample_all(episodes, 0.2)
+    with pytest.raises(InputError, match=r"episode 'b': a step of 0\.5 leaves 5 samples"):
+        resample_all(episodes, 0.5)
+    sampled, _ = resample_all(episodes, 0.2)
+    assert [len(part.recording.times) for part in sampled.episodes] == [50, 13]
 
 
 @pytest.mark.parametrize(
@@ -135,8 +137,8 @@ def test_a_step_that_leaves_too_little_of_an_episode_is_refused():
         ({"episode": ("sensor", ["a"])}, "'episode' has the dimensions"),
         ({"episode": ("time", ["a"] * 20 + ["b"] * 10 + ["a"] * 10)}, "sample 31, 'episode'"),
         (
-            {"episode": ("time", [1] * 20 + [2] * 10 + [3] * 10)},
-            "episode '2': 10 samples are too few",
+            {"episode": ("time", [1] * 20 + [2] * 5 + [3] * 15)},
+            "episode '2': 5 samples are too few",
         ),
     ],
 )

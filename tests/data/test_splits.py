@@ -109,6 +109,17 @@ def test_few_sensors_hold_out_time_alone(make_recording):
     assert "6.4 < t <= 8 are used for validation" in split.note
 
 
+@pytest.mark.parametrize(
+    ("sensors", "validate", "test"),
+    [(5, 0, 1), (6, 1, 1), (7, 1, 2), (8, 2, 2), (9, 2, 3), (12, 2, 3)],
+)
+def test_four_sensors_at_least_are_fitted(make_recording, sensors, validate, test):
+    split = split_recording(make_recording(sensors), wanted(), seed=1)
+    assert (len(split.validate), len(split.test)) == (validate, test)
+    assert len(split.fit.names) == sensors - validate - test >= 4
+    assert ("not all 5 are held out" in split.note) == (validate + test < 5)
+
+
 def test_few_sensors_are_held_out_when_named(make_recording):
     split = split_recording(make_recording(3), wanted(3, ["s1"]), seed=1)
     assert split.test == ("s1",)
@@ -125,8 +136,7 @@ def test_extra_sensors_by_default_and_by_number(make_recording):
 @pytest.mark.parametrize(
     ("sensors", "splits", "message"),
     [
-        (5, wanted(), "5 sensors are too few to hold out 5"),
-        (2, wanted(["s0"], ["s1"]), "2 sensors are too few to hold out 2"),
+        (2, wanted(["s0"], ["s1"]), "all 2 sensors are held out"),
         (12, wanted(["s3"], ["s3"]), "'s3' occurs twice"),
         (12, wanted(["s33"]), "did you mean s3"),
         (12, wanted(extra=7), "leave none of the 7 fit sensors"),

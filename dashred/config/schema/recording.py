@@ -40,7 +40,7 @@ class Recording:
 
 @dataclass
 class SensorSplit:
-    """Sensors that are not fitted. If a number is given, that many are drawn with the seed."""
+    """Sensors that are not fitted. A number is drawn with the seed; four at least stay fitted."""
 
     validate: Any
     """Sensors for early stopping and model selection: a number, or a list of names."""

@@ -18,6 +18,19 @@ Verdict = Literal[
 
 NotConverged = Literal["window-not-reached", "law-not-fitted", "misfit-unexplained"]
 
+
+class FaultCurve(TypedDict):
+    """The error of a sensor's readings over time, with its standard deviation.
+
+    `episode` is null for a recording of one episode.
+    """
+
+    episode: str | None
+    times: list[float]
+    value: list[float]
+    std: list[float]
+
+
 # `from` is a keyword of Python, so this cannot be written as a class.
 FaultySensor = TypedDict(
     "FaultySensor",
@@ -30,13 +43,15 @@ FaultySensor = TypedDict(
         "reads": str | None,
         "axis": str | None,
         "episode": str | None,
+        "curve": list[FaultCurve] | None,
     },
 )
 """A faulty sensor.
 
-`value` is the bias, the drift per unit time, the value at which the sensor is stuck from time
-`from`, the number of spikes, or the distance from the stated position along `axis`. `reads` is the
-field that the sensor reads. `episode` is null for a fault in all episodes.
+`fault` is a key of :data:`dashred.core.findings.fault_kinds.FAULT_KINDS`, which says what `value`
+is. A sensor is stuck from time `from` on; a misplaced one is displaced along `axis`. `reads` is the
+field that the sensor reads. `episode` is null for a fault in all episodes. `curve` is the error of
+a wandering sensor in each episode, and null for the other kinds.
 """
 
 Cause = TypedDict(
@@ -61,6 +76,7 @@ Cause = TypedDict(
         "reads": str | None,
         "axis": str | None,
         "episode": str | None,
+        "curve": list[FaultCurve] | None,
         # Outside the library: the evidence for a free forcing.
         "gain": float,
         # Not converged.

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dashred.core.errors import InputError, nearest
 from dashred.core.units import TIME
-from dashred.data.checks import check_input, checked_recording
+from dashred.data.checks import check_input, checked_recording, fewest_samples
 from dashred.data.episodes import Episode, EpisodeRows, Episodes, split_into_episodes
 from dashred.data.io.columns import Columns
 from dashred.data.io.csv_table import read_table, separator_hint
@@ -62,7 +62,8 @@ def episodes_of_table(
     values = np.empty((len(table), len(sensors)))
     for index, sensor in enumerate(sensors):
         values[:, index] = table.numbers(sensor.name)
-    times = table.numbers("time")
+    times, parts = table.numbers("time"), _episode_rows(table)
+    fewest = fewest_samples([part.count for part in parts])
 
     def episode(stretch: EpisodeRows) -> Episode:
         rows, first = stretch.rows, stretch.rows.start
@@ -71,12 +72,17 @@ def episodes_of_table(
             return table.location(first + row, column)
 
         recording = checked_recording(
-            sensors, times[rows], values[rows], path=stretch.location(path), place=place
+            sensors,
+            times[rows],
+            values[rows],
+            path=stretch.location(path),
+            place=place,
+            fewest=fewest,
         )
         driven = InputSignals(times[rows], {name: found[rows] for name, found in inputs.items()})
         return Episode(stretch.name, replace(recording, inputs=driven, units=stated.units))
 
-    return Episodes(tuple(map(episode, _episode_rows(table))))
+    return Episodes(tuple(map(episode, parts)))
 
 
 def _state_units(

@@ -16,7 +16,12 @@ from dashred.core.errors import InputError, nearest
 from dashred.core.files.damaged_files import reading_errors
 from dashred.core.files.external_links import check_hdf5
 from dashred.core.units import TIME, check_unit
-from dashred.data.checks import check_covered, check_input, checked_recording
+from dashred.data.checks import (
+    check_covered,
+    check_input,
+    checked_recording,
+    fewest_samples,
+)
 from dashred.data.episodes import Episode, EpisodeRows, Episodes, split_into_episodes
 from dashred.data.io.csv_table import SECONDS_AS_NUMBERS
 from dashred.data.io.stated_units import StatedUnits
@@ -61,6 +66,7 @@ def episodes_of_dataset(dataset: xr.Dataset, path: str, system: SystemDescriptio
     values = _numbers(dataset, "value", ("time", "sensor"), path)
     parts = _episode_rows(dataset, "episode", "time", path)
     inputs = _inputs(dataset, system, parts, path)
+    fewest = fewest_samples([part.count for part in parts])
 
     def episode(stretch: EpisodeRows, driven: InputSignals) -> Episode:
         rows, first = stretch.rows, stretch.rows.start
@@ -69,7 +75,12 @@ def episodes_of_dataset(dataset: xr.Dataset, path: str, system: SystemDescriptio
             return _location(path, first + row, sensor)
 
         recording = checked_recording(
-            sensors, times[rows], values[rows], path=stretch.location(path), place=place
+            sensors,
+            times[rows],
+            values[rows],
+            path=stretch.location(path),
+            place=place,
+            fewest=fewest,
         )
         if driven.values:
             check_covered(recording.times, driven.times, f"{stretch.location(path)}, 'input_time'")

@@ -16,6 +16,25 @@ from dashred.physics.window import Window
 
 # Two-sided 95 % of a normal distribution.
 Z95 = 1.959964
+# Kinds of faults that are special cases of another kind.
+SPECIAL_CASES = {"wandering": ("bias", "drift")}
+
+
+@dataclass(frozen=True)
+class ErrorCurve:
+    """The error of a sensor's readings over one episode.
+
+    Attributes:
+        times: times of the curve.
+        value: the error at these times, in the unit of the readings.
+        std: its posterior standard deviation.
+        episode: index of the episode, from 0.
+    """
+
+    times: tuple[float, ...]
+    value: tuple[float, ...]
+    std: tuple[float, ...]
+    episode: int = 0
 
 
 @dataclass(frozen=True)
@@ -23,13 +42,13 @@ class SensorFault:
     """A fault of one sensor.
 
     Attributes:
-        kind: bias, drift, stuck, spikes or misplaced.
+        kind: a key of :data:`dashred.core.findings.fault_kinds.FAULT_KINDS`.
         sensor: its name.
-        value: the bias, the drift per unit time, the value at which the sensor is stuck, the
-            number of spikes, or the distance from the stated position.
+        value: see :class:`dashred.core.findings.fault_kinds.FaultKind`.
         std: posterior standard deviation of ``value``; None for a count.
         begin: time from which the sensor is stuck; None for the other kinds.
         episode: index of the episode with the fault, from 0; None for all episodes.
+        curves: the error of a wandering sensor in every episode; empty for the other kinds.
     """
 
     kind: str
@@ -38,6 +57,13 @@ class SensorFault:
     std: float | None
     begin: float | None
     episode: int | None = None
+    curves: tuple[ErrorCurve, ...] = ()
+
+    @property
+    def parts(self) -> frozenset[str]:
+        """The fault, and the plainer faults that are special cases of it."""
+        kinds = (self.kind, *SPECIAL_CASES.get(self.kind, ()))
+        return frozenset(f"{kind} of {self.sensor}" for kind in kinds)
 
 
 @dataclass(frozen=True)
@@ -55,7 +81,7 @@ class Law:
         edges: posterior std of the window's unknowns; empty without a window.
         threshold: 95 % interval of the threshold of a window in a field; None without such a
             window, or where only the std is known.
-        fault: the fault of a sensor, in addition to the law; None without one.
+        faults: faults of sensors, in addition to the law, at most one of each sensor.
         start_prior_factor: factor by which the prior of the start is widened; 1 for the stated
             prior.
     """
@@ -69,7 +95,7 @@ class Law:
     residuals: Tensor
     edges: tuple[float, ...] = ()
     threshold: tuple[float, float] | None = None
-    fault: SensorFault | None = None
+    faults: tuple[SensorFault, ...] = ()
     start_prior_factor: float = 1.0
 
     @property
@@ -95,17 +121,11 @@ class Law:
         }
         if self.window is not None:
             found.add(f"in a {self.window.shape.kind} of {self.window.shape.of}")
-        return frozenset([*found, *self._other_causes])
+        return frozenset(found).union(self._start_parts, *(fault.parts for fault in self.faults))
 
     @property
-    def _other_causes(self) -> list[str]:
-        """The sensor fault and the wider prior of the start, as text."""
-        found = []
-        if self.fault is not None:
-            found.append(f"{self.fault.kind} of {self.fault.sensor}")
-        if self.start_prior_factor > 1:
-            found.append("start outside of its prior")
-        return found
+    def _start_parts(self) -> list[str]:
+        return ["start outside of its prior"] if self.start_prior_factor > 1 else []
 
     @property
     def is_extended(self) -> bool:
@@ -134,7 +154,8 @@ class Law:
             f"{candidate} × {value:.4g}"
             for candidate, value in zip(self.candidates, self.coefficients.tolist(), strict=True)
         ]
-        return ", ".join([*parts, *self._other_causes]) or "nothing"
+        faults = [f"{fault.kind} of {fault.sensor}" for fault in self.faults]
+        return ", ".join([*parts, *faults, *self._start_parts]) or "nothing"
 
 
 def build_selected_law(
@@ -217,7 +238,7 @@ def distinct_laws(laws: Sequence[Law]) -> list[Law]:
     """Return the best law of each form, in the order of their scores.
 
     Laws have the same form if they have the same candidates, in windows of the same kind, and the
-    same fault.
+    same faults.
     """
     kept: dict[object, Law] = {}
     for law in sorted(laws, key=lambda law: law.score):
@@ -227,8 +248,8 @@ def distinct_laws(laws: Sequence[Law]) -> list[Law]:
 
 def _form(law: Law) -> object:
     parts = tuple(sorted(_form_of(candidate) for candidate in law.candidates))
-    fault = (law.fault.kind, law.fault.sensor) if law.fault else None
-    return parts, fault, law.start_prior_factor
+    faults = frozenset((fault.kind, fault.sensor) for fault in law.faults)
+    return parts, faults, law.start_prior_factor
 
 
 def _form_of(candidate: Candidate) -> tuple[str, str, str]:

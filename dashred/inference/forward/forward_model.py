@@ -130,7 +130,7 @@ class ForwardModel:
             # The larger time step of the derivative may be unstable.
             jacobian = self.finer()._jacobian(z, xi)
         by_coefficients = jacobian[..., len(z) :]
-        if self.sensors.errors is not None:
+        if self.sensors.errors:
             [states] = self.states(z[None], xi[None])
             columns = self.sensors.columns(states, xi[self.slices.errors])
             by_coefficients = torch.cat(

@@ -148,17 +148,17 @@ class SensorBlock:
     Attributes:
         operator: H of the sensors of one episode.
         episodes: number of episodes; readings are ordered episode after episode.
-        errors: sensor errors; None without any.
+        errors: errors of different sensors, each with unknowns of its own.
     """
 
     operator: ObservationOperator
     episodes: int = 1
-    errors: SensorErrors | None = None
+    errors: tuple[SensorErrors, ...] = ()
 
     @property
     def count(self) -> int:
         """Number of unknowns."""
-        return len(self.errors.scales) if self.errors else 0
+        return sum(len(each.scales) for each in self.errors)
 
     @property
     def sensors(self) -> tuple[Sensor, ...]:
@@ -181,8 +181,10 @@ class SensorBlock:
             states: ``(batch, time, episode, field, *grid)``.
             unknowns: unknowns of the errors, ``(batch, unknown)``.
         """
-        exact = self.observe(states)
-        return self.errors.apply(exact, states, unknowns) if self.errors else exact
+        found = self.observe(states)
+        for each, own in zip(self.errors, self._split(unknowns), strict=True):
+            found = each.apply(found, states, own)
+        return found
 
     def columns(self, states: Tensor, unknowns: Tensor) -> Tensor:
         """Return the derivative of the readings of one run by the unknowns of the errors.
@@ -194,9 +196,14 @@ class SensorBlock:
             unknowns: unknowns of the errors, ``(unknown,)``.
         """
         exact = self.observe(states)
-        if self.errors is None:
-            return exact.new_zeros((*exact.shape, 0))
-        return self.errors.columns(exact, states, unknowns)
+        blocks = [
+            each.columns(exact, states, own)
+            for each, own in zip(self.errors, self._split(unknowns), strict=True)
+        ]
+        return torch.cat([exact.new_zeros((*exact.shape, 0)), *blocks], dim=-1)
+
+    def _split(self, unknowns: Tensor) -> tuple[Tensor, ...]:
+        return unknowns.split([len(each.scales) for each in self.errors], dim=-1)
 
 
 def _by_episode(operator: ObservationOperator, states: Tensor) -> Tensor:

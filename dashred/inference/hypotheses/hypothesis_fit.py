@@ -5,16 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import torch
 from torch import Tensor
 
 from dashred.inference.fit.law import Law, build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 from dashred.inference.fit.levenberg_marquardt import (
     FitResult,
+    growing_horizon_fits,
     minimise,
     minimise_growing_horizon,
     minimise_in_rounds,
 )
+from dashred.inference.sensor_faults.fault import Fault
+from dashred.inference.sensor_faults.faults_in_units import faults_in_units
 
 STEPS, TOLERANCE = 10, 1e-4
 # A hypothesis whose score exceeds the best by this much is rejected.
@@ -28,21 +32,24 @@ HORIZON_SHARES, NOISE_FACTORS = (0.17, 0.25, 0.5), (2.0, 4.0)
 LOST_CHI2 = 30.0
 # A fit that still has a larger χ²/n after the first round is not refined further.
 POOR_CHI2 = 3.0
+# `fit_growing_horizon`: tolerance of a fit that leaves far more than noise, the χ²/n above which a
+# fit is repeated over a growing horizon, and the first horizon.
+ROUGH_TOLERANCE, MAX_CHI2, FIRST_SAMPLES = 0.02, 1.5, 6
 
 
 @dataclass(frozen=True)
-class ExcludedSensor:
-    """A sensor that was excluded from a fit because it may be faulty.
+class ExcludedSensors:
+    """Sensors that were excluded from a fit because they may be faulty.
 
     Attributes:
-        without_fault: the hypothesis before the fault was added.
-        sensor: index of the sensor.
-        gain: decrease of F due to the fault, less its penalty, on the linearised problem. F of a
+        without_faults: the hypothesis before the faults were added.
+        sensors: columns of the sensors, one of each.
+        gain: decrease of F due to the faults, less their penalty, on the linearised problem. F of a
             nonlinear fit to all samples would not be comparable, because such a fit may get stuck.
     """
 
-    without_fault: HypothesisFit
-    sensor: int
+    without_faults: HypothesisFit
+    sensors: tuple[int, ...]
     gain: float
 
 
@@ -51,16 +58,18 @@ class HypothesisFit:
     """A hypothesis and its fit.
 
     Attributes:
-        law: the law and sensor fault that were fitted.
+        law: the law and the sensor faults that were fitted.
         objective: F, in its own unknowns.
         phi: its minimum, ``(unknown,)``.
-        excluded_sensor: the sensor that was excluded from the fit; None if all were used.
+        faults: the faults whose parameters are the last unknowns.
+        excluded: the sensors that were excluded from the fit; None if all were used.
     """
 
     law: Law
     objective: LeastSquaresProblem
     phi: Tensor
-    excluded_sensor: ExcludedSensor | None = None
+    faults: tuple[Fault, ...] = ()
+    excluded: ExcludedSensors | None = None
 
     @cached_property
     def normal(self) -> NormalEquations:
@@ -121,6 +130,38 @@ def replace_minimum(
     law = fit.law
     [before], _ = fit.objective.values(fit.phi[None])
     score = law.score - float(before) + fitted.cost
-    new_law = build_law(objective, fitted, score)
-    new_law = replace(new_law, fault=law.fault, start_prior_factor=law.start_prior_factor)
-    return HypothesisFit(new_law, objective, fitted.phi)
+    normal = objective.linearise(fitted.phi, fitted.readings)
+    new_law = build_law(objective, fitted, score, normal)
+    faults = faults_in_units(objective, fit.faults, normal) if fit.faults else law.faults
+    new_law = replace(new_law, faults=faults, start_prior_factor=law.start_prior_factor)
+    return HypothesisFit(new_law, objective, fitted.phi, fit.faults)
+
+
+def fit_growing_horizon(objective: LeastSquaresProblem, z: Tensor, bound: float) -> FitResult:
+    """Fit from the given unknowns; if that leaves more than noise, also over a growing horizon.
+
+    A fit under a narrow prior may end in a minimum from which the right one cannot be reached. F
+    increases with the number of samples, so a fit above the bound is given up early.
+    """
+    fitted = _fit_start(objective, z)
+    if not _is_poor(objective, fitted):
+        return fitted
+    begin = torch.zeros_like(z)
+    for grown in growing_horizon_fits(objective, begin, FIRST_SAMPLES):
+        if grown.cost > bound:
+            return fitted
+        begin = grown.phi
+    return min(fitted, _fit_start(objective, begin), key=lambda each: each.cost)
+
+
+def _fit_start(objective: LeastSquaresProblem, z: Tensor) -> FitResult:
+    """Fit with a rough tolerance, then until convergence if no more than noise is left."""
+    fitted = minimise(objective, z, STEPS, ROUGH_TOLERANCE)
+    if _is_poor(objective, fitted):
+        return fitted
+    return minimise(objective, fitted.phi, STEPS, TOLERANCE)
+
+
+def _is_poor(objective: LeastSquaresProblem, fitted: FitResult) -> bool:
+    """Tell whether a fit leaves more than noise."""
+    return not fitted.chi2 < MAX_CHI2 * objective.noise.count

@@ -8,7 +8,7 @@ from typing import cast
 
 from torch import Tensor
 
-from dashred.core.findings.cause_schema import Cause, FaultySensor, Verdict
+from dashred.core.findings.cause_schema import Cause, FaultCurve, FaultySensor, Verdict
 from dashred.inference.fit.law import Law, SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.hypotheses.result import MIN_FORCING_GAIN, Discovery
@@ -23,6 +23,15 @@ STUCK = 1.5
 
 def describe_fault(fault: SensorFault) -> FaultySensor:
     """Return a fault as data, without the quantity and the position of its sensor."""
+    curves: list[FaultCurve] = [
+        {
+            "episode": None,
+            "times": list(curve.times),
+            "value": list(curve.value),
+            "std": list(curve.std),
+        }
+        for curve in fault.curves
+    ]
     return {
         "sensor": fault.sensor,
         "fault": fault.kind,
@@ -32,6 +41,7 @@ def describe_fault(fault: SensorFault) -> FaultySensor:
         "reads": None,
         "axis": None,
         "episode": None,
+        "curve": curves or None,
     }
 
 
@@ -93,7 +103,7 @@ def _not_converged(discovery: Discovery, unexplained: float | None) -> Cause | N
         cause["reason"] = "law-not-fitted"
         cause["misfit"], cause["misfit_of_all"] = discovery.best.chi2, discovery.free_chi2
         return cause
-    is_empty = not discovery.best.candidates and discovery.best.fault is None
+    is_empty = not discovery.best.candidates and not discovery.best.faults
     if (
         is_empty
         and unexplained is not None
@@ -117,10 +127,11 @@ def _causes(discovery: Discovery, details: FaultDetails) -> list[Cause]:
     for kind in sorted(probabilities, key=lambda kind: -probabilities[kind]):
         law, probability = best[kind], min(1.0, probabilities[kind])
         causes.append(_cause(kind, probability, law, details))
-        # A law and a fault may both be true; the law comes first.
-        if law.fault is not None and law.candidates:
-            probability = _probability_of_fault(law.fault, probable)
-            causes.append(_sensor_fault(probability, details(law.fault)))
+        # A law and several faults may all be true; the law comes first.
+        others = law.faults if law.candidates else law.faults[1:]
+        for fault in others:
+            probability = _probability_of_fault(fault, probable)
+            causes.append(_sensor_fault(probability, details(fault)))
     return causes
 
 
@@ -129,7 +140,7 @@ def _probability_of_fault(fault: SensorFault, probable: Sequence[tuple[Law, floa
     found = [
         p
         for law, p in probable
-        if law.fault and (law.fault.kind, law.fault.sensor) == (fault.kind, fault.sensor)
+        if (fault.kind, fault.sensor) in {(each.kind, each.sensor) for each in law.faults}
     ]
     return min(1.0, math.fsum(found))
 
@@ -145,7 +156,7 @@ def _outside(discovery: Discovery) -> Cause:
 
 
 def _kind(law: Law) -> Verdict:
-    if law.fault is not None and not law.candidates:
+    if law.faults and not law.candidates:
         return "sensor-fault"
     if law.start_prior_factor > 1:
         return "initial-condition"
@@ -160,8 +171,8 @@ def _kind(law: Law) -> Verdict:
 
 def _cause(kind: Verdict, probability: float, law: Law, details: FaultDetails) -> Cause:
     """Return the cause for the best law of a kind."""
-    if law.fault is not None and not law.candidates:
-        return _sensor_fault(probability, details(law.fault))
+    if law.faults and not law.candidates:
+        return _sensor_fault(probability, details(law.faults[0]))
     touched = {term.equation for candidate in law.candidates for term in candidate.terms}
     cause: Cause = {"kind": kind, "probability": probability, "where": None}
     if law.start_prior_factor > 1:

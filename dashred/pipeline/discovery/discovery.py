@@ -195,10 +195,8 @@ def _is_explained(problem: Problem, comparison: Comparison) -> bool:
     if is_noise_inflated(problem, comparison.noise):
         return False
     best = comparison.laws[0]
-    has_other_cause = (
-        best.window is not None or best.fault is not None or best.start_prior_factor > 1
-    )
-    return has_other_cause or comparison.forcing_gain <= MIN_FORCING_GAIN
+    has_other_cause = best.window is not None or best.faults or best.start_prior_factor > 1
+    return bool(has_other_cause) or comparison.forcing_gain <= MIN_FORCING_GAIN
 
 
 def _proposals(

@@ -69,13 +69,14 @@ def fit_noise(problem: Problem) -> NoiseModel:
 
 
 def noise_of_sound_sensors(problem: Problem, law: Law) -> NoiseModel:
-    """Return the noise of one episode, with the samples of a faulty sensor marked as missing.
+    """Return the noise of one episode, with the samples of faulty sensors marked as missing.
 
-    If there is only one sensor it is kept, because there would be nothing to fit.
+    If no other sensor is left they are kept, because there would be nothing to fit.
     """
     noise, names = fit_noise(problem), problem.split.fit.names
-    if law.fault is not None and len(names) > 1:
-        noise.available[:, names.index(law.fault.sensor)] = False
+    faulty = [names.index(fault.sensor) for fault in law.faults]
+    if len(faulty) < len(names):
+        noise.available[:, faulty] = False
     return noise
 
 

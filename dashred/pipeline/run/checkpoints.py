@@ -20,7 +20,7 @@ from numpy._core.multiarray import _reconstruct  # how NumPy pickles an array
 
 from dashred.core.files.atomic import atomic_file
 from dashred.core.progress import say
-from dashred.inference.fit.law import Law, SensorFault
+from dashred.inference.fit.law import ErrorCurve, Law, SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.forcing_map import ForcingMap
@@ -40,8 +40,8 @@ EXPRESSIONS = (
     *(nodes.Power, nodes.Call, nodes.Derivative, nodes.Flux),
 )
 RECORDS = (
-    *(AssimilationResult, SparseFit, Discovery, BestOfSize, Law, SensorFault, Candidate, Term),
-    *(Window, Shape, NoiseModel, ForcingMap, StoredNetwork, *EXPRESSIONS),
+    *(AssimilationResult, SparseFit, Discovery, BestOfSize, Law, SensorFault, ErrorCurve),
+    *(Candidate, Term, Window, Shape, NoiseModel, ForcingMap, StoredNetwork, *EXPRESSIONS),
 )
 ARRAYS: tuple[Any, ...] = (
     np.ndarray,

@@ -141,8 +141,8 @@ BAD = {
     ),
     "no sensor": (text(["time"] + [str(i) for i in range(20)]), "the recording has no sensor"),
     "short episode": (
-        text(["time,episode,u"] + [f"{i},{i // 25},1" for i in range(40)]),
-        "r.csv, episode '1': 15 samples are too few",
+        text(["time,episode,u"] + [f"{i},{i // 25},1" for i in range(30)]),
+        "r.csv, episode '1': 5 samples are too few: at least 6",
     ),
     "episode again": (
         text(["time,episode,u"] + [f"{i},{i // 20 % 2},1" for i in range(60)]),

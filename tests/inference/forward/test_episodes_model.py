@@ -24,10 +24,10 @@ from dashred.inference.forward.law_block import LawBlock, WindowedTerms
 from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
-from dashred.inference.hypotheses.sensors.fault_in_units import fault_in_units
-from dashred.inference.hypotheses.sensors.faults import Fault, fit_fault
-from dashred.inference.hypotheses.sensors.leave_one_sensor_out import add_fault
-from dashred.inference.hypotheses.sensors.suspected_faults import find_suspected_faults
+from dashred.inference.hypotheses.sensors.excluded_sensors import add_faults
+from dashred.inference.hypotheses.sensors.fault_fits import fit_faults
+from dashred.inference.sensor_faults.fault_search import FaultProblem
+from dashred.inference.sensor_faults.fault_table import SEARCHED_KINDS, fault_in_units
 from dashred.physics.forcing_basis import ForcingBasis
 from dashred.physics.window import onset
 from tests.swing import Swing, noisy
@@ -157,9 +157,10 @@ def test_a_bias_is_shared_by_all_episodes(swing, z):
     for part in recorded:
         part[:, 1] += 0.3
     posed = objective(swing, recorded)
-    fault = Fault("bias", 1, torch.zeros(61, dtype=torch.bool))
     begin = torch.cat([z, torch.tensor(XI, dtype=torch.float64)])
-    tested = fit_fault(posed, fault, begin, torch.zeros(1).double())
+    problem = FaultProblem.at(posed, begin, posed.linearise(begin))
+    [bias] = problem.add_each([1], ["bias"])
+    tested = fit_faults(posed, bias.faults, begin)
     assert float(tested.fitted.phi[-1]) == pytest.approx(0.3, abs=0.02)
 
 
@@ -168,7 +169,8 @@ def test_a_fault_of_one_episode_is_compared_with_its_sensor(swing, z):
     recorded[1][20:, 0] = recorded[1][20, 0]
     posed = objective(swing, recorded)
     phi = torch.cat([z, torch.tensor(XI, dtype=torch.float64)])
-    found = list(find_suspected_faults(posed, posed.linearise(phi)))
+    problem = FaultProblem.at(posed, phi, posed.linearise(phi))
+    found = [each.faults.faults[0] for each in problem.add_each(range(6), SEARCHED_KINDS)]
     kinds = [(fault.kind, fault.sensor) for fault in found]
     # The column is in the second of three episodes with two sensors each.
     assert ("stuck", 2) in kinds
@@ -178,7 +180,8 @@ def test_a_fault_of_one_episode_is_compared_with_its_sensor(swing, z):
     assert told.sensor == "place" and told.begin == pytest.approx(63.0, abs=0.2)
     assert told.episode == 1
     law = build_law(posed, minimise(posed, phi, 3, 1e-3), 0.0)
-    assert add_fault(HypothesisFit(law, posed, phi), stuck.sensor).law.fault is not None
+    [fault] = add_faults(HypothesisFit(law, posed, phi), (stuck.sensor,)).law.faults
+    assert fault.kind == "stuck"
 
 
 @pytest.mark.parametrize("block_size", [1, 100, 10**9])

@@ -39,7 +39,7 @@ def test_each_kind_of_law_has_its_verdict(flow: System) -> None:
 
 def test_a_sensor_and_the_start_may_be_the_cause(flow: System) -> None:
     fault = SensorFault("drift", "s03", 0.0123, 0.0011, None)
-    found, causes = verdict(laws.discovery(laws.law(fault=fault), laws.law(score=50.0)))
+    found, causes = verdict(laws.discovery(laws.law(faults=[fault]), laws.law(score=50.0)))
     assert found == causes[0]["kind"] == "sensor-fault"
     assert causes[0]["sensor"] == "s03"
     assert cause_text(causes[0]) == "sensor s03 drifts by 0.0123 ± 0.0011 per unit time"
@@ -48,7 +48,7 @@ def test_a_sensor_and_the_start_may_be_the_cause(flow: System) -> None:
     far = laws.law(widened=6.0, score=2.0)
     assert verdict(laws.discovery(laws.law(widened=3.0), far))[0] == "initial-condition"
     # Both may be true: the law comes first, and both are causes.
-    both = laws.law([laws.term(flow, "u", "u")], [1.0], fault=fault)
+    both = laws.law([laws.term(flow, "u", "u")], [1.0], faults=[fault])
     found, causes = verdict(laws.discovery(both, laws.law(score=50.0)))
     assert [cause["kind"] for cause in causes[:2]] == ["missing-term", "sensor-fault"]
     assert found == "missing-term" and causes[1]["sensor"] == "s03"
@@ -61,7 +61,7 @@ def test_a_sensor_and_the_start_may_be_the_cause(flow: System) -> None:
     assert doubtful["probability"] == pytest.approx(1 / (1 + math.exp(-0.5)))
     # Either of two causes of different kinds may be the right one.
     other = laws.law([laws.term(flow, "u", "u")], [1.0], score=3.0)
-    assert verdict(laws.discovery(laws.law(fault=fault), other))[0] == "ambiguous"
+    assert verdict(laws.discovery(laws.law(faults=[fault]), other))[0] == "ambiguous"
 
 
 def test_an_effect_beyond_the_best_law_is_outside_the_library(
@@ -154,7 +154,7 @@ def test_twice_the_noise_without_a_law_has_not_converged(flow: System, widened: 
     # A law, a fault or a free forcing has its verdict, whatever share is unexplained.
     law = laws.law([laws.term(flow, "u", "u")], [0.1])
     assert verdict(laws.discovery(law), 0.83)[0] == "missing-term"
-    fault = laws.law(fault=SensorFault("drift", "s03", 0.0123, 0.0011, None))
+    fault = laws.law(faults=[SensorFault("drift", "s03", 0.0123, 0.0011, None)])
     assert verdict(laws.discovery(fault), 0.83)[0] == "sensor-fault"
     assert verdict(laws.discovery(lawless, forcing_gain=30.0), 0.83)[0] == "outside-library"
 

@@ -101,7 +101,7 @@ def test_a_sensor_at_fault_has_no_part_in_it(tmp_path: Path) -> None:
     problem, _ = make_problem(tmp_path, momentum_off=0.7)
     fit = len(problem.split.fit.times)
     sound = law(problem.system, states[0])
-    faulty = replace(sound, fault=SensorFault("bias", "p", 0.7, 0.01, None))
+    faulty = replace(sound, faults=(SensorFault("bias", "p", 0.7, 0.01, None),))
     misled, runs = (restart(problem, found, states[:fit]) for found in (sound, faulty))
     expected = restart(alone, sound, states[:fit])
     for name, run in expected.items():

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, by_score, replace_minimum
-from dashred.inference.hypotheses.sensors.leave_one_sensor_out import add_fault
+from dashred.inference.hypotheses.sensors.excluded_sensors import add_faults
 from dashred.inference.initial_state.start_models import StartModel, project_state
 
 STEPS, TOLERANCE = 10, 1e-4
@@ -34,15 +34,14 @@ def eliminate_terms(fits: Sequence[HypothesisFit]) -> list[HypothesisFit]:
 
 def _can_be_refitted(fit: HypothesisFit) -> bool:
     """Tell whether a hypothesis has no terms, and no fault among its unknowns."""
-    has_fitted_fault = fit.law.fault is not None and fit.excluded_sensor is None
-    return not fit.law.candidates and not has_fitted_fault
+    return not fit.law.candidates and not fit.faults
 
 
 def _refit_from(fit: HypothesisFit, best: HypothesisFit) -> HypothesisFit | None:
     """Return a hypothesis fitted from the best one's initial state; None if F does not improve."""
-    if fit.excluded_sensor is not None:
-        without_fault = _refit_from(fit.excluded_sensor.without_fault, best)
-        return without_fault and add_fault(without_fault, fit.excluded_sensor.sensor)
+    if fit.excluded is not None:
+        without_faults = _refit_from(fit.excluded.without_faults, best)
+        return without_faults and add_faults(without_faults, fit.excluded.sensors)
     objective = fit.objective
     z = _express_start(best, objective.forward_model.start)
     phi = torch.cat([z, fit.phi[len(z) :]])

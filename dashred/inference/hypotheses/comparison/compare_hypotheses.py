@@ -40,10 +40,8 @@ from dashred.inference.hypotheses.hypothesis_fit import (
     refit,
 )
 from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN, MIN_FORCING_GAIN
-from dashred.inference.hypotheses.sensors.sensor_and_start_faults import (
-    fit_sensor_hypotheses,
-    fit_start_hypotheses,
-)
+from dashred.inference.hypotheses.sensors.fault_fits import fit_sensor_hypotheses
+from dashred.inference.hypotheses.sensors.start_hypotheses import fit_start_hypotheses
 from dashred.inference.hypotheses.windows.threshold_likelihood import profile_threshold
 from dashred.inference.hypotheses.windows.windowed_laws import fit_windowed_laws
 
@@ -112,8 +110,8 @@ def compare_hypotheses(
     )
     fits, forcing_gain = _fit_global_hypotheses(residual.best, residual.null), residual.forcing_gain
     base_fits = residual.base_fits()
-    if residual.fault is not None:
-        fits += residual.add_fault(base_fits)
+    if residual.faulty:
+        fits += residual.add_faults(base_fits)
     periodic_fits = _fit_periodic(residual, base_fits, additions)
     fits += periodic_fits
     leader = min(fits, key=by_score)
@@ -149,7 +147,7 @@ def _fit_periodic(
         for base in base_fits
         for fit in fit_periodic_laws(base, additions.tendency_rms, additions.global_count, bound)
     ]
-    return residual.add_fault(periodic_fits)
+    return residual.add_faults(periodic_fits)
 
 
 def _fit_local_and_extended(
@@ -168,7 +166,7 @@ def _fit_local_and_extended(
         local_fits = fit_windowed_laws(
             windowed_problem, additions.global_count, all_candidates, forcing, null_score, bound
         )
-        return residual.add_fault(local_fits)
+        return residual.add_faults(local_fits)
 
     first_fit = min([residual.best, *periodic_fits], key=by_score)
     fits, best_fit, nearest, forcing_gain = repeat_screening(
@@ -176,7 +174,7 @@ def _fit_local_and_extended(
     )
     if forcing_gain > MIN_FORCING_GAIN or len(best_fit.law.candidates) >= MAX_SIMPLE_TERMS:
         report(0.8, "screening terms beyond the library")
-        extended_fits = residual.add_fault(_fit_extended(residual, additions, nearest, math.inf))
+        extended_fits = residual.add_faults(_fit_extended(residual, additions, nearest, math.inf))
         forcing_gain = _update_gain(extended_fits, best_fit, forcing_gain, additions.tendency_rms)
         fits += extended_fits
     return fits, forcing_gain
@@ -217,11 +215,11 @@ def _refit_rivals_beside_fault(
     Without the fault their scores could not be compared with that of the best law.
     """
     best_fit, noise = min(fits, key=by_score), residual.full_problem.noise
-    if best_fit.law.fault is None or best_fit.law.keys != residual.best.law.keys:
+    if not best_fit.law.faults or best_fit.law.keys != residual.best.law.keys:
         return []
-    if residual.fault is not None:
+    if residual.faulty:
         refits = [refit(rival, replace(rival.objective, noise=noise)) for rival in rivals]
-        return residual.add_fault(refits)
+        return residual.add_faults(refits)
     bound = best_fit.law.score + AMBIGUITY_MARGIN
     refits = [refit_under_noise(rival, noise) for rival in rivals]
     with_faults = [fit for rival in refits for fit in fit_sensor_hypotheses(rival, bound)]

@@ -14,7 +14,7 @@ from dashred.inference.hypotheses.hypothesis_fit import (
     refine,
     refit,
 )
-from dashred.inference.hypotheses.sensors.leave_one_sensor_out import add_fault
+from dashred.inference.hypotheses.sensors.excluded_sensors import add_faults
 
 
 def estimate_noise_under_forcing(forcing: FreeForcing) -> NoiseModel:
@@ -40,14 +40,14 @@ def refit_under_best_noise(fits: Sequence[HypothesisFit]) -> list[HypothesisFit]
     plausible = [fit for fit in fits if fit.law.score < bound or not fit.law.parts]
     refits = [refit_under_noise(fit, noise) for fit in plausible]
     best = min(refits, key=by_score)
-    needs_refinement = best.law.candidates and best.law.fault is None
+    needs_refinement = best.law.candidates and not best.law.faults
     return [refine(fit) if fit is best and needs_refinement else fit for fit in refits]
 
 
 def refit_under_noise(fit: HypothesisFit, noise: NoiseModel) -> HypothesisFit:
     """Refit a hypothesis to the same samples under another noise."""
-    if fit.excluded_sensor is not None:
-        without_fault = refit_under_noise(fit.excluded_sensor.without_fault, noise)
-        return add_fault(without_fault, fit.excluded_sensor.sensor)
+    if fit.excluded is not None:
+        without_faults = refit_under_noise(fit.excluded.without_faults, noise)
+        return add_faults(without_faults, fit.excluded.sensors)
     problem = fit.objective
     return refit(fit, replace(problem, noise=replace(noise, available=problem.noise.available)))

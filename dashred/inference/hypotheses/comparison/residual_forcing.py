@@ -17,12 +17,11 @@ from dashred.inference.hypotheses.forcing_map import ForcingMap, build_forcing_m
 from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.result import MIN_FORCING_GAIN
-from dashred.inference.hypotheses.sensors.faults import Fault
-from dashred.inference.hypotheses.sensors.leave_one_sensor_out import (
-    add_fault_or_refit,
-    find_sensor_fault,
-    refit_forcing_without_sensor,
-    refit_simulator_without_sensor,
+from dashred.inference.hypotheses.sensors.excluded_sensors import (
+    add_faults_or_refit,
+    find_faults_beside_forcing,
+    refit_forcing_without_sensors,
+    refit_simulator_without_sensors,
 )
 
 # A law with more terms may imitate a law in a window or beyond the library. A law with just as many
@@ -52,8 +51,8 @@ class ResidualForcing:
             another law. All fits then use the noise that a free forcing leaves.
         forcing_map: the map of a forcing on top of the uncorrected simulator; None if nothing is
             unclear or if a forcing alone loses the recording.
-        fault: a sensor fault that the forcings do not explain; they are fitted without this sensor.
-            None if there is none.
+        faulty: columns of sensors whose faults the forcings do not explain; they are fitted without
+            these sensors.
     """
 
     full_problem: LeastSquaresProblem
@@ -63,25 +62,25 @@ class ResidualForcing:
     forcing_gain: float
     is_unclear: bool
     forcing_map: ForcingMap | None = None
-    fault: Fault | None = None
+    faulty: tuple[int, ...] = ()
 
     @property
     def best_forcing(self) -> FreeForcing:
         """The forcing with the smallest residual."""
         return self.forcings[-1]
 
-    def add_fault(self, laws: list[HypothesisFit]) -> list[HypothesisFit]:
-        """Return laws that were fitted without the faulty sensor, with its fault added."""
-        return laws if self.fault is None else add_fault_or_refit(laws, self.fault.sensor)
+    def add_faults(self, laws: list[HypothesisFit]) -> list[HypothesisFit]:
+        """Return laws that were fitted without the faulty sensors, with their faults added."""
+        return add_faults_or_refit(laws, self.faulty) if self.faulty else laws
 
     def base_fits(self) -> list[HypothesisFit]:
         """Return the fits to which terms may be added: the law, if any, and the null.
 
-        If a sensor is at fault, only the null is returned, fitted without this sensor.
+        If sensors are at fault, only the null is returned, fitted without these sensors.
         """
-        if self.fault is not None:
+        if self.faulty:
             noise = self.full_problem.noise
-            return [refit_simulator_without_sensor(self.null, self.best_forcing, noise)]
+            return [refit_simulator_without_sensors(self.null, self.best_forcing, noise)]
         return [self.best, self.null] if self.best.law.candidates else [self.null]
 
 
@@ -113,14 +112,14 @@ def fit_residual_forcing(
 def _resolve_unclear(
     residual: ResidualForcing, tendency_rms: Tensor, report: Report
 ) -> ResidualForcing:
-    """Return an unclear case with its forcings, their noise, and a sensor fault if there is one."""
+    """Return an unclear case with its forcings, their noise, and the faulty sensors."""
     forcings, forcing_map = _choose_forcings(residual, tendency_rms)
-    fault = find_sensor_fault(forcings[-1])
-    if fault is not None:
-        report(0.3, f"a sensor fault ({fault.kind}): continuing without this sensor")
-        forcings = tuple(
-            refit_forcing_without_sensor(forcing, fault.sensor) for forcing in forcings
-        )
+    faults = find_faults_beside_forcing(forcings[-1]).faults
+    faulty = tuple(fault.sensor for fault in faults)
+    if faulty:
+        kinds = ", ".join(fault.kind for fault in faults)
+        report(0.3, f"sensor faults ({kinds}): continuing without these sensors")
+        forcings = tuple(refit_forcing_without_sensors(each, faulty) for each in forcings)
     noise = estimate_noise_under_forcing(forcings[-1])
     return replace(
         residual,
@@ -129,7 +128,7 @@ def _resolve_unclear(
         null=refit_under_noise(residual.null, noise),
         forcings=forcings,
         forcing_map=forcing_map,
-        fault=fault,
+        faulty=faulty,
     )
 
 

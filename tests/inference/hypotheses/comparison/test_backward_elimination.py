@@ -12,7 +12,7 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.hypotheses.comparison.backward_elimination import eliminate_terms
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
-from dashred.inference.hypotheses.sensors.leave_one_sensor_out import add_fault
+from dashred.inference.hypotheses.sensors.excluded_sensors import add_faults
 from dashred.inference.initial_state.start_models import ScaledStart
 from tests.waves import Waves, fitted
 
@@ -79,9 +79,8 @@ def test_a_wider_prior_is_refitted_from_the_best_start(waves: Waves) -> None:
 
 def test_a_sensor_fault_is_kept(waves: Waves) -> None:
     law, nothing = fits(waves, 0.0)
-    lost = add_fault(displaced(nothing), 0)
+    lost = add_faults(displaced(nothing), (0,))
     [found] = eliminate_terms([lost, law])
-    excluded_sensor = found.excluded_sensor
-    assert excluded_sensor is not None and excluded_sensor.sensor == 0
-    assert found.law.fault is not None
-    assert excluded_sensor.without_fault.law.score == pytest.approx(nothing.law.score, abs=0.1)
+    excluded = found.excluded
+    assert excluded is not None and excluded.sensors == (0,)
+    assert excluded.without_faults.law.score == pytest.approx(nothing.law.score, abs=0.1)

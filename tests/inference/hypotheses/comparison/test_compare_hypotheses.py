@@ -21,9 +21,9 @@ from dashred.inference.hypotheses.extended.nonlinear_constants import parse_tuna
 from dashred.inference.hypotheses.free_forcing import fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN, MIN_FORCING_GAIN
-from dashred.inference.hypotheses.sensors.leave_one_sensor_out import (
-    add_fault,
-    add_fault_or_refit,
+from dashred.inference.hypotheses.sensors.excluded_sensors import (
+    add_faults,
+    add_faults_or_refit,
 )
 from dashred.physics.window import Shape, box, gate, onset
 from tests.waves import TIMES, Waves, fitted
@@ -157,8 +157,8 @@ def test_a_faulty_sensor_is_found_together_with_a_law(waves: Waves) -> None:
     best = compare(waves, recorded).laws[0]
     assert term(best) == "u: u**2" and best.window is None
     assert abs(float(best.coefficients[0]) + 0.15) < 4 * float(best.std[0]) < 0.05
-    fault = best.fault
-    assert fault is not None and fault.std is not None
+    [fault] = best.faults
+    assert fault.std is not None
     assert (fault.kind, fault.sensor) == ("bias", "s2")
     assert abs(fault.value - 0.4) < 4 * fault.std < 0.1
 
@@ -175,7 +175,7 @@ def test_rivals_are_compared_with_the_fault_too(waves: Waves) -> None:
     null = fitted_law(waves, recorded, [])
     found = compare_hypotheses(everything, best, null, [rival], additions, lambda *_: None)
     first, second = found.laws[:2]
-    assert all(law.fault and law.fault.sensor == "s2" for law in (first, second))
+    assert all([each.sensor for each in law.faults] == ["s2"] for law in (first, second))
     assert second.score - first.score < AMBIGUITY_MARGIN
     keys = [{candidate.key for candidate in law.candidates} for law in (first, second)]
     assert {"u: u"} in keys and {"u: u", "v: 1"} in keys
@@ -202,10 +202,10 @@ def test_a_fault_without_gain_is_rejected(waves: Waves, bias: float) -> None:
     objective = replace(whole, noise=replace(whole.noise, available=seen))
     found = minimise(objective, fitted(objective), 6, 1e-4)
     without_fault = HypothesisFit(build_law(objective, found, found.cost), objective, found.phi)
-    with_fault = add_fault(without_fault, 2).excluded_sensor
-    assert with_fault is not None and (with_fault.gain > 0) == bool(bias)
-    fits = add_fault_or_refit([without_fault], 2)
-    assert all((fit.law.fault is not None) == bool(bias) for fit in fits[:1])
+    excluded = add_faults(without_fault, (2,)).excluded
+    assert excluded is not None and (excluded.gain > 0) == bool(bias)
+    fits = add_faults_or_refit([without_fault], (2,))
+    assert all(bool(fit.law.faults) == bool(bias) for fit in fits[:1])
 
 
 def test_a_law_of_the_library_is_not_replaced_by_an_extended_one(waves: Waves) -> None:

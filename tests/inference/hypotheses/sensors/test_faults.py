@@ -21,10 +21,10 @@ from dashred.inference.forward.law_block import LawBlock
 from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
-from dashred.inference.hypotheses.sensors.fault_in_units import fitted_fault_in_units
-from dashred.inference.hypotheses.sensors.faults import fit_fault, predict_fault
-from dashred.inference.hypotheses.sensors.sensor_and_start_faults import fit_sensor_hypotheses
-from dashred.inference.hypotheses.sensors.suspected_faults import find_suspected_faults
+from dashred.inference.hypotheses.sensors.fault_fits import fit_faults, fit_sensor_hypotheses
+from dashred.inference.sensor_faults.fault import CountedParameters
+from dashred.inference.sensor_faults.fault_search import FaultProblem
+from dashred.inference.sensor_faults.fault_table import SEARCHED_KINDS
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
 from dashred.physics.solvers.simulate import simulate
 from tests import laws
@@ -64,7 +64,7 @@ def spiky(values: Tensor) -> Tensor:
     return values
 
 
-def fit_faults(objective: LeastSquaresProblem) -> tuple[float, list[SensorFault], float]:
+def searched(objective: LeastSquaresProblem) -> tuple[float, list[SensorFault], float]:
     """Return the score without a fault, the faults with the best first, and the best score."""
     phi = fitted(objective)
     [cost], _ = objective.values(phi[None])
@@ -73,7 +73,7 @@ def fit_faults(objective: LeastSquaresProblem) -> tuple[float, list[SensorFault]
     found = sorted((fit.law for fit in fits), key=lambda law: law.score)
     assert all(not law.candidates for law in found)
     best = found[0].score if found else float("inf")
-    return float(cost), [law.fault for law in found if law.fault], best
+    return float(cost), [fault for law in found for fault in law.faults], best
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_the_faulty_sensor_and_its_fault_are_found(
     waves: Waves, break_: Callable[[Tensor], Tensor], kind: str, sensor: str, value: float | None
 ) -> None:
     recorded = break_(waves.recorded(SIGMA, seed=3))
-    without, found, best = fit_faults(waves.objective(recorded, SIGMA))
+    without, found, best = searched(waves.objective(recorded, SIGMA))
     assert (found[0].kind, found[0].sensor) == (kind, sensor)
     assert best < without - 20
     if value is None:
@@ -104,7 +104,7 @@ def test_the_faulty_sensor_and_its_fault_are_found(
 def test_a_sensor_that_never_worked_is_stuck_from_the_first_sample(waves: Waves) -> None:
     recorded = waves.recorded(SIGMA, seed=3)
     recorded[:, 1] = 2.0
-    without, found, best = fit_faults(waves.objective(recorded, SIGMA))
+    without, found, best = searched(waves.objective(recorded, SIGMA))
     assert (found[0].kind, found[0].sensor, found[0].begin) == ("stuck", "s1", float(TIMES[0]))
     assert found[0].value == 2.0 and best < without - 20
 
@@ -119,27 +119,31 @@ def test_a_misplaced_sensor_is_found_with_its_distance(waves: Waves, off: float)
     believed = ObservationOperator(sensors, waves.system)
     forward_model = replace(objective.forward_model, sensors=SensorBlock(believed))
     wrong = replace(objective, forward_model=forward_model)
-    without, [best, *_], score = fit_faults(wrong)
+    without, [best, *_], score = searched(wrong)
     assert (best.kind, best.sensor) == ("misplaced", "s0") and score < without - 20
     assert best.std is not None and best.value == pytest.approx(off, abs=4 * best.std)
 
 
 def test_sound_sensors_are_not_suspected(waves: Waves) -> None:
     objective = waves.objective(waves.recorded(SIGMA, seed=5), SIGMA)
-    _, found, _ = fit_faults(objective)
+    _, found, _ = searched(objective)
     assert found == []
+
+
+def problem_at(objective: LeastSquaresProblem, phi: Tensor) -> FaultProblem:
+    """Return the linearised problem about a fit, without faults."""
+    return FaultProblem.at(objective, phi, objective.linearise(phi))
 
 
 def count_parameters(objective: LeastSquaresProblem) -> dict[str, set[tuple[int, float]]]:
     """Return by kind the numbers of fitted parameters and of parameters in the penalty."""
-    phi = torch.zeros(objective.modes, dtype=torch.float64)
-    normal = objective.linearise(phi)
-    [states] = objective.forward_model.states(*objective.split(phi[None]))
+    problem = problem_at(objective, torch.zeros(objective.modes, dtype=torch.float64))
     found: dict[str, set[tuple[int, float]]] = {}
-    for fault in find_suspected_faults(objective, normal):
-        own = predict_fault(objective, normal, fault, states).parameters
-        if len(own):
-            found.setdefault(fault.kind, set()).add((len(own), fault.parameter_count))
+    for added in problem.add_each(range(objective.recorded.shape[1]), SEARCHED_KINDS):
+        [fault], [parameters] = added.faults.faults, added.faults.parameters
+        if len(parameters) and isinstance(fault.complexity, CountedParameters):
+            own = found.setdefault(fault.kind, set())
+            own.add((len(parameters), fault.complexity.count))
     return found
 
 
@@ -166,12 +170,8 @@ def test_the_penalty_counts_every_parameter_that_is_fitted(waves: Waves, tmp_pat
 def test_the_prediction_agrees_with_the_fit_if_the_readings_are_nearly_linear(waves: Waves) -> None:
     objective = waves.objective(biased(waves.recorded(SIGMA, seed=3)), SIGMA)
     phi = fitted(objective)
-    normal = objective.linearise(phi)
-    [states] = objective.forward_model.states(*objective.split(phi[None]))
-    every = list(find_suspected_faults(objective, normal))
-    assert {fault.kind for fault in every} >= {"bias", "drift", "misplaced"}
-    right = next(f for f in every if (f.kind, f.sensor) == ("bias", 2))
-    found = predict_fault(objective, normal, right, states)
-    tested = fit_fault(objective, right, phi, found.parameters)
-    assert found.score == pytest.approx(tested.score, abs=15)
-    assert fitted_fault_in_units(objective, tested).sensor == "s2"
+    every = problem_at(objective, phi).add_each(range(6), SEARCHED_KINDS)
+    assert {each.faults.faults[0].kind for each in every} >= {"bias", "drift", "misplaced"}
+    right = next(each.faults for each in every if each.faults.key == {("bias", 2)})
+    tested = fit_faults(objective, right, phi)
+    assert right.score == pytest.approx(tested.score, abs=15)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
-from dashred.inference.hypotheses.sensors.sensor_and_start_faults import fit_start_hypotheses
+from dashred.inference.hypotheses.sensors.start_hypotheses import fit_start_hypotheses
 from dashred.inference.initial_state.start_models import ScaledStart
 from tests import laws
 from tests.waves import Waves, fitted

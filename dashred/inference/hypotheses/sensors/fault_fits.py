@@ -1,0 +1,151 @@
+"""Hypotheses that add faults of sensors to a law, fitted through the simulator."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from dashred.inference.fit.law import build_law
+from dashred.inference.fit.least_squares import LeastSquaresProblem
+from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, fit_growing_horizon
+from dashred.inference.sensor_faults.fault import Fault
+from dashred.inference.sensor_faults.fault_search import (
+    FaultProblem,
+    FaultSet,
+    find_faults,
+    largest_count,
+    without_samples,
+)
+from dashred.inference.sensor_faults.fault_table import SEARCHED_KINDS
+from dashred.inference.sensor_faults.faults_in_units import faults_in_units
+
+# Number of fault sets that are fitted, the best by the linearised problem first. MAX_REFITS of them
+# may be refitted over a growing horizon if they reduce the misfit below MAX_MISFIT_SHARE.
+MAX_FITS, MAX_REFITS, MAX_MISFIT_SHARE = 4, 2, 0.5
+# Number of times that the faults are searched again about the best fit with faults.
+ROUNDS = 3
+STEPS, TOLERANCE = 6, 1e-3
+# A fit with a larger χ²/n is repeated over a growing horizon.
+MAX_CHI2 = 1.5
+
+
+@dataclass(frozen=True)
+class FittedFaults:
+    """Faults that were fitted together with the initial state and the law.
+
+    Attributes:
+        found: the faults as predicted.
+        objective: F, without the samples that are not readings, with the parameters of the faults.
+        fitted: the minimum of F.
+    """
+
+    found: FaultSet
+    objective: LeastSquaresProblem
+    fitted: FitResult
+
+    @property
+    def score(self) -> float:
+        """``F + constants + penalty``."""
+        constant = sum(fault.constant for fault in self.found.faults)
+        return self.fitted.cost + constant + self.found.penalty
+
+
+def fit_sensor_hypotheses(fit: HypothesisFit, bound: float) -> list[HypothesisFit]:
+    """Return the hypotheses that add faults of one or several sensors to a fit.
+
+    Args:
+        fit: a law that acts everywhere, or the uncorrected simulator.
+        bound: faults with a worse predicted score are not fitted, except for the best ones if they
+            explain most of the misfit: the fit may have been dragged far by a faulty sensor.
+    """
+    objective, phi = fit.objective, fit.phi
+    [cost], _ = objective.values(phi[None])
+    penalty = fit.law.score - float(cost)
+    predicted = _predict(FaultProblem.at(objective, phi, fit.normal))
+    chosen = [
+        found
+        for rank, found in enumerate(predicted[:MAX_FITS])
+        if found.score + penalty < bound
+        or (not rank and found.cost < MAX_MISFIT_SHARE * float(cost))
+    ]
+    fits = sorted((fit_faults(objective, found, phi) for found in chosen), key=_score)
+    fits[:MAX_REFITS] = [_refit_if_poor(each, fit.law.chi2) for each in fits[:MAX_REFITS]]
+    fits += _search_again(objective, fits)
+    return [_hypothesis(each, penalty) for each in fits]
+
+
+def _predict(problem: FaultProblem) -> list[FaultSet]:
+    """Return the faults of single sensors, and the best faults of several, the best first."""
+    sensors, count = range(problem.objective.recorded.shape[1]), largest_count(problem.objective)
+    found = [each.faults for each in problem.add_each(sensors, SEARCHED_KINDS)]
+    if found and count > 1 and found[0].score < problem.faults.score:
+        several = find_faults(problem, sensors, SEARCHED_KINDS, count)
+        found += [several] if len(several.faults) > 1 else []
+    return sorted(found, key=lambda each: each.score)
+
+
+def _search_again(objective: LeastSquaresProblem, fits: list[FittedFaults]) -> list[FittedFaults]:
+    """Search faults about the trajectory of the best fit with faults, until they are the same."""
+    tried, further = {each.found.key for each in fits}, list[FittedFaults]()
+    for _ in range(ROUNDS if fits else 0):
+        best = min([*fits, *further], key=_score)
+        phi = best.fitted.phi[: objective.modes + len(objective.prior_std)]
+        problem = FaultProblem.at(objective, phi, objective.linearise(phi))
+        found = _predict(problem)[0]
+        if found.key in tried or found.score >= best.score:
+            break
+        tried.add(found.key)
+        further.append(fit_faults(objective, found, phi))
+    return further
+
+
+def fit_faults(objective: LeastSquaresProblem, found: FaultSet, phi: Tensor) -> FittedFaults:
+    """Fit initial state, law and faults together.
+
+    Args:
+        objective: F of the law.
+        found: the faults, with the parameters at which the fit begins.
+        phi: initial state and law at which it begins, ``(unknown,)``.
+    """
+    problem = objective
+    for fault in found.faults:
+        problem = _with_fault(problem, fault)
+    fitted = minimise(problem, torch.cat([phi, *found.parameters]), STEPS, TOLERANCE)
+    return FittedFaults(found, problem, fitted)
+
+
+def _with_fault(objective: LeastSquaresProblem, fault: Fault) -> LeastSquaresProblem:
+    """Return F with the parameters of a fault, and without the samples that it removes."""
+    problem = without_samples(objective, fault)
+    if fault.errors is None:
+        return problem
+    forward_model = problem.forward_model
+    sensors = replace(forward_model.sensors, errors=(*forward_model.sensors.errors, fault.errors))
+    return problem.with_unknowns(replace(forward_model, sensors=sensors), fault.errors.scales)
+
+
+def _refit_if_poor(fit: FittedFaults, chi2_without: float) -> FittedFaults:
+    """Refit faults that explain most of the misfit but leave more than noise.
+
+    A faulty sensor may have led the first fit far from the right minimum.
+    """
+    previous, count = fit.fitted, fit.objective.noise.count
+    if not MAX_CHI2 < previous.chi2 / count < MAX_MISFIT_SHARE * chi2_without:
+        return fit
+    return replace(fit, fitted=fit_growing_horizon(fit.objective, previous.phi, math.inf))
+
+
+def _hypothesis(fit: FittedFaults, penalty: float) -> HypothesisFit:
+    objective, fitted, faults = fit.objective, fit.fitted, fit.found.faults
+    normal = objective.linearise(fitted.phi, fitted.readings)
+    law = build_law(objective, fitted, fit.score + penalty, normal)
+    law = replace(law, faults=faults_in_units(objective, faults, normal))
+    return HypothesisFit(law, objective, fitted.phi, faults=faults)
+
+
+def _score(fit: FittedFaults) -> float:
+    return fit.score

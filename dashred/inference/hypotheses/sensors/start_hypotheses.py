@@ -1,0 +1,74 @@
+"""The hypothesis of an initial state outside its prior."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from dashred.inference.fit.law import build_law
+from dashred.inference.fit.least_squares import NormalEquations
+from dashred.inference.hypotheses.free_forcing import evidence
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, fit_growing_horizon
+from dashred.inference.initial_state.start_models import ScaledStart
+
+# Factors by which the prior of the initial state may be wider, and rounds of choosing one.
+FACTORS, MAX_ROUNDS = (2.5, 3.2, 4.0, 5.0, 6.4, 8.0), 2
+
+
+def fit_start_hypotheses(null: HypothesisFit, bound: float = math.inf) -> list[HypothesisFit]:
+    """Return the hypothesis of an initial state outside its prior, or none.
+
+    F always decreases under a wider prior. The score therefore contains the Laplace evidence of the
+    wider prior and a penalty for the factor. The linearised problem gives the factor.
+
+    Args:
+        null: the uncorrected simulator.
+        bound: a fit with a worse F is not repeated over a growing horizon.
+    """
+    objective, phi, normal = null.objective, null.phi, null.normal
+    factor = _best_factor(normal, 1.0)
+    if _evidence_of_factor(normal, factor) > _evidence_of_factor(normal, 1.0):
+        return []
+    z, start = phi / factor, objective.forward_model.start
+    for _ in range(MAX_ROUNDS):
+        problem = objective.with_start(ScaledStart(start, factor))
+        fitted = fit_growing_horizon(problem, z, bound)
+        normal_there = problem.linearise(fitted.phi, fitted.readings)
+        previous, factor = factor, _best_factor(normal_there, factor)
+        if factor == previous:
+            break
+        z = fitted.phi * previous / factor
+    plain = replace(normal_there, precision=normal_there.precision * previous**2)
+    wide_penalty = _penalty_part(_mean_evidence(normal_there, previous), normal_there)
+    plain_penalty = _penalty_part(_evidence_of_factor(plain, 1.0), plain)
+    penalty = wide_penalty - plain_penalty
+    score = fitted.cost + penalty + math.log(objective.noise.effective_count)
+    law = replace(build_law(problem, fitted, score, normal_there), start_prior_factor=previous)
+    return [HypothesisFit(law, problem, fitted.phi)]
+
+
+def _mean_evidence(normal: NormalEquations, factor: float) -> float:
+    """Return the evidence averaged over all factors, about a fit under one of them.
+
+    It is averaged because the best of many does well by chance.
+    """
+    values = [_evidence_of_factor(normal, wider / factor) for wider in FACTORS]
+    least = min(values)
+    shares = sum(math.exp((least - value) / 2) for value in values) / len(values)
+    return least - 2 * math.log(shares)
+
+
+def _penalty_part(value: float, normal: NormalEquations) -> float:
+    """Return the part of an evidence that is not the minimum of F: the penalty."""
+    return value - normal.minimum()
+
+
+def _best_factor(normal: NormalEquations, factor: float) -> float:
+    """Return the factor of the prior with the best evidence, about a fit under a given factor."""
+    return min(FACTORS, key=lambda wider: _evidence_of_factor(normal, wider / factor))
+
+
+def _evidence_of_factor(normal: NormalEquations, factor: float) -> float:
+    """Return the evidence of a prior that is wider by a factor."""
+    wide = replace(normal, precision=normal.precision / factor**2)
+    return evidence(wide, range(len(normal.phi)))

@@ -1,0 +1,1 @@
+"""Faults of sensors: kinds, candidates, and their search on a linearised problem."""

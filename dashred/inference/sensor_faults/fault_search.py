@@ -1,0 +1,216 @@
+"""Search for faults of one or several sensors on a linearised problem.
+
+A faulty sensor pulls the fit towards its own readings. All unknowns of the fit are therefore
+adjusted again for every fault that is tried (docs/method.md#sensor-faults).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
+from dashred.inference.sensor_faults.fault import Fault, count_sensors
+from dashred.inference.sensor_faults.fault_table import fault_candidates
+from dashred.inference.sensor_faults.linearised_fit import Columns, LinearisedFit
+
+
+@dataclass(frozen=True)
+class FaultSet:
+    """Faults of different sensors, as predicted by the linearised problem.
+
+    Attributes:
+        faults: at most one of each sensor.
+        cost: F at the minimum over all unknowns, with the constants of the faults.
+        penalty: penalty for the degrees of freedom of all faults.
+        parameters: parameters of each fault, ``(parameter,)``; empty if it only removes samples.
+        covariances: their posterior covariances.
+    """
+
+    faults: tuple[Fault, ...]
+    cost: float
+    penalty: float
+    parameters: tuple[Tensor, ...]
+    covariances: tuple[Tensor, ...]
+
+    @property
+    def score(self) -> float:
+        """``F + penalty``."""
+        return self.cost + self.penalty
+
+    @property
+    def key(self) -> frozenset[tuple[str, int]]:
+        """Kinds and sensors."""
+        return frozenset((fault.kind, fault.sensor) for fault in self.faults)
+
+
+@dataclass(frozen=True)
+class FaultProblem:
+    """A linearised problem with some faults, to which others may be added.
+
+    Attributes:
+        objective: F without the samples that the faults remove.
+        linear: F linearised about a fit, with the columns of the faults.
+        states: states of that fit, ``(time, episode, field, *grid)``.
+        faults: what was added.
+    """
+
+    objective: LeastSquaresProblem
+    linear: LinearisedFit
+    states: Tensor
+    faults: FaultSet
+
+    @classmethod
+    def at(
+        cls, objective: LeastSquaresProblem, phi: Tensor, normal: NormalEquations
+    ) -> FaultProblem:
+        """Return the problem without faults about a fit.
+
+        Args:
+            objective: F of a law.
+            phi: its fit, ``(unknown,)``.
+            normal: F linearised about this fit.
+        """
+        [states] = objective.forward_model.states(*objective.split(phi[None]))
+        linear = LinearisedFit.of(normal)
+        return cls(objective, linear, states, FaultSet((), linear.cost, 0.0, (), ()))
+
+    def add(self, fault: Fault) -> FaultProblem:
+        """Return the problem with a further fault, and its parameters at the new minimum.
+
+        The parameters of the earlier faults are those of the earlier minimum.
+        """
+        objective = without_samples(self.objective, fault)
+        linear, before = self.linear, self.faults
+        if fault.samples is not None:
+            removed = objective.noise.available != self.objective.noise.available
+            linear = linear.without_rows(removed.flatten())
+        constant = sum(each.constant for each in (*before.faults, fault))
+        parameters = covariance = information = torch.zeros(0, dtype=torch.float64)
+        cost = constant
+        if fault.errors is None:
+            cost += linear.cost
+        else:
+            columns = _linearise_errors(objective, fault, self.states)
+            estimate = linear.estimate(columns)
+            parameters, covariance = estimate.parameters, estimate.covariance
+            information = estimate.information
+            linear, cost = linear.with_columns(columns), cost + estimate.cost
+        own_penalty = fault.penalty(
+            information, objective.noise.effective_count, objective.recorded.shape[1]
+        )
+        faults = FaultSet(
+            (*before.faults, fault),
+            cost,
+            before.penalty + own_penalty,
+            (*before.parameters, parameters),
+            (*before.covariances, covariance),
+        )
+        return replace(self, objective=objective, linear=linear, faults=faults)
+
+    def add_each(self, sensors: Collection[int], kinds: Collection[str]) -> list[FaultProblem]:
+        """Return the problem with each fault of each sound sensor, the best of each kind.
+
+        Args:
+            sensors: columns of the sensors that may be faulty.
+            kinds: the kinds of faults that are tried.
+        """
+        best: dict[tuple[str, int], FaultProblem] = {}
+        for fault in self._candidates(sensors, kinds):
+            found, key = self.add(fault), (fault.kind, fault.sensor)
+            if key not in best or found.faults.score < best[key].faults.score:
+                best[key] = found
+        return sorted(best.values(), key=_by_score)
+
+    def _candidates(self, sensors: Collection[int], kinds: Collection[str]) -> Iterator[Fault]:
+        block = self.objective.forward_model.sensors
+        faulty = {block.sensors[fault.sensor].name for fault in self.faults.faults}
+        for sensor in sensors:
+            is_seen = bool(self.objective.noise.available[:, sensor].any())
+            if is_seen and block.sensors[sensor].name not in faulty:
+                found = fault_candidates(self.objective, self.linear, sensor)
+                yield from (fault for fault in found if fault.kind in kinds)
+
+
+def find_faults(
+    problem: FaultProblem,
+    sensors: Collection[int],
+    kinds: Collection[str],
+    count: int,
+    margin: float = 0.0,
+) -> FaultSet:
+    """Return the faults that lower the score, one sensor after the other.
+
+    The kind of every fault is then chosen again beside all others.
+
+    Args:
+        problem: a problem without faults.
+        sensors: columns of the sensors that may be faulty.
+        kinds: the kinds of faults that are tried.
+        count: largest number of faults.
+        margin: a fault must lower the score by more than this.
+    """
+    found = problem
+    for _ in range(count):
+        tried = found.add_each(sensors, kinds)
+        if not tried or tried[0].faults.score >= found.faults.score - margin:
+            break
+        found = tried[0]
+    faults = list(found.faults.faults)
+    if len(faults) < 2:
+        return found.faults
+    for index, fault in enumerate(faults):
+        others = _add_all(problem, [*faults[:index], *faults[index + 1 :]])
+        columns = problem.objective.forward_model.sensors.columns_of(fault.sensor)
+        faults[index] = others.add_each(columns, kinds)[0].faults.faults[-1]
+    return estimate_faults(problem, faults)
+
+
+def estimate_faults(problem: FaultProblem, faults: Sequence[Fault]) -> FaultSet:
+    """Return faults with the parameters of all of them at their common minimum."""
+    whole = _add_all(problem, faults)
+    parameters, covariances = [], []
+    for index in range(len(faults)):
+        own = _add_all(problem, [*faults[:index], *faults[index + 1 :], faults[index]]).faults
+        parameters.append(own.parameters[-1])
+        covariances.append(own.covariances[-1])
+    return replace(whole.faults, parameters=tuple(parameters), covariances=tuple(covariances))
+
+
+def without_samples(objective: LeastSquaresProblem, fault: Fault) -> LeastSquaresProblem:
+    """Return F without the samples that a fault removes."""
+    if fault.samples is None:
+        return objective
+    seen = objective.noise.available.clone()
+    seen[:, fault.sensor] &= ~fault.samples
+    return replace(objective, noise=replace(objective.noise, available=seen))
+
+
+def largest_count(objective: LeastSquaresProblem) -> int:
+    """Return how many sensors may be faulty: the sound ones must be more, except for one fault."""
+    return max(1, (count_sensors(objective) - 1) // 2)
+
+
+def _add_all(problem: FaultProblem, faults: Sequence[Fault]) -> FaultProblem:
+    for fault in faults:
+        problem = problem.add(fault)
+    return problem
+
+
+def _linearise_errors(objective: LeastSquaresProblem, fault: Fault, states: Tensor) -> Columns:
+    """Linearise the effect of a fault on the whitened readings about a first guess."""
+    noise, stated = objective.noise, objective.forward_model.sensors.observe(states)
+    errors = fault.errors
+    assert errors is not None
+    guess = errors.first_guess(states, objective.recorded, noise.std)
+    matrix = noise.whiten(errors.columns(stated, states, guess).movedim(-1, 0)).flatten(1).T
+    [shifted] = errors.apply(stated[None], states[None], guess[None])
+    effect = noise.whiten(shifted - stated).flatten()
+    return Columns(matrix, matrix @ guess - effect, errors.scales**-2)
+
+
+def _by_score(problem: FaultProblem) -> float:
+    return problem.faults.score
