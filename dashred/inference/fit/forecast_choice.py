@@ -1,4 +1,4 @@
-"""Choose the smallest law of a path whose forecast is about as good as the best.
+"""Choose the law of a few terms whose forecast is about as good as the best.
 
 A law of many terms usually makes up for something that no term of the library expresses. Each term
 lowers the misfit, but few of them matter. The forecast of the last part of the fitted record, from
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-# The evidence alone decides up to this number of terms.
+# The evidence alone decides up to this number of terms. A larger law is reduced to so many.
 MOST_TERMS = 4
 # Share of the fitted record to which the laws are fitted; the rest is forecast.
 FITTED_SHARE = 0.75

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -40,6 +40,10 @@ STUCK = 10.0
 # The largest set of the beam search, how many of each size are extended, and how many are refitted
 # in a round. Later rounds may add one candidate each to the winner of the round before.
 LARGEST, BEAM, REFITTED, ROUNDS = 4, 12, 8, 8
+# A winner of so many candidates gets no further one.
+LARGEST_WINNER = 8
+# How many sets of each size up to the largest are refitted about a winner of more candidates.
+SMALL_SETS = 3
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,16 @@ class SegmentSearch:
         """Return the states of a law in every segment, ``(segment, sample, field)``."""
         return self.problem.simulator.run(law.fit.point.nodes, *self.terms(law))
 
+    def with_best(self, law: SegmentLaw) -> SegmentSearch:
+        """Return the search with another law in the first place, instead of larger ones."""
+        others = [
+            other
+            for other in self.laws
+            if other is not law and len(other.members) <= len(law.members)
+        ]
+        told = replace(law, score=min(self.best.score, law.score))
+        return replace(self, laws=[told, *others])
+
     @property
     def best(self) -> SegmentLaw:
         """The set with the lowest score."""
@@ -95,7 +109,6 @@ def search(
     problem: WeakConstraintProblem,
     guesses: Sequence[np.ndarray],
     natural: NaturalScales,
-    proposals: Sequence[Set] = (),
 ) -> SegmentSearch:
     """Return the laws that explain the record.
 
@@ -103,7 +116,6 @@ def search(
         problem: F with its noise and starts; q and d are set here.
         guesses: first guesses of the nodes, ``(segment, field)`` each.
         natural: scales.
-        proposals: sets that are refitted in any case.
     """
     everything = tuple(range(len(problem.candidates)))
     states = [_state_alone(problem, nodes, natural) for nodes in guesses]
@@ -120,7 +132,31 @@ def search(
         factor = math.sqrt(max(left, LEAST) / EXPECTED)
         problem = problem.with_noise(factor * problem.noise_std)
     tight = _weighted(problem, natural, SELECTION, PRIOR)
-    return SegmentSearch(tight, natural, _select(tight, weighted, point, proposals))
+    return SegmentSearch(tight, natural, _select(tight, weighted, point))
+
+
+def search_further(
+    found: SegmentSearch, candidates: Sequence[Candidate], scales: np.ndarray
+) -> SegmentSearch:
+    """Return the laws of more candidates, selected about the best law of a search.
+
+    Args:
+        found: the earlier search.
+        candidates: further candidates.
+        scales: their natural scales, ``(candidate,)``.
+    """
+    before, point = found.problem, found.best.fit.point
+    problem = replace(
+        before,
+        candidates=(*before.candidates, *candidates),
+        prior_std=np.concatenate([before.prior_std, PRIOR * scales]),
+    )
+    natural = replace(
+        found.natural, coefficient=np.concatenate([found.natural.coefficient, scales])
+    )
+    begin = Point(point.nodes, np.concatenate([point.xi, np.zeros(len(candidates))]))
+    earlier = [law.members for law in found.laws[:REFITTED]]
+    return SegmentSearch(problem, natural, _select(problem, problem, begin, earlier))
 
 
 def _state_alone(
@@ -144,12 +180,13 @@ def _select(
     problem: WeakConstraintProblem,
     loose: WeakConstraintProblem,
     point: Point,
-    proposals: Sequence[Set],
+    proposals: Sequence[Set] = (),
 ) -> list[SegmentLaw]:
     """Refit promising sets about the winner of each round, until it stays."""
     fits: dict[Set, NodeFit] = {}
     _refit_all(problem, point, [(), *proposals], fits)
     everything, seen = range(len(problem.candidates)), problem.segments.seen
+    extended = [candidate.is_extended for candidate in problem.candidates]
     about, winner = loose, None
     for _ in range(ROUNDS):
         normal = about.linearise(point, everything)
@@ -157,7 +194,7 @@ def _select(
         if profiled is None:
             break
         linear = _in_coefficients(profiled, point.xi, about.prior_std)
-        sets = _promising(linear, fits, winner or (), seen)
+        sets = _promising(linear, fits, winner or (), seen, extended)
         _refit_all(problem, point, sets, fits)
         best = _ranked(problem, fits)[0]
         # The fit of a smaller set may get stuck far from its minimum; the winner is near to it.
@@ -169,8 +206,28 @@ def _select(
         if not math.isfinite(best.score) or best.members == winner:
             break
         point, about, winner = best.fit.point, problem, best.members
-    _refit_all(problem, _ranked(problem, fits)[0].fit.point, [(), *proposals], fits)
+    best = _ranked(problem, fits)[0]
+    smaller = _small_sets(problem, best, extended) if len(best.members) > LARGEST else []
+    _refit_all(problem, best.fit.point, [(), *proposals, *smaller], fits)
     return _ranked(problem, fits)
+
+
+def _small_sets(
+    problem: WeakConstraintProblem, best: SegmentLaw, extended: Sequence[bool]
+) -> list[Set]:
+    """Return promising sets of a few candidates, linearised about a law of many."""
+    normal = problem.linearise(best.fit.point, range(len(problem.candidates)))
+    profiled = None if normal is None else normal.profiled()
+    if profiled is None:
+        return []
+    linear = _in_coefficients(profiled, best.fit.point.xi, problem.prior_std)
+    kept: list[Set] = [()]
+    sets: list[Set] = []
+    for _ in range(LARGEST):
+        found = _predicted(linear, _with_one(kept, extended))
+        kept = sorted(found, key=found.__getitem__)[:BEAM]
+        sets += kept[:SMALL_SETS]
+    return sets
 
 
 def _refit_all(
@@ -212,7 +269,11 @@ def _in_coefficients(
 
 
 def _promising(
-    profiled: ProfiledProblem, fits: dict[Set, NodeFit], winner: Set, seen: int
+    profiled: ProfiledProblem,
+    fits: dict[Set, NodeFit],
+    winner: Set,
+    seen: int,
+    extended: Sequence[bool],
 ) -> list[Set]:
     """Return the sets with the best predicted scores, from a beam search and about the winner."""
     level = _level((fit.cost for fit in fits.values()), seen)
@@ -220,22 +281,30 @@ def _promising(
     costs: dict[Set, float] = {(): profiled.constant}
     kept: list[Set] = [()]
     for _ in range(min(LARGEST, len(profiled.target))):
-        found = _predicted(profiled, _with_one(kept, len(profiled.target)))
+        found = _predicted(profiled, _with_one(kept, extended))
         kept = sorted(found, key=found.__getitem__)[:BEAM]
         costs |= {members: found[members] for members in kept}
-    costs |= _predicted(profiled, _with_one([winner], len(profiled.target)))
+    if len(winner) < LARGEST_WINNER:
+        costs |= _predicted(profiled, _with_one([winner], extended))
     level = min(level, min(costs.values()) / seen)
     ranked = sorted(costs, key=lambda s: costs[s] / level + price * len(s))[:REFITTED]
     return [s for s in ranked if s not in fits or costs[s] < fits[s].cost - STUCK * level]
 
 
-def _with_one(sets: Sequence[Set], candidates: int) -> list[Set]:
-    """Return the sets with one candidate more."""
+def _with_one(sets: Sequence[Set], extended: Sequence[bool]) -> list[Set]:
+    """Return the sets with one candidate more, but at most one beyond the library.
+
+    Two functions beyond the library, such as a step and a smooth step, can make up for anything.
+
+    Args:
+        sets: indices of candidates.
+        extended: whether each candidate is beyond the library, ``(candidate,)``.
+    """
     grown = {
         tuple(sorted((*members, j)))
         for members in sets
-        for j in range(candidates)
-        if j not in members
+        for j, is_extended in enumerate(extended)
+        if j not in members and not (is_extended and any(extended[i] for i in members))
     }
     return sorted(grown)
 

@@ -129,6 +129,10 @@ class SegmentSimulator:
         """Return the same with other steps."""
         return self._with(self.segments, substeps)
 
+    def with_segments(self, segments: Segments) -> SegmentSimulator:
+        """Return the same over segments with the same times and other readings."""
+        return self._with(segments, self.substeps)
+
     def of_step(self, dt: float) -> SegmentSimulator:
         """Return the same with steps of at most ``dt``."""
         longest = float(np.diff(self.segments.times, axis=1).max())

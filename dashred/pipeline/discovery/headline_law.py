@@ -26,7 +26,7 @@ STEPS, TOLERANCE = 10, 1e-4
 def with_headline(
     discovery: Discovery, objective: LeastSquaresProblem, tried: Sequence[RefittedSet]
 ) -> Discovery:
-    """Return the discovery with the smallest law that forecasts as well as its best law.
+    """Return the discovery with the smallest law that forecasts as well as any of a few terms.
 
     A law of a few terms, and any law beside another cause, stays as it is.
 
@@ -38,10 +38,10 @@ def with_headline(
     best = discovery.best
     if len(best.candidates) <= MOST_TERMS or discovery.path_index is None:
         return discovery
-    path = _best_by_size(tried, len(best.candidates))
-    chosen = path[smallest_sufficient([_forecast(objective, each) for each in path])]
-    if len(chosen.members) == len(best.candidates):
+    path = _best_by_size(tried)
+    if not path:
         return discovery
+    chosen = path[smallest_sufficient([_forecast(objective, each) for each in path])]
     law = objective.subset(chosen.members)
     fitted = minimise(law, chosen.phi[objective.indices(chosen.members)], STEPS, TOLERANCE)
     told = build_law(law, fitted, best.score)
@@ -56,12 +56,12 @@ def told_instead(discovery: Discovery, told: Law) -> Discovery:
     return replace(discovery, laws=[told, *kept], also_supported=supported, free_chi2=told.chi2)
 
 
-def _best_by_size(tried: Sequence[RefittedSet], largest: int) -> list[RefittedSet]:
-    """Return the best set of each size, from one candidate to the largest."""
+def _best_by_size(tried: Sequence[RefittedSet]) -> list[RefittedSet]:
+    """Return the best set of each size, up to a few candidates."""
     best: dict[int, RefittedSet] = {}
     for each in sorted(tried, key=lambda found: found.cost):
         best.setdefault(len(each.members), each)
-    return [best[size] for size in sorted(best) if 0 < size <= largest]
+    return [best[size] for size in sorted(best) if 0 < size <= MOST_TERMS]
 
 
 def _forecast(objective: LeastSquaresProblem, tried: RefittedSet) -> Forecast:

@@ -1,16 +1,25 @@
-"""Choose the library of a search over segments: identities stay closed, one step beyond it is tried.
+"""Choose the library of a search over segments.
 
-The candidates of the library come first. Equations that only define a rate, such as ``x' = v``, get
-candidates if no law of the others explains the record. Terms one step beyond the library are used if
-a law with them is better by more than chance (docs/method.md#fit-over-segments).
+Equations that only define a rate, such as ``x' = v``, get candidates if no law of the others
+explains the record. Terms one step beyond the library are used if a law with them is better by more
+than chance (docs/method.md#fit-over-segments).
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
-from dashred.inference.hypotheses.extended.extended_library import extended_terms
-from dashred.inference.segments.search import SegmentLaw, SegmentSearch
+import numpy as np
+from numpy.typing import NDArray
+
+from dashred.inference.forward.candidates import Candidate
+from dashred.inference.hypotheses.extended.extended_library import (
+    build_extended_candidates,
+    extended_terms,
+)
+from dashred.inference.segments.equivalent_laws import merge_equivalent
+from dashred.inference.segments.natural_scales import natural_scales
+from dashred.inference.segments.search import SegmentLaw, SegmentSearch, search_further
 from dashred.physics.expressions import algebra
 from dashred.physics.library import build_library, default_terms
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
@@ -26,6 +35,8 @@ UNEXPLAINED, GAIN = 5.0, 0.5
 # A law beyond the library has to be better than those of the library by this difference in score.
 # With more candidates than this, no terms are added.
 EXTENSION_GAIN, MAX_CANDIDATES = 10.0, 200
+# A term beyond the library whose cosine with one of the library is larger is nearly proportional.
+ALIKE = 0.98
 
 
 def search_libraries(problem: Problem, nominal: NominalRun) -> tuple[Problem, SegmentSearch | None]:
@@ -55,27 +66,43 @@ def _extend(
     problem: Problem, nominal: NominalRun, found: SegmentSearch
 ) -> tuple[Problem, SegmentSearch]:
     """Add the terms beyond the library that a better law needs."""
-    terms = extended_terms(problem.system, problem.library)
-    if not terms or len(found.problem.candidates) + len(terms) > MAX_CANDIDATES:
+    states, times = nominal.references[0], problem.times
+    system, library = problem.system, problem.library
+    further = build_extended_candidates(system, library, states, times)
+    further = _distinct(found, further)
+    if not further or len(found.problem.candidates) + len(further) > MAX_CANDIDATES:
         return problem, found
-    wider = _identifiable(problem.with_extensions(terms), nominal)
-    again = search_library(wider, nominal, [_names(found, found.best)])
-    if again is None:
-        return problem, found
+    again = merge_equivalent(search_further(found, further, _scales(found, further)))
     within = next((law for law in again.laws if not _extended(again, law)), None)
     needed = _extended(again, again.best)
     if not needed or (within is not None and again.best.score > within.score - EXTENSION_GAIN):
         return problem, found
-    chosen = problem.with_extensions(
-        [term for term in terms if f"{term.equation}: {term}" in needed]
-    )
-    laws = search_library(chosen, nominal, [_names(again, again.best)])
-    return (problem, found) if laws is None else (chosen, laws)
+    terms = extended_terms(system, library)
+    chosen = [term for term in terms if f"{term.equation}: {term}" in needed]
+    return problem.with_extensions(chosen), again
 
 
-def _names(found: SegmentSearch, law: SegmentLaw) -> list[str]:
-    """Return the names of the candidates of a law."""
-    return [str(candidate) for candidate in found.terms(law)[0]]
+def _distinct(found: SegmentSearch, further: Sequence[Candidate]) -> list[Candidate]:
+    """Return the candidates that are not nearly proportional to a term of the same equation.
+
+    Two functions that are nearly proportional, such as a step and a smooth step, could make up for
+    anything by their difference.
+    """
+    weak, nodes = found.problem, found.best.fit.point.nodes
+    _, columns, equations, owners = weak.simulator.tendencies(nodes, [*weak.candidates, *further])
+    units = columns / np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), 1e-300)
+    alike = (np.abs(units @ units.T) > ALIKE) & (equations[:, None] == equations)
+    known = owners < len(weak.candidates)
+    taken = {int(j) for j in owners[alike[:, known].any(axis=1)]}
+    return [c for j, c in enumerate(further, start=len(weak.candidates)) if j not in taken]
+
+
+def _scales(found: SegmentSearch, further: Sequence[Candidate]) -> NDArray[np.float64]:
+    """Return the natural scales of further candidates, ``(candidate,)``."""
+    weak, nodes = found.problem, found.best.fit.point.nodes
+    return natural_scales(
+        weak.simulator, weak.sensors, further, nodes, found.natural.size
+    ).coefficient
 
 
 def _extended(found: SegmentSearch, law: SegmentLaw) -> set[str]:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
-from dashred.inference.forward.candidates import Candidate, build_candidates, indices_by_name
+from dashred.inference.forward.candidates import Candidate, build_candidates
 from dashred.inference.segments.equivalent_laws import merge_equivalent
 from dashred.inference.segments.natural_scales import natural_scales
-from dashred.inference.segments.search import SegmentSearch, Set, search
+from dashred.inference.segments.search import SegmentSearch, search
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 from dashred.physics.tangents.ode_tangents import has_ode_tangents
 from dashred.pipeline.problem import Problem
@@ -23,28 +22,21 @@ START_FACTOR = 3.0
 SEGMENT_SAMPLES, LOST = (4, 2, 1), 1e3
 
 
-def search_library(
-    problem: Problem, nominal: NominalRun, proposals: Sequence[Sequence[str]] = ()
-) -> SegmentSearch | None:
+def search_library(problem: Problem, nominal: NominalRun) -> SegmentSearch | None:
     """Return the laws of the library; None if none can be fitted or differentiated.
 
     Args:
         problem: recording, system and library.
         nominal: simulation that gives the prior of the start and the scales.
-        proposals: laws that are compared in any case, by the names of their candidates.
     """
     system = problem.system
-    candidates = build_candidates(
-        system, problem.library, nominal.references[0], problem.times, problem.extensions
-    )
-    index = indices_by_name(candidates)
-    sets = [tuple(sorted(index[name] for name in names)) for names in proposals]
+    candidates = build_candidates(system, problem.library, nominal.references[0], problem.times)
     terms = [term for candidate in candidates for term in candidate.terms]
     if not has_ode_tangents(system, terms):
         return None
     found = None
     for samples in SEGMENT_SAMPLES:
-        found = _search_once(problem, nominal, candidates, sets, samples)
+        found = _search_once(problem, nominal, candidates, samples)
         if found is not None and found.level < LOST:
             break
     return None if found is None else merge_equivalent(found)
@@ -54,7 +46,6 @@ def _search_once(
     problem: Problem,
     nominal: NominalRun,
     candidates: list[Candidate],
-    proposals: list[Set],
     samples: int,
 ) -> SegmentSearch | None:
     """Search over segments of so many samples; None if no set of terms can be fitted.
@@ -65,7 +56,7 @@ def _search_once(
     substeps = 1
     while True:
         record = segment_record(problem, nominal.prior.centre, nominal.prior, samples, substeps)
-        found = _search_record(record, candidates, proposals)
+        found = _search_record(record, candidates)
         if found is None:
             return None
         weak, nodes = found.problem, found.best.fit.point.nodes
@@ -77,9 +68,7 @@ def _search_once(
         substeps = resolved.substeps
 
 
-def _search_record(
-    record: SegmentedRecord, candidates: list[Candidate], proposals: list[Set]
-) -> SegmentSearch | None:
+def _search_record(record: SegmentedRecord, candidates: list[Candidate]) -> SegmentSearch | None:
     scales = natural_scales(
         record.simulator, record.sensors, candidates, record.guesses[-1], record.size
     )
@@ -93,5 +82,5 @@ def _search_record(
         start_std=START_FACTOR * record.start_std,
         prior_std=scales.coefficient,
     )
-    found = search(weak, record.guesses, scales, proposals)
+    found = search(weak, record.guesses, scales)
     return found if math.isfinite(found.best.score) else None

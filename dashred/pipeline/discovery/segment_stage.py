@@ -9,9 +9,11 @@ import torch
 
 from dashred.core.progress import stage
 from dashred.core.tracking import StageTracker
+from dashred.inference.fit.forecast_choice import MOST_TERMS
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.hypotheses.result import BestOfSize, Discovery
 from dashred.inference.segments.error_growth import error_growth
+from dashred.inference.segments.forecast import sufficient_law
 from dashred.inference.segments.search import SegmentLaw, SegmentSearch
 from dashred.inference.segments.segment_laws import law_from_segments, segment_noise
 from dashred.pipeline.discovery.law_metrics import log_best_by_size
@@ -70,7 +72,9 @@ def discover_in_segments(
         run: tracker of the child run of the discovery.
         seconds: run time by stage, updated.
     """
-    explained = is_explained(found)
+    explained, supported = is_explained(found), found.best
+    if len(supported.members) > MOST_TERMS:
+        found = found.with_best(sufficient_law(found))
     near = [law for law in found.laws if law.score < found.best.score + SCORE_MARGIN][:MAX_LAWS]
     empty = next(law for law in found.laws if not law.members)
     with stage("fit the law to the end", seconds) as report:
@@ -94,6 +98,11 @@ def discover_in_segments(
         path=path,
         refit_count=len(found.laws),
         forcing_gain=0.0 if explained else (level - 1) * found.problem.segments.seen,
+        also_supported=tuple(
+            candidate
+            for candidate in found.terms(supported)[0]
+            if candidate.key not in laws[0].keys
+        ),
     )
 
 

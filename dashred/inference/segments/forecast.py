@@ -1,0 +1,110 @@
+"""Forecast error of a law over segments: from the fitted states, over a few segments."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from dashred.inference.fit.forecast_choice import (
+    FITTED_SHARE,
+    MOST_TERMS,
+    Forecast,
+    forecast_of,
+    smallest_sufficient,
+)
+from dashred.inference.forward.candidates import Candidate
+from dashred.inference.segments.error_growth import error_growth
+from dashred.inference.segments.gauss_newton import fit_nodes
+from dashred.inference.segments.search import SegmentLaw, SegmentSearch
+from dashred.inference.segments.segments import Array, Segments
+
+Indices = NDArray[np.intp]
+
+# A forecast ends where an error of its start has grown by this factor: beyond, it says nothing
+# about the law. It takes at most this share of the last part of an episode.
+GROWTH, LONGEST_SHARE = 10.0, 0.5
+STEPS = 8
+
+
+def sufficient_law(search: SegmentSearch) -> SegmentLaw:
+    """Return the smallest law whose forecast is about as good as the best of a few terms."""
+    path: dict[int, SegmentLaw] = {}
+    for law in sorted(search.laws, key=lambda each: each.fit.cost):
+        path.setdefault(len(law.members), law)
+    laws = [path[size] for size in sorted(path) if 0 < size <= MOST_TERMS]
+    length = forecast_length(search)
+    return laws[smallest_sufficient([forecast(search, law, length) for law in laws])]
+
+
+def forecast_length(search: SegmentSearch) -> int:
+    """Return the number of segments of a forecast."""
+    segments = search.problem.segments
+    late = np.bincount(segments.episode[_last_part(segments)])
+    longest = LONGEST_SHARE * float(late.max())
+    rate = error_growth(search) / segments.count
+    return max(1, int(min(longest, math.log(GROWTH) / rate if rate > 0 else math.inf)))
+
+
+def forecast(search: SegmentSearch, law: SegmentLaw, length: int) -> Forecast:
+    """Return the error of forecasts in the last part of every episode, in σ.
+
+    The coefficients are fitted to the first part. The forecasts start from the fitted states.
+
+    Args:
+        search: gives the recording and its noise.
+        law: a set of candidates and its fit.
+        length: of a forecast, in segments.
+    """
+    problem, members = search.problem, list(law.members)
+    segments = problem.segments
+    late = _last_part(segments)
+    early = replace(segments, readings=np.where(late[:, None, None], np.nan, segments.readings))
+    first = replace(problem, simulator=problem.simulator.with_segments(early))
+    xi = fit_nodes(first, law.fit.point, members, STEPS).point.xi[members]
+    candidates, _ = search.terms(law)
+    states, origin = law.fit.point.nodes, np.arange(segments.count)
+    for _ in range(length):
+        states, origin = _one_segment_on(search, states, origin, candidates, xi)
+    apart = problem.sensors.read(problem.simulator.run(states, candidates, xi)) - segments.readings
+    # Only forecasts from within the last part count.
+    counts = late & (origin >= 0) & late[origin]
+    errors = np.where(np.isfinite(segments.readings), apart / problem.noise_std, np.nan)
+    return forecast_of(torch.from_numpy(errors[counts].reshape(-1, errors.shape[-1])))
+
+
+def _one_segment_on(
+    search: SegmentSearch,
+    states: Array,
+    origin: Indices,
+    candidates: Sequence[Candidate],
+    xi: Array,
+) -> tuple[Array, Indices]:
+    """Forecast every state to the beginning of the next segment.
+
+    Args:
+        search: gives the segments.
+        states: at the beginning of every segment, ``(segment, field)``.
+        origin: segment in which the forecast of each began, ``(segment,)``; -1 without one.
+        candidates: terms of the law.
+        xi: their coefficients.
+    """
+    simulator = search.problem.simulator
+    ends = simulator.run(states, candidates, xi)[:, -1]
+    follows = simulator.segments.follows
+    ahead, begun = states.copy(), np.full_like(origin, -1)
+    ahead[1:][follows], begun[1:][follows] = ends[:-1][follows], origin[:-1][follows]
+    return ahead, begun
+
+
+def _last_part(segments: Segments) -> NDArray[np.bool_]:
+    """Return which segments belong to the last part of their episode, ``(segment,)``."""
+    late = np.zeros(segments.count, dtype=bool)
+    for episode in range(len(segments.begins)):
+        mine = np.flatnonzero(segments.episode == episode)
+        late[mine[round(FITTED_SHARE * len(mine)) :]] = True
+    return late
