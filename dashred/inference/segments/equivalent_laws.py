@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from dashred.inference.segments.search import SegmentLaw, SegmentSearch
+from dashred.inference.segments.search import SegmentSearch
 from dashred.inference.segments.segments import Array
+from dashred.inference.segments.set_selection import SegmentLaw
 from dashred.physics.expressions.algebra import Call, Expr, Power, children
 
 # Laws whose tendencies differ by less than this share over the record, and whose scores differ by

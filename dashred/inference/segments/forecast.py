@@ -20,8 +20,9 @@ from dashred.inference.fit.forecast_choice import (
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.segments.error_growth import error_growth
 from dashred.inference.segments.gauss_newton import fit_nodes
-from dashred.inference.segments.search import SegmentLaw, SegmentSearch
+from dashred.inference.segments.search import SegmentSearch
 from dashred.inference.segments.segments import Array, Segments
+from dashred.inference.segments.set_selection import SegmentLaw
 
 Indices = NDArray[np.intp]
 

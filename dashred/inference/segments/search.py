@@ -9,56 +9,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 
-from dashred.inference.fit.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.segments.gauss_newton import NodeFit, fit_nodes
 from dashred.inference.segments.natural_scales import NaturalScales
+from dashred.inference.segments.set_selection import REFITTED, SegmentLaw, select
 from dashred.inference.segments.weak_constraint import Point, WeakConstraintProblem
-
-Set = tuple[int, ...]
 
 # Model error q, in units of rate · duration of a segment, and the prior of the coefficients, in
 # units of their natural scales.
 STATE_ALONE = (0.3, 0.1, 0.05)
 ALL_TERMS = ((0.1, 0.1), (0.03, 0.2), (0.01, 0.3))
 SELECTION, PRIOR = 0.003, 3.0
-# A set is refitted under a larger model error first, because most candidates have been removed.
-LOOSER = 0.03
 # Expected misfit per reading of all candidates together. If the misfit is far smaller, the noise
 # was overestimated.
 EXPECTED, OVERESTIMATED, LEAST, NOISE_ROUNDS = 0.5, 0.15, 1e-6, 3
-ANNEALING_STEPS, LOOSER_STEPS, REFIT_STEPS = 6, 4, 8
-LOOSE_TOLERANCE = 0.01
-# A set is refitted again if the linearisation about the winner predicts an F lower by this, in σ².
-STUCK = 10.0
-# The largest set of the beam search, how many of each size are extended, and how many are refitted
-# in a round. Later rounds may add one candidate each to the winner of the round before.
-LARGEST, BEAM, REFITTED, ROUNDS = 4, 12, 8, 8
-# A winner of so many candidates gets no further one.
-LARGEST_WINNER = 8
-# How many sets of each size up to the largest are refitted about a winner of more candidates.
-SMALL_SETS = 3
-
-
-@dataclass(frozen=True)
-class SegmentLaw:
-    """One set of candidates, refitted.
-
-    Attributes:
-        members: indices of its candidates, sorted.
-        fit: the nodes and coefficients, and F.
-        score: ``F/s² + k (ln n + 2 ln p)`` with s² the misfit of the best, lower is better.
-    """
-
-    members: Set
-    fit: NodeFit
-    score: float
+ANNEALING_STEPS = 6
 
 
 @dataclass(frozen=True)
@@ -132,7 +102,7 @@ def search(
         factor = math.sqrt(max(left, LEAST) / EXPECTED)
         problem = problem.with_noise(factor * problem.noise_std)
     tight = _weighted(problem, natural, SELECTION, PRIOR)
-    return SegmentSearch(tight, natural, _select(tight, weighted, point))
+    return SegmentSearch(tight, natural, select(tight, weighted, point))
 
 
 def search_further(
@@ -156,7 +126,7 @@ def search_further(
     )
     begin = Point(point.nodes, np.concatenate([point.xi, np.zeros(len(candidates))]))
     earlier = [law.members for law in found.laws[:REFITTED]]
-    return SegmentSearch(problem, natural, _select(problem, problem, begin, earlier))
+    return SegmentSearch(problem, natural, select(problem, problem, begin, earlier))
 
 
 def _state_alone(
@@ -174,163 +144,3 @@ def _weighted(
 ) -> WeakConstraintProblem:
     error = np.maximum(q * natural.rate * problem.segments.span, 1e-4 * natural.size)
     return problem.with_weights(error, prior * natural.coefficient)
-
-
-def _select(
-    problem: WeakConstraintProblem,
-    loose: WeakConstraintProblem,
-    point: Point,
-    proposals: Sequence[Set] = (),
-) -> list[SegmentLaw]:
-    """Refit promising sets about the winner of each round, until it stays."""
-    fits: dict[Set, NodeFit] = {}
-    _refit_all(problem, point, [(), *proposals], fits)
-    everything, seen = range(len(problem.candidates)), problem.segments.seen
-    extended = [candidate.is_extended for candidate in problem.candidates]
-    about, winner = loose, None
-    for _ in range(ROUNDS):
-        normal = about.linearise(point, everything)
-        profiled = None if normal is None else normal.profiled()
-        if profiled is None:
-            break
-        linear = _in_coefficients(profiled, point.xi, about.prior_std)
-        sets = _promising(linear, fits, winner or (), seen, extended)
-        _refit_all(problem, point, sets, fits)
-        best = _ranked(problem, fits)[0]
-        # The fit of a smaller set may get stuck far from its minimum; the winner is near to it.
-        while smaller := _without_one(best.members):
-            _refit_all(problem, best.fit.point, smaller, fits)
-            before, best = best, _ranked(problem, fits)[0]
-            if best.members == before.members:
-                break
-        if not math.isfinite(best.score) or best.members == winner:
-            break
-        point, about, winner = best.fit.point, problem, best.members
-    best = _ranked(problem, fits)[0]
-    smaller = _small_sets(problem, best, extended) if len(best.members) > LARGEST else []
-    _refit_all(problem, best.fit.point, [(), *proposals, *smaller], fits)
-    return _ranked(problem, fits)
-
-
-def _small_sets(
-    problem: WeakConstraintProblem, best: SegmentLaw, extended: Sequence[bool]
-) -> list[Set]:
-    """Return promising sets of a few candidates, linearised about a law of many."""
-    normal = problem.linearise(best.fit.point, range(len(problem.candidates)))
-    profiled = None if normal is None else normal.profiled()
-    if profiled is None:
-        return []
-    linear = _in_coefficients(profiled, best.fit.point.xi, problem.prior_std)
-    kept: list[Set] = [()]
-    sets: list[Set] = []
-    for _ in range(LARGEST):
-        found = _predicted(linear, _with_one(kept, extended))
-        kept = sorted(found, key=found.__getitem__)[:BEAM]
-        sets += kept[:SMALL_SETS]
-    return sets
-
-
-def _refit_all(
-    problem: WeakConstraintProblem, point: Point, sets: Sequence[Set], fits: dict[Set, NodeFit]
-) -> None:
-    """Refit sets from a point; an earlier, better fit stands."""
-    for members in sets:
-        fit = _refit(problem, point, members)
-        if members not in fits or fit.cost < fits[members].cost:
-            fits[members] = fit
-
-
-def _without_one(members: Set) -> list[Set]:
-    """Return the sets with one candidate fewer, but for the empty one."""
-    return [tuple(j for j in members if j != out) for out in members] if len(members) > 1 else []
-
-
-def _refit(problem: WeakConstraintProblem, point: Point, members: Set) -> NodeFit:
-    """Fit one set, under a looser model error first."""
-    looser = problem.with_weights(LOOSER / SELECTION * problem.model_error, problem.prior_std)
-    begun = fit_nodes(looser, point, members, LOOSER_STEPS, LOOSE_TOLERANCE)
-    return fit_nodes(problem, begun.point, members, REFIT_STEPS)
-
-
-def _in_coefficients(
-    profiled: tuple[np.ndarray, np.ndarray, float], xi: np.ndarray, prior_std: np.ndarray
-) -> ProfiledProblem:
-    """Return the profiled problem in ξ itself, not in its change."""
-    gram, target, cost = profiled
-    shifted = target + gram @ xi
-    constant = cost + float(2 * target @ xi + xi @ gram @ xi)
-    precision = prior_std**-2
-    return ProfiledProblem(
-        torch.from_numpy(gram - np.diag(precision)),
-        torch.from_numpy(shifted),
-        constant,
-        torch.from_numpy(precision),
-    )
-
-
-def _promising(
-    profiled: ProfiledProblem,
-    fits: dict[Set, NodeFit],
-    winner: Set,
-    seen: int,
-    extended: Sequence[bool],
-) -> list[Set]:
-    """Return the sets with the best predicted scores, from a beam search and about the winner."""
-    level = _level((fit.cost for fit in fits.values()), seen)
-    price = _price(len(profiled.target), seen)
-    costs: dict[Set, float] = {(): profiled.constant}
-    kept: list[Set] = [()]
-    for _ in range(min(LARGEST, len(profiled.target))):
-        found = _predicted(profiled, _with_one(kept, extended))
-        kept = sorted(found, key=found.__getitem__)[:BEAM]
-        costs |= {members: found[members] for members in kept}
-    if len(winner) < LARGEST_WINNER:
-        costs |= _predicted(profiled, _with_one([winner], extended))
-    level = min(level, min(costs.values()) / seen)
-    ranked = sorted(costs, key=lambda s: costs[s] / level + price * len(s))[:REFITTED]
-    return [s for s in ranked if s not in fits or costs[s] < fits[s].cost - STUCK * level]
-
-
-def _with_one(sets: Sequence[Set], extended: Sequence[bool]) -> list[Set]:
-    """Return the sets with one candidate more, but at most one beyond the library.
-
-    Two functions beyond the library, such as a step and a smooth step, can make up for anything.
-
-    Args:
-        sets: indices of candidates.
-        extended: whether each candidate is beyond the library, ``(candidate,)``.
-    """
-    grown = {
-        tuple(sorted((*members, j)))
-        for members in sets
-        for j, is_extended in enumerate(extended)
-        if j not in members and not (is_extended and any(extended[i] for i in members))
-    }
-    return sorted(grown)
-
-
-def _predicted(profiled: ProfiledProblem, sets: Sequence[Set]) -> dict[Set, float]:
-    """Return F of sets on the linearised problem."""
-    costs = profiled.costs(sets).tolist() if sets else []
-    return dict(zip(sets, costs, strict=True))
-
-
-def _ranked(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -> list[SegmentLaw]:
-    seen = problem.segments.seen
-    level = _level((fit.cost for fit in fits.values()), seen)
-    price = _price(len(problem.candidates), seen)
-    laws = [
-        SegmentLaw(members, fit, fit.cost / level + price * len(members))
-        for members, fit in fits.items()
-    ]
-    return sorted(laws, key=lambda law: law.score)
-
-
-def _level(costs: Iterator[float], seen: int) -> float:
-    """Return the misfit per reading of the best fit: the ratio of estimated to assumed σ²."""
-    return min(costs, default=math.inf) / seen
-
-
-def _price(candidates: int, seen: int) -> float:
-    """Return the cost of one candidate more, ``ln n + 2 ln p``."""
-    return math.log(seen) + 2 * math.log(max(candidates, 1))

@@ -10,8 +10,9 @@ from torch import Tensor
 
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.noise_model import NoiseModel
-from dashred.inference.segments.search import SegmentLaw, SegmentSearch
+from dashred.inference.segments.search import SegmentSearch
 from dashred.inference.segments.segments import Array, Segments
+from dashred.inference.segments.set_selection import SegmentLaw
 
 
 def segment_noise(search: SegmentSearch, noise: NoiseModel) -> NoiseModel:

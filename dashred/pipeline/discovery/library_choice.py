@@ -19,7 +19,8 @@ from dashred.inference.hypotheses.extended.extended_library import (
 )
 from dashred.inference.segments.equivalent_laws import merge_equivalent
 from dashred.inference.segments.natural_scales import natural_scales
-from dashred.inference.segments.search import SegmentLaw, SegmentSearch, search_further
+from dashred.inference.segments.search import SegmentSearch, search_further
+from dashred.inference.segments.set_selection import SegmentLaw
 from dashred.physics.expressions import algebra
 from dashred.physics.library import build_library, default_terms
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms

@@ -14,8 +14,9 @@ from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.hypotheses.result import BestOfSize, Discovery
 from dashred.inference.segments.error_growth import error_growth
 from dashred.inference.segments.forecast import sufficient_law
-from dashred.inference.segments.search import SegmentLaw, SegmentSearch
+from dashred.inference.segments.search import SegmentSearch
 from dashred.inference.segments.segment_laws import law_from_segments, segment_noise
+from dashred.inference.segments.set_selection import SegmentLaw
 from dashred.pipeline.discovery.law_metrics import log_best_by_size
 from dashred.pipeline.discovery.least_squares import fit_noise
 from dashred.pipeline.discovery.library_choice import is_explained, search_libraries

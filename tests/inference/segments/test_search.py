@@ -12,10 +12,11 @@ from dashred.inference.segments.error_growth import error_growth
 from dashred.inference.segments.first_nodes import first_nodes
 from dashred.inference.segments.gauss_newton import NodeFit, fit_nodes
 from dashred.inference.segments.natural_scales import field_sizes, natural_scales
-from dashred.inference.segments.search import SegmentLaw, SegmentSearch, search
+from dashred.inference.segments.search import SegmentSearch, search
 from dashred.inference.segments.segment_laws import law_from_segments, states_by_sample
 from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import cut
+from dashred.inference.segments.set_selection import SegmentLaw
 from dashred.inference.segments.weak_constraint import Point, WeakConstraintProblem
 from tests.inference.segments.conftest import NOISE, TIMES, Convection
 

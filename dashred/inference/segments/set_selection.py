@@ -1,0 +1,154 @@
+"""Select sets of candidates: refit the promising ones through the simulator, until one stays."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from dashred.inference.fit.subset_search import ProfiledProblem
+from dashred.inference.segments.candidate_sets import (
+    LARGEST,
+    Set,
+    beam_search,
+    predict,
+    profile,
+    with_one,
+    without_one,
+)
+from dashred.inference.segments.gauss_newton import NodeFit, fit_nodes
+from dashred.inference.segments.weak_constraint import Point, WeakConstraintProblem
+
+# A set is refitted under a model error that is larger by this factor first, because most candidates
+# have been removed.
+LOOSER = 10.0
+LOOSER_STEPS, REFIT_STEPS, LOOSE_TOLERANCE = 4, 8, 0.01
+# A set is refitted again if the linearisation about the winner predicts an F lower by this, in σ².
+STUCK = 10.0
+# How many sets are refitted in a round. Later rounds may add one candidate each to the winner of
+# the round before, up to the last number.
+REFITTED, ROUNDS, LARGEST_WINNER = 8, 8, 8
+# How many sets of each size up to the largest are refitted about a winner of more candidates.
+SMALL_SETS = 3
+
+
+@dataclass(frozen=True)
+class SegmentLaw:
+    """One set of candidates, refitted.
+
+    Attributes:
+        members: indices of its candidates, sorted.
+        fit: the nodes and coefficients, and F.
+        score: ``F/s² + k (ln n + 2 ln p)`` with s² the misfit of the best, lower is better.
+    """
+
+    members: Set
+    fit: NodeFit
+    score: float
+
+
+def select(
+    problem: WeakConstraintProblem,
+    loose: WeakConstraintProblem,
+    point: Point,
+    proposals: Sequence[Set] = (),
+) -> list[SegmentLaw]:
+    """Refit promising sets about the winner of each round, until it stays; the best comes first.
+
+    Args:
+        problem: F under which the sets are refitted.
+        loose: F under which the point was fitted, and about which the first round is linearised.
+        point: a fit of all candidates.
+        proposals: sets that are refitted in any case.
+    """
+    fits: dict[Set, NodeFit] = {}
+    _refit_all(problem, point, [(), *proposals], fits)
+    extended = [candidate.is_extended for candidate in problem.candidates]
+    about, winner = loose, None
+    for _ in range(ROUNDS):
+        profiled = profile(about, point)
+        if profiled is None:
+            break
+        _refit_all(problem, point, _promising(problem, profiled, fits, winner or ()), fits)
+        best = _ranked(problem, fits)[0]
+        # The fit of a smaller set may get stuck far from its minimum; the winner is near to it.
+        while smaller := without_one(best.members):
+            _refit_all(problem, best.fit.point, smaller, fits)
+            before, best = best, _ranked(problem, fits)[0]
+            if best.members == before.members:
+                break
+        if not math.isfinite(best.score) or best.members == winner:
+            break
+        point, about, winner = best.fit.point, problem, best.members
+    best = _ranked(problem, fits)[0]
+    small = _small_sets(problem, best, extended) if len(best.members) > LARGEST else []
+    _refit_all(problem, best.fit.point, [(), *proposals, *small], fits)
+    return _ranked(problem, fits)
+
+
+def _promising(
+    problem: WeakConstraintProblem,
+    profiled: ProfiledProblem,
+    fits: dict[Set, NodeFit],
+    winner: Set,
+) -> list[Set]:
+    """Return the sets with the best predicted scores, from a beam search and about the winner."""
+    extended, seen = [c.is_extended for c in problem.candidates], problem.segments.seen
+    costs: dict[Set, float] = {}
+    for found in beam_search(profiled, extended):
+        costs |= found
+    if len(winner) < LARGEST_WINNER:
+        costs |= predict(profiled, with_one([winner], extended))
+    known = _level((fit.cost for fit in fits.values()), seen)
+    level, price = min(known, min(costs.values()) / seen), _price(len(extended), seen)
+    ranked = sorted(costs, key=lambda s: costs[s] / level + price * len(s))[:REFITTED]
+    return [s for s in ranked if s not in fits or costs[s] < fits[s].cost - STUCK * level]
+
+
+def _small_sets(
+    problem: WeakConstraintProblem, best: SegmentLaw, extended: Sequence[bool]
+) -> list[Set]:
+    """Return promising sets of a few candidates, linearised about a law of many."""
+    profiled = profile(problem, best.fit.point)
+    if profiled is None:
+        return []
+    sizes = beam_search(profiled, extended)[1:]
+    return [members for found in sizes for members in list(found)[:SMALL_SETS]]
+
+
+def _refit_all(
+    problem: WeakConstraintProblem, point: Point, sets: Sequence[Set], fits: dict[Set, NodeFit]
+) -> None:
+    """Refit sets from a point; an earlier, better fit stands."""
+    for members in sets:
+        fit = _refit(problem, point, members)
+        if members not in fits or fit.cost < fits[members].cost:
+            fits[members] = fit
+
+
+def _refit(problem: WeakConstraintProblem, point: Point, members: Set) -> NodeFit:
+    """Fit one set, under a looser model error first."""
+    looser = problem.with_weights(LOOSER * problem.model_error, problem.prior_std)
+    begun = fit_nodes(looser, point, members, LOOSER_STEPS, LOOSE_TOLERANCE)
+    return fit_nodes(problem, begun.point, members, REFIT_STEPS)
+
+
+def _ranked(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -> list[SegmentLaw]:
+    seen = problem.segments.seen
+    level = _level((fit.cost for fit in fits.values()), seen)
+    price = _price(len(problem.candidates), seen)
+    laws = [
+        SegmentLaw(members, fit, fit.cost / level + price * len(members))
+        for members, fit in fits.items()
+    ]
+    return sorted(laws, key=lambda law: law.score)
+
+
+def _level(costs: Iterator[float], seen: int) -> float:
+    """Return the misfit per reading of the best fit: the ratio of estimated to assumed σ²."""
+    return min(costs, default=math.inf) / seen
+
+
+def _price(candidates: int, seen: int) -> float:
+    """Return the cost of one candidate more, ``ln n + 2 ln p``."""
+    return math.log(seen) + 2 * math.log(max(candidates, 1))
