@@ -130,6 +130,6 @@ def test_a_sensor_that_is_silent_where_it_should_be_fitted_is_refused_by_episode
 
 
 def test_an_episode_that_is_too_short_is_refused_by_name(quick, tmp_path):
-    short = episode("a").recording.between(0.0, 1.5)
-    with pytest.raises(InputError, match="episode 'short': 16 samples are too few"):
+    short = episode("a").recording.between(0.0, 0.4)
+    with pytest.raises(InputError, match="episode 'short': 5 samples are too few"):
         make_problem(quick, tmp_path, episode("b"), Episode("short", short))

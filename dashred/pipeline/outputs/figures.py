@@ -17,12 +17,18 @@ from dashred.pipeline.outputs.method_figures import (
 )
 from dashred.pipeline.outputs.sensor_figures import (
     draw_forecast,
+    draw_sensor_errors,
     draw_traces,
     draw_verification,
     draw_whole_episode,
+    sensor_errors,
 )
 from dashred.pipeline.problem import Problem
-from dashred.reporting.figures.figure_names import HELD_OUT_EPISODE, sensor_figure_of_episode
+from dashred.reporting.figures.figure_names import (
+    HELD_OUT_EPISODE,
+    SENSOR_ERRORS,
+    sensor_figure_of_episode,
+)
 from dashred.reporting.figures.save import evidence_figure
 
 Figures = Mapping[str, Callable[[], Figure]]
@@ -38,6 +44,8 @@ def figures_of(problem: Problem, analysis: Analysis, findings: Findings) -> Figu
         figures[sensor_figure_of_episode(number)] = partial(draw_traces, episode, results)
     for whole, free in zip(problem.whole, analysis.trajectories.whole, strict=True):
         figures[HELD_OUT_EPISODE] = partial(draw_whole_episode, whole, free)
+    if sensor_errors(problem, analysis):
+        figures[SENSOR_ERRORS] = partial(draw_sensor_errors, problem, analysis)
     figures["coefficients.png"] = partial(draw_coefficients, problem, analysis.assimilated)
     figures["sparsity.png"] = partial(draw_sparsity, analysis)
     figures["learning.png"] = partial(_learning, analysis)

@@ -11,10 +11,13 @@ from matplotlib.figure import Figure
 from dashred.core.findings.schema import Findings
 from dashred.core.units import time_label
 from dashred.data.recording import Recording
+from dashred.inference.fit.law import ErrorCurve
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.trajectories import Trajectories
 from dashred.reporting.figures.save import (
+    SensorError,
+    error_curves_figure,
     forecast_figure,
     sensor_traces,
     verification_figure,
@@ -67,6 +70,40 @@ def draw_forecast(problem: Problem, analysis: Analysis) -> Figure:
         traces,
         reading_units(problem, heldout),
         time_label(problem.system.units),
+    )
+
+
+def sensor_errors(problem: Problem, analysis: Analysis) -> list[SensorError]:
+    """Return the error curves of the wandering sensors, by sensor and episode."""
+    episodes = analysis.episodes(problem)
+    return [
+        _sensor_error(*episodes[curve.episode], fault.sensor, curve, len(episodes) > 1)
+        for fault in analysis.discovery.best.faults
+        for curve in fault.curves
+    ]
+
+
+def draw_sensor_errors(problem: Problem, analysis: Analysis) -> Figure:
+    """Draw the error curves of the wandering sensors."""
+    clock = time_label(problem.system.units)
+    return error_curves_figure(sensor_errors(problem, analysis), clock)
+
+
+def _sensor_error(
+    problem: Problem, analysis: Analysis, sensor: str, curve: ErrorCurve, has_name: bool
+) -> SensorError:
+    recording = all_sensors(problem).select([sensor])
+    states = analysis.trajectories.states["corrected"][: len(problem.times)]
+    simulated = problem.operator(recording)(states).numpy()
+    return SensorError(
+        f"{sensor}, {problem.name}" if has_name else sensor,
+        problem.times.numpy(),
+        recording.values[:, 0] - simulated[:, 0],
+        np.array(curve.times),
+        np.array(curve.value),
+        np.array(curve.std),
+        problem.split.time_end,
+        reading_units(problem, recording).get(sensor),
     )
 
 

@@ -12,6 +12,7 @@ SIGNATURE = f"tEXtSoftware\0{SOFTWARE}".encode()
 # Sections of the report.
 WHERE, WHAT, PROOF, FORECAST, METHOD = "where", "what", "proof", "forecast", "method"
 SENSORS_CAPTION, HELD_OUT_EPISODE = "All sensors", "held_out_episode.png"
+SENSOR_ERRORS = "sensor_errors.png"
 
 Captions = dict[str, dict[str, str]]
 """File name by caption, by section."""
@@ -20,6 +21,7 @@ OF_EQUATIONS: Captions = {
     WHERE: {
         "Where the law acts, and at which sensors it reduces the misfit": "where.png",
         "The free forcing, by place and time": "forcing.png",
+        "The errors of faulty sensors over time": SENSOR_ERRORS,
     },
     WHAT: {"The missing terms and their evidence": "evidence.png"},
     PROOF: {

@@ -2,6 +2,7 @@
 
 from dashred.reporting.figures.coefficients import coefficients_against_epoch
 from dashred.reporting.figures.curves import epochs_and_values, learning_curves, rmse_against_time
+from dashred.reporting.figures.error_curves import SensorError, error_curves_figure
 from dashred.reporting.figures.evidence import evidence_figure
 from dashred.reporting.figures.fields.forcing import forcing_figure
 from dashred.reporting.figures.fields.front import front_figure
@@ -18,9 +19,11 @@ from dashred.reporting.figures.traces import sensor_traces
 __all__ = [
     "LatentPath",
     "LawMap",
+    "SensorError",
     "accuracy_against_sparsity",
     "coefficients_against_epoch",
     "epochs_and_values",
+    "error_curves_figure",
     "evidence_figure",
     "forcing_figure",
     "forecast_figure",

@@ -1,6 +1,6 @@
 """A cause of the verdict, as text."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dashred.core.findings.cause_schema import Cause
@@ -53,6 +53,11 @@ def cause_text(cause: Cause, units: Mapping[str, str] = NO_UNITS) -> str | None:
         case "outside-library":
             return EXTENDED
     return None
+
+
+def fault_causes(causes: Sequence[Cause]) -> list[Cause]:
+    """Return the sensor faults that are more probable than not; they may be beside a law."""
+    return [c for c in causes if c["kind"] == "sensor-fault" and (c["probability"] or 0) > 0.5]
 
 
 def limits_of_snapshots(increments_error: Mapping[str, float]) -> list[str]:

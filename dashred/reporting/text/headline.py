@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dashred.core.formatting import number
-from dashred.core.units import NO_UNITS
-from dashred.reporting.text.causes import cause_text
+from dashred.reporting.text.causes import fault_causes
 from dashred.reporting.text.parameters import short_parameter_text
 from dashred.reporting.text.verdict import FEW, sentence
 
@@ -27,7 +26,11 @@ def headline(findings: Mapping[str, Any], mostly: Sequence[str] = ()) -> str:
         mostly: of many terms, the effects of the few that explain nearly all.
     """
     improvement = _improvement(findings["fit"]) if findings["terms"] else None
-    return " ".join(sentence(text) for text in (_conclusion(findings, mostly), improvement) if text)
+    # A fault that is the verdict is in the conclusion.
+    has_law = findings["verdict"] in ("missing-term", "parameter", "outside-library")
+    faults = _faults(findings) if has_law else None
+    texts = (_conclusion(findings, mostly), faults, improvement)
+    return " ".join(sentence(text) for text in texts if text)
 
 
 def gain(fit: Mapping[str, Any]) -> tuple[str, float] | None:
@@ -54,8 +57,7 @@ def _conclusion(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
         case "initial-condition":
             return "the simulation agrees with the recording, but it starts from the wrong state"
         case "sensor-fault":
-            fault = cause_text(findings["causes"][0], findings.get("units", NO_UNITS))
-            return f"the simulation agrees with the recording, but a sensor is faulty: {fault}"
+            return f"the simulation agrees with the recording, but {_faults(findings)}"
         case "unresolved-numerics":
             return "no conclusion is possible: the simulation's grid or time step is too coarse"
         case "not-converged":
@@ -81,6 +83,16 @@ def _conclusion(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
             also = f", and it has a wrong parameter: {_listed(changed)}" if changed else ""
             return f"the simulation leaves out {missing}{also}"
     return "there is no verdict"
+
+
+def _faults(findings: Mapping[str, Any]) -> str | None:
+    """Return the faulty sensors, also beside a missing law; None if there are none."""
+    faults = fault_causes(findings["causes"] or [])
+    if not faults:
+        return None
+    texts = "; ".join(fault["says"] for fault in faults)
+    number = "a sensor is faulty" if len(faults) == 1 else f"{len(faults)} sensors are faulty"
+    return f"{number}: {texts}"
 
 
 def _listed(parts: Sequence[str], mostly: Sequence[str] = ()) -> str:

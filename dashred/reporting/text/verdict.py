@@ -5,6 +5,7 @@ from typing import Any
 
 from dashred.core.formatting import number, percent, pretty, probability, rounded
 from dashred.core.units import NO_UNITS
+from dashred.reporting.text.causes import fault_causes
 from dashred.reporting.text.improvement import (
     UNTESTED,
     assimilation_gains,
@@ -72,10 +73,10 @@ def causes(findings: Mapping[str, Any]) -> list[str]:
 
 
 def _reported(findings: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Return the leading cause; of an ambiguous verdict all that are probable enough."""
+    """Return the leading cause and the faulty sensors; if ambiguous, all probable causes."""
     known = findings["causes"] or []
     if findings["verdict"] != "ambiguous":
-        return list(known[:1])
+        return [*known[:1], *fault_causes(known[1:])]
     return [cause for cause in known if cause["probability"] >= LIKELY]
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from dashred.inference.fit.law import SensorFault
+from dashred.inference.fit.law import ErrorCurve, SensorFault
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.law_block import restrict_to_window
 from dashred.inference.hypotheses.result import BestOfSize
@@ -91,6 +91,17 @@ def test_a_windowed_term_has_its_region(flow: System, shape, values, region, wor
         (
             SensorFault("spikes", "s1", 1.0, None, None),
             "sensor s1 has 1 spike",
+        ),
+        (
+            SensorFault(
+                "wandering",
+                "s1",
+                -0.31,
+                0.05,
+                None,
+                curves=(ErrorCurve((0.0, 2.5, 5.0), (0.1, -0.31, 0.2), (0.05, 0.05, 0.05)),),
+            ),
+            "the readings of sensor s1 wander: their error is up to −0.31 ± 0.05 at t = 2.5",
         ),
         (
             SensorFault("misplaced", "s1", -0.12, 0.02, None),

@@ -14,8 +14,10 @@ from dashred.core.formatting import pretty
 from dashred.reporting.figures.coefficients import spread_out
 from dashred.reporting.figures.save import (
     LatentPath,
+    SensorError,
     accuracy_against_sparsity,
     coefficients_against_epoch,
+    error_curves_figure,
     forecast_figure,
     learning_curves,
     rmse_against_time,
@@ -293,3 +295,18 @@ def test_a_forecast_is_framed_by_the_whole_recording_and_not_by_a_run_that_is_lo
     )
     low, high = figure.axes[0].get_ylim()
     assert -4 < low < values[:30].min() and values[:30].max() < high < 4
+
+
+def test_the_error_of_a_sensor_is_drawn_with_its_band() -> None:
+    value = 0.1 * np.sin(TIMES)
+    error = SensorError(
+        "s4, run2", TIMES, value + 0.01, TIMES, value, np.full_like(TIMES, 0.02), 8.0, "K"
+    )
+    figure = error_curves_figure([error, error])
+    assert len(figure.axes) == 2 and titles(figure) == ["s4, run2"] * 2
+    assert figure.axes[0].get_ylabel() == "error [K]"
+    band = np.concatenate(
+        [np.asarray(path.vertices) for c in figure.axes[0].collections for path in c.get_paths()]
+    )
+    inside = band[(band[:, 0] >= 0) & (band[:, 0] <= 8)]
+    assert inside[:, 1].min() == pytest.approx(-0.14, abs=0.01)

@@ -128,10 +128,14 @@ def compare_hypotheses(
         fits += _fit_single_terms(residual, additions)
     fits += eliminate_terms(fits)
     fits += _refit_rivals_beside_fault(residual, fits, rivals)
-    if residual.is_unclear:
+    if residual.is_unclear or min(fits, key=by_score).faults:
         fits = refit_under_best_noise(fits)
+        fits += _search_faults_again(fits)
     uncorrected = min((fit for fit in fits if not fit.law.parts), key=by_score)
     best_fit = min(fits, key=by_score)
+    if _is_curves_alone(best_fit.law):
+        over_faults = _forcing_gain_over(best_fit, uncorrected, additions.tendency_rms)
+        forcing_gain = max(forcing_gain, over_faults)
     laws = distinct_laws([profile_threshold(fit) if fit is best_fit else fit.law for fit in fits])
     noise = uncorrected.objective.noise
     return Comparison(laws, uncorrected.law, noise, forcing_gain, residual.forcing_map)
@@ -205,6 +209,38 @@ def _fit_global_hypotheses(best: HypothesisFit, null: HypothesisFit) -> list[Hyp
     if best.law.candidates:
         fits += fit_sensor_hypotheses(best, best.law.score)
     return fits + fit_start_hypotheses(null, best.law.score + REJECTION_MARGIN)
+
+
+def _search_faults_again(fits: Sequence[HypothesisFit]) -> list[HypothesisFit]:
+    """Return further sensor hypotheses, if the best one has sensor faults.
+
+    Its noise is smaller than that of the first search, so faults of other sensors may show.
+    """
+    best = min(fits, key=by_score)
+    if not best.faults:
+        return []
+    bases = [fit for fit in fits if fit.law.keys == best.law.keys and not fit.law.faults]
+    return [
+        found
+        for base in bases[:1]
+        for found in fit_sensor_hypotheses(base, best.law.score)
+        if found.law.score < best.law.score
+    ]
+
+
+def _is_curves_alone(law: Law) -> bool:
+    """Tell whether wandering sensors alone explain the recording."""
+    return not law.candidates and any(fault.kind == "wandering" for fault in law.faults)
+
+
+def _forcing_gain_over(faults: HypothesisFit, null: HypothesisFit, tendency_rms: Tensor) -> float:
+    """Return the evidence that a free forcing gains over sensor faults, under the same noise.
+
+    Error curves of several sensors can imitate a source near them, and a forcing then explains all
+    of them at once.
+    """
+    _, gain = fit_free_forcing(null.objective, null.phi, tendency_rms)
+    return faults.law.score - (null.law.score - gain)
 
 
 def _refit_rivals_beside_fault(
