@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dashred.config import Config, config_sha256
+from dashred.core.budget import OutOfTimeError
 from dashred.core.errors import InputError
 from dashred.core.tracking import RunTracker
 from dashred.inference.hypotheses.result import Discovery
@@ -59,8 +60,21 @@ def simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
     """Run the simulator from its nominal start, at doubled resolution, and as an ensemble.
 
     Raises:
-        InputError: the simulation blows up, or the library has indistinguishable terms.
+        InputError: the simulation blows up, the library has indistinguishable terms, or there is
+            no time for the simulations.
     """
+    try:
+        return _simulate(problem, seconds)
+    except OutOfTimeError:
+        raise InputError(
+            f"the simulations take longer than their part of the budget of "
+            f"{problem.budget.seconds:g} s",
+            where=problem.config.where("budget"),
+            hint="give a larger budget, a coarser grid, or fewer simulation.members",
+        ) from None
+
+
+def _simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
     nominal = simulation.simulate_nominal(problem, seconds)
     problem = keep_identifiable_terms(problem, nominal.references[0], problem.times)
     check_structure(problem.system, problem.times, nominal.references[0])
@@ -109,7 +123,13 @@ def discover(
     runs = trajectories.simulate_trajectories(problem, nominal, discovered, seconds)
     corrected_network, (corrected_shred, *others) = checkpoints.stage(
         "corrected_shred",
-        lambda: surrogate.retrain(problem, nominal, discovered.best, runs, network, run, seconds),
+        lambda: problem.budget.attempt(
+            "corrected SHRED",
+            lambda: surrogate.retrain(
+                problem, nominal, discovered.best, runs, network, run, seconds
+            ),
+            (network, [assimilated.shred, *(shred for shred, _ in assimilated.others)]),
+        ),
     )
     return Analysis(
         nominal,
@@ -169,7 +189,7 @@ def analyse_equations(config: Config) -> Path:
         output = named or run.artifact_dir
         clear_output(output)
         log_input(run, config, provenance.git_commit())
-        checkpoints = Checkpoints(folder, seconds)
+        checkpoints = Checkpoints(folder, seconds, problem.budget)
 
         if simulated.ensemble is None:
             findings = verify.unresolved_findings(problem, simulated.resolution)
@@ -177,7 +197,9 @@ def analyse_equations(config: Config) -> Path:
             figures = report.report_unresolved(findings, output)
         else:
             analysis = discover(simulated, simulated.ensemble, run, checkpoints, seconds)
-            if config.tracking.model:
+            if problem.deadline("log the surrogate").is_over:
+                problem.budget.leave_out("the MLflow model")
+            elif config.tracking.model:
                 network = analysis.corrected_network
                 checkpoints.stage(
                     "model", lambda: surrogate.log_model(problem, network, run, seconds)

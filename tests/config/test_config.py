@@ -67,7 +67,7 @@ def test_layers_override_one_another(write: Any) -> None:
     config = write("shred.lags=30", "recording.noise=1e-2")
     assert config.shred.lags == 30  # command line
     assert config.recording.every == 0.1  # file
-    assert config.shred.latent == yaml.safe_load(BASE.read_text())["shred"]["latent"]  # defaults
+    assert config.shred.layers == yaml.safe_load(BASE.read_text())["shred"]["layers"]  # defaults
     assert config.recording.noise == 0.01
     assert (config.name, config.source.name) == ("wave", "wave.yaml")
 

@@ -117,7 +117,7 @@ def _check_library(settings: Settings, where: Where) -> None:
         "shred.decoder": settings.shred.decoder,
         "latent_sindy.steps": settings.latent_sindy.steps,
     }.items():
-        if not numbers:
+        if numbers is not None and not numbers:
             raise InputError(f"{key} is empty", where=where(key))
 
 

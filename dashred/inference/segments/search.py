@@ -143,6 +143,8 @@ def _select(
     everything, seen = range(len(problem.candidates)), problem.segments.seen
     about, winner = loose, None
     for _ in range(ROUNDS):
+        if problem.deadline.is_over:
+            break
         normal = about.linearise(point, everything)
         profiled = None if normal is None else normal.profiled()
         if profiled is None:
@@ -154,7 +156,7 @@ def _select(
         while smaller := _without_one(best.members):
             _refit_all(problem, best.fit.point, smaller, fits)
             before, best = best, _ranked(problem, fits)[0]
-            if best.members == before.members:
+            if best.members == before.members or problem.deadline.is_over:
                 break
         if not math.isfinite(best.score) or best.members == winner:
             break
@@ -167,6 +169,8 @@ def _refit_all(
 ) -> None:
     """Refit sets from a point; an earlier, better fit stands."""
     for members in sets:
+        if problem.deadline.is_over:
+            break
         fit = _refit(problem, point, members)
         if members not in fits or fit.cost < fits[members].cost:
             fits[members] = fit

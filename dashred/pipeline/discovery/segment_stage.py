@@ -7,6 +7,7 @@ import math
 import numpy as np
 import torch
 
+from dashred.core.budget import Deadline
 from dashred.core.progress import stage
 from dashred.core.tracking import StageTracker
 from dashred.inference.fit.noise_model import NoiseModel
@@ -32,6 +33,7 @@ from dashred.pipeline.segments import (
 )
 from dashred.pipeline.simulation import NominalRun
 
+STAGE = "search over segments"
 # The prior standard deviation of the first state is widened by this factor.
 START_FACTOR = 3.0
 # Laws that are reported, and how far from the best.
@@ -65,10 +67,12 @@ def search_in_segments(
     """
     if not can_restart(problem):
         return problem, None
-    with stage("search over segments", seconds) as report, np.errstate(all="ignore"):
+    with stage(STAGE, seconds) as report, np.errstate(all="ignore"):
         found = _search(problem, nominal)
         closed = set(problem.system.fields) - {term.equation for term in problem.library}
-        if problem.config.library is None and closed and (found is None or not is_explained(found)):
+        unexplained = found is None or not is_explained(found)
+        deadline = problem.deadline(STAGE)
+        if problem.config.library is None and closed and unexplained and not deadline.is_over:
             wider = _with_all_equations(problem, nominal)
             again = _search(wider, nominal)
             if again is not None and (found is None or again.level < GAIN * found.level):
@@ -78,6 +82,8 @@ def search_in_segments(
         else:
             law = law_from_segments(found, found.best)
             report(1.0, f"{law}, χ²/n {found.level:.2f}")
+    if deadline.is_over:
+        problem.budget.leave_out("further sets of terms over segments")
     return problem, found
 
 
@@ -100,7 +106,7 @@ def _search(problem: Problem, nominal: NominalRun) -> SegmentSearch | None:
     found = None
     for samples in SEGMENT_SAMPLES:
         found = _search_once(problem, nominal, candidates, samples)
-        if found is not None and found.level < LOST:
+        if (found is not None and found.level < LOST) or problem.deadline(STAGE).is_over:
             break
     return None if found is None else merge_equivalent(found)
 
@@ -116,19 +122,22 @@ def _search_once(
     substeps = 1
     while True:
         record = segment_record(problem, nominal.prior.centre, nominal.prior, samples, substeps)
-        found = _search_record(record, candidates)
+        found = _search_record(record, candidates, problem.deadline(STAGE))
         if found is None:
             return None
         weak, nodes = found.problem, found.best.fit.point.nodes
         noise = weak.noise_std * np.sqrt(found.level)
         terms = found.terms(found.best)
         resolved = resolve_steps(weak.simulator, weak.sensors, noise, nodes, *terms)
-        if resolved.substeps == weak.simulator.substeps or found.level > LOST:
+        fine = resolved.substeps == weak.simulator.substeps
+        if fine or found.level > LOST or weak.deadline.is_over:
             return found
         substeps = resolved.substeps
 
 
-def _search_record(record: SegmentedRecord, candidates: list[Candidate]) -> SegmentSearch | None:
+def _search_record(
+    record: SegmentedRecord, candidates: list[Candidate], deadline: Deadline
+) -> SegmentSearch | None:
     scales = natural_scales(
         record.simulator, record.sensors, candidates, record.guesses[-1], record.size
     )
@@ -141,6 +150,7 @@ def _search_record(record: SegmentedRecord, candidates: list[Candidate]) -> Segm
         start_mean=record.start_mean,
         start_std=START_FACTOR * record.start_std,
         prior_std=scales.coefficient,
+        deadline=deadline,
     )
     found = search(weak, record.guesses, scales)
     return found if math.isfinite(found.best.score) else None
