@@ -79,6 +79,11 @@ class Budget:
         """Seconds since the start."""
         return time.monotonic() - self.began
 
+    @property
+    def left(self) -> float:
+        """Seconds that are left; negative after the end."""
+        return self.seconds - self.spent
+
     def deadline(self, share: float) -> Deadline:
         """Return the time at which a share of the whole run is over."""
         return Deadline(self.began + share * self.seconds)

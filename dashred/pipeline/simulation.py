@@ -206,7 +206,9 @@ def within(deadline: Deadline, report: Report) -> Progress:
     """Return a callback of a simulation that shows its progress and ends it at a deadline."""
 
     def progress(done: float) -> None:
-        deadline.check()
+        # A simulation that is done is used.
+        if done < 1:
+            deadline.check()
         report(done, "")
 
     return progress

@@ -21,7 +21,6 @@ ENDS = {
     "compare hypotheses": 0.85,
     "corrected ensemble": 0.88,
     "train corrected SHRED": 0.93,
-    "log the surrogate": 0.94,
     "draw figures": 0.98,
 }
 

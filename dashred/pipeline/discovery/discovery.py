@@ -101,6 +101,8 @@ def discover(
             guess, horizon = fit_from_first_guesses(problem, coarse, candidates, guesses, report)
             child.set_tags({"seed of the start": guess.name})
         if segments is not None and not horizon.is_complete and is_explained(segments):
+            if problem.deadline("grow the horizon").is_over:
+                problem.budget.leave_out("all other causes")
             return discover_in_segments(problem, segments, child, seconds)
         for samples, level in horizon.levels:
             child.log_metrics({"horizon/chi2": level}, samples)
