@@ -31,6 +31,7 @@ from dashred.physics.external.snapshots import Snapshots
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
 from dashred.pipeline.time_shares import ENDS, begin_budget
+from dashred.pipeline.time_step import states_time_step, with_time_step
 
 # With at least this many episodes, the last one is held out as a whole.
 FEWEST_TO_HOLD_OUT = 3
@@ -174,6 +175,12 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     if held_out:
         splits[-1] = hold_out_episode(sampled.episodes[-1].recording, splits[-1])
     noise, sha256 = _noise(raw[:fitted], splits[:fitted]), read.sha256()
+    if not states_time_step(system):
+        longest_fit = max((split.fit for split in splits[:fitted]), key=lambda fit: len(fit.times))
+        std = np.array([noise[name] for name in longest_fit.names])
+        driven = with_inputs(system, longest_fit.inputs)
+        chosen, why = with_time_step(driven, longest_fit, std, config.resolution_limit)
+        system, clock = system.with_step(chosen.dt), f"{clock}; {why}"
     problems = [
         Problem(
             config=config,

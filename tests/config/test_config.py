@@ -332,7 +332,7 @@ WRONG_FILES = [
     ("", "wave.yaml", "missing: system.equations, system.fields"),
     ("seed: 1\nsystem: {title: T}\n", "wave.yaml:2", "missing: system.equations, system.fields"),
     (swapped("twin: a", "noise: 0"), "wave.yaml:13", "no recording to analyse"),
-    (swapped("dt: 0.1/15", "rtol: 1e-3"), "wave.yaml:12", "missing: system.integrator.dt"),
+    (swapped("dt: 0.1/15", "rtol: 1e-3"), "wave.yaml:12", "a twin needs a time step"),
     (swapped("dt: 0.1/15", "dt: 0.1//15"), "wave.yaml:12", "dt must be a number: "),
     (swapped("u: sin(x), v: 0", "u: 1"), "wave.yaml:10", "system.start is missing the field v"),
     (swapped("    u: v\n", ""), "wave.yaml:7", "system.equations is missing the field u"),

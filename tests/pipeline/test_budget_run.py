@@ -11,9 +11,8 @@ import pandas as pd
 import pytest
 
 import dashred
-from dashred.core.findings.schema import Findings
-from dashred.physics.solvers import simulate
-from dashred.pipeline import equations, time_shares
+from dashred.physics.solvers.simulate import simulate
+from dashred.pipeline import simulation, time_shares
 from dashred.reporting.text.summary import summary
 
 # A damped oscillator, x'' = -4 x - 0.2 x', whose simulator lacks the damping.
@@ -48,9 +47,9 @@ def recording() -> pd.DataFrame:
     return pd.DataFrame({"time": times, "x": x + noise[0], "v": v + 2 * noise[1]})
 
 
-def run(recording: pd.DataFrame, **settings: Any) -> Findings:
+def run(recording: pd.DataFrame, **settings: Any) -> dict[str, Any]:
     problem = dashred.Problem.from_dict(SYSTEM, recording=recording, overrides=settings)
-    return problem.discover(seed=0).findings
+    return dict(problem.discover(seed=0).findings)
 
 
 def test_a_budget_that_suffices_changes_nothing(recording: pd.DataFrame) -> None:
@@ -94,10 +93,10 @@ def test_other_causes_that_were_not_weighed_are_listed(
 def test_simulations_that_take_too_long_are_one_error(
     recording: pd.DataFrame, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def slow(*arguments: Any, progress: Any = None, **named: Any) -> Any:
+    def slow(system: Any, start: Any, times: Any, progress: Any = None) -> Any:
         progress(0.5)
-        return simulate.simulate(*arguments, progress=progress, **named)
+        return simulate(system, start, times, progress=progress)
 
-    monkeypatch.setattr(equations.simulation, "simulate", slow)
+    monkeypatch.setattr(simulation, "simulate", slow)
     with pytest.raises(dashred.InputError, match=r"budget of 0\.01 s"):
         run(recording, budget=0.01)

@@ -20,6 +20,7 @@ from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.comparison.backward_elimination import eliminate_terms
+from dashred.inference.hypotheses.comparison.global_hypotheses import fit_global_hypotheses
 from dashred.inference.hypotheses.comparison.noise_reestimation import (
     refit_under_best_noise,
     refit_under_noise,
@@ -43,7 +44,6 @@ from dashred.inference.hypotheses.hypothesis_fit import (
 from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN, MIN_FORCING_GAIN
 from dashred.inference.hypotheses.sensors.sensor_and_start_faults import (
     fit_sensor_hypotheses,
-    fit_start_hypotheses,
 )
 from dashred.inference.hypotheses.windows.threshold_likelihood import profile_threshold
 from dashred.inference.hypotheses.windows.windowed_laws import fit_windowed_laws
@@ -119,7 +119,7 @@ def compare_hypotheses(
         full_problem, best, null, has_rivals, additions.tendency_rms, report
     )
     fits, forcing_gain = (
-        _fit_global_hypotheses(residual.best, residual.null, budget),
+        fit_global_hypotheses(residual.best, residual.null, budget),
         residual.forcing_gain,
     )
     base_fits = residual.base_fits()
@@ -242,25 +242,6 @@ def _fit_extended(
     """Return laws with terms beyond the library, searched about the trajectory of a forcing."""
     candidates, library_size = additions.extended_candidates(), additions.global_count
     return fit_extended_laws(residual.full_problem, candidates, forcing, library_size, bound)
-
-
-def _fit_global_hypotheses(
-    best: HypothesisFit, null: HypothesisFit, budget: Budget
-) -> list[HypothesisFit]:
-    """Return the hypotheses that add no term: the laws, sensor faults and initial states."""
-    score = best.law.score
-    families: list[tuple[str, Callable[[], list[HypothesisFit]]]] = [
-        ("sensor faults", lambda: fit_sensor_hypotheses(null, score + AMBIGUITY_MARGIN)),
-        ("another initial state", lambda: fit_start_hypotheses(null, score + REJECTION_MARGIN)),
-    ]
-    fits = [null]
-    if best.law.candidates:
-        fits.insert(0, best)
-        beside = ("sensor faults beside the law", lambda: fit_sensor_hypotheses(best, score))
-        families.insert(1, beside)
-    for name, fit_family in families:
-        fits += budget.attempt(name, fit_family, [])
-    return fits
 
 
 def _refit_rivals_beside_fault(
