@@ -1,8 +1,9 @@
-"""Lightning callbacks: latent discovery, RMSE curves, progress and the best state."""
+"""Lightning callbacks: latent discovery, RMSE curves, progress, the best state, a deadline."""
 
 from callbacks.best_state import BestState
 from callbacks.latent_discovery import LatentDiscovery
 from callbacks.progress import StageProgress
 from callbacks.rmse_curves import RMSECurves
+from callbacks.time_limit import TimeLimit
 
-__all__ = ["BestState", "LatentDiscovery", "RMSECurves", "StageProgress"]
+__all__ = ["BestState", "LatentDiscovery", "RMSECurves", "StageProgress", "TimeLimit"]

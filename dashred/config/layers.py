@@ -19,7 +19,7 @@ from dashred.core.files.user_path import check_address, is_server, user_path
 
 PATHS = ("recording.path", "recording.sensors", "system.snapshots", "output", "tracking.root")
 # Required keys of a system that is declared by equations.
-REQUIRED_WITH_EQUATIONS = ("equations", "start", "integrator.dt")
+REQUIRED_WITH_EQUATIONS = ("equations", "start")
 
 
 def where_in(lines: dict[str, str]) -> Where:

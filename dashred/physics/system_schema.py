@@ -34,8 +34,9 @@ class Integrator:
     long."""
 
     dt: Time | None
-    """Largest time step; required, except with snapshots. Adaptive methods choose their own
-    steps."""
+    """Largest time step. Null chooses it from a recording: half of it changes the readings over
+    four samples by less than a twentieth of the noise. A twin experiment needs a number. Adaptive
+    methods choose their own steps."""
 
     dealias: bool
     """Whether products are dealiased by the 2/3 rule."""

@@ -10,7 +10,7 @@ import torch
 from lightning.pytorch.callbacks import EarlyStopping
 from torch import Tensor
 
-from callbacks import BestState, LatentDiscovery, RMSECurves, StageProgress
+from callbacks import BestState, LatentDiscovery, RMSECurves, StageProgress, TimeLimit
 from dashred.core.progress import stage
 from dashred.core.tracking import RunTracker
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
@@ -124,13 +124,14 @@ def fit_transform(
     with run.child("assimilate") as child, stage("assimilate, latent SINDy", seconds) as report:
         child.log_terms([str(term) for term in problem.library])
         curves = RMSECurves(child, run, "assimilate")
-        best = BestState(METRIC, settings.gain)
+        best, limit = BestState(METRIC, settings.gain), TimeLimit(problem.deadline("assimilate"))
         discovery = LatentDiscovery(latent, child, run)
         trainer = make_trainer(
             problem.config,
             [
                 curves,
                 best,
+                limit,
                 discovery,
                 EarlyStopping(METRIC, patience=settings.patience),
                 StageProgress(report, METRIC, "RMSE on validation sensors"),
@@ -141,6 +142,9 @@ def fit_transform(
         module = module.cpu()
         proposals = discovery.finish(module)
         report(1.0, f"best after {best.best_epoch} epochs, RMSE {best.best:.3f} on validation")
+    if limit.ended_at is not None:
+        left_out = f"epochs {limit.ended_at + 1} to {settings.epochs} of the assimilation"
+        problem.budget.leave_out(left_out)
     after = reconstruct(module.encoder, module.shred, data.windows)
     counts = [len(episode.split.fit.times) for episode in problem.episodes]
     (first, assimilated), *others = zip(before.split(counts), after.split(counts), strict=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dashred.config import Config, config_sha256
+from dashred.core.budget import OutOfTimeError
 from dashred.core.errors import InputError
 from dashred.core.tracking import RunTracker
 from dashred.inference.hypotheses.result import Discovery
@@ -35,6 +36,9 @@ from dashred.pipeline.simulation import NominalRun
 from dashred.pipeline.verification import verification as verify
 from dashred.pipeline.verification.structure import check_structure
 
+# The MLflow model is logged if more than this is left of the budget.
+LOGGING_SECONDS = 15.0
+
 
 @dataclass(frozen=True)
 class SimulationRuns:
@@ -59,8 +63,21 @@ def simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
     """Run the simulator from its nominal start, at doubled resolution, and as an ensemble.
 
     Raises:
-        InputError: the simulation blows up, or the library has indistinguishable terms.
+        InputError: the simulation blows up, the library has indistinguishable terms, or there is
+            no time for the simulations.
     """
+    try:
+        return _simulate(problem, seconds)
+    except OutOfTimeError:
+        raise InputError(
+            f"the simulations take longer than their part of the budget of "
+            f"{problem.budget.seconds:g} s",
+            where=problem.config.where("budget"),
+            hint="give a larger budget, a coarser grid, or fewer simulation.members",
+        ) from None
+
+
+def _simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
     nominal = simulation.simulate_nominal(problem, seconds)
     problem = keep_identifiable_terms(problem, nominal.references[0], problem.times)
     check_structure(problem.system, problem.times, nominal.references[0])
@@ -109,7 +126,13 @@ def discover(
     runs = trajectories.simulate_trajectories(problem, nominal, discovered, seconds)
     corrected_network, (corrected_shred, *others) = checkpoints.stage(
         "corrected_shred",
-        lambda: surrogate.retrain(problem, nominal, discovered.best, runs, network, run, seconds),
+        lambda: problem.budget.attempt(
+            "corrected SHRED",
+            lambda: surrogate.retrain(
+                problem, nominal, discovered.best, runs, network, run, seconds
+            ),
+            (network, [assimilated.shred, *(shred for shred, _ in assimilated.others)]),
+        ),
     )
     return Analysis(
         nominal,
@@ -169,7 +192,7 @@ def analyse_equations(config: Config) -> Path:
         output = named or run.artifact_dir
         clear_output(output)
         log_input(run, config, provenance.git_commit())
-        checkpoints = Checkpoints(folder, seconds)
+        checkpoints = Checkpoints(folder, seconds, problem.budget)
 
         if simulated.ensemble is None:
             findings = verify.unresolved_findings(problem, simulated.resolution)
@@ -177,7 +200,8 @@ def analyse_equations(config: Config) -> Path:
             figures = report.report_unresolved(findings, output)
         else:
             analysis = discover(simulated, simulated.ensemble, run, checkpoints, seconds)
-            if config.tracking.model:
+            # Not in the list of what was left out: it changes nothing in the findings.
+            if config.tracking.model and problem.budget.left > LOGGING_SECONDS:
                 network = analysis.corrected_network
                 checkpoints.stage(
                     "model", lambda: surrogate.log_model(problem, network, run, seconds)

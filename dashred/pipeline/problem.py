@@ -11,6 +11,7 @@ from torch import Tensor
 
 from dashred.config import Config
 from dashred.config.checks.checks import MAX_STEPS
+from dashred.core.budget import Budget, Deadline
 from dashred.core.errors import InputError
 from dashred.core.findings.cause_schema import FaultySensor
 from dashred.data.episodes import Episodes, name_episode_in_errors
@@ -29,6 +30,8 @@ from dashred.physics.external.snapshot_file import open_snapshots
 from dashred.physics.external.snapshots import Snapshots
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
+from dashred.pipeline.time_shares import ENDS, begin_budget
+from dashred.pipeline.time_step import states_time_step, with_time_step
 
 # With at least this many episodes, the last one is held out as a whole.
 FEWEST_TO_HOLD_OUT = 3
@@ -62,6 +65,7 @@ class Problem:
         others: the other fitted episodes; this one is the longest.
         whole: the episode that is held out as a whole, if any.
         snapshots: snapshots of a simulator without known equations; None if equations are given.
+        budget: time of the run.
     """
 
     config: Config
@@ -78,6 +82,11 @@ class Problem:
     others: tuple[Problem, ...] = ()
     whole: tuple[Problem, ...] = ()
     snapshots: Snapshots | None = None
+    budget: Budget = field(default_factory=Budget)
+
+    def deadline(self, stage: str) -> Deadline:
+        """Return the time at which a stage ends (:data:`.time_shares.ENDS`)."""
+        return self.budget.deadline(ENDS[stage])
 
     @property
     def episodes(self) -> tuple[Problem, ...]:
@@ -153,6 +162,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
         InputError: the equations, the snapshots, the library, the recording or the split is
             invalid.
     """
+    budget = begin_budget(config)
     system = System(config.system, config.where)
     library = build_library(system, config.library)
     read = read_recorded(config, system) if recorded is None else recorded
@@ -176,6 +186,12 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     if held_out:
         splits[-1] = hold_out_episode(sampled.episodes[-1].recording, splits[-1])
     noise, sha256 = _noise(raw[:fitted], splits[:fitted]), read.sha256()
+    if not states_time_step(system):
+        longest_fit = max((split.fit for split in splits[:fitted]), key=lambda fit: len(fit.times))
+        std = np.array([noise[name] for name in longest_fit.names])
+        driven = with_inputs(system, longest_fit.inputs)
+        chosen, why = with_time_step(driven, longest_fit, std, config.resolution_limit)
+        system, clock = system.with_step(chosen.dt), f"{clock}; {why}"
     problems = [
         Problem(
             config=config,
@@ -188,6 +204,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
             noise=noise,
             name=episode.name,
             snapshots=snapshots,
+            budget=budget,
         )
         for episode, split in zip(sampled.episodes, splits, strict=True)
     ]

@@ -9,7 +9,8 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-from dashred.core.progress import stage
+from dashred.core.budget import Deadline
+from dashred.core.progress import Report, stage
 from dashred.data.observation_operator import ObservationOperator
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.episodes import EpisodeStarts
@@ -18,7 +19,7 @@ from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.physics.runs.ensemble import Discrepancies, Ensemble, draw_ensemble
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
 from dashred.physics.runs.resolution import Resolution, check_resolution, minimum_scale
-from dashred.physics.solvers.simulate import check_finite, simulate
+from dashred.physics.solvers.simulate import Progress, check_finite, simulate
 from dashred.physics.system import System
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.segments import can_restart, local_resolution, restarted_where_lost
@@ -67,8 +68,9 @@ def simulate_nominal(problem: Problem, seconds: dict[str, float]) -> NominalRun:
     system, times = problem.system, problem.times
     restarted: tuple[Tensor, ...] = ()
     with stage("spin up and simulate", seconds) as report:
-        start = nominal_start(system, lambda done: report(0.8 * done, ""))
-        path = simulate(system, start, times, progress=lambda done: report(0.8 + 0.2 * done, ""))
+        timed = within(problem.deadline("simulate"), report)
+        start = nominal_start(system, lambda done: timed(0.8 * done))
+        path = simulate(system, start, times, progress=lambda done: timed(0.8 + 0.2 * done))
         if can_restart(problem):
             restarted = restarted_where_lost(problem, start[0], path[0])
         else:
@@ -117,7 +119,7 @@ def check_discretisation(
             readings,
             least,
             limit,
-            lambda done: report(done, ""),
+            within(problem.deadline("simulate"), report),
         )
 
     episodes = problem.episodes if problem.system.inputs else (problem,)
@@ -152,7 +154,7 @@ def simulate_ensemble(problem: Problem, nominal: NominalRun, seconds: dict[str, 
                 members,
                 discrepancies,
                 problem.rng(f"ensemble{suffix}"),
-                lambda done: report(done, ""),
+                within(problem.deadline("simulate the ensemble"), report),
             )
             for (episode, times, members, suffix), path in zip(
                 split_members(problem, settings.members), paths, strict=False
@@ -198,6 +200,18 @@ def simulate_corrected_ensemble(
             drawn.append(Ensemble(times, runs, torch.zeros((members, len(problem.library)))))
         report(1.0, "members of the corrected simulator")
     return join_ensembles(drawn)
+
+
+def within(deadline: Deadline, report: Report) -> Progress:
+    """Return a callback of a simulation that shows its progress and ends it at a deadline."""
+
+    def progress(done: float) -> None:
+        # A simulation that is done is used.
+        if done < 1:
+            deadline.check()
+        report(done, "")
+
+    return progress
 
 
 def split_members(problem: Problem, members: int) -> Iterator[tuple[Problem, Tensor, int, str]]:

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from dashred.core.errors import InputError
 from dashred.core.mlflow.run import MlflowRun
-from dashred.core.progress import Report, stage
+from dashred.core.progress import stage
 from dashred.core.tracking import RunTracker
 from dashred.inference.fit.law import Law
 from dashred.inference.initial_state.start_models import ScaledStart
@@ -23,11 +23,11 @@ from dashred.models.shred import reconstruct
 from dashred.models.surrogate_model import log_surrogate
 from dashred.physics.runs.ensemble import Ensemble, draw_ensemble
 from dashred.physics.runs.initial_state_prior import StartPrior
-from dashred.physics.solvers.simulate import simulate
+from dashred.physics.solvers.simulate import Progress, simulate
 from dashred.physics.system import System
 from dashred.pipeline.assimilation import sensor_data
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation import NominalRun, join_ensembles, split_members
+from dashred.pipeline.simulation import NominalRun, join_ensembles, split_members, within
 from dashred.pipeline.training import TrainedNetwork, train_shred
 from dashred.pipeline.trajectories import Trajectories
 
@@ -63,11 +63,17 @@ def retrain(
     Returns:
         The network, and the field that it reconstructs over the fit window of each episode,
         ``(time, field, *grid)``.
+
+    Raises:
+        OutOfTimeError: there was no time for the members.
     """
     settings = problem.config.surrogate
     prior, starts = nominal.prior, law.start
     corrected = [free, *free.others]
+    deadline = problem.deadline("corrected ensemble")
+    deadline.check()
     with torch.no_grad(), stage("corrected ensemble", seconds) as report:
+        progress = within(deadline, report)
         drawn = []
         for i, (episode, times, members, suffix) in enumerate(
             split_members(problem, settings.members)
@@ -77,7 +83,7 @@ def retrain(
             rng = problem.rng(f"corrected ensemble{suffix}")
             start_prior = StartPrior(system, starts[i], prior.rms, prior.kept)
             drawn.append(
-                _members(system, times, start_prior, settings.spread, path, members, rng, report)
+                _members(system, times, start_prior, settings.spread, path, members, rng, progress)
             )
         ensemble = join_ensembles(drawn)
         report(1.0, f"{settings.members} members")
@@ -120,7 +126,7 @@ def _members(
     path: Tensor,
     members: int,
     rng: np.random.Generator,
-    report: Report,
+    progress: Progress,
 ) -> Ensemble:
     """Draw members around a start.
 
@@ -129,9 +135,7 @@ def _members(
 
     def draw(factor: float) -> Ensemble:
         starts = ScaledStart(prior, factor * spread)
-        return draw_ensemble(
-            system, times, starts, path, members, None, rng, lambda done: report(done, "")
-        )
+        return draw_ensemble(system, times, starts, path, members, None, rng, progress)
 
     for factor in SPREAD_FACTORS:
         with suppress(InputError):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import lightning
@@ -10,10 +11,11 @@ from lightning import Trainer
 from lightning.pytorch.callbacks import Callback, EarlyStopping
 from torch import Tensor
 
-from callbacks import BestState, RMSECurves, StageProgress
+from callbacks import BestState, RMSECurves, StageProgress, TimeLimit
 from dashred.config import Config
 from dashred.core.progress import stage
 from dashred.core.tracking import RunTracker
+from dashred.models.network_size import network_size
 from dashred.models.shred import SHRED
 from dashred.models.simulation_training import SimulationTraining
 from dashred.physics.runs.ensemble import Ensemble
@@ -83,6 +85,8 @@ def train_shred(
         initial: network whose weights are the initial ones; None draws them at random.
     """
     settings = problem.config.shred
+    values = len(problem.system.fields) * math.prod(problem.system.grid.shape)
+    size = network_size(values, settings.latent, settings.decoder, settings.epochs)
     fit = problem.split.fit.select(problem.split.inputs)
     data = SimulationDataModule(
         ensemble,
@@ -96,26 +100,27 @@ def train_shred(
     )
     lightning.seed_everything(problem.config.seed, verbose=False)
     shred = SHRED(
-        data.scaler, data.pod, data.spread, settings.latent, settings.layers, settings.decoder
+        data.scaler, data.pod, data.spread, size.latent, settings.layers, size.decoder
     ).float()
     if initial is not None:
         shred.initialise_from(initial)
-    steps = settings.epochs * settings.steps
+    steps = size.epochs * settings.steps
     cells = data.pod.modes.shape[1]
     module = SimulationTraining(shred, data.noise.float(), cells, settings.rate, steps)
     slug = name.lower().replace(" ", "_")
     with run.child(slug) as child, stage(f"train {name}", seconds) as report:
         curves = RMSECurves(child, run, slug)
-        best = BestState(METRIC)
+        best, limit = BestState(METRIC), TimeLimit(problem.deadline(f"train {name}"))
         trainer = make_trainer(
             problem.config,
             [
                 curves,
                 best,
+                limit,
                 EarlyStopping(METRIC, patience=settings.patience),
                 StageProgress(report, METRIC, "field RMSE on held-out members"),
             ],
-            settings.epochs,
+            size.epochs,
             settings.steps,
         )
         trainer.fit(module, data)
@@ -123,6 +128,8 @@ def train_shred(
         test_rmse = _test(shred, data, problem.system.fields)
         child.log_metrics({f"test/{k}": v for k, v in test_rmse.items()}, best.best_epoch)
         report(1.0, f"field RMSE {test_rmse['all']:.3f} std on unseen members")
+    if limit.ended_at is not None:
+        problem.budget.leave_out(f"epochs {limit.ended_at + 1} to {size.epochs} of {name}")
     return TrainedNetwork(shred, test_rmse, data.pod.scale, curves.history)
 
 

@@ -67,7 +67,7 @@ def test_layers_override_one_another(write: Any) -> None:
     config = write("shred.lags=30", "recording.noise=1e-2")
     assert config.shred.lags == 30  # command line
     assert config.recording.every == 0.1  # file
-    assert config.shred.latent == yaml.safe_load(BASE.read_text())["shred"]["latent"]  # defaults
+    assert config.shred.layers == yaml.safe_load(BASE.read_text())["shred"]["layers"]  # defaults
     assert config.recording.noise == 0.01
     assert (config.name, config.source.name) == ("wave", "wave.yaml")
 
@@ -258,7 +258,9 @@ WRONG_VALUES = [
     ("shred.rate=true", "shred.rate must be a number; got True"),
     ("shred.rate=[1]", "shred.rate must be a number; got a list"),
     ("shred.rate=fast", "shred.rate must be a number: "),
-    ("shred.decoder=3", "shred.decoder must be a list, such as [a, b]; got 3"),
+    ("shred.decoder=3", "shred.decoder must be a list, such as [a, b], or null; got 3"),
+    ("budget=0", "budget must be above 0; got 0"),
+    ("budget=-5", "budget must be above 0; got -5"),
     ("shred.decoder=[]", "shred.decoder is empty"),
     ("shred.decoder=[8, big]", "shred.decoder[1] must be a whole number; got 'big'"),
     ("shred.decoder=[8, 0]", "shred.decoder[1] must be at least 1 and at most 1000000"),
@@ -330,7 +332,7 @@ WRONG_FILES = [
     ("", "wave.yaml", "missing: system.equations, system.fields"),
     ("seed: 1\nsystem: {title: T}\n", "wave.yaml:2", "missing: system.equations, system.fields"),
     (swapped("twin: a", "noise: 0"), "wave.yaml:13", "no recording to analyse"),
-    (swapped("dt: 0.1/15", "rtol: 1e-3"), "wave.yaml:12", "missing: system.integrator.dt"),
+    (swapped("dt: 0.1/15", "rtol: 1e-3"), "wave.yaml:12", "a twin needs a time step"),
     (swapped("dt: 0.1/15", "dt: 0.1//15"), "wave.yaml:12", "dt must be a number: "),
     (swapped("u: sin(x), v: 0", "u: 1"), "wave.yaml:10", "system.start is missing the field v"),
     (swapped("    u: v\n", ""), "wave.yaml:7", "system.equations is missing the field u"),

@@ -15,6 +15,7 @@ from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import Where, required
 from dashred.core.errors import InputError, nearest
 from dashred.core.limits import Limit
+from dashred.physics.system_schema import System
 
 TWIN = re.compile(r"[A-Za-z0-9_-]+\Z")
 DEVICE = re.compile(r"(cpu|cuda(:\d{1,3})?)\Z")
@@ -117,7 +118,7 @@ def _check_library(settings: Settings, where: Where) -> None:
         "shred.decoder": settings.shred.decoder,
         "latent_sindy.steps": settings.latent_sindy.steps,
     }.items():
-        if not numbers:
+        if numbers is not None and not numbers:
             raise InputError(f"{key} is empty", where=where(key))
 
 
@@ -132,7 +133,7 @@ def _check_recording(settings: Settings, where: Where) -> None:
                 hint=nearest(name, [*system.fields, *system.let]),
             )
     if recording.twin is not None:
-        _check_twin(recording, where)
+        _check_twin(recording, system, where)
 
 
 def check_recorded(settings: Settings, where: Where) -> None:
@@ -159,7 +160,13 @@ def _check_sensors(recording: Recording, where: Where) -> None:
     )
 
 
-def _check_twin(recording: Recording, where: Where) -> None:
+def _check_twin(recording: Recording, system: System, where: Where) -> None:
+    if system.integrator.dt is None and system.snapshots is None:
+        raise InputError(
+            "a twin needs a time step: its truth is a simulation",
+            where=where("system.integrator"),
+            hint="give system.integrator.dt",
+        )
     if not TWIN.match(recording.twin or ""):
         raise InputError(
             f"{recording.twin!r} is not the name of a twin",

@@ -46,20 +46,23 @@ class Shred:
     lags: Annotated[Count, Unit("samples")]
     """Length of the history before the present sample."""
 
-    latent: Count
-    """Size of the latent state h."""
+    latent: Count | None
+    """Size of the latent state h; null chooses it by the size of the state: 32 for up to 16
+    values, else 64."""
 
     layers: Count
     """Number of layers of the LSTM."""
 
-    decoder: list[Count]
-    """Widths of the decoder's hidden layers."""
+    decoder: list[Count] | None
+    """Widths of the decoder's hidden layers; null chooses them by the size of the state: [64, 64]
+    for up to 16 values, else [256, 256]."""
 
     modes: Count
     """Number of POD modes of the decoder's output."""
 
-    epochs: Count
-    """Maximum number of epochs."""
+    epochs: Count | None
+    """Maximum number of epochs; null chooses it by the size of the state: 14 for up to 16 values,
+    else 44."""
 
     steps: Count
     """Optimiser steps per epoch."""
@@ -188,6 +191,10 @@ class Settings:
     latent_sindy: LatentSindy
     discovery: Discovery
     surrogate: Surrogate
+
+    budget: Annotated[Positive, Unit("seconds")] | None
+    """Time that an analysis may take, to a tenth. What it does not suffice for is left out and
+    listed in the findings. Null gives 600 s to a system with two axes, else 300 s."""
 
     resolution_limit: Annotated[Positive, Unit("a trace's standard deviation")]
     """Largest change of a sensor trace when the resolution is doubled."""

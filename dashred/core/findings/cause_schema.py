@@ -16,7 +16,7 @@ Verdict = Literal[
     "no-mismatch-seen",
 ]
 
-NotConverged = Literal["window-not-reached", "law-not-fitted", "misfit-unexplained"]
+NotConverged = Literal["window-not-reached", "law-not-fitted", "misfit-unexplained", "budget"]
 
 
 class FaultCurve(TypedDict):
@@ -86,6 +86,7 @@ Cause = TypedDict(
         "misfit": float,
         "misfit_of_all": float,
         "unexplained": float,
+        "budget": float,
         # Unresolved numerics.
         "doubling_error": float,
         "limit": float,

@@ -152,8 +152,19 @@ class Input(TypedDict):
     splits: Splits | None
 
 
+class SpentBudget(TypedDict):
+    """The budget in seconds, the time spent when the findings were made, and what was left out."""
+
+    seconds: float
+    spent: float
+    not_tried: list[str]
+
+
 class Findings(TypedDict):
     """`findings.json`; quantities that were not analysed are null.
+
+    `budget` exists only if the time did not suffice for everything: only then do the findings
+    depend on the speed of the machine.
 
     `units` are the units stated by the configuration or the recording, by name, and the unit of
     time as `t`. The key exists only if a unit is stated.
@@ -171,6 +182,7 @@ class Findings(TypedDict):
     latent: Latent
     corrected: str | None
     input: Input
+    budget: NotRequired[SpentBudget]
     units: NotRequired[dict[str, str]]
 
 

@@ -6,12 +6,14 @@ and its solution is a good first guess for a slightly longer one (docs/method.md
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from statistics import median
 
 import torch
 from torch import Tensor
 
+from dashred.core.budget import NEVER, OutOfTimeError
 from dashred.core.progress import Report
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
@@ -73,23 +75,8 @@ def grow_horizon(
     total = len(objective.recorded)
     state = _HorizonState(objective, phi, samples, _most_distinct(objective, phi, samples, count))
     state.fit_first()
-    chosen, additions, growth = samples, 0, GROWTH
-    while state.samples < total and state.effort < EFFORT * total:
-        if REGROWTH * chosen <= state.samples <= total / REGROWTH and growth == GROWTH:
-            chosen = state.samples
-            state.replace_candidates(_most_distinct(objective, state.phi, chosen, count))
-        further = min(total, max(state.samples + 1, round(state.samples * growth)))
-        if state.advance(further, STAGE_STEPS if growth == GROWTH else 2 * STAGE_STEPS):
-            growth = GROWTH
-            report(further / total, f"horizon {further} of {total}, χ²/n {state.levels[-1][1]:.2f}")
-            continue
-        growth = 1 + (growth - 1) / 2
-        if growth <= SMALLEST_GROWTH and additions < MOST_ADDITIONS:
-            others = _most_distinct(objective, state.phi, state.samples, count)
-            state.replace_candidates(tuple(sorted({*state.members, *others})))
-            additions, growth = additions + 1, GROWTH
-        elif growth <= SMALLEST_GROWTH:
-            break
+    with suppress(OutOfTimeError):
+        _extend(state, count, report)
     reached = state.samples == total
     return HorizonFit(
         state.phi, state.members, state.readings, state.samples, reached, state.levels
@@ -109,12 +96,13 @@ class _HorizonState:
     effort: int = 0
 
     def fit_first(self) -> None:
-        """Fit the first horizon."""
-        self._adopt(self._fit(self.members, self.samples, STAGE_STEPS), self.samples)
+        """Fit the first horizon, which is short enough to have no deadline."""
+        problem = replace(self.objective, deadline=NEVER)
+        self._adopt(self._fit(problem, self.members, self.samples, STAGE_STEPS), self.samples)
 
     def advance(self, further: int, steps: int) -> bool:
         """Fit more samples; return whether the misfit stays near its typical level."""
-        fitted = self._fit(self.members, further, steps)
+        fitted = self._fit(self.objective, self.members, further, steps)
         # Written with "not", because the misfit is NaN after a blow-up.
         if not self._level(fitted, further) <= DIVERGED * self._typical_level:
             return False
@@ -123,7 +111,7 @@ class _HorizonState:
 
     def replace_candidates(self, members: tuple[int, ...]) -> None:
         """Use other candidates from now on, if they fit the present horizon as well."""
-        fitted = self._fit(members, self.samples, STAGE_STEPS)
+        fitted = self._fit(self.objective, members, self.samples, STAGE_STEPS)
         if members and self._level(fitted, self.samples) <= DIVERGED * self._typical_level:
             self.members = members
             self.levels.pop()
@@ -133,9 +121,11 @@ class _HorizonState:
     def _typical_level(self) -> float:
         return max(1.0, median(level for _, level in self.levels))
 
-    def _fit(self, members: tuple[int, ...], samples: int, steps: int) -> FitResult:
-        problem = self.objective.subset(members).truncate(samples)
-        begin = self.phi[self.objective.indices(members)]
+    def _fit(
+        self, objective: LeastSquaresProblem, members: tuple[int, ...], samples: int, steps: int
+    ) -> FitResult:
+        problem = objective.subset(members).truncate(samples)
+        begin = self.phi[objective.indices(members)]
         fitted = minimise(problem, begin, steps, TOLERANCE)
         self.effort += fitted.jacobians * samples
         return fitted
@@ -147,6 +137,32 @@ class _HorizonState:
         self.phi = self.objective.embed(fitted.phi, self.members)
         self.readings, self.samples = fitted.readings, samples
         self.levels.append((samples, self._level(fitted, samples)))
+
+
+def _extend(state: _HorizonState, count: int, report: Report) -> None:
+    """Extend the horizon as far as possible; arguments as in :func:`grow_horizon`.
+
+    Raises:
+        OutOfTimeError: the deadline of F is over; the state is that of the last horizon reached.
+    """
+    objective, total = state.objective, len(state.objective.recorded)
+    chosen, additions, growth = state.samples, 0, GROWTH
+    while state.samples < total and state.effort < EFFORT * total:
+        if REGROWTH * chosen <= state.samples <= total / REGROWTH and growth == GROWTH:
+            chosen = state.samples
+            state.replace_candidates(_most_distinct(objective, state.phi, chosen, count))
+        further = min(total, max(state.samples + 1, round(state.samples * growth)))
+        if state.advance(further, STAGE_STEPS if growth == GROWTH else 2 * STAGE_STEPS):
+            growth = GROWTH
+            report(further / total, f"horizon {further} of {total}, χ²/n {state.levels[-1][1]:.2f}")
+            continue
+        growth = 1 + (growth - 1) / 2
+        if growth <= SMALLEST_GROWTH and additions < MOST_ADDITIONS:
+            others = _most_distinct(objective, state.phi, state.samples, count)
+            state.replace_candidates(tuple(sorted({*state.members, *others})))
+            additions, growth = additions + 1, GROWTH
+        elif growth <= SMALLEST_GROWTH:
+            break
 
 
 def _most_distinct(

@@ -17,6 +17,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from dashred.core.budget import NEVER, Deadline
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.fit.normal_equations import solve
 from dashred.inference.forward.candidates import Candidate
@@ -50,12 +51,14 @@ class LeastSquaresProblem:
         recorded: y, ``(time, sensor)``; NaN where missing.
         noise: W, whitens residuals.
         prior_std: d, the prior std of every coefficient, ``(coefficient,)``, in the user's units.
+        deadline: time at which fits of it end.
     """
 
     forward_model: ForwardModel
     recorded: Tensor
     noise: NoiseModel
     prior_std: Tensor
+    deadline: Deadline = NEVER
 
     @property
     def modes(self) -> int:

@@ -64,10 +64,14 @@ def minimise(
         steps: largest number of Jacobians.
         tolerance: the fit has converged if a step lowers F by a smaller share.
         known: normal equations at ``phi``, under any prior, if they are known already.
+
+    Raises:
+        OutOfTimeError: the deadline of F is over.
     """
     [cost], (readings, [residuals]) = objective.values(phi[None])
     fitted = FitResult(phi, float(cost), float(residuals.square().sum()), readings[0], False, 0)
     while fitted.jacobians < steps and not fitted.converged:
+        objective.deadline.check()
         if known is None or fitted.jacobians:
             normal = objective.linearise(fitted.phi, fitted.readings)
         else:
@@ -227,7 +231,7 @@ def chord_refits(
     done = torch.zeros(len(phi), dtype=torch.bool)
     for _ in range(steps):
         rows = torch.nonzero(~done).flatten()
-        if not len(rows):
+        if not len(rows) or objective.deadline.is_over:
             break
         finite = torch.where(torch.isfinite(residuals[rows]), residuals[rows], 0.0)
         trial = phi[rows] + normal.steps(phi[rows], finite, damping[rows], free[rows])

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from dashred.core.budget import OutOfTimeError
 from dashred.core.progress import Report
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import chord_refits, minimise
@@ -82,6 +83,8 @@ def select(
     report(0.4, f"{len(search.tried)} sets refitted")
     exhausted = False
     for turn in range(ROUNDS):
+        if objective.deadline.is_over:
+            break
         best = search.best
         if search.update_noise(best):
             search.rescore()
@@ -100,10 +103,16 @@ def select(
 def polish(
     objective: LeastSquaresProblem, tried: RefittedSet, tolerance: float, steps: int = POLISH_STEPS
 ) -> RefittedSet:
-    """Return the fit of one set with fresh Jacobians, until a step lowers F by a smaller share."""
+    """Return the fit of one set with fresh Jacobians, until a step lowers F by a smaller share.
+
+    After the deadline of F, the fit is returned as it is.
+    """
     problem = objective.subset(tried.members)
     begin = tried.phi[objective.indices(tried.members)]
-    fitted = minimise(problem, begin, steps, tolerance)
+    try:
+        fitted = minimise(problem, begin, steps, tolerance)
+    except OutOfTimeError:
+        return tried
     score = fitted.cost + term_penalty(objective) * len(tried.members)
     return RefittedSet(
         tried.members, objective.embed(fitted.phi, tried.members), fitted.cost, score

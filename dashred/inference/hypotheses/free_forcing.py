@@ -115,7 +115,11 @@ def fit_forcing_block(
 
     Returns:
         The forcing, and the evidence without a forcing.
+
+    Raises:
+        OutOfTimeError: the deadline of F is over.
     """
+    objective.deadline.check()
     forced_model = replace(objective.forward_model, forcing=block)
     whole = objective.with_unknowns(forced_model, _prior_stds(block, LEVELS[-1:] * len(block.size)))
     begin = torch.cat([phi, torch.zeros(block.count, dtype=torch.float64)])

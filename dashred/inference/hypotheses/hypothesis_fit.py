@@ -8,6 +8,7 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
+from dashred.core.budget import OutOfTimeError
 from dashred.inference.fit.law import Law, build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 from dashred.inference.fit.levenberg_marquardt import (
@@ -99,10 +100,18 @@ def refine(fit: HypothesisFit) -> HypothesisFit:
     under larger noise, others over a shorter record. One round of steps is run from each starting
     point, and only the lowest fit is continued. A hypothesis that has lost the recording is
     returned unchanged. One that is still far from it after the first round is not continued: with
-    too few sensors such fits would take most of the time of a run.
+    too few sensors such fits would take most of the time of a run. After the deadline of F a
+    hypothesis is returned unchanged, too.
     """
     if fit.law.chi2 > LOST_CHI2:
         return fit
+    try:
+        return _refine(fit)
+    except OutOfTimeError:
+        return fit
+
+
+def _refine(fit: HypothesisFit) -> HypothesisFit:
     objective, total = fit.objective, len(fit.objective.recorded)
     from_growing_horizons = [
         minimise_growing_horizon(objective, fit.phi, round(share * total))

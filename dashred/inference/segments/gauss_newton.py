@@ -21,7 +21,7 @@ class NodeFit:
 
     Attributes:
         point: where it ended.
-        cost: F there; infinite where the beginning itself blows up.
+        cost: F there; infinite where the beginning itself blows up, or if there was no time.
     """
 
     point: Point
@@ -49,6 +49,8 @@ def fit_nodes(
     xi[chosen] = begin.xi[chosen]
     point, cost, damping = Point(begin.nodes, xi), np.inf, DAMPING
     for _ in range(steps):
+        if problem.deadline.is_over:
+            break
         normal = problem.linearise(point, chosen)
         if normal is None:
             return NodeFit(point, np.inf)

@@ -66,6 +66,8 @@ def select(
     extended = [candidate.is_extended for candidate in problem.candidates]
     about, winner = loose, None
     for _ in range(ROUNDS):
+        if problem.deadline.is_over:
+            break
         profiled = profile(about, point)
         if profiled is None:
             break
@@ -75,7 +77,7 @@ def select(
         while smaller := without_one(best.members):
             _refit_all(problem, best.fit.point, smaller, fits)
             before, best = best, _ranked(problem, fits)[0]
-            if best.members == before.members:
+            if best.members == before.members or problem.deadline.is_over:
                 break
         if not math.isfinite(best.score) or best.members == winner:
             break
@@ -121,6 +123,8 @@ def _refit_all(
 ) -> None:
     """Refit sets from a point; an earlier, better fit stands."""
     for members in sets:
+        if problem.deadline.is_over and fits:
+            break
         fit = _refit(problem, point, members)
         if members not in fits or fit.cost < fits[members].cost:
             fits[members] = fit

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dashred.core.budget import NEVER, Deadline
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.segments.block_tridiagonal import BlockNormal
 from dashred.inference.segments.segment_simulator import SegmentSimulator
@@ -48,6 +49,7 @@ class WeakConstraintProblem:
         start_mean: m, ``(episode, field)``.
         start_std: B, ``(field,)``.
         prior_std: d, ``(candidate,)``.
+        deadline: time at which fits of it end.
     """
 
     simulator: SegmentSimulator
@@ -58,6 +60,7 @@ class WeakConstraintProblem:
     start_mean: Array
     start_std: Array
     prior_std: Array
+    deadline: Deadline = NEVER
 
     @property
     def segments(self) -> Segments:

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from dashred.config import Config
+from dashred.core.budget import Budget
 from dashred.core.findings.findings import canonical
 from dashred.core.findings.schema import Findings
 from dashred.core.progress import Silent, shown_on
@@ -60,6 +61,8 @@ def _discover_with_equations(problem: Problem, seconds: dict[str, float]) -> Res
         simulated, simulated.ensemble, NullTracker(), NoCheckpoints(), seconds
     )
     findings = verification.verify(problem, analysis)
+    # What a notebook does with the result later has no bound.
+    problem = replace(problem, budget=Budget())
 
     def write(folder: Path) -> None:
         verification.write_findings(problem, analysis, findings, folder)

@@ -25,6 +25,8 @@ from dashred.pipeline.api.session import session
 from dashred.pipeline.api.simulator import TIMES, Simulator, as_times
 from dashred.pipeline.check import command
 from dashred.pipeline.check.page import Page
+from dashred.pipeline.problem import build_problem
+from dashred.pipeline.time_step import states_time_step
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -216,8 +218,18 @@ class Problem:
                 if self._system.inputs
                 else NO_INPUTS
             )
-        system = with_inputs(self._system, inputs)
+        system = with_inputs(self._stepped_system(), inputs)
         return Simulator(system, lambda: nominal_start(system)[0], clock)
+
+    def _stepped_system(self) -> System:
+        """Return the simulator with its time step, which may be chosen from the recording."""
+        if states_time_step(self._system):
+            return self._system
+        if self._recorded is None:
+            what = "there is no time step, and no recording to choose it from"
+            hint = "give system.integrator.dt"
+            raise InputError(what, where=self.config.where("system.integrator"), hint=hint)
+        return self._system.with_step(build_problem(self.config, self._recorded).system.dt)
 
     def _default_times(self, times: ArrayLike | None) -> torch.Tensor:
         """Return the times to use without a recording; they cover the given times."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from dashred.config import Config
+from dashred.models.network_size import network_size
 from dashred.pipeline.check.context import CheckContext
 from dashred.pipeline.check.observability import Observability
 from dashred.pipeline.check.remark import Remark
@@ -52,9 +53,11 @@ def snapshots_run_time_remark(config: Config) -> Remark:
 
 def _training(config: Config) -> float:
     """Return the seconds of training SHRED."""
-    shred = config.shred
-    steps = shred.epochs * shred.steps
-    return TRAINING_STEP * steps * (shred.lags + 1) / 25 * shred.batch / 48
+    shred, system = config.shred, config.system
+    values = len(system.fields) * math.prod(axis.points for axis in system.axes.values())
+    size = network_size(values, shred.latent, shred.decoder, shred.epochs)
+    share = (shred.lags + 1) / 25 * shred.batch / 48 * size.latent / 64
+    return TRAINING_STEP * size.epochs * shred.steps * share
 
 
 def _rounded_duration(seconds: float) -> str:

@@ -115,10 +115,13 @@ def discover(
                     problem, coarse, candidates, guesses, report
                 )
             if segments is not None and not horizon.is_complete and is_explained(segments):
+                if problem.deadline("grow the horizon").is_over:
+                    problem.budget.leave_out("all other causes")
                 return discover_in_segments(problem, segments, child, seconds)
         _log_first_guesses(run, child, guesses, guess, horizon)
         objective = build_least_squares(problem, simulator, guess.start, candidates, weak)
-        objective = with_residual_noise(objective, horizon)
+        deadline = problem.deadline("select the law")
+        objective = replace(with_residual_noise(objective, horizon), deadline=deadline)
         with stage("select the law", seconds) as report:
             selection = select(objective.truncate(horizon.samples), horizon.phi, proposals, report)
             if not horizon.is_complete:
@@ -128,22 +131,32 @@ def discover(
             selection = select_near_prior(nominal.start, selection, MAX_RIVALS, report)
             objective = objective.with_start(selection.objective.forward_model.start)
             report(1.0, f"{len(selection.tried)} sets refitted")
+        if not selection.exhausted and deadline.is_over:
+            problem.budget.leave_out("further sets of terms")
         with stage("fit the law to the end", seconds) as report:
-            laws, ranked, nothing = _fit_best(selection)
+            later = problem.deadline("fit the law to the end")
+            selection = replace(selection, objective=replace(selection.objective, deadline=later))
+            laws, ranked, nothing, uncorrected = _fit_best(selection)
             report(1.0, str(laws[0]))
         with stage("compare hypotheses", seconds) as report:
             seen = replace(selection.objective.noise, available=objective.noise.available)
-            comparison = compare_explanations(
-                problem,
-                nominal,
-                replace(objective, noise=seen),
-                horizon.samples,
-                laws,
-                ranked,
-                nothing,
-                guesses[0],
-                report,
+            deadline = problem.deadline("compare hypotheses")
+            compared = problem.budget.attempt(
+                "all other causes",
+                lambda: compare_explanations(
+                    problem,
+                    nominal,
+                    replace(objective, noise=seen, deadline=deadline),
+                    horizon.samples,
+                    laws,
+                    ranked,
+                    nothing,
+                    guesses[0],
+                    report,
+                ),
+                None,
             )
+            comparison = compared or Comparison(laws, uncorrected, seen, 0.0, None)
             report(1.0, str(comparison.laws[0]))
         path = _best_by_size(selection, nothing)
         log_best_by_size(child, path)
@@ -156,7 +169,8 @@ def discover(
         first_guesses={g.name: g.error for g in guesses},
         first_guess=guess.name,
         levels=horizon.levels,
-        is_horizon_complete=horizon.is_complete or _is_explained(problem, comparison),
+        is_horizon_complete=horizon.is_complete
+        or (compared is not None and _is_explained(problem, compared)),
         # If the horizon did not reach the end, its misfit does not hold for the whole record.
         free_chi2=float(free) / part.noise.count
         if horizon.is_complete
@@ -212,11 +226,11 @@ def _proposals(
     return [members for members in sets if members]
 
 
-def _fit_best(selection: Selection) -> tuple[list[Law], list[RefittedSet], RefittedSet]:
+def _fit_best(selection: Selection) -> tuple[list[Law], list[RefittedSet], RefittedSet, Law]:
     """Converge the fits of the best law and of the empty law; the alternatives are not refitted.
 
     Returns:
-        The laws, the best first; their fits; the fit of the empty law.
+        The laws, the best first; their fits; the fit of the empty law; and the empty law.
     """
     objective = selection.objective
     best = polish(objective, selection.tried[0], LAW_TOLERANCE)
@@ -236,7 +250,7 @@ def _fit_best(selection: Selection) -> tuple[list[Law], list[RefittedSet], Refit
         )
 
     ranked = sorted([best, *near], key=lambda tried: tried.score)
-    return [law(tried) for tried in ranked], ranked, nothing
+    return [law(tried) for tried in ranked], ranked, nothing, law(nothing)
 
 
 def _empty_law(selection: Selection, best: RefittedSet) -> RefittedSet:

@@ -84,8 +84,12 @@ def fit_first_guesses(
         for name in by_episode[0]
         if name != "prior" and all(name in guesses for guesses in by_episode)
     }
-    fitted = []
+    fitted: list[FittedGuess] = []
+    deadline = problem.deadline("fit the first guesses")
     for i, (name, model) in enumerate(models.items(), start=1):
+        if fitted and deadline.is_over:
+            problem.budget.leave_out(f"the first guess {name}")
+            continue
         fitted.append(fit_first_guess(problem, simulator, name, model))
         report(i / len(models), f"{name} {fitted[-1].error:.2f} σ")
     return rank_guesses(fitted, SMALL_ERROR * float((1 / noise_share(problem)).median()))

@@ -43,11 +43,14 @@ def fit_from_first_guesses(
     """
     settings = problem.config.discovery
     limits = torch.tensor([c.limit for c in candidates], dtype=torch.float64)
+    deadline = problem.deadline("grow the horizon")
     best: tuple[FittedGuess, HorizonFit] | None = None
     for guess in guesses:
+        if best is not None and deadline.is_over:
+            break
         objective = build_least_squares(problem, simulator, guess.start, candidates, settings.tight)
         tight = torch.minimum(objective.prior_std, limits)
-        objective = replace(objective, prior_std=tight)
+        objective = replace(objective, prior_std=tight, deadline=deadline)
         initial, samples = objective.embed(guess.z, []), first_samples(objective)
         horizon = grow_horizon(objective, initial, samples, settings.walking, report)
         if best is None or horizon.samples > best[1].samples:
@@ -55,6 +58,8 @@ def fit_from_first_guesses(
         if horizon.is_complete:
             break
     assert best is not None
+    if deadline.is_over and not best[1].is_complete:
+        problem.budget.leave_out("a longer horizon")
     return best
 
 
@@ -92,6 +97,8 @@ def extend_horizon(
         proposals: sets of candidates that are tried in any case.
         report: progress.
     """
+    if objective.deadline.is_over:
+        return horizon, selection
     best = selection.tried[0]
     law = objective.subset(best.members)
     initial = best.phi[objective.indices(best.members)]

@@ -66,6 +66,9 @@ def compare_explanations(
         guess: best first guess; it replaces the fitted start if the horizon did not reach the end
             of the record.
         report: progress.
+
+    Raises:
+        OutOfTimeError: there was no time for any other hypothesis.
     """
     best, times = ranked[0], problem.times
     reached = samples == len(objective.recorded)
@@ -104,7 +107,13 @@ def compare_explanations(
         ),
     )
     comparison = compare_hypotheses(
-        everything, best_fit, empty, rivals if reached else [], additions, report
+        everything,
+        best_fit,
+        empty,
+        rivals if reached else [],
+        additions,
+        problem.budget,
+        report,
     )
     if not reached or null.forward_model.start is not objective.forward_model.start:
         return comparison

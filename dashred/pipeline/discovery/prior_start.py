@@ -9,6 +9,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from dashred.core.budget import OutOfTimeError
 from dashred.core.progress import Report
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
@@ -50,6 +51,8 @@ def select_near_prior(
 ) -> Selection:
     """Select the terms again with the prior of the start, if the best law reaches its fitted start.
 
+    Without time for it the selection stays.
+
     Args:
         prior: prior of the start, which does not use the recording.
         selection: laws that were fitted with a first guess.
@@ -61,7 +64,10 @@ def select_near_prior(
         return selection
     law = objective.subset(best.members)
     phi = best.phi[objective.indices(best.members)]
-    refit = fit_near_prior(prior, law, phi, MAX_LAW_RATIO)
+    try:
+        refit = fit_near_prior(prior, law, phi, MAX_LAW_RATIO)
+    except OutOfTimeError:
+        return selection
     if refit is None:
         return selection
     with_prior = objective.with_start(prior)

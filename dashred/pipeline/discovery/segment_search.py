@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from dashred.core.budget import Deadline
 from dashred.inference.forward.candidates import Candidate, build_candidates
 from dashred.inference.segments.equivalent_laws import merge_equivalent
 from dashred.inference.segments.natural_scales import natural_scales
@@ -16,6 +17,7 @@ from dashred.pipeline.problem import Problem
 from dashred.pipeline.segments import SegmentedRecord, resolve_steps, segment_record
 from dashred.pipeline.simulation import NominalRun
 
+STAGE = "search over segments"
 # The prior standard deviation of the first state is widened by this factor.
 START_FACTOR = 3.0
 # Samples per segment; shorter segments are tried if the misfit is above this limit.
@@ -37,7 +39,7 @@ def search_library(problem: Problem, nominal: NominalRun) -> SegmentSearch | Non
     found = None
     for samples in SEGMENT_SAMPLES:
         found = _search_once(problem, nominal, candidates, samples)
-        if found is not None and found.level < LOST:
+        if (found is not None and found.level < LOST) or problem.deadline(STAGE).is_over:
             break
     return None if found is None else merge_equivalent(found)
 
@@ -56,19 +58,22 @@ def _search_once(
     substeps = 1
     while True:
         record = segment_record(problem, nominal.prior.centre, nominal.prior, samples, substeps)
-        found = _search_record(record, candidates)
+        found = _search_record(record, candidates, problem.deadline(STAGE))
         if found is None:
             return None
         weak, nodes = found.problem, found.best.fit.point.nodes
         noise = weak.noise_std * np.sqrt(found.level)
         terms = found.terms(found.best)
         resolved = resolve_steps(weak.simulator, weak.sensors, noise, nodes, *terms)
-        if resolved.substeps == weak.simulator.substeps or found.level > LOST:
+        fine = resolved.substeps == weak.simulator.substeps
+        if fine or found.level > LOST or weak.deadline.is_over:
             return found
         substeps = resolved.substeps
 
 
-def _search_record(record: SegmentedRecord, candidates: list[Candidate]) -> SegmentSearch | None:
+def _search_record(
+    record: SegmentedRecord, candidates: list[Candidate], deadline: Deadline
+) -> SegmentSearch | None:
     scales = natural_scales(
         record.simulator, record.sensors, candidates, record.guesses[-1], record.size
     )
@@ -81,6 +86,7 @@ def _search_record(record: SegmentedRecord, candidates: list[Candidate]) -> Segm
         start_mean=record.start_mean,
         start_std=START_FACTOR * record.start_std,
         prior_std=scales.coefficient,
+        deadline=deadline,
     )
     found = search(weak, record.guesses, scales)
     return found if math.isfinite(found.best.score) else None

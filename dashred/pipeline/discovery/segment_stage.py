@@ -20,6 +20,7 @@ from dashred.inference.segments.set_selection import SegmentLaw
 from dashred.pipeline.discovery.law_metrics import log_best_by_size
 from dashred.pipeline.discovery.least_squares import fit_noise
 from dashred.pipeline.discovery.library_choice import is_explained, search_libraries
+from dashred.pipeline.discovery.segment_search import STAGE
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.segments import can_restart
 from dashred.pipeline.simulation import NominalRun
@@ -46,13 +47,15 @@ def search_in_segments(
     """
     if not can_restart(problem):
         return problem, None
-    with stage("search over segments", seconds) as report, np.errstate(all="ignore"):
+    with stage(STAGE, seconds) as report, np.errstate(all="ignore"):
         problem, found = search_libraries(problem, nominal)
         if found is None:
             report(1.0, "no set of terms could be fitted")
         else:
             law = law_from_segments(found, found.best)
             report(1.0, f"{law}, χ²/n {found.level:.2f}")
+    if problem.deadline(STAGE).is_over:
+        problem.budget.leave_out("further sets of terms over segments")
     return problem, found
 
 

@@ -1,4 +1,4 @@
-"""Guess the values of a first configuration from the recording: start, spread and time steps."""
+"""Guess the values of a first configuration from the recording: start, spread and clock."""
 
 from __future__ import annotations
 
@@ -12,14 +12,12 @@ from dashred.core.errors import InputError
 from dashred.data.io.missing_sentinels import mask_sentinels
 from dashred.data.noise_level import noise_std
 from dashred.data.recording import Recording
-from dashred.data.resampling import coarser_step, native_step
+from dashred.data.resampling import coarser_step
 from dashred.data.time_scale import samples_per_change, suggested_step
 from dashred.pipeline.init.columns import GuessedSystem
 from dashred.pipeline.init.relations import Rate, find_rates
 from dashred.pipeline.init.start import start_expression
 
-# Steps of the integrator per step of the recording.
-STEPS_PER_SAMPLE = 5
 # Spread of the start: at least this many σ of the noise, and for an ODE this share of the std.
 NOISE_FACTOR, STD_SHARE = 3.0, 0.1
 
@@ -30,14 +28,12 @@ class GuessedValues:
 
     Attributes:
         every: time step of the analysis; None keeps the step of the recording.
-        dt: time step of the integrator.
         start, spread: initial state and its std by field, in the unit of the field.
         rates: columns that are the rate of change of a field, by field; empty in space.
         episodes: number of episodes of the recording.
     """
 
     every: float | None
-    dt: float
     start: dict[str, str]
     spread: dict[str, float]
     rates: dict[str, Rate]
@@ -56,7 +52,6 @@ def guess_values(guessed: GuessedSystem, episodes: Sequence[Recording]) -> Guess
     every = coarser_step(recording)
     if every is None:
         every = suggested_step(recording, samples_per_change(recording, noise))
-    step = native_step(recording.times) if every is None else every
     start, spread = {}, {}
     for field in guessed.fields:
         selected = [sensor.reads == field for sensor in recording.sensors]
@@ -78,7 +73,6 @@ def guess_values(guessed: GuessedSystem, episodes: Sequence[Recording]) -> Guess
         )
     return GuessedValues(
         every,
-        _rounded(step / STEPS_PER_SAMPLE),
         start,
         spread,
         {} if guessed.axes else find_rates(recording),

@@ -37,6 +37,9 @@ def write_corrected(
     values = _user_values(config)
     corrected = build_corrected_system(system, law)
     values["system"]["equations"] = _Block(corrected.config.equations)
+    if config.system.integrator.dt is None:
+        # The step was chosen from the recording, which this file does not name.
+        _put(values, ["system", "integrator", "dt"], system.dt)
     # The equations replace the Python class of the simulator.
     values["system"].pop("class", None)
     # The structure was declared for the uncorrected equations and would be refused with others.

@@ -33,8 +33,12 @@ def report(
 ) -> list[Path]:
     """Write the figures and the page to ``output`` and return the paths of the figures."""
     gallery = Gallery(output)
-    with stage("draw figures", seconds):
-        gallery.draw(figures_of(problem, analysis, findings))
+    with stage("draw figures", seconds) as show:
+        left_out = gallery.draw(
+            figures_of(problem, analysis, findings), problem.deadline("draw figures")
+        )
+        if left_out:
+            show(1.0, f"no time for {', '.join(left_out)}")
         figures = gallery.captioned(_captions(problem))
         text, effects = summary(findings, None, {}), main_effects(problem, findings)
         html.write_html(output / "report.html", findings, figures, text, effects, git_commit())

@@ -18,6 +18,7 @@ import numpy as np
 import torch
 from numpy._core.multiarray import _reconstruct  # how NumPy pickles an array
 
+from dashred.core.budget import Budget
 from dashred.core.files.atomic import atomic_file
 from dashred.core.progress import say
 from dashred.inference.fit.law import ErrorCurve, Law, SensorFault
@@ -73,13 +74,14 @@ class Checkpoints:
     Args:
         folder: folder of the files.
         seconds: run time by stage; a stage that is read back adds its original run time.
+        budget: of the run; a stage that is read back adds what it had left out.
 
     Attributes:
         earlier: total original run time in seconds of the stages that were read back.
     """
 
-    def __init__(self, folder: Path, seconds: dict[str, float]) -> None:
-        self.folder, self.seconds = folder, seconds
+    def __init__(self, folder: Path, seconds: dict[str, float], budget: Budget) -> None:
+        self.folder, self.seconds, self.budget = folder, seconds, budget
         self.earlier = 0.0
 
     def stage(self, name: str, compute: Callable[[], Result]) -> Result:
@@ -90,13 +92,17 @@ class Checkpoints:
         if stored is not None and stored.get("code") == code:
             self.seconds |= stored["seconds"]
             self.earlier += stored["took"]
+            for what in stored["left_out"]:
+                self.budget.leave_out(what)
             say(f"  {name:<28} read from its checkpoint")
             return _restored(stored["found"])
         before, started = dict(self.seconds), time.perf_counter()
+        known = len(self.budget.not_tried)
         result = compute()
         took = time.perf_counter() - started
         own = {title: s for title, s in self.seconds.items() if before.get(title) != s}
-        _write(path, {"found": _plain(result), "seconds": own, "took": took, "code": code})
+        content = {"found": _plain(result), "seconds": own, "took": took, "code": code}
+        _write(path, content | {"left_out": self.budget.not_tried[known:]})
         return result
 
 

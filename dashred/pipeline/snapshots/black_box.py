@@ -66,7 +66,7 @@ def analyse_snapshots(config: Config) -> Path:
         clear_output(output)
         log_input(run, config, provenance.git_commit())
 
-        checkpoints = Checkpoints(folder, seconds)
+        checkpoints = Checkpoints(folder, seconds, problem.budget)
         analysis = discover(problem, runs, run, checkpoints, seconds)
         findings = black_box_findings.verify(problem, analysis)
         black_box_findings.write(problem, analysis, findings, output)

@@ -17,6 +17,7 @@ from dashred.pipeline.problem import Problem
 from dashred.pipeline.snapshots.black_box_analysis import BlackBoxAnalysis, full_record
 from dashred.pipeline.snapshots.mismatch import ErrorComparison
 from dashred.pipeline.verification.held_out import relative_rmse
+from dashred.pipeline.verification.spent_budget import note_budget
 from dashred.pipeline.verification.verification import build_input, freeze_findings, proposals
 from dashred.reporting.text.causes import limits_of_snapshots
 from dashred.reporting.wording.findings_text import add_text
@@ -45,6 +46,7 @@ def verify(problem: Problem, analysis: BlackBoxAnalysis) -> Findings:
         causes=[_cause(kind, analysis)],
         units=problem.system.units,
     )
+    note_budget(findings, problem.budget)
     return add_text(findings, problem.system)
 
 

@@ -36,6 +36,7 @@ from dashred.pipeline.problem import Problem
 from dashred.pipeline.verification.energy import energy_loss
 from dashred.pipeline.verification.held_out import held_out_errors
 from dashred.pipeline.verification.numerical_error import numerical_error
+from dashred.pipeline.verification.spent_budget import blame_budget, note_budget
 from dashred.pipeline.verification.structure import structure_change
 from dashred.reporting.wording.findings_text import add_text
 
@@ -61,9 +62,11 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     proposed = {n: proposals(problem, f) for n, f in analysis.assimilated.proposals.items()}
     latent = Latent(alg1=proposed["alg1"], alg2=proposed["alg2"])
     if kind == "not-converged":
+        blame_budget(causes[0], problem.budget)
         failed = new_findings(
             build_input(problem), fit=fit, latent=latent, verdict=kind, causes=causes, units=units
         )
+        note_budget(failed, problem.budget)
         return add_text(failed, problem.system)
     count = len(problem.split.fit.times)
     findings = new_findings(
@@ -97,6 +100,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         corrected=CORRECTED,
         units=units,
     )
+    note_budget(findings, problem.budget)
     return add_text(findings, problem.system)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from dashred.core.budget import NEVER, Deadline
 from dashred.reporting.figures.figure_names import Captions, is_figure
 from dashred.reporting.figures.style import save_figure
 
@@ -36,10 +37,17 @@ class Gallery:
         save_figure(figure, self.folder / name)
         self.drawn.append(self.folder / name)
 
-    def draw(self, figures: Mapping[str, Callable[[], Figure]]) -> None:
-        """Draw and save figures, given by name."""
+    def draw(
+        self, figures: Mapping[str, Callable[[], Figure]], deadline: Deadline = NEVER
+    ) -> list[str]:
+        """Draw and save figures, given by name; return those for which there was no time."""
+        left_out = []
         for name, draw in figures.items():
-            self.save(draw(), name)
+            if deadline.is_over:
+                left_out.append(name)
+            else:
+                self.save(draw(), name)
+        return left_out
 
     def captioned(self, captions: Captions) -> dict[str, dict[str, Path]]:
         """Return the figures that were drawn, by caption, by section."""

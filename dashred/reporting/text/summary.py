@@ -26,6 +26,7 @@ def summary(
     fit = findings["fit"]
     blocks = [
         verdict_lines(findings),
+        _budget(findings.get("budget")),
         _compared(findings["input"], findings.get("units", NO_UNITS)),
         _errors("Test sensors, not used in any fit", fit["test_sensors"]),
         _errors("Held-out time, the end of the recording", fit["heldout_time"]),
@@ -48,6 +49,16 @@ def print_summary(text: str, console: "Console | None" = None) -> None:
     console = console or Console()
     console.rule("dashred")
     console.print(Text(text.rstrip()), soft_wrap=True)
+
+
+def _budget(budget: Mapping[str, Any] | None) -> list[str]:
+    if budget is None:
+        return []
+    left_out = ", ".join(budget["not_tried"])
+    return [
+        f"The budget of {budget['seconds']:g} s did not suffice for everything. Not tried or "
+        f"ended early: {left_out}."
+    ]
 
 
 def _compared(source: Mapping[str, Any], units: Mapping[str, str]) -> list[str]:

@@ -14,6 +14,7 @@ import pytest
 import torch
 
 from dashred.config import bundled_names, frozen_input, load_config
+from dashred.core.budget import Budget
 from dashred.core.errors import InputError
 from dashred.pipeline.run.checkpoints import Checkpoints
 from dashred.pipeline.run.resume import named_folder, read_words
@@ -250,7 +251,7 @@ class Runs:
 def test_a_checkpoint_that_would_run_code_is_not_read(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     torch.save({"found": Runs(), "seconds": {}}, tmp_path / "shred.pt")
-    assert Checkpoints(tmp_path, {}).stage("shred", lambda: {"a": 1}) == {"a": 1}
+    assert Checkpoints(tmp_path, {}, Budget()).stage("shred", lambda: {"a": 1}) == {"a": 1}
     assert not (tmp_path / "ran.txt").exists()
 
 
@@ -259,26 +260,28 @@ def test_seconds_of_an_earlier_attempt_are_counted_once(tmp_path, monkeypatch) -
     monkeypatch.setattr(
         "dashred.pipeline.run.checkpoints.time", SimpleNamespace(perf_counter=lambda: next(clock))
     )
-    first = Checkpoints(tmp_path, {})
+    first = Checkpoints(tmp_path, {}, Budget())
     first.stage("shred", lambda: {"a": 1})
     assert first.earlier == 0.0
-    second = Checkpoints(tmp_path, {})
+    second = Checkpoints(tmp_path, {}, Budget())
     second.stage("shred", lambda: pytest.fail("kept"))
     second.stage("assimilate", lambda: {"b": 2})
     assert second.earlier == 7.5
 
 
 def test_a_truncated_checkpoint_is_computed_again(tmp_path) -> None:
-    kept = Checkpoints(tmp_path, {})
+    kept = Checkpoints(tmp_path, {}, Budget())
     assert kept.stage("shred", lambda: {"a": torch.ones(9)})["a"].sum() == 9
     path = tmp_path / "shred.pt"
     path.write_bytes(path.read_bytes()[:-40])
-    assert Checkpoints(tmp_path, {}).stage("shred", lambda: {"a": 1}) == {"a": 1}
-    assert Checkpoints(tmp_path, {}).stage("shred", lambda: pytest.fail("kept")) == {"a": 1}
+    assert Checkpoints(tmp_path, {}, Budget()).stage("shred", lambda: {"a": 1}) == {"a": 1}
+    assert Checkpoints(tmp_path, {}, Budget()).stage("shred", lambda: pytest.fail("kept")) == {
+        "a": 1
+    }
 
 
 def test_a_checkpoint_of_another_version_is_computed_again(tmp_path: Path, monkeypatch) -> None:
-    kept = Checkpoints(tmp_path, {})
+    kept = Checkpoints(tmp_path, {}, Budget())
     assert kept.stage("count", lambda: 1) == kept.stage("count", lambda: 2) == 1
     monkeypatch.setattr("dashred.pipeline.run.checkpoints.git_commit", lambda: "another")
     assert kept.stage("count", lambda: 2) == kept.stage("count", lambda: 3) == 2

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 from torch import Tensor
 
+from dashred.core.budget import Budget
 from dashred.core.progress import Report
 from dashred.inference.fit.law import Law, distinct_laws
 from dashred.inference.fit.least_squares import LeastSquaresProblem
@@ -19,6 +20,7 @@ from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.comparison.backward_elimination import eliminate_terms
+from dashred.inference.hypotheses.comparison.global_hypotheses import fit_global_hypotheses
 from dashred.inference.hypotheses.comparison.noise_reestimation import (
     refit_under_best_noise,
     refit_under_noise,
@@ -41,7 +43,6 @@ from dashred.inference.hypotheses.hypothesis_fit import (
 )
 from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN, MIN_FORCING_GAIN
 from dashred.inference.hypotheses.sensors.fault_fits import fit_sensor_hypotheses
-from dashred.inference.hypotheses.sensors.start_hypotheses import fit_start_hypotheses
 from dashred.inference.hypotheses.windows.threshold_likelihood import profile_threshold
 from dashred.inference.hypotheses.windows.windowed_laws import fit_windowed_laws
 
@@ -92,9 +93,12 @@ def compare_hypotheses(
     null: HypothesisFit,
     rivals: Sequence[HypothesisFit],
     additions: Additions,
+    budget: Budget,
     report: Report,
 ) -> Comparison:
     """Compare the best law that acts everywhere with other hypotheses.
+
+    Hypotheses for which there is no time before the deadline of F are left out.
 
     Args:
         full_problem: F of all candidates over the whole record.
@@ -102,17 +106,29 @@ def compare_hypotheses(
         null: the uncorrected simulator.
         rivals: other laws that act everywhere and do about as well as the best.
         additions: what may be added.
+        budget: gets the hypotheses that were left out.
         report: progress.
+
+    Raises:
+        OutOfTimeError: there was no time for any other hypothesis.
     """
     has_rivals = len(best.law.candidates) > 1 and bool(rivals)
     residual = fit_residual_forcing(
         full_problem, best, null, has_rivals, additions.tendency_rms, report
     )
-    fits, forcing_gain = _fit_global_hypotheses(residual.best, residual.null), residual.forcing_gain
+    fits, forcing_gain = (
+        fit_global_hypotheses(residual.best, residual.null, budget),
+        residual.forcing_gain,
+    )
     base_fits = residual.base_fits()
     if residual.faulty:
-        fits += residual.add_faults(base_fits)
-    periodic_fits = _fit_periodic(residual, base_fits, additions)
+        fits += budget.attempt(
+            "the law with sensor faults", lambda: residual.add_faults(base_fits), []
+        )
+    nothing: list[HypothesisFit] = []
+    periodic_fits = budget.attempt(
+        "periodic forcings", lambda: _fit_periodic(residual, base_fits, additions), nothing
+    )
     fits += periodic_fits
     leader = min(fits, key=by_score)
     is_simple = len(leader.law.candidates) <= MAX_SIMPLE_TERMS
@@ -120,21 +136,37 @@ def compare_hypotheses(
         forcing_gain = 0.0
     elif residual.is_unclear:
         more_fits, forcing_gain = _fit_local_and_extended(
-            residual, additions, periodic_fits, report
+            residual, additions, periodic_fits, budget, report
         )
         fits += more_fits
     elif len(residual.best.law.candidates) >= MAX_SIMPLE_TERMS:
         report(0.4, "fitting single terms in a window or beyond the library")
-        fits += _fit_single_terms(residual, additions)
-    fits += eliminate_terms(fits)
-    fits += _refit_rivals_beside_fault(residual, fits, rivals)
+        fits += budget.attempt(
+            "single terms in a window or beyond the library",
+            lambda: _fit_single_terms(residual, additions),
+            [],
+        )
+    fits += budget.attempt("laws without terms again", lambda: eliminate_terms(fits), [])
+    fits += budget.attempt(
+        "rivals beside a sensor fault",
+        lambda: _refit_rivals_beside_fault(residual, fits, rivals),
+        [],
+    )
     if residual.is_unclear or min(fits, key=by_score).faults:
-        fits = refit_under_best_noise(fits)
-        fits += _search_faults_again(fits)
+        fits = budget.attempt(
+            "refits under the noise of the best law", lambda: refit_under_best_noise(fits), fits
+        )
+        fits += budget.attempt(
+            "sensor faults under the noise of the best law", lambda: _search_faults_again(fits), []
+        )
     uncorrected = min((fit for fit in fits if not fit.law.parts), key=by_score)
     best_fit = min(fits, key=by_score)
     if _is_curves_alone(best_fit.law):
-        over_faults = _forcing_gain_over(best_fit, uncorrected, additions.tendency_rms)
+        over_faults = budget.attempt(
+            "a forcing in place of sensor faults",
+            lambda: _forcing_gain_over(best_fit, uncorrected, additions.tendency_rms),
+            0.0,
+        )
         forcing_gain = max(forcing_gain, over_faults)
     laws = distinct_laws([profile_threshold(fit) if fit is best_fit else fit.law for fit in fits])
     noise = uncorrected.objective.noise
@@ -158,6 +190,7 @@ def _fit_local_and_extended(
     residual: ResidualForcing,
     additions: Additions,
     periodic_fits: Sequence[HypothesisFit],
+    budget: Budget,
     report: Report,
 ) -> tuple[list[HypothesisFit], float]:
     """Return laws in windows and beyond the library, and the forcing gain on the best of them."""
@@ -172,15 +205,32 @@ def _fit_local_and_extended(
         )
         return residual.add_faults(local_fits)
 
+    def screen_in_time(forcing: FreeForcing, bound: float) -> list[HypothesisFit]:
+        return budget.attempt("laws in a window", lambda: screen(forcing, bound), [])
+
     first_fit = min([residual.best, *periodic_fits], key=by_score)
     fits, best_fit, nearest, forcing_gain = repeat_screening(
-        first_fit, screen, residual.forcings, additions.tendency_rms, report
+        first_fit,
+        screen_in_time,
+        residual.forcings,
+        residual.forcing_gain,
+        additions.tendency_rms,
+        report,
     )
     if forcing_gain > MIN_FORCING_GAIN or len(best_fit.law.candidates) >= MAX_SIMPLE_TERMS:
         report(0.8, "screening terms beyond the library")
-        extended_fits = residual.add_faults(_fit_extended(residual, additions, nearest, math.inf))
-        forcing_gain = _update_gain(extended_fits, best_fit, forcing_gain, additions.tendency_rms)
+
+        def fit_extended() -> tuple[list[HypothesisFit], float]:
+            extended = residual.add_faults(_fit_extended(residual, additions, nearest, math.inf))
+            return extended, _update_gain(extended, best_fit, forcing_gain, additions.tendency_rms)
+
+        nothing: list[HypothesisFit] = []
+        extended_fits, forcing_gain = budget.attempt(
+            "laws beyond the library", fit_extended, (nothing, forcing_gain)
+        )
         fits += extended_fits
+    if residual.full_problem.deadline.is_over:
+        budget.leave_out("further laws in a window or beyond the library")
     return fits, forcing_gain
 
 
@@ -200,15 +250,6 @@ def _fit_extended(
     """Return laws with terms beyond the library, searched about the trajectory of a forcing."""
     candidates, library_size = additions.extended_candidates(), additions.global_count
     return fit_extended_laws(residual.full_problem, candidates, forcing, library_size, bound)
-
-
-def _fit_global_hypotheses(best: HypothesisFit, null: HypothesisFit) -> list[HypothesisFit]:
-    """Return the hypotheses that add no term: the laws, sensor faults and initial states."""
-    fits = [best, null] if best.law.candidates else [null]
-    fits += fit_sensor_hypotheses(null, best.law.score + AMBIGUITY_MARGIN)
-    if best.law.candidates:
-        fits += fit_sensor_hypotheses(best, best.law.score)
-    return fits + fit_start_hypotheses(null, best.law.score + REJECTION_MARGIN)
 
 
 def _search_faults_again(fits: Sequence[HypothesisFit]) -> list[HypothesisFit]:
@@ -283,7 +324,7 @@ def _update_gain(
     tendency_rms: Tensor,
 ) -> float:
     """Return the forcing gain on the best extended law if this is the best law."""
-    best_extended = min(extended_fits, key=by_score)
-    if best_extended.law.score >= best_fit.law.score:
+    best_extended = min([best_fit, *extended_fits], key=by_score)
+    if best_extended is best_fit:
         return forcing_gain
     return fit_free_forcing(best_extended.objective, best_extended.phi, tendency_rms)[1]

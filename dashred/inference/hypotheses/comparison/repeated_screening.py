@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 
 from torch import Tensor
 
+from dashred.core.budget import OutOfTimeError
 from dashred.core.progress import Report
 from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, by_score
@@ -23,6 +24,7 @@ def repeat_screening(
     best: HypothesisFit,
     screen: Callable[[FreeForcing, float], list[HypothesisFit]],
     forcings: Sequence[FreeForcing],
+    forcing_gain: float,
     tendency_rms: Tensor,
     report: Report,
 ) -> tuple[list[HypothesisFit], HypothesisFit, FreeForcing, float]:
@@ -37,6 +39,8 @@ def repeat_screening(
         screen: returns the laws found about a trajectory with a linearised score below a bound.
         forcings: of the first trajectories. The next one is used only if the one before led to no
             better law.
+        forcing_gain: evidence that the last of them gains.
+        forcing_gain: evidence that a forcing gains on top of the best law before the screening.
         tendency_rms: rms of each equation's own tendency, ``(equation,)``.
         report: progress.
 
@@ -50,7 +54,7 @@ def repeat_screening(
         if min([best, *fits], key=by_score) is not best:
             break
     best_fit = min([best, *fits], key=by_score)
-    forcing_on_best, gain = fit_free_forcing(best_fit.objective, best_fit.phi, tendency_rms)
+    forcing_on_best, gain = _force(best_fit, tendency_rms, (forcings[-1], forcing_gain))
     for round_index in range(MAX_ROUNDS):
         # The first trajectory may have been too far from the truth: a law in a window may imitate
         # another law.
@@ -65,6 +69,16 @@ def repeat_screening(
         if new_best is best_fit:
             break
         best_fit = new_best
-        forcing_on_best, gain = fit_free_forcing(best_fit.objective, best_fit.phi, tendency_rms)
+        forcing_on_best, gain = _force(best_fit, tendency_rms, (forcing_on_best, gain))
     nearest_forcing = min(*forcings, forcing_on_best, key=lambda each: each.cost)
     return fits, best_fit, nearest_forcing, gain
+
+
+def _force(
+    fit: HypothesisFit, tendency_rms: Tensor, known: tuple[FreeForcing, float]
+) -> tuple[FreeForcing, float]:
+    """Return a free forcing on top of a law; the known one if there is no time for it."""
+    try:
+        return fit_free_forcing(fit.objective, fit.phi, tendency_rms)
+    except OutOfTimeError:
+        return known

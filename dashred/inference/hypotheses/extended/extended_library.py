@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from dashred.core.budget import in_time
 from dashred.core.errors import InputError
 from dashred.inference.fit.law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
@@ -143,10 +144,12 @@ def fit_extended_laws(
     best_of_family: dict[object, tuple[float, _ExtendedLaw, Tensor]] = {}
     for _, penalty, law, coefficients in sorted(ranked, key=lambda each: each[0]):
         best_of_family.setdefault(law.family, (penalty, law, coefficients))
-    return [
-        _fit(objective, forcing, law, coefficients, penalty)
-        for penalty, law, coefficients in list(best_of_family.values())[:MAX_FITS]
-    ]
+
+    def fit(screened: tuple[float, _ExtendedLaw, Tensor]) -> HypothesisFit:
+        penalty, law, coefficients = screened
+        return _fit(objective, forcing, law, coefficients, penalty)
+
+    return in_time(fit, list(best_of_family.values())[:MAX_FITS])
 
 
 def _build_laws(columns: Sequence[Candidate]) -> list[_ExtendedLaw]:

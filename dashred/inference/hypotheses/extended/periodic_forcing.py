@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from dashred.core.budget import in_time
 from dashred.inference.fit.law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 from dashred.inference.fit.levenberg_marquardt import minimise
@@ -105,7 +106,7 @@ def fit_periodic_laws(
     excess = float(normal.residuals.square().sum()) - objective.noise.count
     required_change = min(required_change, -MIN_EXPLAINED_SHARE * excess)
     waves = _select_waves(normal, system, forcing_basis, grid, tendency_rms, required_change)
-    return [_fit_wave(base, wave, tendency_rms, penalty) for wave in waves]
+    return in_time(lambda wave: _fit_wave(base, wave, tendency_rms, penalty), waves)
 
 
 def _frequency_grid(times: Tensor) -> Tensor:

@@ -13,6 +13,7 @@ from itertools import islice
 import torch
 from torch import Tensor
 
+from dashred.core.budget import in_time
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from dashred.inference.forward.law_block import WindowedTerms
@@ -50,7 +51,7 @@ def restart_windows(fits: Sequence[HypothesisFit]) -> list[HypothesisFit]:
     """
     close = (fit for fit in fits if fit.law.score < fits[0].law.score + SCORE_MARGIN)
     restartable = ((fit, restarts) for fit in close if (restarts := _build_restarts(fit)))
-    refits = (_restart(fit, restarts) for fit, restarts in islice(restartable, MAX_RESTARTED))
+    refits = in_time(lambda pair: _restart(*pair), islice(restartable, MAX_RESTARTED))
     return [fit for fit in refits if fit is not None]
 
 

@@ -10,9 +10,11 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from functools import partial
 
 from torch import Tensor
 
+from dashred.core.budget import in_time
 from dashred.inference.fit.law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise_growing_horizon, minimise_in_rounds
@@ -75,8 +77,8 @@ def fit_windowed_laws(
     best = min((trial.score for trial in trials), default=null_score)
     bound = min(best + REJECTION_MARGIN, null_score)
     finalists = [trial for trial in _select_finalists(trials) if trial.score < bound]
-    pairs = [(trial.hypothesis, _fit_until_convergence(trial)) for trial in finalists]
-    fits = [fit for _, fit in pairs]
+    fits = in_time(_fit_until_convergence, finalists)
+    pairs = [(trial.hypothesis, fit) for trial, fit in zip(finalists, fits, strict=False)]
     if pairs:
         fits += _fit_terms_alone(objective, *min(pairs, key=lambda pair: by_score(pair[1])))
     fits.sort(key=by_score)
@@ -104,14 +106,16 @@ def _fit_terms_alone(
     if len(hypothesis.global_terms) < 2:
         return []
     z, xi = objective.split(pair.phi)
-    fits = []
-    for j, coefficient in zip(hypothesis.global_terms, xi.tolist(), strict=False):
+
+    def fit_alone(term: tuple[int, float]) -> HypothesisFit:
+        j, coefficient = term
         part = Hypothesis((j,))
         begin = first_unknowns(z, [coefficient], None)
         penalty = _penalty(objective, part)
         trial = fit_trial(objective, part, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
-        fits.append(_fit_until_convergence(trial))
-    return fits
+        return _fit_until_convergence(trial)
+
+    return in_time(fit_alone, zip(hypothesis.global_terms, xi.tolist(), strict=False))
 
 
 def _select_diverse(
@@ -147,14 +151,14 @@ def _fit_trials(
         return trial.score > _predicted_score(objective, screened) + objective.noise.count
 
     first, rest = chosen[:PROBES], chosen[PROBES:]
-    trials = [_fit_screened(objective, each, z) for each in first]
-    regrown = [each for each, trial in zip(first, trials, strict=True) if is_lost(each, trial)]
+    trials = in_time(partial(_fit_screened, objective, z=z), first)
+    regrown = [each for each, trial in zip(first, trials, strict=False) if is_lost(each, trial)]
     if len(regrown) < len(first):
-        trials += [_fit_screened(objective, each, z) for each in rest]
+        trials += in_time(partial(_fit_screened, objective, z=z), rest)
     else:
         regrown = _select_diverse(chosen, 1, MAX_REGROWN)
     samples = round(len(objective.recorded) * FIRST_SHARE)
-    return trials + [_fit_screened(objective, each, z, samples) for each in regrown]
+    return trials + in_time(partial(_fit_screened, objective, z=z, samples=samples), regrown)
 
 
 def _predicted_score(objective: LeastSquaresProblem, screened: ScreenedHypothesis) -> float:

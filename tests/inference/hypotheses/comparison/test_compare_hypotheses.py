@@ -9,6 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from dashred.core.budget import Budget
 from dashred.inference.fit.law import Law, build_law
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.law_block import restrict_to_window
@@ -54,7 +55,7 @@ def compare(waves: Waves, recorded: Tensor) -> Comparison:
         windowed_simulator=lambda: waves.simulator,
         extended_candidates=lambda: waves.extended,
     )
-    return compare_hypotheses(everything, empty, empty, [], additions, lambda *_: None)
+    return compare_hypotheses(everything, empty, empty, [], additions, Budget(), lambda *_: None)
 
 
 def term(law: Law) -> str:
@@ -173,13 +174,15 @@ def test_rivals_are_compared_with_the_fault_too(waves: Waves) -> None:
     everything = waves.objective(recorded, SIGMA, list(waves.everything))
     additions = Additions(len(waves.everything), waves.size, lambda: waves.simulator, list)
     null = fitted_law(waves, recorded, [])
-    found = compare_hypotheses(everything, best, null, [rival], additions, lambda *_: None)
+    found = compare_hypotheses(
+        everything, best, null, [rival], additions, Budget(), lambda *_: None
+    )
     first, second = found.laws[:2]
     assert all([each.sensor for each in law.faults] == ["s2"] for law in (first, second))
     assert second.score - first.score < AMBIGUITY_MARGIN
     keys = [{candidate.key for candidate in law.candidates} for law in (first, second)]
     assert {"u: u"} in keys and {"u: u", "v: 1"} in keys
-    alone = compare_hypotheses(everything, best, null, [], additions, lambda *_: None)
+    alone = compare_hypotheses(everything, best, null, [], additions, Budget(), lambda *_: None)
     assert not any("v: 1" in {c.key for c in law.candidates} for law in alone.laws)
 
 

@@ -101,7 +101,7 @@ def test_screening_is_repeated_while_a_forcing_gains(waves: Waves) -> None:
             return [wrong]
         return fit_windowed_laws(whole, count, range(count), forced, math.inf, bound)
 
-    found, best, nearest, gain = repeat_screening(wrong, screened, [begin], waves.size, silent)
+    found, best, nearest, gain = repeat_screening(wrong, screened, [begin], 9.0, waves.size, silent)
     assert calls[:2] == [math.inf, wrong.law.score]
     [candidate] = best.law.candidates
     assert candidate.key == "u: u**3" and candidate.window is not None
@@ -120,7 +120,7 @@ def test_screening_ends_if_nothing_better_is_found(waves: Waves) -> None:
         calls.append(bound)
         return []
 
-    found, best, _, gain = repeat_screening(wrong, screened, [begin], waves.size, silent)
+    found, best, _, gain = repeat_screening(wrong, screened, [begin], 9.0, waves.size, silent)
     assert (found, best, calls) == ([], wrong, [math.inf, wrong.law.score])
     assert gain > 4
 
@@ -136,7 +136,7 @@ def test_the_next_trajectory_is_used_if_one_leads_to_nothing(waves: Waves, bette
         calls.append(forced)
         return [right] if forced is on_law or better else []
 
-    _, best, *_ = repeat_screening(wrong, screened, [alone, on_law], waves.size, silent)
+    _, best, *_ = repeat_screening(wrong, screened, [alone, on_law], 9.0, waves.size, silent)
     assert best is right
     assert calls == ([alone] if better else [alone, on_law])
 

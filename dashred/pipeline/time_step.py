@@ -1,0 +1,116 @@
+"""Choose the time step of a simulator that states none.
+
+The step divides the sampling interval by a power of two. It is the largest one for which half of it
+changes the readings over one segment, a few samples, by less than a twentieth of the noise. Over
+the whole record a chaotic trajectory turns any change into another trajectory.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dashred.core.errors import InputError
+from dashred.data.observation_operator import ObservationOperator
+from dashred.data.recording import Recording
+from dashred.inference.segments.segments import SAMPLES
+from dashred.physics.runs.initial_state_prior import nominal_start
+from dashred.physics.solvers.simulate import simulate
+from dashred.physics.system import System
+
+# Allowed change of a reading in units of σ, and the least σ as a share of a trace's std.
+NOISE_SHARE, LEAST_NOISE = 1 / 20, 0.01
+# The step is at least the sampling interval divided by 2 to this power.
+MAX_HALVINGS = 12
+# Number of segments over the record.
+SEGMENTS = 8
+
+
+def states_time_step(system: System) -> bool:
+    """Return whether the configuration gives a time step, or needs none."""
+    return not math.isnan(system.dt) or system.config.snapshots is not None
+
+
+@torch.no_grad()
+def with_time_step(
+    system: System, recording: Recording, noise: np.ndarray, limit: float
+) -> tuple[System, str]:
+    """Return a system with a time step, and one clause on how it was chosen.
+
+    Args:
+        system: the simulator, driven by the inputs of the recording.
+        recording: the fitted part of the recording.
+        noise: σ of its sensors, ``(sensor,)``.
+        limit: largest change of a trace over the record at doubled resolution, in its std.
+
+    Raises:
+        InputError: no step is short enough.
+    """
+    times = torch.from_numpy(recording.times)
+    interval = float((times[1:] - times[:-1]).median())
+    allowed = _allowed_change(recording, noise, limit, bool(system.axes))
+    steps = [interval / 2**halvings for halvings in range(MAX_HALVINGS + 1)]
+    for coarse, fine in pairwise(steps):
+        change = _change(system.with_step(coarse), system.with_step(fine), recording, allowed)
+        if change <= 1:
+            chosen = system.with_step(coarse)
+            return chosen, f"time step: {coarse:.6g}, chosen for an error far below the noise"
+    raise InputError(
+        f"half the time step still changes the readings, even with a step of {steps[-2]:.3g}",
+        where=system.where("system.integrator"),
+        hint="give system.integrator.dt, or look at the signs of the equations",
+    )
+
+
+def _allowed_change(
+    recording: Recording, noise: np.ndarray, limit: float, has_axes: bool
+) -> Tensor:
+    """Return the allowed change of each sensor over one segment, ``(sensor,)``.
+
+    The resolution check of fields is over the record, where the changes of all segments add up.
+    """
+    std = recording.trace_std()
+    count = max(1.0, len(recording.times) / SAMPLES) if has_axes else 1.0
+    by_noise = NOISE_SHARE * np.maximum(noise, LEAST_NOISE * std)
+    return torch.from_numpy(np.minimum(by_noise, limit * std / count))
+
+
+def _change(coarse: System, fine: System, recording: Recording, allowed: Tensor) -> float:
+    """Return the largest change of a reading over a segment, in units of the allowed change."""
+    times, operator = (
+        torch.from_numpy(recording.times),
+        ObservationOperator(recording.sensors, fine),
+    )
+    try:
+        start = nominal_start(fine)
+    except InputError:
+        return math.inf
+    path, rough = (simulate(system, start, times)[0] for system in (fine, coarse))
+    if torch.isfinite(path).all() and not torch.isfinite(rough).all():
+        return math.inf
+    known = _within_range(operator(path[None])[0], recording)
+    largest = 0.0
+    for first in known[:: max(1, len(known) // SEGMENTS)]:
+        clock, state = times[first : first + SAMPLES + 1], path[first : first + 1]
+        pair = [operator(simulate(system, state, clock))[0] for system in (coarse, fine)]
+        change = (pair[0] - pair[1]).square().mean(dim=0).sqrt() / allowed
+        largest = max(largest, float(change.max().nan_to_num(nan=math.inf)))
+    return largest
+
+
+def _within_range(readings: Tensor, recording: Recording) -> list[int]:
+    """Return the samples at which a segment can begin: the simulation is like the recording.
+
+    A simulator that lacks what bounds it leaves the range of the recording; the start is kept.
+    """
+    values = recording.values
+    low, high = np.nanmin(values, axis=0), np.nanmax(values, axis=0)
+    width = np.maximum(high - low, 1e-12)
+    read = readings.numpy()[: len(values) - SAMPLES]
+    with np.errstate(invalid="ignore"):
+        inside = ((read > low - width) & (read < high + width)).all(axis=1)
+    return [0, *np.flatnonzero(inside[1:] & np.logical_and.accumulate(inside)[1:]) + 1]
