@@ -6,6 +6,7 @@ from typing import Any
 from dashred.core.formatting import number
 from dashred.core.units import NO_UNITS
 from dashred.reporting.text.causes import cause_text
+from dashred.reporting.text.improvement import OTHER_CAUSES, reference
 from dashred.reporting.text.parameters import short_parameter_text
 from dashred.reporting.text.verdict import FEW, sentence
 
@@ -26,20 +27,28 @@ def headline(findings: Mapping[str, Any], mostly: Sequence[str] = ()) -> str:
         findings: of ``findings.json``.
         mostly: of many terms, the effects of the few that explain nearly all.
     """
-    improvement = _improvement(findings["fit"]) if findings["terms"] else None
+    is_corrected = findings["terms"] or findings["verdict"] in OTHER_CAUSES
+    improvement = _improvement(findings) if is_corrected else None
     return " ".join(sentence(text) for text in (_conclusion(findings, mostly), improvement) if text)
 
 
-def gain(fit: Mapping[str, Any]) -> tuple[str, float] | None:
-    """Return the first held-out data there are, and by what factor the law reduces the error.
+def gain(findings: Mapping[str, Any]) -> tuple[str, float] | None:
+    """Return the first held-out data there are, and the factor by which the error decreases.
 
-    The reference is the simulation without the law from its own best start.
+    For an unconfirmed law they are the first data that contradict it. A law is compared with the
+    simulation from its own best start, over the times at which they can be predicted.
     """
+    verdict, fit = findings["verdict"], findings["fit"]
+    compared = {each["data"]: each for each in fit.get("comparisons", ())}
     for key in PLACES:
         errors = fit.get(key) or {}
-        refit, corrected = errors.get("simulation_refit"), errors.get("corrected")
-        if refit is not None and corrected is not None and refit > 0 and corrected > 0:
-            return key, refit / corrected
+        before, after = errors.get(reference(verdict)), errors.get("corrected")
+        if findings["terms"] and key in compared:
+            before, after = compared[key]["before"], compared[key]["after"]
+        if verdict == "unconfirmed" and not compared.get(key, {}).get("worse"):
+            continue
+        if before is not None and after is not None and before > 0 and after > 0:
+            return key, before / after
     return None
 
 
@@ -72,6 +81,11 @@ def _conclusion(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
         case "outside-library":
             best = f"; the nearest law is {missing}" if missing else ""
             return f"the simulation lacks an effect that no term of the library expresses{best}"
+        case "unconfirmed":
+            return (
+                "there is no confirmed result: the search suggests "
+                f"{_listed(effects + changed, mostly)}, but the held-out data contradict it"
+            )
         case "ambiguous":
             best = f"; the best guess is {_listed(effects + changed, mostly)}" if terms else ""
             return f"several explanations fit this recording about equally well{best}"
@@ -92,16 +106,17 @@ def _listed(parts: Sequence[str], mostly: Sequence[str] = ()) -> str:
     return f"mostly {' and '.join(dict.fromkeys(mostly))} ({len(parts)} terms in all)"
 
 
-def _improvement(fit: Mapping[str, Any]) -> str | None:
-    found = gain(fit)
+def _improvement(findings: Mapping[str, Any]) -> str | None:
+    found = gain(findings)
     if found is None:
         return None
     key, ratio = found
+    change = "unchanged"
     if ratio >= SAME:
-        return f"with this correction, the error {PLACES[key]} is {_times(ratio)} smaller"
-    if ratio > 1 / SAME:
-        return f"with this correction, the error {PLACES[key]} is unchanged"
-    return f"with this correction, the error {PLACES[key]} is {_times(1 / ratio)} larger"
+        change = f"{_times(ratio)} smaller"
+    elif ratio <= 1 / SAME:
+        change = f"{_times(1 / ratio)} larger"
+    return f"with this correction, the error {PLACES[key]} is {change}"
 
 
 def _times(ratio: float) -> str:

@@ -4,12 +4,14 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from dashred.core.formatting import number
+from dashred.core.formatting import number, rounded
 
 # A run whose error, in standard deviations of the readings, is larger than this has diverged.
 HUGE = 1e4
 # Verdicts for a simulator that is given as snapshots: no law was fitted through it.
 UNTESTED = ("mismatch", "no-mismatch-seen")
+# Verdicts whose correction is a start or a sensor: the simulation without it has its nominal start.
+OTHER_CAUSES = ("initial-condition", "sensor-fault")
 HELD_OUT = {
     "test_sensors": "At the test sensors",
     "heldout_time": "In the held-out time",
@@ -18,23 +20,63 @@ HELD_OUT = {
 }
 
 
-def improvements(fit: Mapping[str, Any]) -> list[str]:
-    """Return the errors with the law and without it, from both starts."""
-    lines = []
+def reference(verdict: str | None) -> str:
+    """Return the method that the corrected simulation is compared with.
+
+    It is the simulation from its own best start. If the start itself is the correction, it is the
+    simulation from its nominal start.
+    """
+    return "simulation_same_start" if verdict == "initial-condition" else "simulation_refit"
+
+
+def improvements(findings: Mapping[str, Any]) -> list[str]:
+    """Return the errors of the corrected simulation, and of the simulation from both starts."""
+    lines, verdict, fit = [], findings["verdict"], findings["fit"]
+    start = "its nominal start" if verdict in OTHER_CAUSES else "the same start"
+    best = "its best start"
+    if verdict == "initial-condition":
+        best += " within the stated spread"
     for key, place in HELD_OUT.items():
-        errors = fit.get(key, {})
+        errors = fit.get(key) or {}
         names = ("simulation_same_start", "simulation_refit", "corrected")
         same_start, refit, corrected = (errors.get(name) for name in names)
         if refit is None and corrected is None:
             continue
         parts = [
-            f"{_size(refit)} for the simulation from its best start",
+            f"{_size(refit)} for the simulation from {best}",
             f"{_size(corrected)} for the corrected simulation",
         ]
         if same_start is not None:
-            parts.insert(0, f"{_size(same_start)} for the simulation")
-        lines.append(f"{place} the error is {', '.join(parts)}: {_factor(refit, corrected)}.")
+            parts.insert(0, f"{_size(same_start)} for the simulation from {start}")
+        change = _factor(errors.get(reference(verdict)), corrected)
+        lines.append(f"{place} the error is {', '.join(parts)}: {change}.{_predictable(fit, key)}")
     return lines
+
+
+def contradictions(findings: Mapping[str, Any]) -> list[str]:
+    """Return the comparisons with held-out data that contradict an unconfirmed law."""
+    if findings["verdict"] != "unconfirmed":
+        return []
+    return [
+        f"{HELD_OUT[each['data']]} the error is {_size(each['after'])} with the suggested law, and "
+        f"{_size(each['before'])} for the simulation from its best start. The mean squared error "
+        f"is larger by {' ± '.join(rounded(each['difference'], each['error']))} (99 % interval)."
+        for each in findings["fit"]["comparisons"]
+        if each["worse"]
+    ]
+
+
+def _predictable(fit: Mapping[str, Any], key: str) -> str:
+    """Return the errors up to the time at which neither run can be predicted any more."""
+    for each in fit.get("comparisons", ()):
+        if each["data"] == key and each["until"] is not None:
+            before, after, until = each["before"], each["after"], f"{each['until']:.4g}"
+            return (
+                f" Up to t = {until} it is {_size(before)} from the best start and {_size(after)} "
+                f"with the correction: {_factor(before, after)}. Later, neither run can be "
+                "predicted."
+            )
+    return ""
 
 
 def resolution_warning(fit: Mapping[str, Any]) -> list[str]:

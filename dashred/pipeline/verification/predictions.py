@@ -1,0 +1,107 @@
+"""Predictions of recorded values by every method, on data that no fit has used."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from dashred.data.recording import Recording
+from dashred.inference.fit.law import Law
+from dashred.pipeline.problem import Problem
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Predictions:
+    """Readings that the methods predict at times that were not fitted.
+
+    Attributes:
+        times: of the readings, ``(time,)``.
+        recorded: recorded values, ``(time, sensor)``; NaN where missing, and at a sensor that the
+            explanation leaves out.
+        scale: standard deviation of each trace, ``(sensor,)``.
+        read: readings of the simulated states by method, ``(time, sensor)``.
+        offset: error of the sensors according to the explanation, ``(time, sensor)``.
+        error_growth: growth of a small error of the start of the corrected simulator
+            (:class:`~dashred.pipeline.trajectories.Trajectories`).
+    """
+
+    times: Array
+    recorded: Array
+    scale: Array
+    read: dict[str, Array]
+    offset: Array
+    error_growth: float
+
+    def errors(self, method: str) -> Array:
+        """Return the errors of a method in units of the scale, ``(time, sensor)``.
+
+        The corrected simulator contains the errors of the sensors; the other methods do not.
+        """
+        offset = self.offset if method == "corrected" else 0.0
+        return (self.read[method] + offset - self.recorded) / self.scale
+
+    def with_same_sensors(self) -> Predictions:
+        """Return the predictions with the sensors corrected for every method."""
+        offset = np.zeros_like(self.offset)
+        return replace(self, recorded=self.recorded - self.offset, offset=offset)
+
+    def truncate(self, samples: int) -> Predictions:
+        """Return the predictions of the first samples."""
+        return replace(
+            self,
+            times=self.times[:samples],
+            recorded=self.recorded[:samples],
+            read={method: values[:samples] for method, values in self.read.items()},
+            offset=self.offset[:samples],
+        )
+
+
+def predict(
+    problem: Problem,
+    recording: Recording,
+    scale: Array,
+    law: Law,
+    states: Mapping[str, Tensor],
+    error_growth: float,
+) -> Predictions:
+    """Return the predictions of an episode.
+
+    Args:
+        problem: the episode.
+        recording: the sensors and times that are compared.
+        scale: standard deviation of each trace, ``(sensor,)``.
+        law: the explanation; its sensor fault is subtracted from the readings, or the readings of
+            that sensor are left out.
+        states: by method, ``(time, field, *grid)`` at the times of the recording.
+        error_growth: growth of a small error of the start.
+    """
+    offset = sensor_offset(problem, recording, law)
+    recorded = np.where(np.isnan(offset), np.nan, recording.values)
+    read = {name: problem.operator(recording)(path).numpy() for name, path in states.items()}
+    return Predictions(recording.times, recorded, scale, read, np.nan_to_num(offset), error_growth)
+
+
+def sensor_offset(problem: Problem, recording: Recording, law: Law) -> Array:
+    """Return the error of each sensor, ``(time, sensor)``; NaN where its readings are left out.
+
+    A single sensor is never left out.
+    """
+    offset = np.zeros(recording.values.shape)
+    fault = law.fault
+    if fault is None or fault.sensor not in recording.names:
+        return offset
+    elapsed = torch.from_numpy(recording.times) - problem.times[0]
+    error = fault.offset(elapsed)
+    column = recording.names.index(fault.sensor)
+    if error is not None:
+        offset[:, column] = error.numpy()
+    elif len(recording.names) > 1:
+        offset[:, column] = np.nan
+    return offset
