@@ -37,7 +37,9 @@ def figures_of(problem: Problem, analysis: Analysis, findings: Findings) -> Figu
     for number, (episode, results) in enumerate(analysis.episodes(problem), start=1):
         figures[sensor_figure_of_episode(number)] = partial(draw_traces, episode, results)
     for whole, free in zip(problem.whole, analysis.trajectories.whole, strict=True):
-        figures[HELD_OUT_EPISODE] = partial(draw_whole_episode, whole, free)
+        figures[HELD_OUT_EPISODE] = partial(
+            draw_whole_episode, whole, free, analysis.discovery.best
+        )
     figures["coefficients.png"] = partial(draw_coefficients, problem, analysis.assimilated)
     figures["sparsity.png"] = partial(draw_sparsity, analysis)
     figures["learning.png"] = partial(_learning, analysis)

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from dashred.data.recording import Recording
 from dashred.inference.fit.law import Law
+from dashred.inference.results.sensor_offset import sensor_offset
 from dashred.pipeline.problem import Problem
 
 Array = NDArray[np.float64]
@@ -82,26 +83,8 @@ def predict(
         states: by method, ``(time, field, *grid)`` at the times of the recording.
         error_growth: growth of a small error of the start.
     """
-    offset = sensor_offset(problem, recording, law)
+    elapsed = torch.from_numpy(recording.times) - problem.times[0]
+    offset = sensor_offset(law, recording.names, elapsed)
     recorded = np.where(np.isnan(offset), np.nan, recording.values)
     read = {name: problem.operator(recording)(path).numpy() for name, path in states.items()}
     return Predictions(recording.times, recorded, scale, read, np.nan_to_num(offset), error_growth)
-
-
-def sensor_offset(problem: Problem, recording: Recording, law: Law) -> Array:
-    """Return the error of each sensor, ``(time, sensor)``; NaN where its readings are left out.
-
-    A single sensor is never left out.
-    """
-    offset = np.zeros(recording.values.shape)
-    fault = law.fault
-    if fault is None or fault.sensor not in recording.names:
-        return offset
-    elapsed = torch.from_numpy(recording.times) - problem.times[0]
-    error = fault.offset(elapsed)
-    column = recording.names.index(fault.sensor)
-    if error is not None:
-        offset[:, column] = error.numpy()
-    elif len(recording.names) > 1:
-        offset[:, column] = np.nan
-    return offset

@@ -118,7 +118,7 @@ def test_the_headline_of_an_unconfirmed_law_names_the_data_that_contradict_it() 
 
 
 def test_a_run_that_diverges_has_no_number_but_is_told() -> None:
-    lost = WORSE | {"after": None, "difference": 80.0, "error": 9.0}
+    lost: Any = WORSE | {"after": None, "difference": 80.0, "error": 9.0}
     assert "the error is beyond all bounds with the suggested law" in text_of(found(lost))
 
 
