@@ -33,8 +33,8 @@ class Trajectories:
         recorded: number of times that belong to the recording.
         states: by method, ``(time, field, *grid)``: the uncorrected simulator from the start of
             the law (``simulation_same_start``) and from its own fitted start
-            (``simulation_refit``), and the corrected simulator (``corrected``). If the correction
-            is another start or a sensor, the first is the simulator from its nominal start.
+            (``simulation_refit``), and the corrected simulator (``corrected``). Without a law, the
+            first is the simulator from its nominal start.
         error_growth: factor by which a small error of the start of the corrected simulator grows
             between the first and the last quarter of the recording.
         others: free runs of the other fitted episodes.
@@ -91,7 +91,7 @@ def _run(
     ahead = round(FORECAST * float(times[-1] - times[0]) / step)
     forecast = times[-1] + step * torch.arange(1, ahead + 1, dtype=torch.float64)
     all_times = torch.cat([times, forecast])
-    uncorrected = nominal if best.parts and not best.candidates else start
+    uncorrected = start if best.candidates else nominal
     starts = torch.stack([uncorrected, refitted, start, start + SHIFT * (nominal - start)])
     none = torch.zeros((1, len(best.candidates)), dtype=torch.float64)
     law = best.coefficients[None]

@@ -10,7 +10,7 @@ from dashred.core.formatting import number, rounded
 HUGE = 1e4
 # Verdicts for a simulator that is given as snapshots: no law was fitted through it.
 UNTESTED = ("mismatch", "no-mismatch-seen")
-# Verdicts whose correction is a start or a sensor: the simulation without it has its nominal start.
+# Verdicts whose correction is a start or a sensor.
 OTHER_CAUSES = ("initial-condition", "sensor-fault")
 HELD_OUT = {
     "test_sensors": "At the test sensors",
@@ -32,7 +32,7 @@ def reference(verdict: str | None) -> str:
 def improvements(findings: Mapping[str, Any]) -> list[str]:
     """Return the errors of the corrected simulation, and of the simulation from both starts."""
     lines, verdict, fit = [], findings["verdict"], findings["fit"]
-    start = "its nominal start" if verdict in OTHER_CAUSES else "the same start"
+    start = "the same start" if findings["terms"] else "its nominal start"
     best = "its best start"
     if verdict == "initial-condition":
         best += " within the stated spread"
