@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import torch
@@ -22,6 +21,11 @@ from dashred.pipeline.simulation import NominalRun
 FORECAST = 0.5
 # A second run begins at the fitted start, moved towards the nominal start by this share.
 SHIFT = 1e-7
+# A larger difference of two runs, in rms of the fields, does not grow exponentially.
+LINEAR = 1e-2
+# If an error of the start grows by more than this factor over the record, forecasts of a free run
+# are lost before its end.
+UNPREDICTABLE_GROWTH = 50.0
 
 
 @dataclass(frozen=True)
@@ -35,8 +39,8 @@ class Trajectories:
             the law (``simulation_same_start``) and from its own fitted start
             (``simulation_refit``), and the corrected simulator (``corrected``). Without a law, the
             first is the simulator from its nominal start.
-        error_growth: factor by which a small error of the start of the corrected simulator grows
-            between the first and the last quarter of the recording.
+        growth_rate: rate at which a small error of the start of the corrected simulator grows, in
+            1/time; an estimate of the largest Lyapunov exponent.
         others: free runs of the other fitted episodes.
         whole: free runs of the episodes that are held out as a whole.
     """
@@ -44,7 +48,7 @@ class Trajectories:
     times: Tensor
     recorded: int
     states: dict[str, Tensor]
-    error_growth: float
+    growth_rate: float
     others: tuple[Trajectories, ...] = ()
     whole: tuple[Trajectories, ...] = ()
 
@@ -102,19 +106,22 @@ def _run(
         "simulation_refit": refit,
         "corrected": corrected,
     }
-    growth = _growth(corrected[: len(times)], shifted[: len(times)])
-    return Trajectories(all_times, len(times), states, growth)
+    rate = _growth_rate(times, corrected[: len(times)], shifted[: len(times)])
+    return Trajectories(all_times, len(times), states, rate)
 
 
-def _growth(states: Tensor, shifted: Tensor) -> float:
-    """Return the growth of the difference of two runs, ``(time, field, *grid)``.
+def _growth_rate(times: Tensor, states: Tensor, shifted: Tensor) -> float:
+    """Return the slope of the logarithm of the difference of two runs, ``(time, field, *grid)``.
 
-    It is the ratio of its geometric means over the last and the first quarter of the time, in units
-    of the rms of each field. It is 1 if a run blows up.
+    The difference is in units of the rms of each field. Times after it first exceeds
+    :data:`LINEAR` are not used. It is 0 if a run blows up before.
     """
     rms = field_rms(states)
     unit = torch.where(rms > 0, rms, 1.0).reshape(-1, *[1] * (states.dim() - 2))
-    size = ((shifted - states) / unit).flatten(1).norm(dim=1).clamp(min=1e-300).log()
-    quarter = max(1, len(size) // 4)
-    growth = float(size[-quarter:].mean() - size[:quarter].mean())
-    return math.exp(min(growth, 700.0)) if math.isfinite(growth) else 1.0
+    size = ((shifted - states) / unit).flatten(1).square().mean(dim=1).sqrt()
+    is_large = ~(size < LINEAR)
+    count = int(is_large.int().argmax()) if is_large.any() else len(size)
+    if count < 3 or not size[:count].all():
+        return 0.0
+    passed, logarithm = times[:count] - times[:count].mean(), size[:count].log()
+    return float(passed @ logarithm / (passed @ passed))

@@ -68,10 +68,11 @@ class Comparison(TypedDict):
     """Comparison of `corrected` with `simulation_refit` on one kind of held-out data.
 
     `before` and `after` are the RMSEs without and with the law, with the sensors corrected for
-    both. `difference` is the mean of ``e_after² − e_before²``, and `error` the half width of its 99
-    % interval, or null if there are too few samples. `samples` is the number of times. `until` is
-    the time at which the comparison ends because neither run can be predicted further; null if it
-    covers all data. `worse` tells whether the law increases the error by more than `error`.
+    both. `difference` is the mean of ``e_after² − e_before²``, and `error` the half width of its
+    99 % interval, or null if there are too few samples. `samples` is the number of times. The runs
+    of a chaotic system are compared until both are lost: `horizon` is the time from their beginning
+    to then. It is null if they are compared to their end. `worse` tells whether the law increases
+    the error by more than `error`.
     """
 
     data: HeldOutData
@@ -80,7 +81,7 @@ class Comparison(TypedDict):
     difference: float
     error: float | None
     samples: int
-    until: float | None
+    horizon: float | None
     worse: bool
 
 

@@ -26,9 +26,9 @@ BLOCKS, MIN_SAMPLES = 8, 3
 LEVEL = 0.99
 # Errors in standard deviations count as this at most, so that no single sample decides.
 MAX_ERROR = 10.0
-# If a small error of the start grows by more than this factor over the record, a forecast is
-# compared only until its error is as large as the standard deviation of the readings.
-UNPREDICTABLE_GROWTH, SATURATED = 50.0, 1.0
+# If the system is chaotic, runs are compared until their errors are as large as this, in standard
+# deviations of the readings.
+SATURATED = 1.0
 # A verdict that states a law may be rejected by held-out data.
 LAWS: tuple[Verdict, ...] = ("missing-term", "parameter", "outside-library", "ambiguous")
 
@@ -60,7 +60,8 @@ def _compare(
     differences = [_difference(part) for part in compared]
     mean = float(np.mean(np.concatenate(differences)))
     error = _error_of_mean(differences)
-    first, whole = compared[0].times, parts[0].times
+    is_cut = sum(len(part.times) for part in compared) < sum(len(part.times) for part in parts)
+    horizon = max(float(part.times[-1] - part.times[0]) for part in compared)
     return Comparison(
         data=data,
         before=pooled_rmse(compared, BEFORE),
@@ -68,7 +69,7 @@ def _compare(
         difference=mean,
         error=error,
         samples=sum(map(len, differences)),
-        until=float(first[-1]) if len(first) < len(whole) else None,
+        horizon=horizon if is_cut else None,
         worse=error is not None and mean > error,
     )
 
@@ -114,7 +115,7 @@ def _error_of_mean(differences: Sequence[Array]) -> float | None:
 
 def _predictable(part: Predictions) -> Predictions:
     """Return the samples until both runs are lost; all samples of a predictable system."""
-    if part.error_growth <= UNPREDICTABLE_GROWTH:
+    if part.is_predictable:
         return part
     lost = [_first_lost(part, method) for method in (BEFORE, AFTER)]
     return part.truncate(max(lost))

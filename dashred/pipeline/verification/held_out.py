@@ -10,13 +10,14 @@ from torch import Tensor
 
 from dashred.core.findings.methods import AT_SENSORS
 from dashred.core.findings.schema import HeldOut, HeldOutData, errors_by_method
+from dashred.data.recording import Recording
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.verification.predictions import Array, Predictions, predict
 from dashred.pipeline.verification.restart import restart
 
 HeldOutPredictions = Mapping[HeldOutData, list[Predictions]]
-"""Predictions by kind of held-out data, one for each episode that has such data."""
+"""Predictions by kind of held-out data: one for each episode, or several forecasts of each."""
 
 
 def predict_held_out(problem: Problem, analysis: Analysis) -> HeldOutPredictions:
@@ -26,7 +27,7 @@ def predict_held_out(problem: Problem, analysis: Analysis) -> HeldOutPredictions
     found: dict[HeldOutData, list[Predictions]] = {
         "test_sensors": [_at_test_sensors(*each) for each in episodes],
         "heldout_time": [_in_heldout_time(*each) for each in episodes],
-        "heldout_restarted": [_restarted(*each) for each in episodes],
+        "heldout_restarted": [part for each in episodes for part in _restarted(*each)],
     }
     if problem.whole:
         [whole], [simulated] = problem.whole, analysis.nominal.whole
@@ -36,7 +37,7 @@ def predict_held_out(problem: Problem, analysis: Analysis) -> HeldOutPredictions
         runs = {name: path[ends] for name, path in states.items()}
         scale = _fitted_scale(whole, problem.episodes)
         found["heldout_episode"] = [
-            predict(whole, whole.split.heldout, scale, law, runs, free.error_growth)
+            predict(whole, whole.split.heldout, scale, law, runs, free.growth_rate)
         ]
     return found
 
@@ -88,7 +89,7 @@ def _at_test_sensors(problem: Problem, analysis: Analysis) -> Predictions:
     tested = split.tested.between(float(problem.times[0]), split.time_end)
     estimates = analysis.estimates(len(tested.times)) if tested.sensors else {}
     states = {name: path for name, path in estimates.items() if name in AT_SENSORS}
-    law, growth = analysis.discovery.best, analysis.trajectories.error_growth
+    law, growth = analysis.discovery.best, analysis.trajectories.growth_rate
     return predict(problem, tested, tested.trace_scale(), law, states, growth)
 
 
@@ -97,21 +98,25 @@ def _in_heldout_time(problem: Problem, analysis: Analysis) -> Predictions:
     begin = total - len(problem.split.heldout.times)
     ends = {"simulation": analysis.nominal.states, **analysis.trajectories.states}
     runs = {name: states[begin:total] for name, states in ends.items()}
-    return _over_heldout_time(problem, analysis, runs)
+    return _over_heldout_time(problem, analysis, problem.split.heldout, runs)
 
 
-def _restarted(problem: Problem, analysis: Analysis) -> Predictions:
-    corrected = analysis.trajectories.states["corrected"][: len(problem.split.fit.times)]
-    runs = restart(problem, analysis.discovery.best, corrected)
-    return _over_heldout_time(problem, analysis, runs)
+def _restarted(problem: Problem, analysis: Analysis) -> list[Predictions]:
+    free, heldout = analysis.trajectories, problem.split.heldout
+    corrected = free.states["corrected"][: len(problem.split.fit.times)]
+    forecasts = restart(problem, analysis.discovery.best, corrected, free.growth_rate)
+    return [
+        _over_heldout_time(problem, analysis, heldout.samples(part), runs)
+        for part, runs in forecasts
+    ]
 
 
 def _over_heldout_time(
-    problem: Problem, analysis: Analysis, runs: Mapping[str, Tensor]
+    problem: Problem, analysis: Analysis, heldout: Recording, runs: Mapping[str, Tensor]
 ) -> Predictions:
     scale = _fitted_scale(problem, [problem])
-    law, growth = analysis.discovery.best, analysis.trajectories.error_growth
-    return predict(problem, problem.split.heldout, scale, law, runs, growth)
+    law, rate = analysis.discovery.best, analysis.trajectories.growth_rate
+    return predict(problem, heldout, scale, law, runs, rate)
 
 
 def _fitted_scale(problem: Problem, fitted: Sequence[Problem]) -> Array:

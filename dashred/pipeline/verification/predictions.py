@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -14,6 +15,7 @@ from dashred.data.recording import Recording
 from dashred.inference.fit.law import Law
 from dashred.inference.results.sensor_offset import sensor_offset
 from dashred.pipeline.problem import Problem
+from dashred.pipeline.trajectories import UNPREDICTABLE_GROWTH
 
 Array = NDArray[np.float64]
 
@@ -29,8 +31,7 @@ class Predictions:
         scale: standard deviation of each trace, ``(sensor,)``.
         read: readings of the simulated states by method, ``(time, sensor)``.
         offset: error of the sensors according to the explanation, ``(time, sensor)``.
-        error_growth: growth of a small error of the start of the corrected simulator
-            (:class:`~dashred.pipeline.trajectories.Trajectories`).
+        is_predictable: whether a small error of the start stays small over the recording.
     """
 
     times: Array
@@ -38,7 +39,7 @@ class Predictions:
     scale: Array
     read: dict[str, Array]
     offset: Array
-    error_growth: float
+    is_predictable: bool
 
     def errors(self, method: str) -> Array:
         """Return the errors of a method in units of the scale, ``(time, sensor)``.
@@ -70,7 +71,7 @@ def predict(
     scale: Array,
     law: Law,
     states: Mapping[str, Tensor],
-    error_growth: float,
+    growth_rate: float,
 ) -> Predictions:
     """Return the predictions of an episode.
 
@@ -81,10 +82,19 @@ def predict(
         law: the explanation; its sensor fault is subtracted from the readings, or the readings of
             that sensor are left out.
         states: by method, ``(time, field, *grid)`` at the times of the recording.
-        error_growth: growth of a small error of the start.
+        growth_rate: rate at which a small error of the start grows, in 1/time.
     """
+    duration = float(problem.times[-1] - problem.times[0])
+    growth = math.exp(min(growth_rate * duration, 700.0))
     elapsed = torch.from_numpy(recording.times) - problem.times[0]
     offset = sensor_offset(law, recording.names, elapsed)
     recorded = np.where(np.isnan(offset), np.nan, recording.values)
     read = {name: problem.operator(recording)(path).numpy() for name, path in states.items()}
-    return Predictions(recording.times, recorded, scale, read, np.nan_to_num(offset), error_growth)
+    return Predictions(
+        recording.times,
+        recorded,
+        scale,
+        read,
+        np.nan_to_num(offset),
+        growth <= UNPREDICTABLE_GROWTH,
+    )

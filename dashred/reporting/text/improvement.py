@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dashred.core.formatting import number, rounded
+from dashred.core.units import NO_UNITS, TIME, with_unit
 
 # A run whose error, in standard deviations of the readings, is larger than this has diverged.
 HUGE = 1e4
@@ -49,7 +50,9 @@ def improvements(findings: Mapping[str, Any]) -> list[str]:
         if same_start is not None:
             parts.insert(0, f"{_size(same_start)} for the simulation from {start}")
         change = _factor(errors.get(reference(verdict)), corrected)
-        lines.append(f"{place} the error is {', '.join(parts)}: {change}.{_predictable(fit, key)}")
+        lines.append(
+            f"{place} the error is {', '.join(parts)}: {change}.{_predictable(findings, key)}"
+        )
     return lines
 
 
@@ -66,15 +69,16 @@ def contradictions(findings: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _predictable(fit: Mapping[str, Any], key: str) -> str:
-    """Return the errors up to the time at which neither run can be predicted any more."""
-    for each in fit.get("comparisons", ()):
-        if each["data"] == key and each["until"] is not None:
-            before, after, until = each["before"], each["after"], f"{each['until']:.4g}"
+def _predictable(findings: Mapping[str, Any], key: str) -> str:
+    """Return the errors up to the time at which both runs of a chaotic system are lost."""
+    for each in findings["fit"].get("comparisons", ()):
+        if each["data"] == key and each["horizon"] is not None:
+            before, after = each["before"], each["after"]
+            horizon = with_unit(f"{each['horizon']:.3g}", findings.get("units", NO_UNITS).get(TIME))
             return (
-                f" Up to t = {until} it is {_size(before)} from the best start and {_size(after)} "
-                f"with the correction: {_factor(before, after)}. Later, neither run can be "
-                "predicted."
+                f" The system is chaotic: errors of a run grow until it is lost. In the first "
+                f"{horizon} of a run the error is {_size(before)} from the best start and "
+                f"{_size(after)} with the correction: {_factor(before, after)}."
             )
     return ""
 

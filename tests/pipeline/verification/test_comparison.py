@@ -10,7 +10,6 @@ import pytest
 
 from dashred.core.findings.schema import Comparison
 from dashred.pipeline.verification.comparison import (
-    UNPREDICTABLE_GROWTH,
     compare_held_out,
     confirmed,
 )
@@ -22,11 +21,15 @@ TRUTH = np.stack([np.sin(TIMES), np.cos(1.3 * TIMES)], axis=1)
 SIGMA = 0.05
 
 
-def predictions(before: Array, after: Array, growth: float = 1.0, seed: int = 0) -> Predictions:
+def predictions(
+    before: Array, after: Array, is_predictable: bool = True, seed: int = 0
+) -> Predictions:
     """Return predictions that differ from the truth by the given errors, ``(time,)``."""
     noise = SIGMA * np.random.default_rng(seed).standard_normal(TRUTH.shape)
     read = {"simulation_refit": TRUTH + before[:, None], "corrected": TRUTH + after[:, None]}
-    return Predictions(TIMES, TRUTH + noise, np.ones(2), read, np.zeros(TRUTH.shape), growth)
+    return Predictions(
+        TIMES, TRUTH + noise, np.ones(2), read, np.zeros(TRUTH.shape), is_predictable
+    )
 
 
 def compared(part: Predictions) -> Comparison:
@@ -39,7 +42,7 @@ def test_the_difference_of_the_squared_errors_is_that_of_the_runs() -> None:
     found = compared(predictions(before, after))
     assert found["after"] ** 2 - found["before"] ** 2 == pytest.approx(found["difference"])
     assert found["difference"] == pytest.approx(0.5**2 - 0.2**2, abs=0.01)
-    assert found["worse"] and found["samples"] == 80 and found["until"] is None
+    assert found["worse"] and found["samples"] == 80 and found["horizon"] is None
     assert not compared(predictions(after, before))["worse"]
 
 
@@ -77,18 +80,17 @@ def test_few_samples_say_nothing() -> None:
 
 
 def test_a_chaotic_system_is_compared_until_both_runs_are_lost() -> None:
-    chaos = 2 * UNPREDICTABLE_GROWTH
     # Both errors saturate, the corrected one later. After that it happens to be larger.
     before = np.where(TIMES < 3, TIMES / 2, 1.2)
     after = np.where(TIMES < 5, TIMES / 10, 2.0)
     assert compared(predictions(before, after))["difference"] > 0.5
-    found = compared(predictions(before, after, chaos))
-    assert not found["worse"] and found["until"] == pytest.approx(5.0, abs=0.2)
+    found = compared(predictions(before, after, is_predictable=False))
+    assert not found["worse"] and found["horizon"] == pytest.approx(5.0, abs=0.2)
     assert found["after"] < 0.5 * found["before"]
     # The law that is lost early, while the simulation is not, is worse.
-    assert compared(predictions(0.05 + 0 * TIMES, before, chaos))["worse"]
+    assert compared(predictions(0.05 + 0 * TIMES, before, is_predictable=False))["worse"]
     # If both are lost before the held-out time begins, there is nothing to compare.
-    late = predictions(before + 2, after + 2, chaos)
+    late = predictions(before + 2, after + 2, is_predictable=False)
     assert compare_held_out({"heldout_time": [late]}) == []
 
 

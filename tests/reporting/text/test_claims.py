@@ -47,7 +47,7 @@ WORSE = Comparison(
     difference=0.2263,
     error=0.052,
     samples=40,
-    until=None,
+    horizon=None,
     worse=True,
 )
 BETTER = Comparison(
@@ -57,7 +57,7 @@ BETTER = Comparison(
     difference=-0.12,
     error=0.05,
     samples=16,
-    until=None,
+    horizon=None,
     worse=False,
 )
 
@@ -156,12 +156,12 @@ def test_where_a_sensor_is_the_correction_the_headline_tells_the_gain() -> None:
     assert told.endswith("in the held-out time is 2 times smaller.")
 
 
-def test_an_unpredictable_forecast_is_told_up_to_its_end() -> None:
-    cut = BETTER | {"until": 12.345678, "before": 0.6, "after": 0.1}
-    told = improvements(found(cut, verdict="missing-term"))[1]
+def test_a_chaotic_system_is_told_up_to_the_time_at_which_its_runs_are_lost() -> None:
+    cut: Any = BETTER | {"horizon": 12.345678, "before": 0.6, "after": 0.1}
+    told = improvements(found(cut, verdict="missing-term", units={"t": "s"}))[1]
     assert told.endswith(
-        "Up to t = 12.35 it is 0.6 from the best start and 0.1 with the correction: 6 times "
-        "smaller. Later, neither run can be predicted."
+        "The system is chaotic: errors of a run grow until it is lost. In the first 12.3 s of a "
+        "run the error is 0.6 from the best start and 0.1 with the correction: 6 times smaller."
     )
     only = found(cut, verdict="missing-term")
     only["fit"]["test_sensors"] = errors_by_method()
