@@ -103,7 +103,8 @@ def test_an_unconfirmed_law_is_a_suggestion_with_the_comparison_that_failed() ->
         "  Suggested, but not confirmed: the simulation leaves out cubic damping of u, "
         "(−0.0251 ± 0.0004)·u³ per unit time.",
     ]
-    assert lines[1].strip() in page(found(BETTER, WORSE), {}, "")
+    shown = page(found(BETTER, WORSE), {}, "")
+    assert lines[1].strip() in shown and "They are suggested, but not confirmed." in shown
     assert "suggested" not in text_of(found(BETTER, WORSE, verdict="missing-term")).lower()
 
 
