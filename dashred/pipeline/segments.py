@@ -142,6 +142,9 @@ def restarted_where_lost(problem: Problem, start: Tensor, path: Tensor) -> tuple
     """
     segments, sensors = _cut(problem), _state_sensors(problem)
     scale = torch.from_numpy(_sizes(segments, sensors, start.numpy(), None))
+    # The range of a field that no sensor reads is unknown.
+    reads = {sensor.reads for sensor in problem.split.fit.sensors}
+    scale[torch.tensor([field not in reads for field in problem.system.fields])] = torch.inf
     if bool((torch.isfinite(path) & ((path - start).abs() < LOST * scale)).all()):
         return ()
     record = segment_record(problem, start, None)
