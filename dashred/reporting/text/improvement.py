@@ -49,7 +49,9 @@ def improvements(findings: Mapping[str, Any]) -> list[str]:
         ]
         if same_start is not None:
             parts.insert(0, f"{_size(same_start)} for the simulation from {start}")
-        change = _factor(errors.get(reference(verdict)), corrected)
+        # After a restart, the start of the recording has no effect.
+        before = refit if key == "heldout_restarted" else errors.get(reference(verdict))
+        change = _factor(before, corrected)
         lines.append(
             f"{place} the error is {', '.join(parts)}: {change}.{_predictable(findings, key)}"
         )

@@ -125,7 +125,9 @@ def test_a_run_that_diverges_has_no_number_but_is_told() -> None:
 
 def test_where_the_start_is_the_correction_it_is_compared_with_the_nominal_start() -> None:
     start = found(verdict="initial-condition", terms=[], where=None, causes=[])
-    [test, late] = improvements(start)
+    start["fit"]["heldout_restarted"] = errors_by_method(simulation_refit=0.3, corrected=0.3)
+    [test, late, restarted] = improvements(start)
+    assert restarted.endswith("0.3 for the corrected simulation: no difference.")
     assert test == (
         "At the test sensors the error is 0.9 for the simulation from its nominal start, 0.21 for "
         "the simulation from its best start within the stated spread, 0.52 for the corrected "
